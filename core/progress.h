@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+
+namespace pepeseg {
+
+// What a stage tells after a step. NaN: not measured in this step.
+struct StepReport {
+  std::string_view stage;  // "prepare", "reconstruct", "features"
+  int64_t step = 0;        // from 1
+  int64_t num_steps = 0;
+  double loss = 0;
+  double psnr = 0;  // of the training view of this step, dB
+  int64_t num_gaussians = 0;
+  int64_t num_culled_degenerate = 0;  // since the start of the stage
+  int64_t num_skipped_gradients = 0;  // likewise
+};
+
+// Called after each step: an error returned (CANCELLED, say) ends the stage with that error.
+using ProgressFn = absl::FunctionRef<absl::Status(const StepReport&)>;
+
+}  // namespace pepeseg

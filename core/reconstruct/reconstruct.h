@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/progress.h"
+#include "core/scene/capture.h"
+#include "core/scene/gaussians.h"
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+// Stage one. Defaults follow 3DGS (Kerbl et al. 2023); schedules are in shares of num_steps so that
+// a short run is a short version of the reference one.
+struct ReconstructOptions {
+  int num_steps = 30000;
+  int sh_degree = 3;                         // 0..3, rises by one every num_steps / 30
+  float ssim_weight = 0.2f;                  // of 1 - SSIM; L1 gets the rest
+  float mean_learning_rate = 1.6e-4f;        // times the scene radius, at the start
+  float mean_learning_rate_final = 1.6e-6f;  // likewise, at the end; log-linear between
+  float log_scale_learning_rate = 5e-3f;
+  float rotation_learning_rate = 1e-3f;
+  float opacity_learning_rate = 5e-2f;
+  float sh_learning_rate = 2.5e-3f;  // degree 0; higher bands get 1/20 of it
+  // Adaptive density control.
+  double densify_from = 1.0 / 60;  // share of num_steps (500 of 30,000)
+  double densify_until = 0.5;      // share of num_steps
+  int densify_every = 100;         // steps
+  float densify_gradient = 2e-4f;  // mean |d loss / d mean2d|, NDC units
+  float densify_size = 0.01f;      // of the scene radius: clone below, split above
+  float prune_opacity = 0.005f;
+  int opacity_reset_every = 3000;  // steps
+  int64_t max_gaussians = 1'000'000;
+  // What to start from when the capture has no points, drawn inside the cameras' reach.
+  int64_t num_random_points = 20'000;
+  uint64_t seed = 1;
+};
+absl::Status Validate(const ReconstructOptions& options);
+
+// FAILED_PRECONDITION when the capture cannot be trained on (no training view, ...).
+absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
+                                      const ReconstructOptions& options, ProgressFn progress);
+
+}  // namespace pepeseg

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/scene/camera.h"
+#include "core/scene/mask_set.h"
+
+namespace pepeseg {
+
+// Interleaved 8-bit image [height, width, channels], RGB when it has three channels.
+struct Image {
+  int width = 0;
+  int height = 0;
+  int channels = 0;
+  std::vector<uint8_t> pixels;
+};
+
+// A photograph with its camera and what is known about it; all of one size.
+struct View {
+  std::string name;  // of the image file, as uploaded: metadata, never a path of ours
+  Camera camera;
+  Pose cam_from_world;
+  bool held_out = false;  // for testing: never trained on
+  Image photo;            // RGB
+  std::vector<uint8_t>
+      ignore;  // [height, width], non-zero: neither trained on nor scored; or empty
+  MaskSet masks;
+};
+
+struct ScenePoint {
+  Eigen::Vector3f position;
+  uint8_t rgb[3] = {};
+};
+
+// What stage one starts from. Views are sorted by name.
+struct Capture {
+  std::vector<View> views;
+  std::vector<ScenePoint> points;
+  std::vector<std::string> warnings;  // for the job's log: what was left out, and why
+};
+
+// Radius of the camera centres about their mean, times 1.1 (3DGS's "extent"): the unit of learning
+// rates and of density control. At least 1e-6.
+double SceneRadius(const Capture& capture);
+
+}  // namespace pepeseg

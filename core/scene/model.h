@@ -1,0 +1,44 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/scene/camera.h"
+#include "core/scene/gaussians.h"
+
+namespace pepeseg {
+
+// The result of stage two: a feature per Gaussian, the scale gate and the scales' distribution.
+struct FeatureField {
+  std::vector<float> features;         // [num_gaussians, 32], normalised
+  std::array<float, 64> gate{};        // W[32], b[32]: psi(s) = sigmoid(W s + b)
+  std::vector<float> scale_quantiles;  // [1000] ascending, scene units: quantile k / 999
+
+  bool empty() const { return features.empty(); }
+};
+
+struct ModelView {
+  std::string name;
+  Camera camera;
+  Pose cam_from_world;
+  bool held_out = false;
+};
+
+// Everything that a query needs; loading one never needs the photographs.
+struct Model {
+  Gaussians gaussians;
+  FeatureField field;
+  std::vector<ModelView> views;
+  double scene_radius = 1;                // see SceneRadius; the near plane is 0.01 of it
+  std::map<std::string, double> metrics;  // "psnr", "ssim" (held out), "seconds_reconstruct", ...
+  std::map<std::string, std::string> facts;  // options in effect, seed, versions, device
+};
+
+// Quantile scale in [0, 1] of a length in scene units, and back (linear between knots).
+double QuantileOfScale(const FeatureField& field, double scene_units);
+double ScaleOfQuantile(const FeatureField& field, double quantile);
+
+}  // namespace pepeseg

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "kernels/feature_ops.h"
+#include "kernels/ops.h"
+
+namespace pepeseg {
+
+// The arithmetic of the method on one device: its memory, and one virtual per pipeline step.
+//
+// Ops return nothing: a backend keeps its first error, status() tells, Sync() waits. On CUDA they
+// are asynchronous, in the order of the calls. Spans must be memory of the same backend and not
+// overlap unless an op says so. Ops may be called from several threads at once as long as what
+// they write is not shared. CPU results do not depend on the number of threads.
+class Backend {
+ public:
+  virtual ~Backend() = default;
+
+  virtual std::string name() const = 0;   // for reports, as in "cpu (2 threads, AVX3)"
+  virtual std::string error() const = 0;  // empty while nothing has failed
+  virtual void Sync() = 0;                // waits for everything that was called before
+
+  // Memory; see Buffer.
+  virtual void* Allocate(size_t num_bytes) = 0;
+  virtual void Free(void* data) = 0;
+  virtual void CopyFromHost(void* to, const void* from_host, size_t num_bytes) = 0;
+  virtual void CopyToHost(void* to_host, const void* from, size_t num_bytes) = 0;
+  virtual void Copy(void* to, const void* from, size_t num_bytes) = 0;
+  virtual void Zero(void* data, size_t num_bytes) = 0;
+  virtual size_t bytes_in_use() const = 0;
+
+  // Rendering and stage one (ops.h).
+  virtual void Render(const RenderArgs& args) = 0;
+  virtual void ImageLoss(const ImageLossArgs& args) = 0;
+  virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
+  virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
+  virtual void Update(const UpdateArgs& args) = 0;
+  virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
+  virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
+
+  // Stage two and queries (feature_ops.h).
+  virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
+  virtual void PairLoss(const PairLossArgs& args) = 0;
+  virtual void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) = 0;
+  virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
+  virtual void Similarity(const SimilarityArgs& args) = 0;
+};
+
+// num_threads = 0: as many as the machine has.
+std::unique_ptr<Backend> MakeCpuBackend(int num_threads = 0);
+
+}  // namespace pepeseg

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+
+#include "kernels/backend.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+
+// The CPU implementation: each op stands in the file of its name beside this one.
+class CpuBackend final : public Backend {
+ public:
+  explicit CpuBackend(int num_threads);
+
+  std::string name() const override;
+  std::string error() const override { return {}; }
+  void Sync() override {}
+
+  void* Allocate(size_t num_bytes) override;
+  void Free(void* data) override;
+  void CopyFromHost(void* to, const void* from_host, size_t num_bytes) override;
+  void CopyToHost(void* to_host, const void* from, size_t num_bytes) override;
+  void Copy(void* to, const void* from, size_t num_bytes) override;
+  void Zero(void* data, size_t num_bytes) override;
+  size_t bytes_in_use() const override { return bytes_in_use_; }
+
+  void Render(const RenderArgs& args) override;
+  void ImageLoss(const ImageLossArgs& args) override;
+  void RenderBackward(const RenderBackwardArgs& args) override;
+  void ProjectBackward(const ProjectBackwardArgs& args) override;
+  void Update(const UpdateArgs& args) override;
+  void CaptureRows(const CaptureRowsArgs& args) override;
+  void RenderFeatures(const RenderFeaturesArgs& args) override;
+  void FeatureRows(const FeatureRowsArgs& args) override;
+  void PairLoss(const PairLossArgs& args) override;
+  void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) override;
+  void FeatureUpdate(const FeatureUpdateArgs& args) override;
+  void Similarity(const SimilarityArgs& args) override;
+
+ private:
+  ThreadPool pool_;
+  std::atomic<size_t> bytes_in_use_ = 0;
+};
+
+}  // namespace pepeseg

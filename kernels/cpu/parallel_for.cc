@@ -1,0 +1,56 @@
+#include "kernels/cpu/parallel_for.h"
+
+#include <algorithm>
+
+namespace pepeseg {
+
+ThreadPool::ThreadPool(int num_threads) {
+  if (num_threads <= 0) num_threads = std::max(1u, std::thread::hardware_concurrency());
+  for (int thread = 1; thread < num_threads; ++thread) {
+    workers_.emplace_back([this, thread] { Work(thread); });
+  }
+}
+
+ThreadPool::~ThreadPool() {
+  {
+    std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  start_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
+}
+
+void ThreadPool::ParallelFor(int64_t count, const std::function<void(int64_t, int)>& body) {
+  if (count <= 0) return;
+  std::lock_guard turn(caller_mutex_);
+  {
+    std::lock_guard lock(mutex_);
+    body_ = &body;
+    count_ = count;
+    next_ = 0;
+    num_working_ = static_cast<int>(workers_.size());
+    ++generation_;
+  }
+  start_.notify_all();
+  for (int64_t i; (i = next_.fetch_add(1)) < count;) body(i, 0);
+  std::unique_lock lock(mutex_);
+  done_.wait(lock, [this] { return num_working_ == 0; });
+}
+
+void ThreadPool::Work(int thread) {
+  int64_t seen = 0;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    start_.wait(lock, [&] { return stopping_ || generation_ != seen; });
+    if (stopping_) return;
+    seen = generation_;
+    const auto& body = *body_;
+    const int64_t count = count_;
+    lock.unlock();
+    for (int64_t i; (i = next_.fetch_add(1)) < count;) body(i, thread);
+    lock.lock();
+    if (--num_working_ == 0) done_.notify_one();
+  }
+}
+
+}  // namespace pepeseg

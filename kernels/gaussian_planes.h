@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cassert>
+#include <cstdint>
+#include <type_traits>
+
+namespace pepeseg {
+
+// Parameters of Gaussians as planes (structure of arrays): parameter k of Gaussian i stands at
+// data[k * stride + i]. Gradients and Adam moments use the same layout.
+inline constexpr int kMeanPlane = 0;      // x, y, z: world, scene units
+inline constexpr int kLogScalePlane = 3;  // natural log of the three standard deviations
+inline constexpr int kRotationPlane = 6;  // quaternion w, x, y, z; normalised where it is used
+inline constexpr int kOpacityPlane = 10;  // logit of the opacity
+inline constexpr int kShPlane = 11;       // coefficient-major: plane kShPlane + 3 * k + channel
+inline constexpr int kMaxShDegree = 3;
+
+constexpr int NumShCoefficients(int sh_degree) { return (sh_degree + 1) * (sh_degree + 1); }
+constexpr int NumPlanes(int sh_degree) { return kShPlane + 3 * NumShCoefficients(sh_degree); }
+
+template <class T>
+struct BasicGaussianPlanes {
+  T* data = nullptr;
+  int64_t count = 0;   // Gaussians
+  int64_t stride = 0;  // elements between planes, >= count
+  int sh_degree = 0;   // of the stored coefficients, 0..3: planes = NumPlanes(sh_degree)
+
+  T* Plane(int k) const {
+    assert(k >= 0 && k < NumPlanes(sh_degree));
+    return data + k * stride;
+  }
+  operator BasicGaussianPlanes<const T>() const requires(!std::is_const_v<T>) {
+    return {data, count, stride, sh_degree};
+  }
+};
+
+using GaussianPlanes = BasicGaussianPlanes<float>;
+using ConstGaussianPlanes = BasicGaussianPlanes<const float>;
+
+}  // namespace pepeseg

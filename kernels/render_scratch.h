@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/buffer.h"
+
+namespace pepeseg {
+
+// A visible Gaussian, projected: what the blend step reads of it.
+struct Splat {
+  float x, y;                          // mean in pixels (pixel centres at integer + 0.5)
+  float conic_xx, conic_xy, conic_yy;  // inverse of the dilated 2D covariance
+  float opacity;                       // (0, 1)
+  float r, g, b;                       // colour seen from this camera, >= 0
+  float depth;                         // z in the camera frame
+};
+
+// d loss / d Splat, summed over the pixels of one view.
+struct SplatGrad {
+  float x, y;
+  float conic_xx, conic_xy, conic_yy;
+  float opacity;
+  float r, g, b;
+  float depth;
+};
+
+// Index into RenderScratch::counters, each of the last render (or its backward).
+enum RenderCounter {
+  kNumVisible,              // Gaussians that touch at least one tile
+  kNumCulledDegenerate,     // not finite or not positive: quaternion norm, scale, projection
+  kNumTileEntries,          // (Gaussian, tile) pairs
+  kNumSkippedGradientRows,  // rows whose gradient was not finite: left out of the update
+  kNumRenderCounters,
+};
+
+// What one render leaves for its backward pass and for row queries. The caller owns it and passes
+// the same one to Render and to the ops that follow; the backend sizes and fills it. One scratch
+// serves one render at a time. Named by index space; "visible" counts Gaussians that touch a tile,
+// in the order of their index; "entry" counts (Gaussian, tile) pairs, by tile and then by depth
+// (equal depths by index).
+struct RenderScratch {
+  int width = 0;
+  int height = 0;
+  int num_tiles_x = 0;
+  int num_tiles_y = 0;
+
+  Buffer<int32_t> visible_gaussian;   // [visible] -> Gaussian
+  Buffer<Splat> visible_splat;        // [visible]
+  Buffer<SplatGrad> visible_grad;     // [visible], written by RenderBackward
+  Buffer<int32_t> tile_first_entry;   // [tiles + 1]
+  Buffer<int32_t> entry_visible;      // [entries] -> visible
+  Buffer<float> pixel_transmittance;  // [H * W], after the last Gaussian that was blended
+  Buffer<int32_t> pixel_last_entry;   // [H * W], one past the last entry blended, within the tile
+  Buffer<int64_t> counters;           // [kNumRenderCounters]
+  Buffer<uint8_t> backend_bytes;      // anything else that a backend keeps between its ops
+};
+
+}  // namespace pepeseg
