@@ -1,27 +1,45 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
 
-// The "prepare" stage: a dataset folder as users bring it, decoded and undistorted.
-//   images/            JPEG, PNG or WebP photographs; names may hold subfolders
-//   sparse/0/          COLMAP cameras, images, points3D, .bin or .txt (also accepted: sparse/, .)
-//   masks/STEM.json    SAM automatic masks (COCO RLE), or masks/STEM.png label image (0 = none)
-//   ignore_mask.png    one for all views, or ignore/STEM.png: non-zero = leave out
+enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kPoints };
+
+// One file of a dataset. `name` is what its owner calls it, relative to the dataset's folder, with
+// '/' ("images/0001.jpg", "sparse/0/cameras.bin", "masks/0001.json"): metadata that matches files
+// to each other and is printed in errors, never opened. `path` is where its bytes are.
+struct DatasetFile {
+  FileKind kind = FileKind::kImage;
+  std::string name;
+  std::filesystem::path path;
+};
+
+// The files of a folder laid out as users bring it, sorted by name; others are left out.
+//   images/...                     photographs: JPEG, PNG or WebP, also in subfolders
+//   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
+//   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
+//   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
+//   depth/...                      kept for later stages
+absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder);
+
 struct ImportOptions {
   double image_scale = 1.0;  // (0, 1]: photographs and cameras are shrunk by this, area-averaged
   int held_out_every = 8;    // every n-th view by name is held out, from the first; 0: none
 };
 absl::Status Validate(const ImportOptions& options);
 
-// INVALID_ARGUMENT names the file, and the index, the field and the limit where there is one. No
-// allocation follows a count that a file only claims. Photographs that the poses do not list (and
-// poses without a photograph) are left out with a warning; fewer than 2 usable views is an error.
-absl::StatusOr<Capture> ImportCapture(const std::filesystem::path& folder,
+// The "prepare" stage: decodes, checks and undistorts. INVALID_ARGUMENT names the file, and the
+// index, the field and the limit where there is one. No allocation follows a count that a file only
+// claims. Photographs that the poses do not list, and poses without a photograph, are left out with
+// a warning; fewer than 2 usable views is an error.
+absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 
 }  // namespace pepeseg
