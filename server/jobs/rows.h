@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+
+// What the store keeps, as plain values. Resource names are built from these at the RPC edge:
+// scenes/{scene}, scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number}, jobs/{id}.
+namespace pepeseg {
+
+struct SceneRow {
+  std::string id;  // RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
+  std::string display_name;
+  std::string request_id;  // of the create call; empty: none
+  absl::Time create_time;
+};
+
+enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber
+
+// Open: an upload in progress. Sealed: immutable, can be trained on.
+struct DatasetRow {
+  std::string scene;
+  int64_t number = 0;  // from 1, never reused
+  DatasetState state = DatasetState::kOpen;
+  std::string request_id;
+  absl::Time create_time;
+  absl::Time seal_time;  // InfinitePast while open
+  int64_t num_files = 0;
+  int64_t num_bytes = 0;  // declared sizes
+};
+
+struct DatasetFileRow {
+  std::string path;  // the client's name for it: metadata, never opened
+  int kind = 0;      // pepeseg.v1.FileKind
+  int64_t size = 0;
+  std::string sha256;  // 64 hex digits, lower case
+  bool stored = false;
+};
+
+enum class JobState { kQueued = 0, kRunning = 1, kSucceeded = 2, kFailed = 3, kCancelled = 4 };
+
+// Terminal: never changes again.
+inline bool IsTerminal(JobState state) {
+  return state != JobState::kQueued && state != JobState::kRunning;
+}
+
+struct JobRow {
+  std::string id;      // "j" and the number
+  int64_t number = 0;  // from 1, in order of creation
+  std::string scene;
+  int64_t dataset = 0;  // number of a sealed dataset of the scene
+  JobState state = JobState::kQueued;
+  std::string stage;              // "prepare", "reconstruct", ...; empty before the first
+  std::string options;            // serialised pepeseg.v1.TrainingOptions as asked for
+  std::string effective_options;  // likewise, every field filled in
+  std::string request_id;
+  int64_t fence = 0;  // attempt: rises by one with each claim
+  bool cancel_requested = false;
+  int error_code = 0;  // absl::StatusCode, of a FAILED job
+  std::string error_message;
+  int64_t model = 0;  // number of the model that it made; 0: none
+  absl::Time create_time;
+  absl::Time start_time;  // of the newest attempt; InfinitePast before
+  absl::Time end_time;    // InfinitePast before
+};
+
+// The immutable result of a job; the one with the highest number is the scene's live model.
+struct ModelRow {
+  std::string scene;
+  int64_t number = 0;  // from 1, never reused
+  std::string job;
+  std::string folder;   // below the data directory: for core/io/model_file.h
+  std::string metrics;  // JSON object of numbers: Model::metrics
+  int64_t num_gaussians = 0;
+  int64_t num_bytes = 0;  // on disk
+  absl::Time create_time;
+};
+
+struct PageRequest {
+  int page_size = 0;       // 0: 50; at most 1000
+  std::string page_token;  // empty: the first page
+};
+
+template <typename Row>
+struct Page {
+  std::vector<Row> rows;
+  std::string next_page_token;  // empty: that was the last
+};
+
+}  // namespace pepeseg
