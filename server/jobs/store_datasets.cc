@@ -1,0 +1,245 @@
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/database.h"
+#include "server/jobs/store.h"
+#include "server/jobs/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+std::string Name(const std::string& scene, int64_t number) {
+  return absl::StrCat("scenes/", scene, "/datasets/", number);
+}
+
+// Datasets of a scene for which `condition` on `key` holds, by number.
+std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& scene,
+                                       const std::string& condition, int64_t key, int64_t limit) {
+  DatasetRow row;
+  int state = 0;
+  int64_t create_time = 0;
+  int64_t seal_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT scene, number, state, request_id, create_time, seal_time, num_files,"
+                      " num_bytes FROM datasets WHERE scene = :scene AND number "
+                   << condition << " :key ORDER BY number LIMIT :limit",
+       soci::into(row.scene), soci::into(row.number), soci::into(state), soci::into(row.request_id),
+       soci::into(create_time), soci::into(seal_time), soci::into(row.num_files),
+       soci::into(row.num_bytes), soci::use(scene), soci::use(key), soci::use(limit));
+  select.execute();
+  std::vector<DatasetRow> rows;
+  while (select.fetch()) {
+    row.state = static_cast<DatasetState>(state);
+    row.create_time = FromMicros(create_time);
+    row.seal_time = FromMicros(seal_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+// Files of a dataset for which `condition` on `key` holds, by path.
+struct FileQuery {
+  std::string scene;
+  int64_t dataset = 0;
+  std::string condition = "path <>";
+  std::string key;
+};
+
+std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
+  DatasetFileRow row;
+  int stored = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT path, kind, size, sha256, stored FROM dataset_files"
+                      " WHERE scene = :scene AND dataset = :dataset AND "
+                   << query.condition << " :key ORDER BY path",
+       soci::into(row.path), soci::into(row.kind), soci::into(row.size), soci::into(row.sha256),
+       soci::into(stored), soci::use(query.scene), soci::use(query.dataset), soci::use(query.key));
+  select.execute();
+  std::vector<DatasetFileRow> rows;
+  while (select.fetch()) {
+    row.stored = stored != 0;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+void InsertFiles(soci::session& sql, const DatasetRow& dataset,
+                 const std::vector<DatasetFileRow>& files) {
+  DatasetFileRow row;
+  int stored = 0;
+  soci::statement insert =
+      (sql.prepare << "INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored)"
+                      " VALUES (:scene, :dataset, :path, :kind, :size, :sha256, :stored)",
+       soci::use(dataset.scene), soci::use(dataset.number), soci::use(row.path),
+       soci::use(row.kind), soci::use(row.size), soci::use(row.sha256), soci::use(stored));
+  for (const DatasetFileRow& file : files) {
+    row = file;
+    stored = file.stored ? 1 : 0;
+    insert.execute(true);
+  }
+}
+
+bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
+  const auto by_path = [](const DatasetFileRow& x, const DatasetFileRow& y) {
+    return x.path < y.path;
+  };
+  std::sort(a.begin(), a.end(), by_path);
+  std::sort(b.begin(), b.end(), by_path);
+  return std::equal(
+      a.begin(), a.end(), b.begin(), b.end(), [](const DatasetFileRow& x, const DatasetFileRow& y) {
+        return x.path == y.path && x.kind == y.kind && x.size == y.size && x.sha256 == y.sha256;
+      });
+}
+
+// What an earlier call with this request_id made; number 0: there was none.
+absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wanted,
+                                       const std::vector<DatasetFileRow>& files) {
+  if (wanted.request_id.empty()) return DatasetRow();
+  int64_t number = 0;
+  sql << "SELECT number FROM datasets WHERE scene = :scene AND request_id = :request",
+      soci::use(wanted.scene), soci::use(wanted.request_id), soci::into(number);
+  if (!sql.got_data()) return DatasetRow();
+  FileQuery query;
+  query.scene = wanted.scene;
+  query.dataset = number;
+  if (!SameFiles(SelectFiles(sql, query), files)) {
+    return absl::AlreadyExistsError(absl::StrCat("request_id '", wanted.request_id,
+                                                 "' was used to create ",
+                                                 Name(wanted.scene, number), " of other files"));
+  }
+  return SelectDataset(sql, wanted.scene, number);
+}
+
+absl::StatusOr<DatasetRow> InsertDataset(soci::session& sql, DatasetRow row,
+                                         const std::vector<DatasetFileRow>& files) {
+  RETURN_IF_ERROR(CheckScene(sql, row.scene));
+  ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
+  if (earlier.number != 0) return earlier;
+  row.number = TakeNumber(sql, row.scene, "next_dataset");
+  row.num_files = static_cast<int64_t>(files.size());
+  for (const DatasetFileRow& file : files) row.num_bytes += file.size;
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  row.create_time = FromMicros(now);
+  row.seal_time = FromMicros(0);
+  sql << "INSERT INTO datasets (scene, number, state, request_id, create_time, seal_time,"
+         " num_files, num_bytes) VALUES (:scene, :number, 0, :request, :time, 0, :files, :bytes)",
+      soci::use(row.scene), soci::use(row.number), soci::use(row.request_id), soci::use(now),
+      soci::use(row.num_files), soci::use(row.num_bytes);
+  InsertFiles(sql, row, files);
+  return row;
+}
+
+absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
+  if (dataset.state == DatasetState::kSealed) return dataset;
+  FileQuery query;
+  query.scene = dataset.scene;
+  query.dataset = dataset.number;
+  query.condition = "stored = 0 AND path <>";
+  const std::vector<DatasetFileRow> missing = SelectFiles(sql, query);
+  if (!missing.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        Name(dataset.scene, dataset.number), ": ", missing.size(), " of ", dataset.num_files,
+        " files are not uploaded, the first is '", missing[0].path, "'"));
+  }
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  sql << "UPDATE datasets SET state = 1, seal_time = :now WHERE scene = :scene AND number = :n",
+      soci::use(now), soci::use(dataset.scene), soci::use(dataset.number);
+  return SelectDataset(sql, dataset.scene, dataset.number);
+}
+
+}  // namespace
+
+absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
+                                         int64_t number) {
+  RETURN_IF_ERROR(CheckScene(sql, scene));
+  std::vector<DatasetRow> rows = SelectDatasets(sql, scene, "=", number, 1);
+  if (rows.empty()) {
+    return absl::NotFoundError(absl::StrCat(Name(scene, number), " does not exist"));
+  }
+  return rows[0];
+}
+
+absl::StatusOr<DatasetRow> Store::CreateDataset(const std::string& scene,
+                                                const std::string& request_id,
+                                                const std::vector<DatasetFileRow>& files) {
+  DatasetRow row;
+  row.scene = scene;
+  row.request_id = request_id;
+  return database_->Query<DatasetRow>(
+      [&](soci::session& sql) { return InsertDataset(sql, row, files); });
+}
+
+absl::StatusOr<DatasetRow> Store::GetDataset(const std::string& scene, int64_t number) {
+  return database_->Query<DatasetRow>(
+      [&](soci::session& sql) { return SelectDataset(sql, scene, number); });
+}
+
+absl::StatusOr<Page<DatasetRow>> Store::ListDatasets(const std::string& scene,
+                                                     const PageRequest& page) {
+  const std::string list = absl::StrCat("datasets/", scene);
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, 0));
+  return database_->Query<Page<DatasetRow>>(
+      [&](soci::session& sql) -> absl::StatusOr<Page<DatasetRow>> {
+        RETURN_IF_ERROR(CheckScene(sql, scene));
+        Page<DatasetRow> answer;
+        answer.rows = SelectDatasets(sql, scene, ">", key, start.limit + 1);
+        if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+          answer.rows.pop_back();
+          answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
+        }
+        return answer;
+      });
+}
+
+absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFiles(const std::string& scene,
+                                                                    int64_t number) {
+  using Files = std::vector<DatasetFileRow>;
+  return database_->Query<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    FileQuery query;
+    query.scene = dataset.scene;
+    query.dataset = number;
+    return SelectFiles(sql, query);
+  });
+}
+
+absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, int64_t number,
+                                                     const std::string& path) {
+  return database_->Query<DatasetFileRow>([&](soci::session& sql)
+                                              -> absl::StatusOr<DatasetFileRow> {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path});
+    if (rows.empty()) {
+      return absl::NotFoundError(absl::StrCat(Name(scene, number), " has no file '", path, "'"));
+    }
+    return rows[0];
+  });
+}
+
+absl::Status Store::MarkFileStored(const std::string& scene, int64_t number,
+                                   const std::string& path) {
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    if (dataset.state == DatasetState::kSealed) {
+      return absl::FailedPreconditionError(absl::StrCat(Name(scene, number), " is sealed"));
+    }
+    soci::statement update =
+        (sql.prepare << "UPDATE dataset_files SET stored = 1 WHERE scene = :scene"
+                        " AND dataset = :dataset AND path = :path",
+         soci::use(dataset.scene), soci::use(number), soci::use(path));
+    update.execute(true);
+    if (update.get_affected_rows() == 1) return absl::OkStatus();
+    return absl::NotFoundError(absl::StrCat(Name(scene, number), " has no file '", path, "'"));
+  });
+}
+
+absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t number) {
+  return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    return Seal(sql, dataset);
+  });
+}
+
+}  // namespace pepeseg

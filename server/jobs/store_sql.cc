@@ -1,0 +1,72 @@
+#include "server/jobs/store_sql.h"
+
+#include <algorithm>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kDefaultPageSize = 50;
+constexpr int kMaxPageSize = 1000;
+
+}  // namespace
+
+absl::Status CheckScene(soci::session& sql, const std::string& scene) {
+  int count = 0;
+  sql << "SELECT COUNT(*) FROM scenes WHERE id = :id", soci::use(scene), soci::into(count);
+  if (count == 0) return absl::NotFoundError(absl::StrCat("scenes/", scene, " does not exist"));
+  return absl::OkStatus();
+}
+
+int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column) {
+  int64_t number = 0;
+  sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene), soci::into(number);
+  sql << "UPDATE scenes SET " << column << " = " << column << " + 1 WHERE id = :id",
+      soci::use(scene);
+  return number;
+}
+
+int64_t ToMicros(absl::Time time) {
+  return time == absl::InfinitePast() ? 0 : absl::ToUnixMicros(time);
+}
+
+absl::Time FromMicros(int64_t micros) {
+  return micros == 0 ? absl::InfinitePast() : absl::FromUnixMicros(micros);
+}
+
+absl::StatusOr<PageStart> StartPage(const std::string& list, const PageRequest& page) {
+  if (page.page_size < 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("page_size is ", page.page_size, ", must be at least 0"));
+  }
+  PageStart start;
+  start.limit = page.page_size == 0 ? kDefaultPageSize : std::min(page.page_size, kMaxPageSize);
+  if (page.page_token.empty()) return start;
+  const std::string prefix = absl::StrCat(list, "\n");
+  std::string token;
+  if (absl::WebSafeBase64Unescape(page.page_token, &token) && token.starts_with(prefix) &&
+      token.size() > prefix.size()) {
+    start.key = token.substr(prefix.size());
+    return start;
+  }
+  return absl::InvalidArgumentError("page_token is not one that this list gave out");
+}
+
+absl::StatusOr<int64_t> NumberKey(const PageStart& start, int64_t first) {
+  if (start.key.empty()) return first;
+  int64_t number = 0;
+  if (!absl::SimpleAtoi(start.key, &number)) {
+    return absl::InvalidArgumentError("page_token is not one that this list gave out");
+  }
+  return number;
+}
+
+std::string NextToken(const std::string& list, const std::string& key) {
+  return absl::WebSafeBase64Escape(absl::StrCat(list, "\n", key));
+}
+
+}  // namespace pepeseg
