@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+// Where things stand in the server's data directory. Only ids of our own making, numbers and
+// digests become parts of a path: never a name that a client chose freely.
+//
+//   lock                      held by the one server that uses the directory
+//   pepeseg.db                the store
+//   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256; blobs/incoming: not yet whole
+//   datasets/SCENE/N.json     manifest of a sealed dataset
+//   jobs/JOB/...              of server/jobs
+namespace pepeseg {
+
+inline std::filesystem::path LockPath(const std::filesystem::path& data) { return data / "lock"; }
+
+inline std::filesystem::path DatabasePath(const std::filesystem::path& data) {
+  return data / "pepeseg.db";
+}
+
+// `sha256`: 64 lower-case hex digits, checked by the caller.
+inline std::filesystem::path BlobPath(const std::filesystem::path& data, std::string_view sha256) {
+  return data / "blobs" / std::string(sha256.substr(0, 2)) / std::string(sha256);
+}
+
+inline std::filesystem::path IncomingFolder(const std::filesystem::path& data) {
+  return data / "blobs" / "incoming";
+}
+
+inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,
+                                                 std::string_view scene, int64_t number) {
+  return data / "datasets" / std::string(scene) / (std::to_string(number) + ".json");
+}
+
+}  // namespace pepeseg
