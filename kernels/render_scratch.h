@@ -13,6 +13,8 @@ struct Splat {
   float opacity;                       // (0, 1)
   float r, g, b;                       // colour seen from this camera, >= 0
   float depth;                         // z in the camera frame
+  float min_power;                     // -ln(255 opacity): below it the splat is skipped
+  float half_height;                   // pixels: rows farther than this from y are out of reach
 };
 
 // d loss / d Splat, summed over the pixels of one view.
@@ -52,7 +54,17 @@ struct RenderScratch {
   Buffer<float> pixel_transmittance;  // [H * W], after the last Gaussian that was blended
   Buffer<int32_t> pixel_last_entry;   // [H * W], one past the last entry blended, within the tile
   Buffer<int64_t> counters;           // [kNumRenderCounters]
-  Buffer<uint8_t> backend_bytes;      // anything else that a backend keeps between its ops
+
+  // Gradients have one slot per entry, grouped by visible, so that they are summed in a fixed
+  // order.
+  Buffer<int32_t> visible_first_slot;  // [visible + 1]
+  Buffer<int32_t> entry_slot;          // [entries]
+  Buffer<SplatGrad> slot_grad;         // [entries]
+
+  // Only within one render: Gaussians that passed the projection, compacted within their chunk.
+  Buffer<int32_t> candidate_gaussian, candidate_num_tiles;  // [gaussians]
+  Buffer<Splat> candidate_splat;                            // [gaussians]
+  Buffer<uint64_t> sort_keys;                               // [2, visible]
 };
 
 }  // namespace pepeseg

@@ -1,0 +1,86 @@
+#include "kernels/cpu/splat_order.h"
+
+#include <array>
+#include <bit>
+#include <cstdint>
+
+#include "kernels/backend.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kDigitBits = 11;
+constexpr int kNumDigits = 1 << kDigitBits;
+
+// Stable least-significant-digit radix sort on the upper 32 bits. Returns where the result stands,
+// `keys` or `spare`.
+uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
+  constexpr int kNumPasses = 3;
+  std::array<std::array<int32_t, kNumDigits>, kNumPasses> starts = {};
+  const auto digit = [](uint64_t key, int pass) {
+    return static_cast<int>(key >> (32 + pass * kDigitBits)) & (kNumDigits - 1);
+  };
+  for (int64_t i = 0; i < count; ++i) {
+    for (int pass = 0; pass < kNumPasses; ++pass) ++starts[pass][digit(keys[i], pass)];
+  }
+  for (int pass = 0; pass < kNumPasses; ++pass) {
+    int32_t next = 0;
+    for (int32_t& start : starts[pass]) next += std::exchange(start, next);
+    for (int64_t i = 0; i < count; ++i) spare[starts[pass][digit(keys[i], pass)]++] = keys[i];
+    std::swap(keys, spare);
+  }
+  return keys;
+}
+
+// The visible in the order of their depth. Depths are positive, so their bits order as they do.
+const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
+  const int64_t num_visible = scratch.visible_splat.size();
+  scratch.sort_keys.Reserve(backend, 2 * num_visible);
+  uint64_t* keys = scratch.sort_keys.span().data;
+  const Splat* splats = scratch.visible_splat.span().data;
+  for (int64_t i = 0; i < num_visible; ++i) {
+    keys[i] = uint64_t{std::bit_cast<uint32_t>(splats[i].depth)} << 32 | static_cast<uint64_t>(i);
+  }
+  return RadixSort(keys, keys + num_visible, num_visible);
+}
+
+}  // namespace
+
+void ListTileEntries(Backend& backend, ThreadPool& pool, RenderScratch& scratch) {
+  (void)pool;
+  const TileGrid grid = {scratch.num_tiles_x, scratch.num_tiles_y};
+  const int64_t num_visible = scratch.visible_splat.size();
+  const int num_tiles = grid.num_x * grid.num_y;
+  const Splat* splats = scratch.visible_splat.span().data;
+  const int32_t* first_slot = scratch.visible_first_slot.span().data;
+  scratch.tile_first_entry.Reserve(backend, num_tiles + 1);
+  scratch.tile_first_entry.Zero();
+  scratch.entry_visible.Reserve(backend, first_slot[num_visible]);
+  scratch.entry_slot.Reserve(backend, first_slot[num_visible]);
+  int32_t* tile_first = scratch.tile_first_entry.span().data;
+  int32_t* entry_visible = scratch.entry_visible.span().data;
+  int32_t* entry_slot = scratch.entry_slot.span().data;
+
+  const uint64_t* order = SortByDepth(backend, scratch);
+  // Counts stand one place to the right, so that emitting turns them into the final offsets.
+  for (int64_t i = 0; i < num_visible; ++i) {
+    ForEachTileRow(splats[i], grid, [&](int tile_y, int first_x, int end_x) {
+      for (int x = first_x; x < end_x; ++x) ++tile_first[tile_y * grid.num_x + x + 1];
+    });
+  }
+  int32_t next = 0;
+  for (int tile = 1; tile <= num_tiles; ++tile) next += std::exchange(tile_first[tile], next);
+  for (int64_t i = 0; i < num_visible; ++i) {
+    const auto visible = static_cast<int32_t>(order[i] & 0xffffffffu);
+    int32_t slot = first_slot[visible];
+    ForEachTileRow(splats[visible], grid, [&](int tile_y, int first_x, int end_x) {
+      for (int x = first_x; x < end_x; ++x) {
+        const int32_t entry = tile_first[tile_y * grid.num_x + x + 1]++;
+        entry_visible[entry] = visible;
+        entry_slot[entry] = slot++;
+      }
+    });
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <math.h>
+
+// The headers of this folder are templates on the scalar: float on the host and in CUDA kernels,
+// vector lanes on the CPU (kernels/cpu/simd/lanes.h), double in the gradient tests. So they branch
+// only on plain ints and bools, and choose between values with Select. They are always inlined:
+// the code takes the instruction set of its caller.
+#ifdef __CUDACC__
+#define PEPESEG_HD __host__ __device__ __forceinline__
+#else
+#define PEPESEG_HD inline __attribute__((always_inline))
+#endif
+
+namespace pepeseg {
+
+PEPESEG_HD float Sqrt(float x) { return ::sqrtf(x); }
+PEPESEG_HD double Sqrt(double x) { return ::sqrt(x); }
+PEPESEG_HD float Exp(float x) { return ::expf(x); }
+PEPESEG_HD double Exp(double x) { return ::exp(x); }
+PEPESEG_HD float Log(float x) { return ::logf(x); }
+PEPESEG_HD double Log(double x) { return ::log(x); }
+
+template <class T>
+PEPESEG_HD T Select(bool condition, T if_true, T if_false) {
+  return condition ? if_true : if_false;
+}
+template <class T>
+PEPESEG_HD T Min(T a, T b) {
+  return Select(b < a, b, a);
+}
+template <class T>
+PEPESEG_HD T Max(T a, T b) {
+  return Select(a < b, b, a);
+}
+template <class T>
+PEPESEG_HD T Abs(T x) {
+  return Max(x, T(0) - x);
+}
+// A bool, or a mask of lanes: false for NaN, infinities, and beyond +-1e30, where float products
+// overflow.
+template <class T>
+PEPESEG_HD auto IsUsable(T x) {
+  return (x < T(1e30f)) & (T(-1e30f) < x);
+}
+
+}  // namespace pepeseg
