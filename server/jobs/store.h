@@ -37,6 +37,7 @@ class Store {
   absl::StatusOr<DatasetRow> CreateDataset(const std::string& scene, const std::string& request_id,
                                            const std::vector<DatasetFileRow>& files);
   absl::StatusOr<DatasetRow> GetDataset(const std::string& scene, int64_t number);
+  // Sealed ones, by number.
   absl::StatusOr<Page<DatasetRow>> ListDatasets(const std::string& scene, const PageRequest& page);
   // By path.
   absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFiles(const std::string& scene,

@@ -184,7 +184,8 @@ absl::StatusOr<Page<DatasetRow>> Store::ListDatasets(const std::string& scene,
       [&](soci::session& sql) -> absl::StatusOr<Page<DatasetRow>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));
         Page<DatasetRow> answer;
-        answer.rows = SelectDatasets(sql, scene, ">", key, start.limit + 1);
+        answer.rows =
+            SelectDatasets(sql, scene, "> 0 AND state = 1 AND number >", key, start.limit + 1);
         if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
           answer.rows.pop_back();
           answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));

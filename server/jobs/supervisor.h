@@ -1,0 +1,80 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/store.h"
+
+namespace pepeseg {
+
+struct SupervisorOptions {
+  std::filesystem::path data_folder;  // jobs/ID below it: everything of a job
+  std::filesystem::path worker;       // the pepeseg-worker program
+  // Where the bytes of a stored file are.
+  std::function<std::filesystem::path(const DatasetFileRow&)> file_path;
+  int num_slots = 1;         // jobs at a time
+  int num_threads = 0;       // of one job; 0: as many as the machine has
+  int64_t memory_limit = 0;  // address space of a worker, bytes; 0: none
+  int max_attempts = 3;      // a job that a stop of the server broke off so often has FAILED
+  absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
+  absl::Duration poll = absl::Milliseconds(50);     // of workers and their event logs
+};
+
+// Takes queued jobs, runs each in a worker process, and follows it to its end: the model is
+// committed, or the job FAILED with the reason. A dying worker never takes the server along, and a
+// dying server takes its workers along.
+//
+// Thread safe. Calls block on the store unless they say otherwise.
+class Supervisor {
+ public:
+  // Jobs found RUNNING were broken off by a stop of the server: they are queued again, with the
+  // next fence. `store` must outlive the supervisor.
+  static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
+  ~Supervisor();  // Stop(), with no grace left
+
+  // As Store::CreateJob; it starts as soon as a slot is free.
+  absl::StatusOr<JobRow> Submit(const JobRow& job);
+  // Queued: CANCELLED at once. Running: its worker is told to stop; the answer is still RUNNING.
+  absl::StatusOr<JobRow> Cancel(const std::string& job);
+
+  // No new job is started from now on. Does not block.
+  void StopClaiming();
+  // Ends the running workers (SIGTERM; SIGKILL at `deadline`) and queues their jobs again, for the
+  // next start of the server. The supervisor does nothing afterwards.
+  void Stop(absl::Time deadline);
+
+  // The events of a job that come after a sequence, as they are: no snapshot, no heartbeat.
+  EventLogReader ReadEvents(const std::string& job, int64_t after_sequence) const;
+
+  // Newest event of a job and newest progress among its events; reads the log when it is not
+  // running here.
+  struct Newest {
+    int64_t sequence = 0;
+    std::optional<v1::JobProgress> progress;
+  };
+  absl::StatusOr<Newest> FindNewest(const std::string& job) const;
+
+  // While the watch lives, `changed` is called when a job may have new events, from the
+  // supervisor's thread: it must not block, and not call the supervisor. At least once after the
+  // last event. Neither call blocks; after the watch's destructor `changed` is not running.
+  class Watch {
+   public:
+    virtual ~Watch() = default;
+  };
+  std::unique_ptr<Watch> AddWatch(const std::string& job, std::function<void()> changed);
+
+ private:
+  class Loop;
+  explicit Supervisor(std::unique_ptr<Loop> loop);
+  std::unique_ptr<Loop> loop_;
+};
+
+}  // namespace pepeseg
