@@ -1,0 +1,229 @@
+#include "server/convert.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+// Each option once, for both directions; its name is the same on both sides.
+#define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
+#define PEPESEG_RECONSTRUCT_FIELDS(FIELD)                                                       \
+  FIELD(num_steps)                                                                              \
+  FIELD(sh_degree)                                                                              \
+  FIELD(ssim_weight) FIELD(mean_learning_rate) FIELD(mean_learning_rate_final)                  \
+      FIELD(log_scale_learning_rate) FIELD(rotation_learning_rate) FIELD(opacity_learning_rate) \
+          FIELD(sh_learning_rate) FIELD(densify_from) FIELD(densify_until) FIELD(densify_every) \
+              FIELD(densify_gradient) FIELD(densify_size) FIELD(prune_opacity)                  \
+                  FIELD(opacity_reset_every) FIELD(max_gaussians) FIELD(num_random_points)      \
+                      FIELD(seed)
+#define PEPESEG_FEATURE_FIELDS(FIELD) \
+  FIELD(num_steps)                    \
+  FIELD(num_pixels) FIELD(num_scales) FIELD(learning_rate) FIELD(steps_per_chunk) FIELD(seed)
+
+#define PEPESEG_OVERLAY(name) \
+  if (proto.has_##name()) options->name = proto.name();
+#define PEPESEG_SET(name) proto->set_##name(options.name);
+
+namespace pepeseg {
+namespace {
+
+constexpr int kMaxExtent = 16384;
+constexpr int64_t kMaxPixels = 16'000'000;
+constexpr int kMaxPoints = 64;
+constexpr double kMaxNormError = 1e-3;
+
+void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
+  PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
+}
+void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
+  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
+}
+void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
+  PEPESEG_FEATURE_FIELDS(PEPESEG_OVERLAY)
+}
+void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
+  PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
+}
+void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
+  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
+}
+void SetFeatures(const FeatureOptions& options,
+                 v1::FeatureOptions* proto){PEPESEG_FEATURE_FIELDS(PEPESEG_SET)}
+
+// Names the options' message before the stage's own words.
+absl::Status Below(const std::string& message, const absl::Status& status) {
+  if (status.ok()) return status;
+  return {status.code(), absl::StrCat("options.", message, ": ", status.message())};
+}
+
+absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& field) {
+  const int64_t width = camera.width();
+  const int64_t height = camera.height();
+  if (width < 1 || height < 1 || width > kMaxExtent || height > kMaxExtent ||
+      width * height > kMaxPixels) {
+    return absl::InvalidArgumentError(absl::StrCat(field, ".camera: ", width, " x ", height,
+                                                   " pixels, allowed are 1..", kMaxExtent,
+                                                   " each and ", kMaxPixels, " in all"));
+  }
+  for (const auto& [name, focal] : {std::pair{"fx", camera.fx()}, {"fy", camera.fy()}}) {
+    if (!std::isfinite(focal) || focal <= 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, ".camera.", name, ": ", focal, " is not finite and > 0"));
+    }
+  }
+  for (const auto& [name, centre] : {std::pair{"cx", camera.cx()}, {"cy", camera.cy()}}) {
+    if (!std::isfinite(centre)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, ".camera.", name, ": ", centre, " is not finite"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckVector(const google::protobuf::RepeatedField<double>& values, int size,
+                         const std::string& field) {
+  if (values.size() != size) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": ", values.size(), " values instead of ", size));
+  }
+  for (int i = 0; i < size; ++i) {
+    if (!std::isfinite(values[i])) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, "[", i, "]: ", values[i], " is not finite"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::string& field) {
+  const std::string rotation_field = absl::StrCat(field, ".cam_from_world.rotation");
+  RETURN_IF_ERROR(CheckVector(proto.rotation(), 4, rotation_field));
+  RETURN_IF_ERROR(
+      CheckVector(proto.translation(), 3, absl::StrCat(field, ".cam_from_world.translation")));
+  const auto& q = proto.rotation();
+  const auto& t = proto.translation();
+  Pose pose{Eigen::Quaterniond(q[0], q[1], q[2], q[3]), Eigen::Vector3d(t[0], t[1], t[2])};
+  const double norm = pose.rotation.norm();
+  if (std::abs(norm - 1) > kMaxNormError) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(rotation_field, ": norm ", norm, " instead of 1 within ", kMaxNormError));
+  }
+  pose.rotation.normalize();
+  return pose;
+}
+
+}  // namespace
+
+void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
+  OverlayImport(proto.import(), &settings->import);
+  OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
+  OverlayFeatures(proto.features(), &settings->features);
+}
+
+absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto) {
+  TrainingSettings settings;
+  Overlay(proto, &settings);
+  RETURN_IF_ERROR(Below("import", Validate(settings.import)));
+  RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
+  RETURN_IF_ERROR(Below("features", Validate(settings.features)));
+  return settings;
+}
+
+v1::TrainingOptions ToProto(const TrainingSettings& settings) {
+  v1::TrainingOptions proto;
+  SetImport(settings.import, proto.mutable_import());
+  SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
+  SetFeatures(settings.features, proto.mutable_features());
+  return proto;
+}
+
+absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
+  switch (kind) {
+    case v1::FILE_KIND_IMAGE:
+      return FileKind::kImage;
+    case v1::FILE_KIND_POSES:
+      return FileKind::kPoses;
+    case v1::FILE_KIND_MASK:
+      return FileKind::kMask;
+    case v1::FILE_KIND_IGNORE_MASK:
+      return FileKind::kIgnoreMask;
+    case v1::FILE_KIND_DEPTH:
+      return FileKind::kDepth;
+    case v1::FILE_KIND_POINTS:
+      return FileKind::kPoints;
+    default:
+      return absl::InvalidArgumentError(
+          absl::StrCat("kind: ", static_cast<int>(kind), " is no kind of file"));
+  }
+}
+
+v1::View ToProto(const ModelView& view) {
+  v1::View proto;
+  proto.set_view(view.name);
+  v1::PinholeCamera& camera = *proto.mutable_camera();
+  camera.set_width(view.camera.width);
+  camera.set_height(view.camera.height);
+  camera.set_fx(view.camera.fx);
+  camera.set_fy(view.camera.fy);
+  camera.set_cx(view.camera.cx);
+  camera.set_cy(view.camera.cy);
+  v1::RigidTransform& pose = *proto.mutable_cam_from_world();
+  const Eigen::Quaterniond& q = view.cam_from_world.rotation;
+  for (double value : {q.w(), q.x(), q.y(), q.z()}) pose.add_rotation(value);
+  for (double value : view.cam_from_world.translation) pose.add_translation(value);
+  proto.set_held_out(view.held_out);
+  return proto;
+}
+
+absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
+                                            const std::string& field) {
+  RETURN_IF_ERROR(CheckCamera(proto.camera(), field));
+  ModelView view;
+  ASSIGN_OR_RETURN(view.cam_from_world, PoseFromProto(proto.cam_from_world(), field));
+  const v1::PinholeCamera& camera = proto.camera();
+  view.camera = {camera.width(), camera.height(), camera.fx(),
+                 camera.fy(),    camera.cx(),     camera.cy()};
+  return view;
+}
+
+absl::StatusOr<std::vector<PointPrompt>> PointsFromProto(const v1::PointsPrompt& proto) {
+  if (proto.points_size() < 1 || proto.points_size() > kMaxPoints) {
+    return absl::InvalidArgumentError(absl::StrCat("points.points: ", proto.points_size(),
+                                                   " points, allowed are 1..", kMaxPoints));
+  }
+  std::vector<PointPrompt> points;
+  bool any_positive = false;
+  for (const v1::PointsPrompt::Point& point : proto.points()) {
+    if (!std::isfinite(point.x()) || !std::isfinite(point.y())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "points.points[", points.size(), "]: (", point.x(), ", ", point.y(), ") is not finite"));
+    }
+    points.push_back({point.x(), point.y(), !point.negative()});
+    any_positive |= !point.negative();
+  }
+  if (!any_positive) {
+    return absl::InvalidArgumentError("points.points: no positive point among them");
+  }
+  return points;
+}
+
+v1::SegmentResponse::SimilarityMap SimilarityToProto(int width, int height,
+                                                     std::span<const float> similarity) {
+  v1::SegmentResponse::SimilarityMap proto;
+  proto.set_width(width);
+  proto.set_height(height);
+  std::string& bytes = *proto.mutable_values();
+  bytes.reserve(similarity.size() * 2);
+  for (float cosine : similarity) {
+    const auto value =
+        static_cast<uint16_t>(std::lround(std::clamp(cosine, -1.0f, 1.0f) * 32767.0f));
+    bytes.push_back(static_cast<char>(value & 0xff));
+    bytes.push_back(static_cast<char>(value >> 8));
+  }
+  return proto;
+}
+
+}  // namespace pepeseg

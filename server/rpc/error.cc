@@ -1,0 +1,94 @@
+#include "server/rpc/error.h"
+
+#include <algorithm>
+#include <string>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
+// grpc-message is percent-encoded (up to three times as long), the details are base64.
+constexpr size_t kMaxMessageBytes = 640;
+constexpr size_t kMaxValueBytes = 256;
+
+// Bytes of the well-formed UTF-8 character at the start of `text`; 0: it is none.
+size_t CharacterLength(std::string_view text) {
+  const auto lead = static_cast<unsigned char>(text[0]);
+  if (lead < 0x80) return 1;
+  const size_t length = lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : 2;
+  if (lead < 0xc2 || lead > 0xf4 || text.size() < length) return 0;
+  for (size_t i = 1; i < length; ++i) {
+    if ((static_cast<unsigned char>(text[i]) & 0xc0) != 0x80) return 0;
+  }
+  const auto second = static_cast<unsigned char>(text[1]);
+  // Overlong forms, surrogates, and what is beyond U+10FFFF.
+  if ((lead == 0xe0 && second < 0xa0) || (lead == 0xed && second > 0x9f) ||
+      (lead == 0xf0 && second < 0x90) || (lead == 0xf4 && second > 0x8f)) {
+    return 0;
+  }
+  return length;
+}
+
+v1::ErrorDetail DetailOf(const absl::Status& status) {
+  v1::ErrorDetail detail;
+  if (const auto payload = status.GetPayload(kDetailUrl)) {
+    detail.ParseFromString(std::string(*payload));
+  }
+  if (detail.reason().empty()) detail.set_reason(absl::StatusCodeToString(status.code()));
+  for (std::string* text : {detail.mutable_field(), detail.mutable_resource(),
+                            detail.mutable_limit(), detail.mutable_value()}) {
+    *text = Utf8Prefix(*text, kMaxValueBytes);
+  }
+  return detail;
+}
+
+}  // namespace
+
+std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
+  std::string prefix;
+  while (!text.empty()) {
+    const size_t length = CharacterLength(text);
+    const std::string_view character = length == 0 ? "?" : text.substr(0, length);
+    if (prefix.size() + character.size() > max_bytes) break;
+    prefix.append(character);
+    text.remove_prefix(std::max<size_t>(length, 1));
+  }
+  return prefix;
+}
+
+absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail) {
+  if (!status.ok() && !status.GetPayload(kDetailUrl).has_value()) {
+    status.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
+  }
+  return status;
+}
+
+absl::Status BadField(const std::string& field, const std::string& value, const std::string& what) {
+  v1::ErrorDetail detail;
+  detail.set_reason("BAD_FIELD");
+  detail.set_field(Utf8Prefix(field, kMaxValueBytes));
+  detail.set_value(Utf8Prefix(value, kMaxValueBytes));
+  detail.set_limit(Utf8Prefix(what, kMaxValueBytes));
+  return WithDetail(
+      absl::InvalidArgumentError(absl::StrCat(field, ": '", detail.value(), "': ", what)), detail);
+}
+
+v1::Status ToProto(const absl::Status& status) {
+  v1::Status proto;
+  if (status.ok()) return proto;
+  proto.set_code(static_cast<int>(status.code()));
+  proto.set_message(Utf8Prefix(std::string(status.message()), kMaxMessageBytes));
+  proto.add_details()->PackFrom(DetailOf(status));
+  return proto;
+}
+
+grpc::Status ToGrpc(const absl::Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  const v1::Status proto = ToProto(status);
+  return {static_cast<grpc::StatusCode>(proto.code()), proto.message(), proto.SerializeAsString()};
+}
+
+}  // namespace pepeseg

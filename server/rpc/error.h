@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "grpcpp/support/status.h"
+#include "pepeseg/v1/errors.pb.h"
+
+namespace pepeseg {
+
+// `status` with the detail that its client shall get; no more than one, the first stays.
+absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail);
+
+// INVALID_ARGUMENT "FIELD: VALUE: WHAT", with the parts in the detail.
+absl::Status BadField(const std::string& field, const std::string& value, const std::string& what);
+
+// The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
+// that WithDetail left, or one that holds the code's name only.
+v1::Status ToProto(const absl::Status& status);
+grpc::Status ToGrpc(const absl::Status& status);
+
+// `text` without bytes that are not UTF-8 and not longer than `max_bytes`: gRPC and protobuf refuse
+// others.
+std::string Utf8Prefix(std::string_view text, size_t max_bytes);
+
+}  // namespace pepeseg

@@ -1,0 +1,92 @@
+#include "server/rpc/resource_name.h"
+
+#include <algorithm>
+#include <charconv>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "server/rpc/error.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxNameBytes = 256;
+
+bool AllDigits(std::string_view text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), absl::ascii_isdigit);
+}
+
+// From 1, as we print them: no sign, no leading zero. 0: it is none.
+int64_t ParseNumber(std::string_view text) {
+  int64_t number = 0;
+  if (!AllDigits(text) || text[0] == '0') return 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size() ? number : 0;
+}
+
+std::vector<std::string> Parts(const std::string& name) {
+  if (name.size() > kMaxNameBytes) return {};
+  return absl::StrSplit(name, '/');
+}
+
+}  // namespace
+
+bool IsSceneId(std::string_view id) {
+  if (id.empty() || id.size() > 63 || !absl::ascii_islower(id.front()) || id.back() == '-') {
+    return false;
+  }
+  return std::all_of(id.begin(), id.end(), [](char c) {
+    return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-';
+  });
+}
+
+absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field) {
+  const auto parts = Parts(name);
+  if (parts.size() != 2 || parts[0] != "scenes" || !IsSceneId(parts[1])) {
+    return BadField(field, name, "not of the form scenes/{scene}");
+  }
+  return parts[1];
+}
+
+absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
+                                          const std::string& field) {
+  const auto parts = Parts(name);
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneId(parts[1]) || parts[2] != collection ||
+      ParseNumber(parts[3]) == 0) {
+    return BadField(field, name,
+                    absl::StrCat("not of the form scenes/{scene}/", collection, "/{number}"));
+  }
+  return SceneChild{parts[1], ParseNumber(parts[3])};
+}
+
+absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field) {
+  const auto parts = Parts(name);
+  if (parts.size() == 4 && parts[0] == "scenes" && IsSceneId(parts[1]) && parts[2] == "models" &&
+      parts[3] == "live") {
+    return SceneChild{parts[1], kLiveModel};
+  }
+  return ParseChildName(name, "models", field);
+}
+
+absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field) {
+  const auto parts = Parts(name);
+  if (parts.size() != 2 || parts[0] != "jobs" || parts[1].substr(0, 1) != "j" ||
+      ParseNumber(parts[1].substr(1)) == 0) {
+    return BadField(field, name, "not of the form jobs/j{number}");
+  }
+  return parts[1];
+}
+
+std::string SceneName(const std::string& scene) { return absl::StrCat("scenes/", scene); }
+
+std::string ChildName(const std::string& scene, const std::string& collection, int64_t number) {
+  return absl::StrCat("scenes/", scene, "/", collection, "/", number);
+}
+
+std::string JobName(const std::string& job) { return absl::StrCat("jobs/", job); }
+
+}  // namespace pepeseg

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+
+// Resource names and the ids that the store knows. Parsing answers INVALID_ARGUMENT, naming
+// `field`, for anything that is not exactly of the form.
+namespace pepeseg {
+
+inline constexpr int64_t kLiveModel = 0;
+
+// A numbered child of a scene.
+struct SceneChild {
+  std::string scene;
+  int64_t number = 0;
+};
+
+// RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
+bool IsSceneId(std::string_view id);
+
+// "scenes/{scene}": the scene's id.
+absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field);
+// "scenes/{scene}/COLLECTION/{number}", the number from 1.
+absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
+                                          const std::string& field);
+// As above for "models", where "live" is kLiveModel.
+absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field);
+// "jobs/{job}": the job's id, "j" and digits.
+absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field);
+
+std::string SceneName(const std::string& scene);
+std::string ChildName(const std::string& scene, const std::string& collection, int64_t number);
+std::string JobName(const std::string& job);
+
+}  // namespace pepeseg
