@@ -8,13 +8,13 @@ namespace pepeseg {
 
 // A visible Gaussian, projected: what the blend step reads of it.
 struct Splat {
-  float x, y;                          // mean in pixels (pixel centres at integer + 0.5)
-  float conic_xx, conic_xy, conic_yy;  // inverse of the dilated 2D covariance
-  float opacity;                       // (0, 1)
-  float r, g, b;                       // colour seen from this camera, >= 0
-  float depth;                         // z in the camera frame
-  float min_power;                     // -ln(255 opacity): below it the splat is skipped
-  float half_height;                   // pixels: rows farther than this from y are out of reach
+  float x, y;                       // mean in pixels (pixel centres at integer + 0.5)
+  float root_xx, root_xy, root_yy;  // of the inverse dilated 2D covariance, see math/blend.h
+  float opacity;                    // (0, 1)
+  float r, g, b;                    // colour seen from this camera, >= 0
+  float depth;                      // z in the camera frame
+  float min_power;                  // -log2(255 opacity): below it the splat is skipped
+  float half_height;                // pixels: rows farther than this from y are out of reach
 };
 
 // d loss / d Splat, summed over the pixels of one view.

@@ -18,9 +18,10 @@ inline void ForEachBlended(const RenderScratch& scratch, int32_t pixel, Fn&& fn)
     const int32_t visible = scratch.entry_visible.span()[entry];
     const Splat& s = scratch.visible_splat.span()[visible];
     const float dx = x + 0.5f - s.x, dy = y + 0.5f - s.y;
-    const float power = Power(s.conic_xx, s.conic_xy, s.conic_yy, dx, dy);
+    const PowerRoot<float> root = {s.root_xx, s.root_xy, s.root_yy};
+    const float power = Power(root, PowerAtRow(root, dy), dx);
     if (power < s.min_power) continue;
-    const float alpha = Alpha(s.opacity, Exp(Min(power, 0.0f)));
+    const float alpha = Alpha(s.opacity, Exp2(power));
     fn(visible, alpha * transmittance);
     transmittance *= 1 - alpha;
   }

@@ -49,9 +49,9 @@ Fate ProjectOne(const RenderArgs& args, const ProjectionCamera<float>& camera, i
   const float r = Channel(args, i, basis, 0), g = Channel(args, i, basis, 1);
   const float b = Channel(args, i, basis, 2);
   if (!IsUsable(r) || !IsUsable(g) || !IsUsable(b)) return Fate::kDegenerate;
-  const float half_height = SplatHalfHeight(min_power, p.conic.xx * p.determinant);
-  splat = {p.x, p.y, p.conic.xx, p.conic.xy, p.conic.yy, opacity,
-           r,   g,   b,          depth,      min_power,  half_height};
+  const auto root = MakePowerRoot(p.conic.xx, p.conic.xy, p.determinant);
+  const float half_height = SplatHalfHeight(min_power, root.yy);
+  splat = {p.x, p.y, root.xx, root.xy, root.yy, opacity, r, g, b, depth, min_power, half_height};
   return Fate::kVisible;
 }
 

@@ -19,9 +19,10 @@ void BlendPixel(const RenderArgs& args, int tile, int x, int y) {
   for (int32_t entry = first; entry < end; ++entry) {
     const Splat& s = scratch.visible_splat.span()[scratch.entry_visible.span()[entry]];
     const float dx = x + 0.5f - s.x, dy = y + 0.5f - s.y;
-    const float power = Power(s.conic_xx, s.conic_xy, s.conic_yy, dx, dy);
+    const PowerRoot<float> root = {s.root_xx, s.root_xy, s.root_yy};
+    const float power = Power(root, PowerAtRow(root, dy), dx);
     if (power < s.min_power) continue;
-    const float alpha = Alpha(s.opacity, Exp(Min(power, 0.0f)));
+    const float alpha = Alpha(s.opacity, Exp2(power));
     const float next = transmittance * (1 - alpha);
     if (next < kMinTransmittance) break;
     const float weight = alpha * transmittance;

@@ -22,18 +22,19 @@ void BackwardPixel(const RenderBackwardArgs& args, int32_t first_entry, int x, i
     const int32_t entry = first_entry + k;
     const Splat& s = scratch.visible_splat.span()[scratch.entry_visible.span()[entry]];
     const float dx = x + 0.5f - s.x, dy = y + 0.5f - s.y;
-    const float power = Power(s.conic_xx, s.conic_xy, s.conic_yy, dx, dy);
+    const PowerRoot<float> root = {s.root_xx, s.root_xy, s.root_yy};
+    const float power = Power(root, PowerAtRow(root, dy), dx);
     if (power < s.min_power) continue;
-    const float alpha = Alpha(s.opacity, Exp(Min(power, 0.0f)));
+    const float alpha = Alpha(s.opacity, Exp2(power));
     transmittance /= 1 - alpha;
     const float value = s.r * gr + s.g * gg + s.b * gb + s.depth * gd;
-    const float power_grad = PowerVjp(alpha, AlphaVjp(transmittance, value, behind));
+    const float power_grad = GaussianVjp(alpha, AlphaVjp(transmittance, value, behind));
     behind = BehindStep(alpha, value, behind);
     const float weight = alpha * transmittance;
     const PowerMoments<float> moments = {power_grad,           power_grad * dx,
                                          power_grad * dy,      power_grad * dx * dx,
                                          power_grad * dx * dy, power_grad * dy * dy};
-    const auto shape = SplatShapeVjp(s.conic_xx, s.conic_xy, s.conic_yy, s.opacity, moments);
+    const auto shape = SplatShapeVjp(root, s.opacity, moments);
     SplatGrad& out = scratch.slot_grad.span()[scratch.entry_slot.span()[entry]];
     out.x += shape.x;
     out.y += shape.y;

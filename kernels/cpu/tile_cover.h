@@ -12,9 +12,9 @@ namespace pepeseg {
 // of the power lets pass.
 inline constexpr float kExtentSlack = 1.0002f;
 
-// The splat ends where the power reaches min_power: half its extent in y, from the covariance's yy.
-inline float SplatHalfHeight(float min_power, float covariance_yy) {
-  return std::sqrt(-2 * kExtentSlack * min_power * covariance_yy);
+// The splat ends where the power reaches min_power: half its extent in y.
+inline float SplatHalfHeight(float min_power, float root_yy) {
+  return std::sqrt(-kExtentSlack * min_power) / root_yy;
 }
 
 struct TileGrid {
@@ -29,11 +29,11 @@ template <class Fn>
 inline void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
   constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
   const float half_height = splat.half_height;
-  const float half_width = half_height * std::sqrt(splat.conic_yy / splat.conic_xx);
-  const float shear = -splat.conic_xy / splat.conic_xx;
+  const float shear = -splat.root_xy / splat.root_xx;
   // Half the width of the ellipse at its mean's row, and the row offset of its rightmost point.
-  const float waist = std::sqrt(-2 * kExtentSlack * splat.min_power / splat.conic_xx);
-  const float rightmost = -splat.conic_xy / splat.conic_yy * half_width;
+  const float waist = std::sqrt(-kExtentSlack * splat.min_power) / splat.root_xx;
+  const float rightmost = -half_height * splat.root_xy /
+                          std::sqrt(splat.root_xy * splat.root_xy + splat.root_yy * splat.root_yy);
   const float inv_height2 = 1 / (half_height * half_height);
   // In floats and clamped before the conversion: a splat may reach far beyond any int.
   const auto clamp_to = [](float v, int end) {

@@ -42,12 +42,13 @@ void AddStats(const UpdateArgs& args, int64_t i, const Splat& splat, const Splat
   }
   if (!stats.num_visible.empty()) ++stats.num_visible[i];
   if (stats.max_radius.empty()) return;
-  // The smaller eigenvalue of the conic is the inverse of the larger one of the covariance.
-  const float mid = 0.5f * (splat.conic_xx + splat.conic_yy);
-  const float half = 0.5f * (splat.conic_xx - splat.conic_yy);
-  const float determinant = splat.conic_xx * splat.conic_yy - splat.conic_xy * splat.conic_xy;
-  const float larger = mid + std::sqrt(half * half + splat.conic_xy * splat.conic_xy);
-  const float radius = 3 * std::sqrt(larger / std::max(determinant, 1e-30f));
+  // From the eigenvalues of the conic: its determinant is a square, its larger one 1 / variance of
+  // the short axis.
+  const float mid = 0.5f * (splat.root_xx * splat.root_xx + splat.root_xy * splat.root_xy +
+                            splat.root_yy * splat.root_yy);
+  const float root = splat.root_xx * splat.root_yy;
+  const float larger = mid + std::sqrt(std::max(0.0f, (mid - root) * (mid + root)));
+  const float radius = 3 * std::sqrt(kHalfLog2E * larger) / root;
   stats.max_radius[i] = std::max(stats.max_radius[i], radius);
 }
 

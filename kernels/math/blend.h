@@ -21,18 +21,43 @@ PEPESEG_HD T SigmoidVjp(T sigmoid, T grad) {
   return grad * sigmoid * (T(1) - sigmoid);
 }
 
-// The smallest power at which a splat of this opacity still reaches kMinAlpha: -ln(255 o). It is
-// tested in the place of alpha, before the exp.
+// Powers are of 2: a Gaussian's value at an offset from its mean is Exp2(Power(...)).
+//
+// The smallest power at which a splat of this opacity still reaches kMinAlpha: -log2(255 o). It is
+// tested in the place of alpha, before the exponential.
 template <class T>
 PEPESEG_HD T MinPower(T opacity) {
-  return T(0) - Log(opacity * T(1.0f / kMinAlpha));
+  return T(0) - Log2(opacity * T(1.0f / kMinAlpha));
 }
 
-// ln of the Gaussian at (dx, dy) from its mean. Written as conic_xx (dx (dx / 2)) ... in this order
-// so that all of a row's terms in dy are shared.
+// The triangular root of the conic: power = -(xx dx + xy dy)^2 - (yy dy)^2. Against the sum of
+// three products it is cheaper, never positive, and loses nothing to cancellation on a long thin
+// splat.
 template <class T>
-PEPESEG_HD T Power(T conic_xx, T conic_xy, T conic_yy, T dx, T dy) {
-  return T(-0.5f) * (conic_xx * dx * dx + conic_yy * dy * dy) - conic_xy * dx * dy;
+struct PowerRoot {
+  T xx, xy, yy;
+};
+inline constexpr float kHalfLog2E = 0.72134752044448170f;  // log2(e) / 2
+template <class T>
+PEPESEG_HD PowerRoot<T> MakePowerRoot(T conic_xx, T conic_xy, T determinant) {
+  const T xx = Sqrt(T(kHalfLog2E) * conic_xx);
+  // `determinant` is the covariance's: conic_xx * determinant is its yy.
+  return {xx, T(kHalfLog2E) * conic_xy / xx, Sqrt(T(kHalfLog2E) / (conic_xx * determinant))};
+}
+// The parts of one row of pixels: xy dy and (yy dy)^2.
+template <class T>
+struct PowerRow {
+  T shift, drop;
+};
+template <class T>
+PEPESEG_HD PowerRow<T> PowerAtRow(const PowerRoot<T>& root, T dy) {
+  const T v = root.yy * dy;
+  return {root.xy * dy, v * v};
+}
+template <class T>
+PEPESEG_HD T Power(const PowerRoot<T>& root, const PowerRow<T>& row, T dx) {
+  const T u = root.xx * dx + row.shift;
+  return T(0) - (u * u + row.drop);
 }
 
 template <class T>
@@ -51,14 +76,14 @@ template <class T>
 PEPESEG_HD T BehindStep(T alpha, T value_dot, T behind_dot) {
   return behind_dot + alpha * (value_dot - behind_dot);
 }
-// d loss / d power: none where alpha is held at its maximum.
+// d loss / d ln of the Gaussian: none where alpha is held at its maximum.
 template <class T>
-PEPESEG_HD T PowerVjp(T alpha, T alpha_grad) {
+PEPESEG_HD T GaussianVjp(T alpha, T alpha_grad) {
   return Select(alpha < T(kMaxAlpha), alpha * alpha_grad, T(0));
 }
 
-// Moments of d loss / d power over the pixels of a splat, offsets from its mean: all that its
-// gradients need.
+// Moments of d loss / d ln of the Gaussian over the pixels of a splat, offsets from its mean: all
+// that its gradients need.
 template <class T>
 struct PowerMoments {
   T sum, x, y, xx, xy, yy;
@@ -68,9 +93,12 @@ struct SplatShapeGrad {
   T x, y, conic_xx, conic_xy, conic_yy, opacity;
 };
 template <class T>
-PEPESEG_HD SplatShapeGrad<T> SplatShapeVjp(T conic_xx, T conic_xy, T conic_yy, T opacity,
+PEPESEG_HD SplatShapeGrad<T> SplatShapeVjp(const PowerRoot<T>& root, T opacity,
                                            const PowerMoments<T>& m) {
-  // power = -0.5 (cxx dx^2 + cyy dy^2) - cxy dx dy with dx = pixel - mean.
+  // ln of the Gaussian = -0.5 (conic_xx dx^2 + conic_yy dy^2) - conic_xy dx dy, dx = pixel - mean.
+  const T scale = T(1.0f / kHalfLog2E);
+  const T conic_xx = scale * root.xx * root.xx, conic_xy = scale * root.xx * root.xy;
+  const T conic_yy = scale * (root.xy * root.xy + root.yy * root.yy);
   return {conic_xx * m.x + conic_xy * m.y,
           conic_xy * m.x + conic_yy * m.y,
           T(-0.5f) * m.xx,

@@ -1,0 +1,127 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/kernels/backend_test.h"
+#include "tests/kernels/central_differences.h"
+#include "tests/kernels/reference_gradient.h"
+#include "tests/kernels/rendered.h"
+
+namespace pepeseg {
+namespace {
+
+class RenderBackwardTest : public BackendTest {};
+INSTANTIATE_TEST_SUITE_P(Backends, RenderBackwardTest, AllBackends(), BackendName);
+
+ReferenceScene InDouble(const HostGaussians& host) {
+  return {host.count, host.sh_degree, {host.planes.begin(), host.planes.end()}};
+}
+
+std::vector<double> InDouble(const std::vector<float>& values) {
+  return {values.begin(), values.end()};
+}
+
+ReferenceOptions OptionsOf(const Rendered& scene) {
+  ReferenceOptions options;
+  options.near_plane = scene.near_plane;
+  std::copy(std::begin(scene.background), std::end(scene.background), options.background);
+  return options;
+}
+
+// Gradients of an image with 0 at the pixels with a close call, so that what is compared is smooth.
+ImageGrad SmoothGrad(const ReferenceImage& image, uint64_t seed) {
+  const auto num_pixels = static_cast<int64_t>(image.alpha.size());
+  ImageGrad grad = {InDouble(RandomValues(3 * num_pixels, seed)),
+                    InDouble(RandomValues(num_pixels, seed + 1)),
+                    InDouble(RandomValues(num_pixels, seed + 2))};
+  for (int64_t i = 0; i < num_pixels; ++i) {
+    if (!image.close_call[i]) continue;
+    for (int c = 0; c < 3; ++c) grad.color[c * num_pixels + i] = 0;
+    grad.alpha[i] = grad.depth[i] = 0;
+  }
+  return grad;
+}
+
+// The rows of one plane.
+std::vector<double> PlaneOf(const std::vector<double>& planes, int64_t count, int plane) {
+  return {planes.begin() + plane * count, planes.begin() + (plane + 1) * count};
+}
+
+TEST(RenderChainVjp, MatchesCentralDifferencesOfTheReferenceRenderer) {
+  const ReferenceScene scene = InDouble(RandomScene({.count = 6, .max_scale = 0.5f, .seed = 7}));
+  const PinholeView view = TestView(20, 14);
+  ReferenceOptions options{.near_plane = 0.05, .background = {0.1, 0.3, 0.2}, .close = 0.03};
+  const ImageGrad grad = SmoothGrad(RenderReference(scene, view, options), 1);
+  ASSERT_GT(std::count_if(grad.alpha.begin(), grad.alpha.end(), [](double g) { return g != 0; }),
+            60);
+  const auto loss = [&](const std::vector<double>& planes) {
+    return LossOf(RenderReference({scene.count, scene.sh_degree, planes}, view, options), grad);
+  };
+  const auto want = CentralDifferences(loss, scene.planes, 1e-4);
+  const auto got = ReferenceGradient(scene, view, options, grad);
+  for (int plane = 0; plane < NumPlanes(scene.sh_degree); ++plane) {
+    EXPECT_LT(RelativeError(PlaneOf(got, scene.count, plane), PlaneOf(want, scene.count, plane)),
+              1e-6)
+        << "plane " << plane;
+  }
+}
+
+void ExpectMatchesReferenceGradient(Rendered& scene) {
+  scene.Render();
+  const ReferenceScene reference = InDouble(scene.host);
+  const ReferenceOptions options = OptionsOf(scene);
+  const ImageGrad grad = SmoothGrad(RenderReference(reference, scene.view, options), 5);
+  const auto in_float = [](const std::vector<double>& v) {
+    return std::vector<float>(v.begin(), v.end());
+  };
+  scene.Backward(in_float(grad.color), in_float(grad.alpha), in_float(grad.depth));
+  const auto got = InDouble(scene.ParameterGradient());
+  const auto want = ReferenceGradient(reference, scene.view, options, grad);
+  for (int plane = 0; plane < NumPlanes(scene.host.sh_degree); ++plane) {
+    EXPECT_LT(RelativeError(PlaneOf(got, scene.host.count, plane),
+                            PlaneOf(want, scene.host.count, plane)),
+              3e-4)
+        << "plane " << plane;
+  }
+}
+
+TEST_P(RenderBackwardTest, MatchesReferenceGradient) {
+  for (const uint64_t seed : {1, 2, 3}) {
+    Rendered scene(*backend_, RandomScene({.count = 150, .seed = seed}), TestView(97, 61));
+    ExpectMatchesReferenceGradient(scene);
+  }
+}
+
+TEST_P(RenderBackwardTest, MatchesReferenceGradientAtEverySphericalHarmonicsDegree) {
+  for (const int degree : {0, 1, 2, 3}) {
+    Rendered scene(*backend_, RandomScene({.count = 60, .sh_degree = degree}), TestView(48, 32));
+    ExpectMatchesReferenceGradient(scene);
+  }
+}
+
+TEST_P(RenderBackwardTest, MatchesReferenceGradientBehindOpaqueWalls) {
+  Rendered scene(*backend_,
+                 RandomScene({.count = 400,
+                              .min_scale = 0.1f,
+                              .max_scale = 0.4f,
+                              .min_opacity_logit = 2,
+                              .max_opacity_logit = 8}),
+                 TestView(64, 48));
+  ExpectMatchesReferenceGradient(scene);
+}
+
+TEST_P(RenderBackwardTest, EmptyAlphaAndDepthGradientsAreZeros) {
+  Rendered scene(*backend_, RandomScene({.count = 50}), TestView(40, 30));
+  scene.Render();
+  const auto color_grad = RandomValues(3 * 40 * 30, 1);
+  scene.Backward(color_grad);
+  const auto without = scene.ParameterGradient();
+  const std::vector<float> zeros(40 * 30);
+  scene.Backward(color_grad, zeros, zeros);
+  const auto with = scene.ParameterGradient();
+  for (size_t i = 0; i < with.size(); ++i) ASSERT_NEAR(with[i], without[i], 1e-6f) << i;
+}
+
+}  // namespace
+}  // namespace pepeseg
