@@ -43,9 +43,10 @@ absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
   }
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor < 0) return FileError(path, "open", errno);
-  auto writer =
-      std::unique_ptr<EventLogWriter>(new EventLogWriter(path, descriptor, last_sequence));
-  if (ftruncate(descriptor, reader.offset()) != 0) return FileError(path, "truncate", errno);
+  auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(path, descriptor));
+  writer->last_sequence_ = last_sequence;
+  writer->size_ = reader.offset();
+  if (ftruncate(descriptor, writer->size_) != 0) return FileError(path, "truncate", errno);
   return writer;
 }
 
@@ -66,8 +67,12 @@ absl::Status EventLogWriter::Append(v1::JobEvent event) {
   record += payload;
   const ssize_t wrote = write(descriptor_, record.data(), record.size());
   if (wrote != static_cast<ssize_t>(record.size())) {
-    return FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
+    const absl::Status status = FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
+    // Half a record would hide what comes after it.
+    if (ftruncate(descriptor_, size_) != 0) return FileError(path_, "truncate", errno);
+    return status;
   }
+  size_ += wrote;
   ++last_sequence_;
   return absl::OkStatus();
 }

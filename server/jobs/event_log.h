@@ -31,12 +31,13 @@ class EventLogWriter {
   int64_t last_sequence() const { return last_sequence_; }
 
  private:
-  EventLogWriter(std::filesystem::path path, int descriptor, int64_t last_sequence)
-      : path_(std::move(path)), descriptor_(descriptor), last_sequence_(last_sequence) {}
+  EventLogWriter(std::filesystem::path path, int descriptor)
+      : path_(std::move(path)), descriptor_(descriptor) {}
 
   std::filesystem::path path_;
   int descriptor_;
-  int64_t last_sequence_;
+  int64_t last_sequence_ = 0;
+  int64_t size_ = 0;  // of the file, bytes
 };
 
 // Reads a log, also while it grows. Not thread safe; any number of readers may read one log.

@@ -1,0 +1,137 @@
+#include "server/jobs/job_folder.h"
+
+#include <google/protobuf/util/json_util.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/durable_file.h"
+
+namespace pepeseg {
+namespace {
+
+using Json = nlohmann::json;
+
+// A spec lists at most 20,000 files.
+constexpr size_t kMaxJsonBytes = 64 << 20;
+
+std::string Dump(const Json& json) {
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+absl::StatusOr<Json> ReadJson(const std::filesystem::path& path) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(path, kMaxJsonBytes));
+  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) return absl::DataLossError(path.string() + ": is no JSON object");
+  return json;
+}
+
+// The fields of a spec or a result, once both sides agree on their types: nlohmann throws
+// otherwise.
+template <typename T>
+absl::StatusOr<T> Decode(const std::filesystem::path& path, const Json& json,
+                         T (*decode)(const Json&)) {
+  try {
+    return decode(json);
+  } catch (const Json::exception& error) {
+    return absl::DataLossError(absl::StrCat(path.string(), ": ", error.what()));
+  }
+}
+
+JobSpec DecodeSpec(const Json& json) {
+  JobSpec spec;
+  spec.job = json.at("job").get<std::string>();
+  spec.fence = json.at("fence").get<int64_t>();
+  spec.num_threads = json.at("num_threads").get<int>();
+  spec.memory_limit = json.at("memory_limit").get<int64_t>();
+  for (const Json& file : json.at("files")) {
+    spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
+                          file.at("path").get<std::string>()});
+  }
+  return spec;
+}
+
+JobResult DecodeResult(const Json& json) {
+  JobResult result;
+  result.status = absl::Status(static_cast<absl::StatusCode>(json.at("code").get<int>()),
+                               json.at("message").get<std::string>());
+  result.metrics = json.at("metrics").get<std::map<std::string, double>>();
+  result.num_gaussians = json.at("num_gaussians").get<int64_t>();
+  result.num_bytes = json.at("num_bytes").get<int64_t>();
+  return result;
+}
+
+Json FiniteMetrics(const std::map<std::string, double>& metrics) {
+  Json json = Json::object();
+  for (const auto& [name, value] : metrics) {
+    if (std::isfinite(value)) json[name] = value;
+  }
+  return json;
+}
+
+std::filesystem::path SpecPath(const std::filesystem::path& folder) { return folder / "spec.json"; }
+
+std::filesystem::path ResultPath(const std::filesystem::path& folder, int64_t fence) {
+  return folder / absl::StrCat("result-", fence, ".json");
+}
+
+}  // namespace
+
+std::string MetricsToJson(const std::map<std::string, double>& metrics) {
+  return FiniteMetrics(metrics).dump();
+}
+
+std::filesystem::path JobFolder::attempt(int64_t fence) const {
+  return path_ / absl::StrCat("attempt-", fence);
+}
+
+std::filesystem::path JobFolder::reconstruction(int64_t fence) const {
+  return attempt(fence) / "reconstruct";
+}
+
+absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
+  std::string options;
+  if (!google::protobuf::util::MessageToJsonString(spec.options, &options).ok()) {
+    return absl::InternalError("the training options have no JSON form");
+  }
+  Json json = {{"job", spec.job},
+               {"fence", spec.fence},
+               {"num_threads", spec.num_threads},
+               {"memory_limit", spec.memory_limit},
+               {"options", Json::parse(options, nullptr, false)},
+               {"files", Json::array()}};
+  for (const JobSpecFile& file : spec.files) {
+    json["files"].push_back({{"name", file.name}, {"kind", file.kind}, {"path", file.path}});
+  }
+  return WriteFileDurably(SpecPath(path_), Dump(json));
+}
+
+absl::StatusOr<JobSpec> JobFolder::ReadSpec() const {
+  const std::filesystem::path path = SpecPath(path_);
+  ASSIGN_OR_RETURN(const Json json, ReadJson(path));
+  ASSIGN_OR_RETURN(JobSpec spec, Decode(path, json, &DecodeSpec));
+  const std::string options = json.value("options", Json::object()).dump();
+  if (!google::protobuf::util::JsonStringToMessage(options, &spec.options).ok()) {
+    return absl::DataLossError(path.string() + ": options are no training options");
+  }
+  return spec;
+}
+
+absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) const {
+  const Json json = {{"code", static_cast<int>(result.status.code())},
+                     {"message", std::string(result.status.message())},
+                     {"metrics", FiniteMetrics(result.metrics)},
+                     {"num_gaussians", result.num_gaussians},
+                     {"num_bytes", result.num_bytes}};
+  return WriteFileDurably(ResultPath(path_, fence), Dump(json));
+}
+
+absl::StatusOr<JobResult> JobFolder::ReadResult(int64_t fence) const {
+  const std::filesystem::path path = ResultPath(path_, fence);
+  ASSIGN_OR_RETURN(const Json json, ReadJson(path));
+  return Decode(path, json, &DecodeResult);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "pepeseg/v1/training_options.pb.h"
+
+// What server and worker tell each other through the folder of a job:
+//   spec.json            server -> worker: what to do
+//   events.log           progress (event_log.h)
+//   worker.log           the worker's standard output and error
+//   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result
+//   result-FENCE.json    worker -> server: how it ended
+namespace pepeseg {
+
+struct JobSpecFile {
+  std::string name;  // the client's, for matching and errors
+  int kind = 0;      // pepeseg.v1.FileKind
+  std::string path;  // of the bytes
+};
+
+struct JobSpec {
+  std::string job;
+  int64_t fence = 0;
+  std::vector<JobSpecFile> files;
+  v1::TrainingOptions options;  // effective ones
+  int num_threads = 0;
+  int64_t memory_limit = 0;  // bytes of address space; 0: none
+};
+
+struct JobResult {
+  absl::Status status;  // of an error there is nothing else
+  std::map<std::string, double> metrics;
+  int64_t num_gaussians = 0;
+  int64_t num_bytes = 0;  // of the model's files
+};
+
+// How the worker program ends. kFailed and kCancelled come with a result, unless it could not be
+// written; anything else is a crash.
+enum class WorkerExit { kSucceeded = 0, kFailed = 1, kBadSpec = 2, kCancelled = 3 };
+
+// Numbers a JSON reader cannot know, as NaN, are left out of the metrics.
+std::string MetricsToJson(const std::map<std::string, double>& metrics);
+
+// The paths of a job's files.
+class JobFolder {
+ public:
+  explicit JobFolder(std::filesystem::path path) : path_(std::move(path)) {}
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path events() const { return path_ / "events.log"; }
+  std::filesystem::path worker_log() const { return path_ / "worker.log"; }
+  std::filesystem::path attempt(int64_t fence) const;
+  std::filesystem::path reconstruction(int64_t fence) const;
+
+  absl::Status WriteSpec(const JobSpec& spec) const;
+  absl::StatusOr<JobSpec> ReadSpec() const;
+  absl::Status WriteResult(int64_t fence, const JobResult& result) const;
+  absl::StatusOr<JobResult> ReadResult(int64_t fence) const;
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace pepeseg

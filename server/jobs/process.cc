@@ -1,0 +1,96 @@
+#include "server/jobs/process.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/durable_file.h"
+
+namespace pepeseg {
+namespace {
+
+// posix_spawn's settings, freed with their scope.
+struct SpawnSettings {
+  SpawnSettings() {
+    posix_spawn_file_actions_init(&files);
+    posix_spawnattr_init(&attributes);
+  }
+  ~SpawnSettings() {
+    posix_spawn_file_actions_destroy(&files);
+    posix_spawnattr_destroy(&attributes);
+  }
+  SpawnSettings(const SpawnSettings&) = delete;
+  SpawnSettings& operator=(const SpawnSettings&) = delete;
+
+  posix_spawn_file_actions_t files{};
+  posix_spawnattr_t attributes{};
+};
+
+void Isolate(SpawnSettings& settings, const std::filesystem::path& log) {
+  posix_spawn_file_actions_addopen(&settings.files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&settings.files, STDOUT_FILENO, log.c_str(),
+                                   O_WRONLY | O_CREAT | O_APPEND, 0644);
+  posix_spawn_file_actions_adddup2(&settings.files, STDOUT_FILENO, STDERR_FILENO);
+  posix_spawn_file_actions_addclosefrom_np(&settings.files, STDERR_FILENO + 1);
+  sigset_t none;
+  sigemptyset(&none);
+  posix_spawnattr_setsigmask(&settings.attributes, &none);
+  sigset_t all;
+  sigfillset(&all);
+  posix_spawnattr_setsigdefault(&settings.attributes, &all);
+  posix_spawnattr_setpgroup(&settings.attributes, 0);
+  posix_spawnattr_setflags(&settings.attributes,
+                           POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Command& command) {
+  SpawnSettings settings;
+  Isolate(settings, command.log);
+  std::vector<std::string> words = {command.program.string()};
+  words.insert(words.end(), command.arguments.begin(), command.arguments.end());
+  std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  pid_t pid = 0;
+  const int error = posix_spawn(&pid, command.program.c_str(), &settings.files,
+                                &settings.attributes, argv.data(), environ);
+  if (error != 0) return FileError(command.program, "launch", error);
+  return std::unique_ptr<WorkerProcess>(new WorkerProcess(pid));
+}
+
+WorkerProcess::~WorkerProcess() {
+  if (Poll()) return;
+  Signal(SIGKILL);
+  int status = 0;
+  while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+  }
+}
+
+std::optional<WorkerProcess::End> WorkerProcess::Poll() {
+  int status = 0;
+  if (!end_ && waitpid(pid_, &status, WNOHANG) == pid_) {
+    end_ = WIFSIGNALED(status) ? End{0, WTERMSIG(status)} : End{WEXITSTATUS(status), 0};
+  }
+  return end_;
+}
+
+void WorkerProcess::Signal(int signal) const {
+  // Once reaped, its number may be another process's.
+  if (!end_) kill(pid_, signal);
+}
+
+std::string Describe(const WorkerProcess::End& end) {
+  if (end.signal == 0) return absl::StrCat("exited with code ", end.exit_code);
+  return absl::StrCat("was killed by signal ", end.signal, " (", strsignal(end.signal), ")");
+}
+
+}  // namespace pepeseg

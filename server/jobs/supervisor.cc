@@ -1,0 +1,63 @@
+#include "server/jobs/supervisor.h"
+
+#include <unistd.h>
+
+#include "core/status_macros.h"
+#include "server/jobs/supervisor_loop.h"
+
+namespace pepeseg {
+
+Supervisor::Supervisor(std::unique_ptr<Loop> loop) : loop_(std::move(loop)) {}
+Supervisor::~Supervisor() = default;
+
+absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
+                                                              SupervisorOptions options) {
+  if (access(options.worker.c_str(), X_OK) != 0) {
+    return absl::NotFoundError(options.worker.string() + ": no program to run jobs with");
+  }
+  auto loop = std::make_unique<Loop>(store, std::move(options));
+  RETURN_IF_ERROR(loop->Recover());
+  loop->StartThread();
+  return std::unique_ptr<Supervisor>(new Supervisor(std::move(loop)));
+}
+
+absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
+  ASSIGN_OR_RETURN(JobRow made, loop_->store().CreateJob(job));
+  loop_->Wake();
+  return made;
+}
+
+absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
+  ASSIGN_OR_RETURN(JobRow row, loop_->store().RequestCancel(job));
+  if (row.cancel_requested) loop_->WishCancel(row.id);
+  return row;
+}
+
+void Supervisor::StopClaiming() { loop_->WishNoClaims(); }
+
+void Supervisor::Stop(absl::Time deadline) { loop_->StopThread(deadline); }
+
+EventLogReader Supervisor::ReadEvents(const std::string& job, int64_t after_sequence) const {
+  return EventLogReader(loop_->FolderOf(job).events(), after_sequence);
+}
+
+absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job) const {
+  if (std::optional<Newest> running = loop_->FindRunning(job)) return *running;
+  Newest newest;
+  EventLogReader reader = ReadEvents(job, 0);
+  while (true) {
+    ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, reader.Read());
+    if (events.empty()) return newest;
+    newest.sequence = events.back().sequence();
+    for (const v1::JobEvent& event : events) {
+      if (event.has_progress()) newest.progress = event.progress();
+    }
+  }
+}
+
+std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,
+                                                        std::function<void()> changed) {
+  return loop_->watches().Add(job, std::move(changed));
+}
+
+}  // namespace pepeseg

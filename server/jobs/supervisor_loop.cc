@@ -1,0 +1,212 @@
+#include "server/jobs/supervisor_loop.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+
+Supervisor::Loop::Loop(Store& store, SupervisorOptions options)
+    : store_(store), options_(std::move(options)) {}
+
+Supervisor::Loop::~Loop() { StopThread(absl::Now()); }
+
+JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
+  return JobFolder(options_.data_folder / "jobs" / job);
+}
+
+absl::Status Supervisor::Loop::Recover() {
+  ASSIGN_OR_RETURN(const std::vector<JobRow> broken_off, store_.ListRunningJobs());
+  for (JobRow job : broken_off) {
+    if (job.fence >= options_.max_attempts) {
+      ASSIGN_OR_RETURN(job, store_.EndJob(job.id, job.fence,
+                                          absl::AbortedError(absl::StrCat(
+                                              "the server stopped during each of the job's ",
+                                              job.fence, " attempts"))));
+    } else {
+      ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, job.fence));
+    }
+    spdlog::warn("jobs/{}: attempt {} was broken off by a stop of the server", job.id, job.fence);
+    RETURN_IF_ERROR(AppendState(FolderOf(job.id), job));
+  }
+  return absl::OkStatus();
+}
+
+void Supervisor::Loop::StartThread() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void Supervisor::Loop::Wake() {
+  const std::lock_guard lock(mutex_);
+  woken_ = true;
+  wake_.notify_all();
+}
+
+void Supervisor::Loop::WishCancel(const std::string& job) {
+  {
+    const std::lock_guard lock(mutex_);
+    cancels_.insert(job);
+  }
+  Wake();
+}
+
+void Supervisor::Loop::WishNoClaims() {
+  const std::lock_guard lock(mutex_);
+  claiming_ = false;
+}
+
+void Supervisor::Loop::StopThread(absl::Time deadline) {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    stop_deadline_ = std::min(stop_deadline_, deadline);
+  }
+  Wake();
+  if (thread_.joinable()) thread_.join();
+}
+
+std::optional<Supervisor::Newest> Supervisor::Loop::FindRunning(const std::string& job) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = newest_.find(job);
+  return found == newest_.end() ? std::nullopt : std::optional(found->second);
+}
+
+void Supervisor::Loop::Run() {
+  do {
+    FollowJobs();
+    ApplyCancels();
+    FinishJobs(/*requeue=*/false);
+    Claim();
+  } while (WaitForWork());
+  EndAll();
+}
+
+void Supervisor::Loop::Claim() {
+  while (running_.size() < static_cast<size_t>(options_.num_slots)) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!claiming_ || stopping_) return;
+    }
+    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob();
+    if (!job.ok()) spdlog::error("claiming a job: {}", job.status().ToString());
+    if (!job.ok() || !job->has_value()) return;
+    StartJob(**job);
+  }
+}
+
+void Supervisor::Loop::StartJob(const JobRow& job) {
+  absl::StatusOr<std::unique_ptr<RunningJob>> started = RunningJob::Start({store_, options_}, job);
+  if (started.ok()) {
+    Publish(**started);
+    running_.push_back(std::move(started).value());
+  } else {
+    spdlog::error("jobs/{}: did not start: {}", job.id, started.status().ToString());
+    const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, started.status());
+    if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
+  }
+  watches_.Notify(job.id);
+}
+
+void Supervisor::Loop::Publish(const RunningJob& running) {
+  const std::lock_guard lock(mutex_);
+  newest_[running.job().id] = {running.sequence(), running.progress()};
+}
+
+void Supervisor::Loop::FollowJobs() {
+  for (const auto& running : running_) {
+    if (!running->FollowLog()) continue;
+    Publish(*running);
+    watches_.Notify(running->job().id);
+  }
+}
+
+void Supervisor::Loop::ApplyCancels() {
+  std::set<std::string> cancels;
+  {
+    const std::lock_guard lock(mutex_);
+    cancels = cancels_;
+  }
+  for (const auto& running : running_) {
+    const std::string& job = running->job().id;
+    if (cancels.erase(job) != 0) running->Terminate(options_.cancel_grace);
+  }
+  // The others had no worker yet, or have none any more.
+  for (const std::string& job : cancels) {
+    TellCancelled(job);
+    const std::lock_guard lock(mutex_);
+    cancels_.erase(job);
+  }
+}
+
+// Cancelled in the queue: its log does not know yet.
+void Supervisor::Loop::TellCancelled(const std::string& job) {
+  const absl::StatusOr<JobRow> row = store_.GetJob(job);
+  if (!row.ok() || row->state != JobState::kCancelled) return;
+  v1::JobState newest = v1::JOB_STATE_UNSPECIFIED;
+  EventLogReader log(FolderOf(job).events());
+  while (true) {
+    const absl::StatusOr<std::vector<v1::JobEvent>> events = log.Read();
+    if (!events.ok() || events->empty()) break;
+    for (const v1::JobEvent& event : *events) {
+      if (event.has_state_changed()) newest = event.state_changed().state();
+    }
+  }
+  if (newest == v1::JOB_STATE_CANCELLED) return;
+  const absl::Status told = AppendState(FolderOf(job), *row);
+  if (!told.ok()) spdlog::error("jobs/{}: {}", job, told.ToString());
+  watches_.Notify(job);
+}
+
+void Supervisor::Loop::FinishJobs(bool requeue) {
+  for (auto next = running_.begin(); next != running_.end();) {
+    const auto running = next++;
+    if (!(*running)->Ended()) continue;
+    const std::string job = (*running)->job().id;
+    const absl::Status finished = (*running)->Finish(requeue);
+    // The store may be out of order for a while (a full disk): the end is written when it is back.
+    // ABORTED: another server took the job over, and will tell.
+    if (!finished.ok()) spdlog::error("jobs/{}: writing its end: {}", job, finished.ToString());
+    if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) continue;
+    running_.erase(running);
+    {
+      const std::lock_guard lock(mutex_);
+      cancels_.erase(job);
+      newest_.erase(job);
+    }
+    watches_.Notify(job);
+  }
+}
+
+bool Supervisor::Loop::WaitForWork() {
+  std::unique_lock lock(mutex_);
+  const auto woken = [this] { return woken_ || stopping_; };
+  if (running_.empty()) {
+    wake_.wait(lock, woken);
+  } else {
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(options_.poll), woken);
+  }
+  woken_ = false;
+  return !stopping_;
+}
+
+void Supervisor::Loop::EndAll() {
+  while (!running_.empty()) {
+    absl::Time deadline;
+    {
+      const std::lock_guard lock(mutex_);
+      deadline = stop_deadline_;
+    }
+    FollowJobs();
+    for (const auto& running : running_) running->Terminate(deadline - absl::Now());
+    FinishJobs(/*requeue=*/true);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    // A store that stays out of order must not hold the server: Recover() does the rest.
+    if (absl::Now() > deadline + absl::Seconds(5)) running_.clear();
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <condition_variable>
+#include <list>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "server/jobs/running_job.h"
+#include "server/jobs/store.h"
+#include "server/jobs/supervisor.h"
+#include "server/jobs/watch_list.h"
+
+namespace pepeseg {
+
+// The supervisor's thread and what it shares with its callers. Only that thread touches running
+// jobs: others leave a wish under the mutex and wake it.
+class Supervisor::Loop {
+ public:
+  Loop(Store& store, SupervisorOptions options);
+  ~Loop();
+
+  Store& store() { return store_; }
+  JobFolder FolderOf(const std::string& job) const;
+  WatchList& watches() { return watches_; }
+
+  // Queues again what a stop of the server broke off.
+  absl::Status Recover();
+  void StartThread();
+
+  void Wake();
+  // Of a job for which the store has noted the cancellation.
+  void WishCancel(const std::string& job);
+  void WishNoClaims();
+  void StopThread(absl::Time deadline);
+  // Of a job that runs here.
+  std::optional<Newest> FindRunning(const std::string& job) const;
+
+ private:
+  void Run();
+  void Claim();
+  void StartJob(const JobRow& job);
+  void FollowJobs();
+  void ApplyCancels();
+  void TellCancelled(const std::string& job);
+  void FinishJobs(bool requeue);
+  void Publish(const RunningJob& running);
+  bool WaitForWork();  // false: time to stop
+  void EndAll();
+
+  Store& store_;
+  const SupervisorOptions options_;
+  WatchList watches_;
+  std::list<std::unique_ptr<RunningJob>> running_;  // the thread's own
+
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable wake_;
+  bool woken_ = false;
+  bool claiming_ = true;
+  bool stopping_ = false;
+  absl::Time stop_deadline_ = absl::InfiniteFuture();
+  std::set<std::string> cancels_;
+  std::map<std::string, Newest> newest_;
+
+  std::thread thread_;
+};
+
+}  // namespace pepeseg

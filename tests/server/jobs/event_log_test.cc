@@ -1,0 +1,130 @@
+#include "server/jobs/event_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "server/jobs/crc32c.h"
+#include "tests/server/jobs/scratch_folder.h"
+
+namespace pepeseg {
+namespace {
+
+v1::JobEvent Warning(const std::string& message) {
+  v1::JobEvent event;
+  event.mutable_warning()->set_message(message);
+  return event;
+}
+
+class EventLogTest : public ::testing::Test {
+ protected:
+  EventLogTest() : path_(folder_.path() / "events.log") {}
+
+  void Append(const std::vector<std::string>& messages) {
+    auto writer = EventLogWriter::Open(path_);
+    ASSERT_TRUE(writer.ok()) << writer.status();
+    for (const std::string& message : messages) {
+      ASSERT_TRUE((*writer)->Append(Warning(message)).ok());
+    }
+  }
+
+  // "1:first" and so on.
+  static std::vector<std::string> Told(const std::vector<v1::JobEvent>& events) {
+    std::vector<std::string> told;
+    for (const v1::JobEvent& event : events) {
+      told.push_back(std::to_string(event.sequence()) + ":" + event.warning().message());
+    }
+    return told;
+  }
+
+  std::vector<std::string> ReadAll(int64_t after = 0) {
+    EventLogReader reader(path_, after);
+    const auto events = reader.Read();
+    EXPECT_TRUE(events.ok()) << events.status();
+    return Told(*events);
+  }
+
+  void Flip(int64_t offset) {
+    std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(offset);
+    const auto byte = static_cast<char>(file.get() ^ 0x10);
+    file.seekp(offset);
+    file.put(byte);
+  }
+
+  ScratchFolder folder_;
+  std::filesystem::path path_;
+};
+
+using ::testing::ElementsAre;
+
+TEST(Crc32c, MatchesThePublishedCheckValues) {
+  EXPECT_EQ(Crc32c("123456789"), 0xe3069283u);            // the catalogue's check value
+  EXPECT_EQ(Crc32c(std::string(32, '\0')), 0x8a9136aau);  // RFC 3720, B.4
+  EXPECT_EQ(Crc32c(std::string(32, '\xff')), 0x62a8ab43u);
+  EXPECT_EQ(Crc32c(std::string("6789"), Crc32c("12345")), 0xe3069283u);
+}
+
+TEST_F(EventLogTest, NumbersEventsAcrossWriters) {
+  Append({"a", "b"});
+  Append({"c"});
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b", "3:c"));
+  EXPECT_THAT(ReadAll(/*after=*/2), ElementsAre("3:c"));
+}
+
+TEST_F(EventLogTest, GivesEventsTheirTime) {
+  Append({"a"});
+  EventLogReader reader(path_);
+  EXPECT_NEAR(reader.Read()->at(0).time().seconds(), time(nullptr), 60);
+}
+
+TEST_F(EventLogTest, ReaderFollowsTheWriter) {
+  EventLogReader reader(path_);
+  EXPECT_TRUE(reader.Read()->empty());  // not there yet
+  auto writer = EventLogWriter::Open(path_);
+  ASSERT_TRUE((*writer)->Append(Warning("a")).ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_TRUE(reader.Read()->empty());
+  ASSERT_TRUE((*writer)->Append(Warning("b")).ok());
+  ASSERT_TRUE((*writer)->Append(Warning("c")).ok());
+  EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("2:b"));
+  EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("3:c"));
+}
+
+TEST_F(EventLogTest, TornTailIsNotThereYetAndIsCutByTheNextWriter) {
+  Append({"a", "b"});
+  const auto whole = std::filesystem::file_size(path_);
+  Append({"torn"});
+  // Every cut through the last record: within its header, its payload, and before its last byte.
+  for (auto size = std::filesystem::file_size(path_) - 1; size > whole; --size) {
+    std::filesystem::resize_file(path_, size);
+    EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b")) << size;
+  }
+  Append({"c"});
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b", "3:c"));
+}
+
+TEST_F(EventLogTest, FlippedByteIsToldAfterWhatIsBeforeIt) {
+  Append({"a"});
+  const auto first = static_cast<int64_t>(std::filesystem::file_size(path_));
+  Append({"b", "c"});
+  Flip(first + 10);
+  EventLogReader reader(path_);
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  const auto broken = reader.Read().status();
+  EXPECT_EQ(broken.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(broken.message()), ::testing::HasSubstr(path_.string()));
+  Append({"d"});
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:d"));
+}
+
+TEST_F(EventLogTest, AbsurdLengthAllocatesNothing) {
+  Append({"a"});
+  Flip(3);  // the highest byte of the length: 256 MiB
+  EventLogReader reader(path_);
+  EXPECT_EQ(reader.Read().status().code(), absl::StatusCode::kDataLoss);
+}
+
+}  // namespace
+}  // namespace pepeseg

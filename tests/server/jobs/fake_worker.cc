@@ -1,0 +1,83 @@
+// Stands in for pepeseg-worker in the supervisor's tests: speaks the same protocol through the
+// job's folder, and does what the name of the dataset's first file says.
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_folder.h"
+
+namespace pepeseg {
+namespace {
+
+volatile std::sig_atomic_t terminated = 0;
+
+void OnTerminate(int) { terminated = 1; }
+
+int End(const JobFolder& folder, int64_t fence, WorkerExit exit, const JobResult& result) {
+  return folder.WriteResult(fence, result).ok() ? static_cast<int>(exit) : 99;
+}
+
+int HangUntilTerminated(const JobFolder& folder, int64_t fence) {
+  while (terminated == 0) usleep(1000);
+  JobResult result;
+  result.status = absl::CancelledError("stopped at step 3");
+  return End(folder, fence, WorkerExit::kCancelled, result);
+}
+
+int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
+  if (act == "fail") {
+    JobResult result;
+    result.status = absl::InvalidArgumentError("images/bad.jpg: it is no photograph");
+    return End(folder, fence, WorkerExit::kFailed, result);
+  }
+  if (act == "crash") std::abort();
+  if (act == "exit42") return 42;
+  if (act == "lie") return 0;  // says that all is well, and leaves no result
+  if (act == "hang") return HangUntilTerminated(folder, fence);
+  if (act == "deaf") {
+    std::signal(SIGTERM, SIG_IGN);
+    while (true) usleep(1000);
+  }
+  if (act == "hang once" && fence == 1) return HangUntilTerminated(folder, fence);
+  JobResult result;
+  result.metrics["psnr"] = 20.5;
+  result.num_gaussians = 7;
+  std::filesystem::create_directories(folder.attempt(fence));
+  std::ofstream(folder.attempt(fence) / "gaussians.ply") << "ply";
+  return End(folder, fence, WorkerExit::kSucceeded, result);
+}
+
+int Run(const std::string& path) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  std::signal(SIGTERM, OnTerminate);
+  const JobFolder folder(path);
+  const auto spec = folder.ReadSpec();
+  auto log = EventLogWriter::Open(folder.events());
+  if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
+  std::fprintf(stderr, "the fake worker writes to its log\n");
+  v1::JobEvent event;
+  event.mutable_stage_started()->set_stage("reconstruct");
+  if (!(*log)->Append(event).ok()) return 97;
+  for (int step = 1; step <= 3; ++step) {
+    event.mutable_progress()->set_stage("reconstruct");
+    event.mutable_progress()->set_step(step);
+    event.mutable_progress()->set_num_steps(10);
+    if (!(*log)->Append(event).ok()) return 97;
+  }
+  return Act(spec->files[0].name, folder, spec->fence);
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  const std::string flag = argc == 2 ? argv[1] : "";
+  return flag.starts_with("--job=") ? pepeseg::Run(flag.substr(6)) : 96;
+}

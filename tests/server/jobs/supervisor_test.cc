@@ -1,0 +1,276 @@
+#include "server/jobs/supervisor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/jobs/job_folder.h"
+#include "tests/server/jobs/scratch_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+class SupervisorTest : public ::testing::Test {
+ protected:
+  SupervisorTest() {
+    store_ = Store::Open("sqlite:" + (folder_.path() / "store.db").string()).value();
+    Restart();
+  }
+
+  void Restart() {
+    supervisor_.reset();
+    SupervisorOptions options;
+    options.data_folder = folder_.path();
+    options.worker = PEPESEG_FAKE_WORKER;
+    options.file_path = [](const DatasetFileRow& file) { return "/blobs/" + file.sha256; };
+    options.cancel_grace = absl::Milliseconds(300);
+    options.max_attempts = 2;
+    auto supervisor = Supervisor::Start(*store_, options);
+    ASSERT_TRUE(supervisor.ok()) << supervisor.status();
+    supervisor_ = std::move(supervisor).value();
+  }
+
+  // A job of a scene of its own, whose worker does what `act` says.
+  std::string Submit(const std::string& act) {
+    const std::string scene = absl::StrCat("s", ++num_scenes_);
+    EXPECT_TRUE(store_->CreateScene({scene, "", "", {}}).ok());
+    EXPECT_TRUE(store_->CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
+    EXPECT_TRUE(store_->SealDataset(scene, 1).ok());
+    JobRow job;
+    job.scene = scene;
+    job.dataset = 1;
+    const auto submitted = supervisor_->Submit(job);
+    EXPECT_TRUE(submitted.ok()) << submitted.status();
+    return submitted.ok() ? submitted->id : "";
+  }
+
+  JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
+    for (int i = 0; i < 2000; ++i) {
+      const auto row = store_->GetJob(job);
+      if (row.ok() && reached(*row)) return *row;
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "jobs/" << job << " did not get there within 20 s";
+    return store_->GetJob(job).value_or(JobRow());
+  }
+
+  JobRow WaitForEnd(const std::string& job) {
+    return WaitFor(job, [](const JobRow& row) { return IsTerminal(row.state); });
+  }
+
+  void WaitForStage(const std::string& job) {
+    WaitFor(job, [](const JobRow& row) { return row.stage == "reconstruct"; });
+  }
+
+  // The supervisor's writes: the store first, then the log. Waits for the second.
+  std::vector<v1::JobEvent> EventsOf(const std::string& job) {
+    for (int i = 0; i < 500; ++i) {
+      EventLogReader reader = supervisor_->ReadEvents(job, 0);
+      const auto events = reader.Read();
+      if (events.ok() && !events->empty() && events->back().has_state_changed() &&
+          events->back().state_changed().state() > v1::JOB_STATE_RUNNING) {
+        return *events;
+      }
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "jobs/" << job << ": no last event within 5 s";
+    return {};
+  }
+
+  ScratchFolder folder_;
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<Supervisor> supervisor_;
+  int num_scenes_ = 0;
+};
+
+TEST_F(SupervisorTest, CommitsTheModelOfAJobThatSucceeds) {
+  const std::string job = Submit("succeed");
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  const auto model = store_->GetLiveModel(end.scene);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->number, end.model);
+  EXPECT_EQ(model->folder, "jobs/" + job + "/attempt-1");
+  EXPECT_EQ(model->metrics, R"({"psnr":20.5})");
+  EXPECT_EQ(model->num_gaussians, 7);
+  EXPECT_TRUE(std::filesystem::exists(folder_.path() / model->folder / "gaussians.ply"));
+}
+
+TEST_F(SupervisorTest, LogTellsTheWholeStory) {
+  const std::string job = Submit("succeed");
+  WaitForEnd(job);
+  const auto events = EventsOf(job);
+  ASSERT_EQ(events.size(), 6u);  // RUNNING, stage, three steps, SUCCEEDED
+  for (size_t i = 0; i < events.size(); ++i) {
+    EXPECT_EQ(events[i].sequence(), static_cast<int64_t>(i) + 1);
+  }
+  EXPECT_EQ(events[0].state_changed().state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(events[1].stage_started().stage(), "reconstruct");
+  EXPECT_EQ(events[4].progress().step(), 3);
+  EXPECT_EQ(events[5].state_changed().model(), "scenes/s1/models/1");
+  const auto newest = supervisor_->FindNewest(job);
+  ASSERT_TRUE(newest.ok()) << newest.status();
+  EXPECT_EQ(newest->sequence, 6);
+  EXPECT_EQ(newest->progress->step(), 3);
+}
+
+TEST_F(SupervisorTest, WatchIsToldOfTheEnd) {
+  const std::string job = Submit("hang");
+  WaitForStage(job);
+  std::atomic<int> num_calls = 0;
+  std::atomic<int> num_others = 0;
+  const auto watch = supervisor_->AddWatch(job, [&] { ++num_calls; });
+  const auto other = supervisor_->AddWatch("j99", [&] { ++num_others; });
+  ASSERT_TRUE(supervisor_->Cancel(job).ok());
+  EventsOf(job);
+  for (int i = 0; i < 500 && num_calls == 0; ++i) absl::SleepFor(absl::Milliseconds(10));
+  EXPECT_GE(num_calls, 1);
+  EXPECT_EQ(num_others, 0);
+}
+
+TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
+  const JobRow end = WaitForEnd(Submit("fail"));
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_EQ(end.error_code, static_cast<int>(absl::StatusCode::kInvalidArgument));
+  EXPECT_EQ(end.error_message, "images/bad.jpg: it is no photograph");
+  const auto events = EventsOf(end.id);
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events.back().state_changed().error().message(), end.error_message);
+}
+
+TEST_F(SupervisorTest, CrashFailsTheJobAndTheNextOneRuns) {
+  const std::string crash = Submit("crash");
+  const std::string next = Submit("succeed");
+  const JobRow end = WaitForEnd(crash);
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_THAT(end.error_message, HasSubstr("signal 6"));
+  EXPECT_THAT(end.error_message, HasSubstr("stage 'reconstruct' at step 3 of 10"));
+  EXPECT_THAT(end.error_message, HasSubstr("the fake worker writes to its log"));
+  EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
+}
+
+TEST_F(SupervisorTest, ExitWithoutAResultIsACrash) {
+  EXPECT_THAT(WaitForEnd(Submit("exit42")).error_message, HasSubstr("exited with code 42"));
+  const JobRow lie = WaitForEnd(Submit("lie"));
+  EXPECT_EQ(lie.state, JobState::kFailed);
+  EXPECT_THAT(lie.error_message, HasSubstr("exited with code 0"));
+}
+
+// The worker's process: the child of this one whose command line has the job's folder.
+pid_t FindWorker(const std::string& folder) {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream file(entry.path() / "cmdline");
+    const std::string words((std::istreambuf_iterator<char>(file)), {});
+    if (words.find("--job=" + folder) != std::string::npos) {
+      return std::stoi(entry.path().filename());
+    }
+  }
+  return 0;
+}
+
+TEST_F(SupervisorTest, KilledWorkerFailsItsJobAndTheNextOneRuns) {
+  const std::string job = Submit("hang");
+  const std::string next = Submit("succeed");
+  WaitForStage(job);
+  const pid_t worker = FindWorker((folder_.path() / "jobs" / job).string());
+  ASSERT_GT(worker, 0);
+  ASSERT_EQ(kill(worker, SIGKILL), 0);
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_THAT(end.error_message, HasSubstr("signal 9"));
+  EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
+}
+
+TEST_F(SupervisorTest, CancelsAQueuedJobAtOnce) {
+  const std::string running = Submit("hang");
+  const std::string queued = Submit("succeed");
+  WaitForStage(running);
+  EXPECT_EQ(supervisor_->Cancel(queued)->state, JobState::kCancelled);
+  const auto events = EventsOf(queued);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].state_changed().state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(store_->GetJob(running)->state, JobState::kRunning);
+}
+
+TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
+  const std::string job = Submit("hang");
+  WaitForStage(job);
+  const absl::Time start = absl::Now();
+  EXPECT_EQ(supervisor_->Cancel(job)->state, JobState::kRunning);
+  const JobRow end = WaitForEnd(job);
+  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+  EXPECT_EQ(end.state, JobState::kCancelled);
+  EXPECT_EQ(supervisor_->Cancel(job)->state, JobState::kCancelled);
+}
+
+TEST_F(SupervisorTest, KillsAWorkerThatIgnoresTheCancel) {
+  const std::string job = Submit("deaf");
+  WaitForStage(job);
+  absl::SleepFor(absl::Milliseconds(50));  // for the worker to become deaf
+  ASSERT_TRUE(supervisor_->Cancel(job).ok());
+  EXPECT_EQ(WaitForEnd(job).state, JobState::kCancelled);
+}
+
+TEST_F(SupervisorTest, StopQueuesRunningJobsForTheNextStart) {
+  const std::string job = Submit("hang once");
+  const std::string waiting = Submit("succeed");
+  WaitForStage(job);
+  supervisor_->Stop(absl::Now() + absl::Seconds(5));
+  EXPECT_EQ(store_->GetJob(job)->state, JobState::kQueued);
+  EXPECT_EQ(store_->GetJob(waiting)->state, JobState::kQueued);
+  Restart();
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 2);
+  EXPECT_EQ(WaitForEnd(waiting).state, JobState::kSucceeded);
+}
+
+TEST_F(SupervisorTest, StopTakesNoNewJobs) {
+  supervisor_->StopClaiming();
+  const std::string job = Submit("succeed");
+  absl::SleepFor(absl::Milliseconds(200));
+  EXPECT_EQ(store_->GetJob(job)->state, JobState::kQueued);
+}
+
+// A server that is killed leaves its job RUNNING in the store.
+TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
+  supervisor_->StopClaiming();
+  const std::string job = Submit("succeed");
+  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  Restart();
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 2);
+}
+
+TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
+  supervisor_->StopClaiming();
+  const std::string job = Submit("succeed");
+  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE(store_->RequeueJob(job, 1).ok());
+  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  Restart();  // the second of two attempts is over
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_THAT(end.error_message, HasSubstr("server stopped"));
+}
+
+TEST(Supervisor, NeedsItsWorker) {
+  const ScratchFolder folder;
+  const auto store = Store::Open("sqlite:" + (folder.path() / "store.db").string()).value();
+  SupervisorOptions options;
+  options.data_folder = folder.path();
+  options.worker = folder.path() / "nobody";
+  EXPECT_EQ(Supervisor::Start(*store, options).status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace pepeseg
