@@ -1,6 +1,7 @@
 #include "server/jobs/running_job.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -60,7 +61,8 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   RETURN_IF_ERROR(running->WriteSpec());
   ASSIGN_OR_RETURN(running->process_,
                    WorkerProcess::Launch({context.options.worker,
-                                          {absl::StrCat("--job=", folder.path().string())},
+                                          {absl::StrCat("--job=", folder.path().string()),
+                                           absl::StrCat("--parent=", getpid())},
                                           folder.worker_log()}));
   spdlog::info("jobs/{}: attempt {} runs as process {}", job.id, job.fence,
                running->process_->pid());

@@ -78,6 +78,6 @@ int Run(const std::string& path) {
 }  // namespace pepeseg
 
 int main(int argc, char** argv) {
-  const std::string flag = argc == 2 ? argv[1] : "";
+  const std::string flag = argc > 1 ? argv[1] : "";
   return flag.starts_with("--job=") ? pepeseg::Run(flag.substr(6)) : 96;
 }

@@ -1,0 +1,244 @@
+#include "server/jobs/worker_job.h"
+
+#include <google/protobuf/util/json_util.h>
+#include <spdlog/spdlog.h>
+#include <sys/resource.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "core/evaluate/metrics.h"
+#include "core/features/train_features.h"
+#include "core/io/import.h"
+#include "core/io/model_file.h"
+#include "core/reconstruct/reconstruct.h"
+#include "core/status_macros.h"
+#include "kernels/backend.h"
+#include "server/convert.h"
+#include "server/jobs/durable_file.h"
+#include "server/jobs/worker_progress.h"
+
+namespace pepeseg {
+namespace {
+
+// More would drown the log; the rest is counted.
+constexpr size_t kMaxWarnings = 100;
+
+// What the stages hand on.
+class Training {
+ public:
+  Training(const WorkerJob& job, TrainingSettings settings)
+      : job_(job),
+        settings_(std::move(settings)),
+        backend_(MakeCpuBackend(job.spec.num_threads)),
+        progress_(job.log) {}
+
+  absl::Status Prepare();
+  absl::Status ReconstructScene();
+  absl::Status TrainSceneFeatures();
+  absl::StatusOr<JobResult> Index();
+
+ private:
+  absl::StatusOr<std::vector<DatasetFile>> Files() const;
+  absl::Status Step(const StepReport& report);
+  absl::StatusOr<Gaussians> ReconstructOrResume();
+  std::optional<Gaussians> FindEarlierReconstruction() const;
+  absl::Status ScoreScene();
+  absl::Status CheckDevice() const;
+  absl::Status StartStage(const std::string& stage);
+  absl::Status EndStage(std::map<std::string, double> metrics);
+  void DescribeModel();
+
+  const WorkerJob& job_;
+  TrainingSettings settings_;
+  std::unique_ptr<Backend> backend_;
+  WorkerProgress progress_;
+  std::string stage_;
+  Capture capture_;
+  Model model_;
+};
+
+absl::Status Training::StartStage(const std::string& stage) {
+  stage_ = stage;
+  if (job_.stop.stop) return absl::CancelledError("stopped before stage " + stage);
+  spdlog::info("stage {} begins", stage);
+  return progress_.StartStage(stage);
+}
+
+absl::Status Training::EndStage(std::map<std::string, double> metrics) {
+  const double seconds = progress_.seconds_in_stage();
+  spdlog::info("stage {} took {:.2f} s", stage_, seconds);
+  metrics["seconds_" + stage_] = seconds;
+  for (const auto& [name, value] : metrics) model_.metrics[name] = value;
+  return progress_.EndStage(metrics);
+}
+
+absl::Status Training::CheckDevice() const {
+  if (backend_->error().empty()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("stage ", stage_, ": ", backend_->error()));
+}
+
+absl::StatusOr<std::vector<DatasetFile>> Training::Files() const {
+  std::vector<DatasetFile> files;
+  for (const JobSpecFile& file : job_.spec.files) {
+    ASSIGN_OR_RETURN(const FileKind kind, FileKindFromProto(static_cast<v1::FileKind>(file.kind)));
+    files.push_back({kind, file.name, file.path});
+  }
+  return files;
+}
+
+absl::Status Training::Prepare() {
+  RETURN_IF_ERROR(StartStage("prepare"));
+  ASSIGN_OR_RETURN(const std::vector<DatasetFile> files, Files());
+  ASSIGN_OR_RETURN(capture_, ImportCapture(files, settings_.import));
+  for (size_t i = 0; i < capture_.warnings.size() && i < kMaxWarnings; ++i) {
+    spdlog::warn("{}", capture_.warnings[i]);
+    RETURN_IF_ERROR(progress_.Warn(capture_.warnings[i]));
+  }
+  if (capture_.warnings.size() > kMaxWarnings) {
+    RETURN_IF_ERROR(progress_.Warn(
+        absl::StrCat("and ", capture_.warnings.size() - kMaxWarnings, " more warnings")));
+  }
+  double num_masks = 0;
+  for (const View& view : capture_.views) num_masks += view.masks.num_masks;
+  return EndStage({{"num_views", static_cast<double>(capture_.views.size())},
+                   {"num_points", static_cast<double>(capture_.points.size())},
+                   {"num_masks", num_masks}});
+}
+
+absl::Status Training::Step(const StepReport& report) {
+  if (job_.stop.stop) {
+    return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
+                                             " of ", report.num_steps));
+  }
+  return progress_.Step(report);
+}
+
+// An earlier attempt of this job may have got so far: same files, options and seed, so the same
+// Gaussians.
+std::optional<Gaussians> Training::FindEarlierReconstruction() const {
+  for (int64_t fence = job_.spec.fence - 1; fence > 0; --fence) {
+    absl::StatusOr<Model> earlier = ReadModel(job_.folder.reconstruction(fence));
+    if (!earlier.ok()) continue;
+    spdlog::info("stage one was done by attempt {}", fence);
+    return std::move(earlier->gaussians);
+  }
+  return std::nullopt;
+}
+
+absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
+  if (std::optional<Gaussians> earlier = FindEarlierReconstruction()) return *std::move(earlier);
+  job_.stop.polled = true;
+  absl::StatusOr<Gaussians> gaussians =
+      Reconstruct(*backend_, capture_, settings_.reconstruct,
+                  [this](const StepReport& report) { return Step(report); });
+  job_.stop.polled = false;
+  RETURN_IF_ERROR(gaussians.status());
+  RETURN_IF_ERROR(CheckDevice());
+  return gaussians;
+}
+
+absl::Status Training::ReconstructScene() {
+  RETURN_IF_ERROR(StartStage("reconstruct"));
+  DescribeModel();
+  ASSIGN_OR_RETURN(model_.gaussians, ReconstructOrResume());
+  RETURN_IF_ERROR(WriteModel(job_.folder.reconstruction(job_.spec.fence), model_));
+  RETURN_IF_ERROR(EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}));
+  return ScoreScene();
+}
+
+absl::Status Training::ScoreScene() {
+  RETURN_IF_ERROR(StartStage("evaluate"));
+  ASSIGN_OR_RETURN(const std::vector<ViewScores> scores,
+                   ScoreHeldOut(*backend_, capture_, model_.gaussians));
+  RETURN_IF_ERROR(CheckDevice());
+  if (scores.empty()) return EndStage({});
+  for (const ViewScores& view : scores) {
+    spdlog::info("{}: PSNR {:.2f} dB, SSIM {:.4f}", view.view, view.scores.psnr, view.scores.ssim);
+  }
+  const ImageScores mean = Mean(scores);
+  return EndStage({{"psnr", mean.psnr}, {"ssim", mean.ssim}});
+}
+
+absl::Status Training::TrainSceneFeatures() {
+  if (model_.metrics["num_masks"] == 0) {
+    spdlog::info("no masks: the model can be rendered, not segmented");
+    return absl::OkStatus();
+  }
+  RETURN_IF_ERROR(StartStage("features"));
+  job_.stop.polled = true;
+  absl::StatusOr<FeatureField> field =
+      TrainFeatures(*backend_, capture_, model_.gaussians, settings_.features,
+                    [this](const StepReport& report) { return Step(report); });
+  job_.stop.polled = false;
+  RETURN_IF_ERROR(field.status());
+  RETURN_IF_ERROR(CheckDevice());
+  model_.field = *std::move(field);
+  return EndStage({});
+}
+
+void Training::DescribeModel() {
+  for (const View& view : capture_.views) {
+    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
+  }
+  model_.scene_radius = SceneRadius(capture_);
+  model_.facts["job"] = job_.spec.job;
+  model_.facts["device"] = backend_->name();
+  model_.facts["version"] = PEPESEG_VERSION;
+  std::string options;
+  if (google::protobuf::util::MessageToJsonString(ToProto(settings_), &options).ok()) {
+    model_.facts["options"] = options;
+  }
+}
+
+// Stage one's results are part of the model now.
+void RemoveReconstructions(const WorkerJob& job) {
+  std::error_code ignored;
+  for (int64_t fence = 1; fence < job.spec.fence; ++fence) {
+    std::filesystem::remove_all(job.folder.attempt(fence), ignored);
+  }
+  std::filesystem::remove_all(job.folder.reconstruction(job.spec.fence), ignored);
+}
+
+absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {
+  int64_t num_bytes = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->is_regular_file(error)) num_bytes += static_cast<int64_t>(entry->file_size(error));
+  }
+  if (error) return FileError(folder, "list", error.value());
+  return num_bytes;
+}
+
+absl::StatusOr<JobResult> Training::Index() {
+  RETURN_IF_ERROR(StartStage("index"));
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
+  const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
+  RETURN_IF_ERROR(WriteModel(folder, model_));
+  RemoveReconstructions(job_);
+  RETURN_IF_ERROR(EndStage({}));
+  JobResult result;
+  result.metrics = model_.metrics;
+  result.num_gaussians = model_.gaussians.count;
+  ASSIGN_OR_RETURN(result.num_bytes, BytesIn(folder));
+  return result;
+}
+
+}  // namespace
+
+absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job) {
+  ASSIGN_OR_RETURN(TrainingSettings settings, TrainingSettingsFromProto(job.spec.options));
+  Training training(job, std::move(settings));
+  RETURN_IF_ERROR(training.Prepare());
+  RETURN_IF_ERROR(training.ReconstructScene());
+  RETURN_IF_ERROR(training.TrainSceneFeatures());
+  return training.Index();
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <atomic>
+
+#include "absl/status/statusor.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_folder.h"
+
+namespace pepeseg {
+
+// What a signal handler may touch.
+struct StopSwitch {
+  std::atomic<bool> stop = false;    // set by the handler: end at the next step
+  std::atomic<bool> polled = false;  // set by the job: somebody looks at `stop` now
+};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+struct WorkerJob {
+  const JobFolder& folder;
+  const JobSpec& spec;
+  EventLogWriter& log;
+  StopSwitch& stop;
+};
+
+// The stages of a training, one after the other: prepare -> reconstruct -> features -> index. The
+// model stands in folder.attempt(spec.fence) when it answers OK. Stage one's result is kept beside
+// it until then, so that an attempt after a stop of the server need not train it again.
+// INVALID_ARGUMENT names the file that is wrong; CANCELLED: `stop` was set.
+absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job);
+
+}  // namespace pepeseg

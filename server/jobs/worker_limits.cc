@@ -1,0 +1,80 @@
+#include "server/jobs/worker_limits.h"
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <fstream>
+#include <string>
+#include <system_error>
+
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+
+// The largest file of a model: 50 M Gaussians of 62 floats.
+constexpr rlim_t kMaxFileBytes = rlim_t{16} << 30;
+// Of each thread. A reference training takes hours; a week is a loop that does not end.
+constexpr rlim_t kMaxSeconds = 7 * 24 * 3600;
+constexpr rlim_t kMaxOpenFiles = 256;
+
+absl::Status Limit(decltype(RLIMIT_AS) resource, rlim_t value) {
+  rlimit limit{};
+  if (getrlimit(resource, &limit) != 0) {
+    return absl::InternalError("getrlimit: " + std::generic_category().message(errno));
+  }
+  limit.rlim_max = std::min(limit.rlim_max, value);
+  limit.rlim_cur = limit.rlim_max;
+  if (setrlimit(resource, &limit) == 0) return absl::OkStatus();
+  return absl::InternalError("setrlimit: " + std::generic_category().message(errno));
+}
+
+rlim_t PhysicalBytes() {
+  return static_cast<rlim_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
+}
+
+}  // namespace
+
+absl::Status LimitResources(int64_t memory_limit, int num_threads) {
+  const rlim_t memory = memory_limit > 0 ? static_cast<rlim_t>(memory_limit) : PhysicalBytes();
+  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_AS, memory));
+  const long threads = num_threads > 0 ? num_threads : sysconf(_SC_NPROCESSORS_ONLN);
+  RETURN_IF_ERROR(Limit(RLIMIT_CPU, kMaxSeconds * static_cast<rlim_t>(std::max(threads, 1L))));
+  RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kMaxFileBytes));
+  RETURN_IF_ERROR(Limit(RLIMIT_NOFILE, kMaxOpenFiles));
+  RETURN_IF_ERROR(Limit(RLIMIT_CORE, 0));
+  // A file over its limit is an error of write(), with a message, and not the end of the process.
+  std::signal(SIGXFSZ, SIG_IGN);
+  return absl::OkStatus();
+}
+
+int64_t MemoryLimit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return 0;
+  return static_cast<int64_t>(limit.rlim_cur);
+}
+
+absl::Status EndWithParent(pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  // It may have ended before that call.
+  if (getppid() != parent) return absl::CancelledError("the server has ended");
+  return absl::OkStatus();
+}
+
+void YieldToServer() {
+  constexpr int kNicer = 5;
+  setpriority(PRIO_PROCESS, 0, kNicer);
+  std::ofstream("/proc/self/oom_score_adj") << 500;
+}
+
+}  // namespace pepeseg

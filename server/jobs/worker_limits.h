@@ -1,0 +1,25 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+
+#include "absl/status/status.h"
+
+namespace pepeseg {
+
+// What keeps a worker, which decodes files that nobody has vouched for, from hurting its machine.
+// `memory_limit`: bytes of address space; 0: as much as the machine has memory. Sanitizers reserve
+// more than any machine has, so built with one there is no such limit.
+absl::Status LimitResources(int64_t memory_limit, int num_threads);
+
+// The limit that LimitResources set, bytes; 0: none.
+int64_t MemoryLimit();
+
+// The worker is killed when `parent` ends; CANCELLED when it has already.
+absl::Status EndWithParent(pid_t parent);
+
+// Queries of the server come first, and the kernel out of memory takes a worker before the server.
+void YieldToServer();
+
+}  // namespace pepeseg

@@ -1,0 +1,111 @@
+// pepeseg-worker: runs one job in a process of its own, so that a crash, or a file that was made to
+// cause one, ends the job and never the service. Started by the supervisor; by hand, without
+// --parent, it runs the job of a folder to its end.
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <string>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "server/jobs/worker_job.h"
+#include "server/jobs/worker_limits.h"
+
+namespace pepeseg {
+namespace {
+
+// The handler's only way to the job.
+StopSwitch stop_switch;
+
+void OnTerminate(int) {
+  // Where nobody polls there is nothing to save either: what counts is written manifest last.
+  if (!stop_switch.polled) _exit(static_cast<int>(WorkerExit::kCancelled));
+  stop_switch.stop = true;
+}
+
+struct Arguments {
+  std::string folder;
+  pid_t parent = 0;
+};
+
+bool Parse(int argc, char** argv, Arguments* arguments) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word.starts_with("--job=")) {
+      arguments->folder = word.substr(std::strlen("--job="));
+    } else if (!word.starts_with("--parent=") ||
+               !absl::SimpleAtoi(word.substr(std::strlen("--parent=")), &arguments->parent)) {
+      return false;
+    }
+  }
+  return !arguments->folder.empty();
+}
+
+absl::StatusOr<JobResult> RunWithinMemory(const WorkerJob& job) {
+  try {
+    return RunWorkerJob(job);
+  } catch (const std::bad_alloc&) {
+    // Thrown by the standard library, not by us; caught where the job can still say so.
+    return absl::ResourceExhaustedError(
+        absl::StrCat("out of memory: the job may take ", MemoryLimit() >> 20,
+                     " MiB; smaller images (image_scale) or fewer Gaussians take less"));
+  }
+}
+
+WorkerExit ExitOf(const absl::Status& status) {
+  if (status.ok()) return WorkerExit::kSucceeded;
+  return absl::IsCancelled(status) ? WorkerExit::kCancelled : WorkerExit::kFailed;
+}
+
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec) {
+  absl::StatusOr<std::unique_ptr<EventLogWriter>> log = EventLogWriter::Open(folder.events());
+  JobResult result;
+  result.status = log.status();
+  if (log.ok()) {
+    absl::StatusOr<JobResult> made = RunWithinMemory({folder, spec, **log, stop_switch});
+    if (made.ok()) {
+      result = *std::move(made);
+    } else {
+      result.status = made.status();
+    }
+  }
+  if (!result.status.ok()) spdlog::error("{}", result.status.ToString());
+  const absl::Status told = folder.WriteResult(spec.fence, result);
+  if (told.ok()) return ExitOf(result.status);
+  spdlog::error("{}", told.ToString());
+  return WorkerExit::kFailed;
+}
+
+WorkerExit Run(const Arguments& arguments) {
+  const JobFolder folder(arguments.folder);
+  const absl::StatusOr<JobSpec> spec = folder.ReadSpec();
+  absl::Status ready = spec.status();
+  if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
+  if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
+  if (!ready.ok()) {
+    spdlog::error("{}", ready.ToString());
+    return WorkerExit::kBadSpec;
+  }
+  YieldToServer();
+  return RunJob(folder, *spec);
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  spdlog::set_default_logger(spdlog::stderr_logger_st("worker"));
+  pepeseg::Arguments arguments;
+  if (!pepeseg::Parse(argc, argv, &arguments)) {
+    spdlog::error("usage: pepeseg-worker --job=FOLDER [--parent=PID]");
+    return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
+  }
+  std::signal(SIGTERM, pepeseg::OnTerminate);
+  return static_cast<int>(pepeseg::Run(arguments));
+}

@@ -1,0 +1,104 @@
+#include "server/jobs/worker_progress.h"
+
+#include <google/protobuf/util/time_util.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+
+namespace pepeseg {
+namespace {
+
+using google::protobuf::util::TimeUtil;
+
+double Seconds(WorkerProgress::Clock::duration duration) {
+  return std::chrono::duration<double>(duration).count();
+}
+
+google::protobuf::Duration ToProto(double seconds) {
+  return TimeUtil::MicrosecondsToDuration(std::llround(seconds * 1e6));
+}
+
+// 0: not known.
+int64_t ResidentBytes() {
+  std::ifstream file("/proc/self/statm");
+  int64_t num_pages = 0;
+  int64_t num_resident = 0;
+  file >> num_pages >> num_resident;
+  return file ? num_resident * sysconf(_SC_PAGESIZE) : 0;
+}
+
+}  // namespace
+
+double WorkerProgress::seconds_in_stage() const { return Seconds(Clock::now() - stage_start_); }
+
+absl::Status WorkerProgress::StartStage(const std::string& stage) {
+  stage_ = stage;
+  stage_start_ = Clock::now();
+  last_event_ = stage_start_;
+  last_step_ = 0;
+  psnr_sum_ = 0;
+  num_psnr_ = 0;
+  v1::JobEvent event;
+  event.mutable_stage_started()->set_stage(stage);
+  return log_.Append(std::move(event));
+}
+
+absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics) {
+  v1::JobEvent event;
+  v1::JobEvent::StageEnded& end = *event.mutable_stage_ended();
+  end.set_stage(stage_);
+  *end.mutable_elapsed() = ToProto(seconds_in_stage());
+  for (const auto& [name, value] : metrics) (*end.mutable_metrics())[name] = value;
+  return log_.Append(std::move(event));
+}
+
+absl::Status WorkerProgress::Warn(const std::string& message) {
+  v1::JobEvent event;
+  event.mutable_warning()->set_message(message);
+  return log_.Append(std::move(event));
+}
+
+absl::Status WorkerProgress::Step(const StepReport& report) {
+  if (std::isfinite(report.psnr)) {
+    psnr_sum_ += report.psnr;
+    ++num_psnr_;
+  }
+  const Clock::time_point now = Clock::now();
+  const bool first_or_last = report.step == 1 || report.step == report.num_steps;
+  if (!first_or_last && now - last_event_ < interval_) return absl::OkStatus();
+  v1::JobEvent event;
+  *event.mutable_progress() = Describe(report);
+  last_event_ = now;
+  last_step_ = report.step;
+  psnr_sum_ = 0;
+  num_psnr_ = 0;
+  return log_.Append(std::move(event));
+}
+
+v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
+  v1::JobProgress progress;
+  progress.set_stage(stage_);
+  progress.set_step(report.step);
+  progress.set_num_steps(report.num_steps);
+  if (std::isfinite(report.loss)) progress.set_loss(report.loss);
+  if (num_psnr_ > 0) progress.set_psnr(psnr_sum_ / static_cast<double>(num_psnr_));
+  progress.set_num_gaussians(report.num_gaussians);
+  progress.set_num_culled_degenerate(report.num_culled_degenerate);
+  progress.set_num_skipped_gradients(report.num_skipped_gradients);
+  const double elapsed = seconds_in_stage();
+  *progress.mutable_elapsed() = ToProto(elapsed);
+  const auto left = static_cast<double>(report.num_steps - report.step);
+  if (report.step > 0) {
+    *progress.mutable_eta() = ToProto(elapsed / static_cast<double>(report.step) * left);
+  }
+  const double since_last = Seconds(Clock::now() - last_event_);
+  if (since_last > 0) {
+    progress.set_steps_per_second(static_cast<double>(report.step - last_step_) / since_last);
+  }
+  progress.set_memory_bytes(ResidentBytes());
+  return progress;
+}
+
+}  // namespace pepeseg

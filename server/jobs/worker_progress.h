@@ -1,0 +1,46 @@
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "core/progress.h"
+#include "server/jobs/event_log.h"
+
+namespace pepeseg {
+
+// Turns a stage's steps into events: the first, the last, and few enough between for a person to
+// follow. Not thread safe.
+class WorkerProgress {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  // `log` must outlive it. `interval`: shortest time between two events of progress.
+  explicit WorkerProgress(EventLogWriter& log,
+                          Clock::duration interval = std::chrono::milliseconds(200))
+      : log_(log), interval_(interval) {}
+
+  absl::Status StartStage(const std::string& stage);
+  absl::Status Step(const StepReport& report);
+  // `metrics`: what the stage measured of its result.
+  absl::Status EndStage(const std::map<std::string, double>& metrics);
+  absl::Status Warn(const std::string& message);
+
+  double seconds_in_stage() const;
+
+ private:
+  v1::JobProgress Describe(const StepReport& report) const;
+
+  EventLogWriter& log_;
+  Clock::duration interval_;
+  std::string stage_;
+  Clock::time_point stage_start_ = Clock::now();
+  Clock::time_point last_event_;
+  int64_t last_step_ = 0;  // told of
+  double psnr_sum_ = 0;    // over the steps since then that measured it
+  int64_t num_psnr_ = 0;
+};
+
+}  // namespace pepeseg
