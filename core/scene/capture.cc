@@ -1,0 +1,21 @@
+#include "core/scene/capture.h"
+
+#include <algorithm>
+
+namespace pepeseg {
+
+double SceneRadius(const Capture& capture) {
+  constexpr double kMargin = 1.1;
+  constexpr double kMinRadius = 1e-6;
+  if (capture.views.empty()) return kMinRadius;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const View& view : capture.views) mean += view.cam_from_world.Inverse().translation;
+  mean /= static_cast<double>(capture.views.size());
+  double radius = 0;
+  for (const View& view : capture.views) {
+    radius = std::max(radius, (view.cam_from_world.Inverse().translation - mean).norm());
+  }
+  return std::max(kMinRadius, kMargin * radius);
+}
+
+}  // namespace pepeseg
