@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
@@ -51,5 +53,18 @@ class Backend {
 
 // num_threads = 0: as many as the machine has.
 std::unique_ptr<Backend> MakeCpuBackend(int num_threads = 0);
+
+// Device time by kernel, of the calls since the last Sync that filled it.
+struct KernelTime {
+  std::string name;
+  double ms = 0;  // over all calls
+  int64_t calls = 0;
+};
+struct CudaOptions {
+  int device = 0;
+  std::vector<KernelTime>* kernel_times = nullptr;  // filled by Sync; costs an event a kernel
+};
+// nullptr and the reason in `error` when this build or this machine has no usable CUDA device.
+std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error);
 
 }  // namespace pepeseg

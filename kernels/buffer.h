@@ -89,6 +89,7 @@ class Buffer {
   }
 
   int64_t size() const { return size_; }
+  int64_t capacity() const { return capacity_; }  // the largest size that Resize keeps in place
   bool empty() const { return size_ == 0; }
   DeviceSpan<T> span() { return {data_, size_}; }
   DeviceSpan<const T> span() const { return {data_, size_}; }

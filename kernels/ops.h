@@ -31,6 +31,14 @@ struct RenderArgs {
   DeviceSpan<float> color;  // [3, H, W]
   DeviceSpan<float> alpha;  // [H, W] accumulated alpha, 1 - T; may be empty
   DeviceSpan<float> depth;  // [H, W] sum of weight * z, not normalised; may be empty
+  // false: the host waits until the entries are counted and makes room for them. true: it waits
+  // for nothing (so that a step can be a graph) and the render takes the room for entries that the
+  // scratch has. Where that is too small the render is void: the images are background,
+  // RenderBackward and Update with the scratch change nothing and counters[kNumVoidRenders] goes
+  // up. The caller reads the counters when it suits it and repeats what was void, first without
+  // keep_room. The sizes of the scratch's buffers are then bounds: the counters hold the numbers.
+  // The CPU backend always makes room.
+  bool keep_room = false;
 };
 
 // Loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), means over the pixels that

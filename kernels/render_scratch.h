@@ -32,6 +32,7 @@ enum RenderCounter {
   kNumCulledDegenerate,     // not finite or not positive: quaternion norm, scale, projection
   kNumTileEntries,          // (Gaussian, tile) pairs
   kNumSkippedGradientRows,  // rows whose gradient was not finite: left out of the update
+  kNumVoidRenders,          // since the scratch was made: see RenderArgs::keep_room
   kNumRenderCounters,
 };
 
@@ -61,10 +62,27 @@ struct RenderScratch {
   Buffer<int32_t> entry_slot;          // [entries]
   Buffer<SplatGrad> slot_grad;         // [entries]
 
+  // CUDA only: the way back from the Gaussians and the slots, and what the blended pixels passed on
+  // at the end of each bucket of a tile's entries, from which the backward pass starts.
+  Buffer<int32_t> gaussian_visible;   // [gaussians] -> visible or -1
+  Buffer<int32_t> slot_visible;       // [entries] -> visible
+  Buffer<float> slot_sums;            // [entries, 10]
+  Buffer<float> pixel_color;          // [tiles, 256, 4] rgb without background, transmittance
+  Buffer<float> pixel_depth;          // [tiles, 256]
+  Buffer<int32_t> tile_first_bucket;  // [tiles + 1]
+  Buffer<int32_t> bucket_tile;        // [buckets] -> tile
+  Buffer<float> bucket_color;         // [buckets, 256, 4] as pixel_color, at the bucket's end
+  Buffer<float> bucket_depth;         // [buckets, 256]
+
   // Only within one render: Gaussians that passed the projection, compacted within their chunk.
   Buffer<int32_t> candidate_gaussian, candidate_num_tiles;  // [gaussians]
   Buffer<Splat> candidate_splat;                            // [gaussians]
   Buffer<uint64_t> sort_keys;                               // [2, visible]
+  Buffer<uint32_t> depth_keys;  // [2, visible] CUDA, and the visible in their order
+  Buffer<int32_t> depth_order;  // [2, visible]
+  Buffer<int32_t> order_first;  // [visible] CUDA: entries of the visible before, in depth order
+  Buffer<uint32_t> tile_keys;   // [2, entries] CUDA
+  Buffer<int32_t> unsorted_slot;  // [entries] CUDA
 };
 
 }  // namespace pepeseg

@@ -4,6 +4,7 @@
 
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/cpu/gaussian_vjp.h"
+#include "kernels/cpu/tile_cover.h"
 #include "kernels/math/adam.h"
 
 namespace pepeseg {
@@ -42,14 +43,7 @@ void AddStats(const UpdateArgs& args, int64_t i, const Splat& splat, const Splat
   }
   if (!stats.num_visible.empty()) ++stats.num_visible[i];
   if (stats.max_radius.empty()) return;
-  // From the eigenvalues of the conic: its determinant is a square, its larger one 1 / variance of
-  // the short axis.
-  const float mid = 0.5f * (splat.root_xx * splat.root_xx + splat.root_xy * splat.root_xy +
-                            splat.root_yy * splat.root_yy);
-  const float root = splat.root_xx * splat.root_yy;
-  const float larger = mid + std::sqrt(std::max(0.0f, (mid - root) * (mid + root)));
-  const float radius = 3 * std::sqrt(kHalfLog2E * larger) / root;
-  stats.max_radius[i] = std::max(stats.max_radius[i], radius);
+  stats.max_radius[i] = std::max(stats.max_radius[i], SplatRadius(splat));
 }
 
 }  // namespace

@@ -7,9 +7,11 @@ namespace pepeseg {
 // Real spherical harmonics up to degree 3 with the signs and order of 3DGS. `dir` is a unit vector.
 inline constexpr float kSh0 = 0.28209479177387814f;
 inline constexpr float kSh1 = 0.4886025119029199f;
-inline constexpr float kSh2[] = {1.0925484305920792f, 0.31539156525252005f, 0.5462742152960396f};
-inline constexpr float kSh3[] = {0.5900435899266435f, 2.890611442640554f, 0.4570457994644658f,
-                                 0.3731763325901154f, 1.445305721320277f};
+inline constexpr float kSh20 = 1.0925484305920792f, kSh21 = 0.31539156525252005f,
+                       kSh22 = 0.5462742152960396f;
+inline constexpr float kSh30 = 0.5900435899266435f, kSh31 = 2.890611442640554f,
+                       kSh32 = 0.4570457994644658f, kSh33 = 0.3731763325901154f,
+                       kSh34 = 1.445305721320277f;
 
 // Fills basis[0 .. (degree + 1)^2).
 template <class T>
@@ -22,19 +24,19 @@ PEPESEG_HD void ShBasis(Vec3<T> dir, int degree, T* basis) {
   basis[3] = T(-kSh1) * x;
   if (degree < 2) return;
   const T xx = x * x, yy = y * y, zz = z * z;
-  basis[4] = T(kSh2[0]) * x * y;
-  basis[5] = T(-kSh2[0]) * y * z;
-  basis[6] = T(kSh2[1]) * (T(2) * zz - xx - yy);
-  basis[7] = T(-kSh2[0]) * x * z;
-  basis[8] = T(kSh2[2]) * (xx - yy);
+  basis[4] = T(kSh20) * x * y;
+  basis[5] = T(-kSh20) * y * z;
+  basis[6] = T(kSh21) * (T(2) * zz - xx - yy);
+  basis[7] = T(-kSh20) * x * z;
+  basis[8] = T(kSh22) * (xx - yy);
   if (degree < 3) return;
-  basis[9] = T(-kSh3[0]) * y * (T(3) * xx - yy);
-  basis[10] = T(kSh3[1]) * x * y * z;
-  basis[11] = T(-kSh3[2]) * y * (T(4) * zz - xx - yy);
-  basis[12] = T(kSh3[3]) * z * (T(2) * zz - T(3) * (xx + yy));
-  basis[13] = T(-kSh3[2]) * x * (T(4) * zz - xx - yy);
-  basis[14] = T(kSh3[4]) * z * (xx - yy);
-  basis[15] = T(-kSh3[0]) * x * (xx - T(3) * yy);
+  basis[9] = T(-kSh30) * y * (T(3) * xx - yy);
+  basis[10] = T(kSh31) * x * y * z;
+  basis[11] = T(-kSh32) * y * (T(4) * zz - xx - yy);
+  basis[12] = T(kSh33) * z * (T(2) * zz - T(3) * (xx + yy));
+  basis[13] = T(-kSh32) * x * (T(4) * zz - xx - yy);
+  basis[14] = T(kSh34) * z * (xx - yy);
+  basis[15] = T(-kSh30) * x * (xx - T(3) * yy);
 }
 
 // The gradient of `dir` (not yet projected onto the sphere).
@@ -45,16 +47,16 @@ PEPESEG_HD Vec3<T> ShBasisVjp(Vec3<T> dir, int degree, const T* g) {
   if (degree < 1) return out;
   out = T(kSh1) * Vec3<T>{T(0) - g[3], T(0) - g[1], g[2]};
   if (degree < 2) return out;
-  const T g4 = T(kSh2[0]) * g[4], g5 = T(-kSh2[0]) * g[5], g6 = T(2 * kSh2[1]) * g[6];
-  const T g7 = T(-kSh2[0]) * g[7], g8 = T(2 * kSh2[2]) * g[8];
+  const T g4 = T(kSh20) * g[4], g5 = T(-kSh20) * g[5], g6 = T(2 * kSh21) * g[6];
+  const T g7 = T(-kSh20) * g[7], g8 = T(2 * kSh22) * g[8];
   out.x = out.x + y * g4 + z * g7 + x * (g8 - g6);
   out.y = out.y + x * g4 + z * g5 - y * (g8 + g6);
   out.z = out.z + y * g5 + x * g7 + T(2) * z * g6;
   if (degree < 3) return out;
   const T xx = x * x, yy = y * y, zz = z * z;
-  const T g9 = T(-3 * kSh3[0]) * g[9], g10 = T(kSh3[1]) * g[10], g11 = T(-kSh3[2]) * g[11];
-  const T g12 = T(3 * kSh3[3]) * g[12], g13 = T(-kSh3[2]) * g[13], g14 = T(kSh3[4]) * g[14];
-  const T g15 = T(-3 * kSh3[0]) * g[15];
+  const T g9 = T(-3 * kSh30) * g[9], g10 = T(kSh31) * g[10], g11 = T(-kSh32) * g[11];
+  const T g12 = T(3 * kSh33) * g[12], g13 = T(-kSh32) * g[13], g14 = T(kSh34) * g[14];
+  const T g15 = T(-3 * kSh30) * g[15];
   const T xy = x * y, xz = x * z, yz = y * z;
   out.x = out.x + T(2) * xy * (g9 - g11) + yz * g10 + g13 * (T(4) * zz - T(3) * xx - yy) +
           T(2) * xz * (g14 - g12) + g15 * (xx - yy);

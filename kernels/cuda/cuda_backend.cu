@@ -1,0 +1,183 @@
+#include "kernels/cuda/cuda_backend.h"
+
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace pepeseg {
+
+CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
+  Keep(cudaSetDevice(options.device), "choosing the device");
+  cudaDeviceProp properties = {};
+  Keep(cudaGetDeviceProperties(&properties, options.device), "asking for the device");
+  device_name_ = properties.name;
+  Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  Keep(cudaMallocHost(reinterpret_cast<void**>(&pinned_counters_),
+                      kNumRenderCounters * sizeof(int64_t)),
+       "allocating pinned memory");
+  // Freed memory stays with the process: a scene that grows and shrinks would else go to the
+  // driver each time.
+  cudaMemPool_t pool;
+  uint64_t keep_all = UINT64_MAX;
+  Keep(cudaDeviceGetDefaultMemPool(&pool, options.device), "asking for the memory pool");
+  Keep(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep_all),
+       "setting up the memory pool");
+}
+
+CudaBackend::~CudaBackend() {
+  temporary_ = {};
+  if (stream_ != nullptr) cudaStreamSynchronize(stream_);
+  for (const KernelMark& mark : marks_) cudaEventDestroy(mark.event);
+  if (pinned_counters_ != nullptr) cudaFreeHost(pinned_counters_);
+  if (stream_ != nullptr) cudaStreamDestroy(stream_);
+}
+
+CudaBackend::Turn::Turn(CudaBackend& backend) : lock_(backend.mutex_) {
+  usable_ = backend.error_.empty();
+  if (usable_) {
+    // The current device is the calling thread's own.
+    backend.Keep(cudaSetDevice(backend.options_.device), "choosing the device");
+    if (backend.options_.kernel_times != nullptr) backend.Launched(nullptr);
+  }
+}
+
+std::string CudaBackend::name() const {
+  return "cuda " + std::to_string(options_.device) + " (" + device_name_ + ")";
+}
+
+std::string CudaBackend::error() const {
+  const std::lock_guard lock(mutex_);
+  return error_;
+}
+
+void CudaBackend::Sync() {
+  const Turn turn(*this);
+  if (!turn) return;
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
+  if (options_.kernel_times != nullptr) ReadKernelTimes();
+}
+
+void CudaBackend::Keep(cudaError_t error, const char* doing) {
+  if (error == cudaSuccess) return;
+  cudaGetLastError();  // else the next launch reports it again
+  Fail(std::string("CUDA: ") + doing + ": " + cudaGetErrorString(error));
+}
+
+void CudaBackend::Fail(std::string message) {
+  if (error_.empty()) error_ = std::move(message);
+}
+
+void CudaBackend::Launched(const char* kernel) {
+  Keep(cudaGetLastError(), kernel);
+  if (options_.kernel_times == nullptr) return;
+  cudaEvent_t event;
+  Keep(cudaEventCreate(&event), "making an event");
+  Keep(cudaEventRecord(event, stream_), "recording an event");
+  marks_.push_back({kernel, event});
+}
+
+void CudaBackend::ReadKernelTimes() {
+  std::vector<KernelTime>& times = *options_.kernel_times;
+  for (size_t i = 1; i < marks_.size(); ++i) {
+    if (marks_[i].kernel == nullptr) continue;
+    float ms = 0;
+    Keep(cudaEventElapsedTime(&ms, marks_[i - 1].event, marks_[i].event), "timing a kernel");
+    const auto is_this = [&](const KernelTime& time) { return time.name == marks_[i].kernel; };
+    auto found = std::find_if(times.begin(), times.end(), is_this);
+    if (found == times.end()) found = times.insert(found, {marks_[i].kernel, 0, 0});
+    found->ms += ms;
+    ++found->calls;
+  }
+  for (const KernelMark& mark : marks_) cudaEventDestroy(mark.event);
+  marks_.clear();
+}
+
+void* CudaBackend::Temporary(size_t num_bytes) {
+  temporary_.Reserve(*this, static_cast<int64_t>(num_bytes));
+  return temporary_.span().data;
+}
+
+void* CudaBackend::Allocate(size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return nullptr;
+  void* data = nullptr;
+  const size_t padded = (std::max<size_t>(num_bytes, 1) + 255) / 256 * 256;
+  const cudaError_t error = cudaMallocAsync(&data, padded, stream_);
+  if (error == cudaErrorMemoryAllocation) {
+    cudaGetLastError();
+    Fail("CUDA: out of memory: " + std::to_string(num_bytes) + " bytes asked for, " +
+         std::to_string(bytes_in_use_) + " in use");
+    return nullptr;
+  }
+  Keep(error, "allocating");
+  if (data == nullptr) return nullptr;
+  Keep(cudaMemsetAsync(data, 0, padded, stream_), "zeroing new memory");
+  blocks_[data] = num_bytes;
+  bytes_in_use_ += num_bytes;
+  return data;
+}
+
+void CudaBackend::Free(void* data) {
+  const std::lock_guard lock(mutex_);
+  const auto block = blocks_.find(data);
+  if (block == blocks_.end()) return;
+  bytes_in_use_ -= block->second;
+  blocks_.erase(block);
+  cudaSetDevice(options_.device);
+  Keep(cudaFreeAsync(data, stream_), "freeing");
+}
+
+void CudaBackend::CopyFromHost(void* to, const void* from_host, size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return;
+  Keep(cudaMemcpyAsync(to, from_host, num_bytes, cudaMemcpyHostToDevice, stream_),
+       "copying to the device");
+}
+
+void CudaBackend::CopyToHost(void* to_host, const void* from, size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return;
+  Keep(cudaMemcpyAsync(to_host, from, num_bytes, cudaMemcpyDeviceToHost, stream_),
+       "copying from the device");
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
+}
+
+void CudaBackend::Copy(void* to, const void* from, size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return;
+  Keep(cudaMemcpyAsync(to, from, num_bytes, cudaMemcpyDeviceToDevice, stream_),
+       "copying on the device");
+}
+
+void CudaBackend::Zero(void* data, size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return;
+  Keep(cudaMemsetAsync(data, 0, num_bytes, stream_), "zeroing");
+}
+
+size_t CudaBackend::bytes_in_use() const {
+  const std::lock_guard lock(mutex_);
+  return bytes_in_use_;
+}
+
+std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {
+  int num_devices = 0;
+  const cudaError_t found = cudaGetDeviceCount(&num_devices);
+  if (found != cudaSuccess) {
+    cudaGetLastError();
+    *error = std::string("no CUDA device: ") + cudaGetErrorString(found);
+    return nullptr;
+  }
+  if (options.device < 0 || options.device >= num_devices) {
+    *error = "no CUDA device " + std::to_string(options.device) + ": there are " +
+             std::to_string(num_devices);
+    return nullptr;
+  }
+  auto backend = std::make_unique<CudaBackend>(options);
+  *error = backend->error();
+  if (!error->empty()) return nullptr;
+  return backend;
+}
+
+}  // namespace pepeseg

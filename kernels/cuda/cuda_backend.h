@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+// The CUDA implementation on one device and one stream: each op stands in the file of its name
+// beside this one. Memory comes from the device's stream-ordered pool, so that freeing and growing
+// wait for nothing.
+class CudaBackend final : public Backend {
+ public:
+  explicit CudaBackend(const CudaOptions& options);
+  ~CudaBackend() override;
+
+  std::string name() const override;
+  std::string error() const override;
+  void Sync() override;
+
+  void* Allocate(size_t num_bytes) override;
+  void Free(void* data) override;
+  void CopyFromHost(void* to, const void* from_host, size_t num_bytes) override;
+  void CopyToHost(void* to_host, const void* from, size_t num_bytes) override;
+  void Copy(void* to, const void* from, size_t num_bytes) override;
+  void Zero(void* data, size_t num_bytes) override;
+  size_t bytes_in_use() const override;
+
+  void Render(const RenderArgs& args) override;
+  void ImageLoss(const ImageLossArgs& args) override;
+  void RenderBackward(const RenderBackwardArgs& args) override;
+  void ProjectBackward(const ProjectBackwardArgs& args) override;
+  void Update(const UpdateArgs& args) override;
+  void CaptureRows(const CaptureRowsArgs& args) override;
+  void RenderFeatures(const RenderFeaturesArgs& args) override;
+  void FeatureRows(const FeatureRowsArgs& args) override;
+  void PairLoss(const PairLossArgs& args) override;
+  void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) override;
+  void FeatureUpdate(const FeatureUpdateArgs& args) override;
+  void Similarity(const SimilarityArgs& args) override;
+
+ private:
+  // An op's turn: its launches follow each other on the stream, whatever other threads call.
+  // Nothing is launched once an error is kept.
+  class Turn {
+   public:
+    explicit Turn(CudaBackend& backend);
+    explicit operator bool() const { return usable_; }
+
+   private:
+    std::lock_guard<std::recursive_mutex> lock_;
+    bool usable_;
+  };
+
+  void Keep(cudaError_t error, const char* doing);  // the first error stays
+  void Fail(std::string message);
+  void Launched(const char* kernel);  // after each launch
+  void ReadKernelTimes();
+
+  // Scratch memory of an op's own, until the next call.
+  void* Temporary(size_t num_bytes);
+
+  // Parts of Render.
+  void ProjectGaussians(const RenderArgs& args);
+  void MakeRoom(const RenderArgs& args);
+  void ListTileEntries(const RenderArgs& args);
+
+  CudaOptions options_;
+  std::string device_name_;
+  mutable std::recursive_mutex mutex_;
+  cudaStream_t stream_ = nullptr;
+  std::string error_;
+  std::unordered_map<void*, size_t> blocks_;  // sizes
+  size_t bytes_in_use_ = 0;
+  int64_t* pinned_counters_ = nullptr;  // [kNumRenderCounters] on the host
+  Buffer<std::byte> temporary_;
+  struct KernelMark {
+    const char* kernel;  // nullptr: an op begins
+    cudaEvent_t event;
+  };
+  std::vector<KernelMark> marks_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,11 @@
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {
+  (void)options;
+  *error = "this build has no CUDA: it was configured where no nvcc was found";
+  return nullptr;
+}
+
+}  // namespace pepeseg

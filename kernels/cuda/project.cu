@@ -1,0 +1,227 @@
+#include <cuda_runtime.h>
+
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/device_planes.cuh"
+#include "kernels/cuda/running_sum.cuh"
+#include "kernels/math/blend.h"
+#include "kernels/math/tile_cover.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr int kNumWarps = kBlock / 32;
+
+struct ProjectParams {
+  DevicePlanes<const float> gaussians;
+  int64_t count;
+  ProjectionCamera<float> camera;
+  TileGrid grid;
+  float near_plane;
+  int sh_degree;
+  // Outputs, with room for all Gaussians.
+  int32_t* gaussian_visible;
+  int32_t* visible_gaussian;
+  Splat* visible_splat;
+  int32_t* visible_first_slot;
+  uint32_t* depth_keys;
+  int32_t* depth_order;
+  int64_t* counters;
+  // Of the launch: a ticket, then the words of two running sums.
+  uint64_t* progress;
+};
+
+enum class Fate { kVisible, kOutside, kDegenerate };
+
+template <int kDegree>
+__device__ bool ShadeSplat(const ProjectParams& p, int64_t i, Vec3<float> mean, Splat& splat) {
+  constexpr int kNumCoefficients = NumShCoefficients(kDegree);
+  float basis[kNumCoefficients];
+  ShBasis(Normalize(mean - CameraCenter(p.camera)), kDegree, basis);
+  float sum[3] = {};
+#pragma unroll
+  for (int k = 0; k < kNumCoefficients; ++k) {
+    for (int c = 0; c < 3; ++c) sum[c] += basis[k] * p.gaussians.At(kShPlane + 3 * k + c, i);
+  }
+  splat.r = ShChannel(sum[0]);
+  splat.g = ShChannel(sum[1]);
+  splat.b = ShChannel(sum[2]);
+  return IsUsable(splat.r) && IsUsable(splat.g) && IsUsable(splat.b);
+}
+
+template <int kDegree>
+__device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
+  const GaussianShape<float> shape = LoadShape(p.gaussians, i);
+  const float depth = MeanInCam(p.camera, shape.mean).z;
+  if (!IsUsable(depth)) return Fate::kDegenerate;
+  if (depth <= p.near_plane) return Fate::kOutside;
+  const Projection<float> projection = Project(p.camera, shape);
+  const Sym2<float> conic = projection.conic;
+  const float opacity = Sigmoid(p.gaussians.At(kOpacityPlane, i));
+  if (!(SquaredNorm(shape.rotation) > kMinSquaredQuaternion) || !IsUsable(projection.x) ||
+      !IsUsable(projection.y) || !(projection.determinant > 0) ||
+      !IsUsable(projection.determinant) || !IsUsable(conic.xx) || !IsUsable(conic.xy) ||
+      !IsUsable(conic.yy) || !IsUsable(opacity)) {
+    return Fate::kDegenerate;
+  }
+  const float min_power = MinPower(opacity);
+  if (!(min_power < 0)) return Fate::kOutside;
+  const auto root = MakePowerRoot(conic.xx, conic.xy, projection.determinant);
+  splat = {projection.x, projection.y, root.xx, root.xy, root.yy,   opacity,
+           0,            0,            0,       depth,   min_power, SplatHalfHeight(min_power, root.yy)};
+  return ShadeSplat<kDegree>(p, i, shape.mean, splat) ? Fate::kVisible : Fate::kDegenerate;
+}
+
+struct Counts {
+  uint32_t visible, entries;
+};
+
+// Exclusive sums over the threads of the block; the last warp's total is the block's.
+struct BlockSums {
+  Counts warp[kNumWarps];
+  uint64_t visible_before, entries_before;
+  int block;
+};
+
+__device__ Counts WarpExclusiveSum(Counts own, Counts& total) {
+  const int lane = static_cast<int>(threadIdx.x) & 31;
+  Counts sum = own;
+  for (int offset = 1; offset < 32; offset *= 2) {
+    const uint32_t visible = __shfl_up_sync(0xffffffffu, sum.visible, offset);
+    const uint32_t entries = __shfl_up_sync(0xffffffffu, sum.entries, offset);
+    if (lane >= offset) {
+      sum.visible += visible;
+      sum.entries += entries;
+    }
+  }
+  total = {__shfl_sync(0xffffffffu, sum.visible, 31), __shfl_sync(0xffffffffu, sum.entries, 31)};
+  return {sum.visible - own.visible, sum.entries - own.entries};
+}
+
+__device__ void SumOverBlocks(const ProjectParams& p, BlockSums& sums) {
+  const int num_blocks = static_cast<int>(gridDim.x);
+  if (threadIdx.x >= 32) return;
+  uint64_t visible = 0, entries = 0;
+  for (int w = 0; w < kNumWarps; ++w) {
+    const Counts before = {static_cast<uint32_t>(visible), static_cast<uint32_t>(entries)};
+    visible += sums.warp[w].visible;
+    entries += sums.warp[w].entries;
+    __syncwarp();
+    if (threadIdx.x == 0) sums.warp[w] = before;
+    __syncwarp();
+  }
+  const uint64_t visible_before = SumOfBlocksBefore(p.progress + 1, sums.block, visible);
+  const uint64_t entries_before =
+      SumOfBlocksBefore(p.progress + 1 + num_blocks, sums.block, entries);
+  if (threadIdx.x != 0) return;
+  sums.visible_before = visible_before;
+  sums.entries_before = entries_before;
+  if (sums.block != num_blocks - 1) return;
+  p.counters[kNumVisible] = static_cast<int64_t>(visible_before + visible);
+  p.counters[kNumTileEntries] = static_cast<int64_t>(entries_before + entries);
+  p.visible_first_slot[visible_before + visible] =
+      static_cast<int32_t>(min(entries_before + entries, uint64_t{INT32_MAX}));
+}
+
+// Projects, and compacts in the order of the Gaussians.
+template <int kDegree>
+__global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
+  __shared__ BlockSums sums;
+  if (threadIdx.x == 0) {
+    sums.block = static_cast<int>(
+        atomicAdd(reinterpret_cast<unsigned long long*>(p.progress), 1ull));
+  }
+  __syncthreads();
+  const int64_t i = int64_t{sums.block} * kBlock + threadIdx.x;
+  Splat splat;
+  Counts own = {0, 0};
+  bool degenerate = false;
+  if (i < p.count) {
+    const Fate fate = ProjectOne<kDegree>(p, i, splat);
+    degenerate = fate == Fate::kDegenerate;
+    if (fate == Fate::kVisible) own.entries = static_cast<uint32_t>(NumTiles(splat, p.grid));
+    own.visible = own.entries > 0;
+  }
+  const int num_degenerate = __syncthreads_count(degenerate);
+  if (threadIdx.x == 0 && num_degenerate > 0) {
+    atomicAdd(reinterpret_cast<unsigned long long*>(p.counters + kNumCulledDegenerate),
+              static_cast<unsigned long long>(num_degenerate));
+  }
+  const int warp = static_cast<int>(threadIdx.x) / 32;
+  Counts total;
+  const Counts in_warp = WarpExclusiveSum(own, total);
+  if (threadIdx.x % 32 == 0) sums.warp[warp] = total;
+  __syncthreads();
+  SumOverBlocks(p, sums);
+  __syncthreads();
+  if (i >= p.count) return;
+  const int64_t visible =
+      static_cast<int64_t>(sums.visible_before) + sums.warp[warp].visible + in_warp.visible;
+  const bool kept = own.visible != 0;
+  p.gaussian_visible[i] = kept ? static_cast<int32_t>(visible) : -1;
+  if (!kept) return;
+  const uint64_t slot = sums.entries_before + sums.warp[warp].entries + in_warp.entries;
+  p.visible_gaussian[visible] = static_cast<int32_t>(i);
+  float4* words = reinterpret_cast<float4*>(p.visible_splat + visible);
+  words[0] = {splat.x, splat.y, splat.root_xx, splat.root_xy};
+  words[1] = {splat.root_yy, splat.opacity, splat.r, splat.g};
+  words[2] = {splat.b, splat.depth, splat.min_power, splat.half_height};
+  p.visible_first_slot[visible] = static_cast<int32_t>(min(slot, uint64_t{INT32_MAX}));
+  p.depth_keys[visible] = __float_as_uint(splat.depth);
+  p.depth_order[visible] = static_cast<int32_t>(visible);
+}
+
+void LaunchProject(const ProjectParams& p, int num_blocks, cudaStream_t stream) {
+  switch (p.sh_degree) {
+    case 0: return ProjectKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 1: return ProjectKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 2: return ProjectKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+    default: return ProjectKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+  }
+}
+
+}  // namespace
+
+void CudaBackend::ProjectGaussians(const RenderArgs& args) {
+  RenderScratch& scratch = *args.scratch;
+  const int64_t count = args.gaussians.count;
+  scratch.gaussian_visible.Reserve(*this, count);
+  scratch.visible_gaussian.Reserve(*this, count);
+  scratch.visible_splat.Reserve(*this, count);
+  scratch.visible_first_slot.Reserve(*this, count + 1);
+  scratch.depth_keys.Reserve(*this, 2 * count);
+  scratch.depth_order.Reserve(*this, 2 * count);
+  const int num_blocks = static_cast<int>((count + kBlock - 1) / kBlock);
+  const size_t progress_bytes = (1 + 2 * size_t{static_cast<unsigned>(num_blocks)}) * 8;
+  auto* progress = static_cast<uint64_t*>(Temporary(progress_bytes));
+  if (!error_.empty()) return;
+  // All but the count of void renders.
+  Zero(scratch.counters.span().data, kNumVoidRenders * sizeof(int64_t));
+  Zero(progress, progress_bytes);
+  // What the sort sees beyond the visible sorts last.
+  Keep(cudaMemsetAsync(scratch.depth_keys.span().data, 0xff,
+                       count * sizeof(uint32_t), stream_),
+       "filling the depth keys");
+  if (num_blocks == 0) {
+    scratch.visible_first_slot.Zero();
+    return;
+  }
+  LaunchProject({ToDevice(args.gaussians),
+                 count,
+                 MakeProjectionCamera<float>(args.view),
+                 {scratch.num_tiles_x, scratch.num_tiles_y},
+                 args.near_plane,
+                 args.active_sh_degree,
+                 scratch.gaussian_visible.span().data,
+                 scratch.visible_gaussian.span().data,
+                 scratch.visible_splat.span().data,
+                 scratch.visible_first_slot.span().data,
+                 scratch.depth_keys.span().data,
+                 scratch.depth_order.span().data,
+                 scratch.counters.span().data,
+                 progress},
+                num_blocks, stream_);
+  Launched("project");
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,67 @@
+#include <cuda_runtime.h>
+
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/gaussian_vjp.cuh"
+#include "kernels/cuda/launch.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 128;
+
+struct ProjectBackwardParams {
+  DevicePlanes<const float> gaussians;
+  DevicePlanes<float> grad;
+  int64_t count;
+  int num_coefficients;  // stored
+  ProjectionCamera<float> camera;
+  const int32_t* gaussian_visible;
+  const SplatGrad* visible_grad;
+  Room room;
+};
+
+template <int kActiveDegree>
+__global__ void __launch_bounds__(kBlock) ProjectBackwardKernel(ProjectBackwardParams p) {
+  const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  if (i >= p.count) return;
+  const int32_t visible = p.gaussian_visible[i];
+  GaussianBackward vjp;
+  ZeroGradient(vjp);
+  if (visible >= 0 && !p.room.IsVoid()) {
+    BackwardGaussian<kActiveDegree>(p.gaussians, p.camera, i, p.visible_grad[visible], vjp);
+  }
+#pragma unroll
+  for (int k = 0; k < kShPlane; ++k) p.grad.At(k, i) = vjp.shape[k];
+#pragma unroll
+  for (int k = 0; k < NumShCoefficients(kMaxShDegree); ++k) {
+    if (k >= p.num_coefficients) break;
+    for (int c = 0; c < 3; ++c) p.grad.At(kShPlane + 3 * k + c, i) = vjp.basis[k] * vjp.color[c];
+  }
+}
+
+void LaunchProjectBackward(const ProjectBackwardParams& p, int active_degree, cudaStream_t stream) {
+  const int num_blocks = NumBlocks(p.count, kBlock);
+  switch (active_degree) {
+    case 0: return ProjectBackwardKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 1: return ProjectBackwardKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 2: return ProjectBackwardKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+    default: return ProjectBackwardKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+  }
+}
+
+}  // namespace
+
+void CudaBackend::ProjectBackward(const ProjectBackwardArgs& args) {
+  const Turn turn(*this);
+  if (!turn || args.gaussians.count == 0) return;
+  const RenderScratch& scratch = *args.scratch;
+  LaunchProjectBackward({ToDevice(args.gaussians), ToDevice(args.grad), args.gaussians.count,
+                         NumShCoefficients(args.grad.sh_degree),
+                         MakeProjectionCamera<float>(args.view),
+                         scratch.gaussian_visible.span().data, scratch.visible_grad.span().data,
+                         RoomOf(scratch)},
+                        args.active_sh_degree, stream_);
+  Launched("project backward");
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,231 @@
+#include <cuda_runtime.h>
+
+#include <algorithm>
+
+#include "kernels/cuda/blend_tile.cuh"
+#include "kernels/cuda/cuda_backend.h"
+
+namespace pepeseg {
+namespace {
+
+struct BlendParams {
+  TileView tiles;
+  Room room;
+  const int32_t* entry_slot;
+  const int32_t* slot_visible;
+  const int32_t* tile_first_bucket;
+  float background[3];
+  // Outputs; alpha and depth may be null.
+  float *color, *alpha, *depth;
+  int32_t* entry_visible;
+  float4* pixel_color;
+  float* pixel_depth;
+  float* pixel_transmittance;
+  int32_t* pixel_last_entry;
+  int32_t* bucket_tile;
+  float4* bucket_color;
+  float* bucket_depth;
+  int64_t* num_void_renders;
+};
+
+struct Batch {
+  float4 a[kTilePixels], b[kTilePixels], c[kTilePixels];
+  SplatExtent extent[kTilePixels];
+};
+
+struct PixelSum {
+  float4 color;  // rgb and transmittance
+  float depth;
+  int32_t last;
+  bool done;
+};
+
+// Loads the next 256 entries of the tile, one a thread.
+__device__ void LoadBatch(const BlendParams& p, int32_t first, int32_t end, Batch& batch) {
+  const int32_t entry = first + static_cast<int32_t>(threadIdx.x);
+  if (entry >= end) return;
+  const int32_t visible = p.slot_visible[p.entry_slot[entry]];
+  p.entry_visible[entry] = visible;
+  const SplatWords s = LoadSplat(p.tiles.splats, visible);
+  batch.a[threadIdx.x] = s.a;
+  batch.b[threadIdx.x] = s.b;
+  batch.c[threadIdx.x] = s.c;
+  batch.extent[threadIdx.x] = MakeSplatExtent(ToSplat(s));
+}
+
+template <bool kDepth>
+__device__ void BlendSplat(const SplatWords& s, float x, float y, int32_t entry, PixelSum& sum) {
+  const float alpha = SplatAlpha(s, x, y);
+  if (sum.done || alpha == 0) return;
+  const float next = sum.color.w * (1 - alpha);
+  if (next < kMinTransmittance) {
+    sum.done = true;
+    return;
+  }
+  const float weight = alpha * sum.color.w;
+  sum.color.x += weight * s.b.z;
+  sum.color.y += weight * s.b.w;
+  sum.color.z += weight * s.c.x;
+  sum.color.w = next;
+  if constexpr (kDepth) sum.depth += weight * s.c.y;
+  sum.last = entry + 1;
+}
+
+template <bool kDepth>
+__device__ void StoreBucket(const BlendParams& p, int32_t bucket, const PixelSum& sum) {
+  const int64_t at = int64_t{bucket} * kTilePixels + threadIdx.x;
+  p.bucket_color[at] = sum.color;
+  if constexpr (kDepth) p.bucket_depth[at] = sum.depth;
+}
+
+template <bool kDepth>
+__device__ void StorePixel(const BlendParams& p, int x, int y, const PixelSum& sum) {
+  const int64_t in_tiles = int64_t{blockIdx.x} * kTilePixels + threadIdx.x;
+  p.pixel_color[in_tiles] = sum.color;
+  if constexpr (kDepth) p.pixel_depth[in_tiles] = sum.depth;
+  if (x >= p.tiles.width || y >= p.tiles.height) return;
+  const int64_t num_pixels = int64_t{p.tiles.width} * p.tiles.height;
+  const int64_t pixel = int64_t{y} * p.tiles.width + x;
+  p.color[pixel] = sum.color.x + sum.color.w * p.background[0];
+  p.color[num_pixels + pixel] = sum.color.y + sum.color.w * p.background[1];
+  p.color[2 * num_pixels + pixel] = sum.color.z + sum.color.w * p.background[2];
+  if (p.alpha != nullptr) p.alpha[pixel] = 1 - sum.color.w;
+  if constexpr (kDepth) p.depth[pixel] = sum.depth;
+  p.pixel_transmittance[pixel] = sum.color.w;
+  p.pixel_last_entry[pixel] = sum.last;
+}
+
+// A block a tile, a warp a cell.
+template <bool kDepth>
+__global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
+  __shared__ Batch batch;
+  const int lane = static_cast<int>(threadIdx.x) % 32, cell = static_cast<int>(threadIdx.x) / 32;
+  const int tile = static_cast<int>(blockIdx.x);
+  const int cell_x = tile % p.tiles.num_tiles_x * kTileSize + CellX(cell);
+  const int cell_y = tile / p.tiles.num_tiles_x * kTileSize + CellY(cell);
+  const int x = cell_x + lane % kCellWidth, y = cell_y + lane / kCellWidth;
+  const float center_x = x + 0.5f, center_y = y + 0.5f;
+  const int32_t first = p.tiles.tile_first_entry[tile], end = p.tiles.tile_first_entry[tile + 1];
+  const int32_t first_bucket = p.tile_first_bucket[tile];
+  const int num_buckets = NumBuckets(end - first);
+  for (int k = static_cast<int>(threadIdx.x); k < num_buckets; k += kTilePixels) {
+    p.bucket_tile[first_bucket + k] = tile;
+  }
+  if (tile == 0 && threadIdx.x == 0 && p.room.IsVoid()) ++*p.num_void_renders;
+
+  PixelSum sum = {{0, 0, 0, 1}, 0, 0, x >= p.tiles.width || y >= p.tiles.height};
+  for (int32_t base = first; base < end; base += kTilePixels) {
+    // All entries pass here, also where all pixels are done: others read entry_visible.
+    __syncthreads();
+    LoadBatch(p, base, end, batch);
+    __syncthreads();
+    for (int group = 0; group < kTilePixels && base + group < end; group += 32) {
+      if (__all_sync(kAllLanes, sum.done)) break;
+      const int mine = group + lane;
+      const bool reached =
+          base + mine < end &&
+          ReachesCell(batch.extent[mine], cell_x + 0.5f - batch.a[mine].x,
+                      cell_y + 0.5f - batch.a[mine].y);
+      for (uint32_t left = __ballot_sync(kAllLanes, reached); left != 0; left &= left - 1) {
+        const int k = group + __ffs(left) - 1;
+        const SplatWords s = {batch.a[k], batch.b[k], batch.c[k]};
+        BlendSplat<kDepth>(s, center_x, center_y, base - first + k, sum);
+      }
+      const int32_t passed = base + group + 32 - first;
+      if (passed % kBucketSize == 0 && first + passed < end) {
+        StoreBucket<kDepth>(p, first_bucket + passed / kBucketSize - 1, sum);
+      }
+    }
+  }
+  StorePixel<kDepth>(p, x, y, sum);
+}
+
+}  // namespace
+
+// Sizes what is counted by entries, tiles and pixels.
+void CudaBackend::MakeRoom(const RenderArgs& args) {
+  RenderScratch& scratch = *args.scratch;
+  const int64_t num_tiles = int64_t{scratch.num_tiles_x} * scratch.num_tiles_y;
+  int64_t num_entries = scratch.entry_visible.capacity();
+  if (!args.keep_room || num_entries == 0) {
+    Keep(cudaMemcpyAsync(pinned_counters_, scratch.counters.span().data,
+                         kNumRenderCounters * sizeof(int64_t), cudaMemcpyDeviceToHost, stream_),
+         "copying the counters");
+    Keep(cudaStreamSynchronize(stream_), "waiting for the counters");
+    if (!error_.empty()) return;
+    num_entries = pinned_counters_[kNumTileEntries];
+    if (num_entries > INT32_MAX) {
+      return Fail("rendering " + std::to_string(scratch.width) + "x" +
+                  std::to_string(scratch.height) + " pixels takes " +
+                  std::to_string(num_entries) +
+                  " pairs of a Gaussian and a tile; the limit is 2147483647");
+    }
+    const int64_t num_visible = pinned_counters_[kNumVisible];
+    scratch.visible_gaussian.Resize(num_visible);
+    scratch.visible_splat.Resize(num_visible);
+    scratch.visible_first_slot.Resize(num_visible + 1);
+  }
+  scratch.order_first.Reserve(*this, scratch.visible_splat.size());
+  scratch.entry_visible.Reserve(*this, num_entries);
+  scratch.entry_slot.Reserve(*this, num_entries);
+  scratch.unsorted_slot.Reserve(*this, num_entries);
+  scratch.slot_visible.Reserve(*this, num_entries);
+  scratch.tile_keys.Reserve(*this, 2 * num_entries);
+  scratch.tile_first_entry.Reserve(*this, num_tiles + 1);
+  scratch.tile_first_bucket.Reserve(*this, num_tiles + 1);
+  const int64_t num_buckets = MaxBuckets(num_entries, num_tiles);
+  scratch.bucket_tile.Reserve(*this, num_buckets);
+  scratch.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
+  scratch.pixel_color.Reserve(*this, num_tiles * kTilePixels * 4);
+  if (args.depth.empty()) return;
+  scratch.bucket_depth.Reserve(*this, num_buckets * kTilePixels);
+  scratch.pixel_depth.Reserve(*this, num_tiles * kTilePixels);
+}
+
+void CudaBackend::Render(const RenderArgs& args) {
+  const Turn turn(*this);
+  if (!turn) return;
+  RenderScratch& scratch = *args.scratch;
+  scratch.width = args.view.width;
+  scratch.height = args.view.height;
+  scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
+  scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
+  scratch.counters.Reserve(*this, kNumRenderCounters);
+  const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
+  scratch.pixel_transmittance.Reserve(*this, num_pixels);
+  scratch.pixel_last_entry.Reserve(*this, num_pixels);
+  if (!error_.empty()) return;
+  ProjectGaussians(args);
+  MakeRoom(args);
+  if (!error_.empty()) return;
+  ListTileEntries(args);
+  if (!error_.empty()) return;
+  const BlendParams params = {
+      TilesOf(scratch),
+      RoomOf(scratch),
+      scratch.entry_slot.span().data,
+      scratch.slot_visible.span().data,
+      scratch.tile_first_bucket.span().data,
+      {args.background[0], args.background[1], args.background[2]},
+      args.color.data,
+      args.alpha.data,
+      args.depth.data,
+      scratch.entry_visible.span().data,
+      reinterpret_cast<float4*>(scratch.pixel_color.span().data),
+      scratch.pixel_depth.span().data,
+      scratch.pixel_transmittance.span().data,
+      scratch.pixel_last_entry.span().data,
+      scratch.bucket_tile.span().data,
+      reinterpret_cast<float4*>(scratch.bucket_color.span().data),
+      scratch.bucket_depth.span().data,
+      scratch.counters.span().data + kNumVoidRenders};
+  const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
+  if (args.depth.empty()) {
+    BlendKernel<false><<<num_tiles, kTilePixels, 0, stream_>>>(params);
+  } else {
+    BlendKernel<true><<<num_tiles, kTilePixels, 0, stream_>>>(params);
+  }
+  Launched("blend");
+}
+
+}  // namespace pepeseg

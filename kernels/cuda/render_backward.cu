@@ -1,0 +1,254 @@
+#include <cuda_runtime.h>
+
+#include "kernels/cuda/blend_tile.cuh"
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/launch.h"
+#include "kernels/cuda/warp_sums.cuh"
+
+namespace pepeseg {
+namespace {
+
+// What is summed over the pixels of a (splat, tile): the moments of math/blend.h, then the gradient
+// of the colour and of the depth.
+enum SlotSum { kSum, kSumX, kSumY, kSumXX, kSumXY, kSumYY, kSumR, kSumG, kSumB, kSumDepth };
+constexpr int kNumSlotSums = kSumDepth + 1;
+
+struct BackwardParams {
+  TileView tiles;
+  Room room;
+  int num_tiles;
+  const int32_t* entry_slot;
+  const int32_t* entry_visible;
+  const int32_t* tile_first_bucket;
+  const int32_t* bucket_tile;
+  const int32_t* pixel_last_entry;
+  const float4* pixel_color;
+  const float* pixel_depth;
+  const float4* bucket_color;
+  const float* bucket_depth;
+  float background[3];
+  const float *color_grad, *alpha_grad, *depth_grad;  // the last two may be null
+  float* slot_sums;                                   // [entries, kNumSlotSums]
+};
+
+// A pixel on its way from the back to the front.
+struct PixelState {
+  float r_grad, g_grad, b_grad, depth_grad;
+  float transmittance, behind;
+  int32_t end;  // entries of the tile from here on do not concern it
+};
+
+template <bool kDepth>
+__device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, int cell) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const int x = tile % p.tiles.num_tiles_x * kTileSize + CellX(cell) + lane % kCellWidth;
+  const int y = tile / p.tiles.num_tiles_x * kTileSize + CellY(cell) + lane / kCellWidth;
+  PixelState s = {};
+  if (x >= p.tiles.width || y >= p.tiles.height) return s;
+  const int64_t num_pixels = int64_t{p.tiles.width} * p.tiles.height;
+  const int64_t pixel = int64_t{y} * p.tiles.width + x;
+  const int32_t first = (bucket - p.tile_first_bucket[tile]) * kBucketSize;
+  s.end = p.pixel_last_entry[pixel];
+  if (s.end <= first) {
+    s.end = 0;
+    return s;
+  }
+  s.r_grad = p.color_grad[pixel];
+  s.g_grad = p.color_grad[num_pixels + pixel];
+  s.b_grad = p.color_grad[2 * num_pixels + pixel];
+  if constexpr (kDepth) s.depth_grad = p.depth_grad[pixel];
+  const int64_t in_tiles = int64_t{tile} * kTilePixels + cell * 32 + lane;
+  const float4 all = p.pixel_color[in_tiles];
+  s.transmittance = all.w;
+  s.behind = s.r_grad * p.background[0] + s.g_grad * p.background[1] + s.b_grad * p.background[2];
+  if (p.alpha_grad != nullptr) s.behind -= p.alpha_grad[pixel];
+  if (s.end <= first + kBucketSize) return s;
+  // Behind this bucket lies what the pixel gathered after it, seen with transmittance 1.
+  s.end = first + kBucketSize;
+  const int64_t in_buckets = int64_t{bucket} * kTilePixels + cell * 32 + lane;
+  const float4 before = p.bucket_color[in_buckets];
+  float gathered = s.r_grad * (all.x - before.x) + s.g_grad * (all.y - before.y) +
+                   s.b_grad * (all.z - before.z);
+  if constexpr (kDepth) {
+    gathered += s.depth_grad * (p.pixel_depth[in_tiles] - p.bucket_depth[in_buckets]);
+  }
+  s.behind = __fdividef(gathered + all.w * s.behind, before.w);
+  s.transmittance = before.w;
+  return s;
+}
+
+template <bool kDepth>
+__device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float dy, PixelState& s,
+                              float (&sums)[kDepth ? kNumSlotSums : kNumSlotSums - 1]) {
+  s.transmittance = __fdividef(s.transmittance, 1 - alpha);
+  float value = w.b.z * s.r_grad + w.b.w * s.g_grad + w.c.x * s.b_grad;
+  if constexpr (kDepth) value += w.c.y * s.depth_grad;
+  const float grad = GaussianVjp(alpha, AlphaVjp(s.transmittance, value, s.behind));
+  s.behind = BehindStep(alpha, value, s.behind);
+  const float weight = alpha * s.transmittance;
+  const float grad_x = grad * dx, grad_y = grad * dy;
+  sums[kSum] += grad;
+  sums[kSumX] += grad_x;
+  sums[kSumY] += grad_y;
+  sums[kSumXX] += grad_x * dx;
+  sums[kSumXY] += grad_x * dy;
+  sums[kSumYY] += grad_y * dy;
+  sums[kSumR] += weight * s.r_grad;
+  sums[kSumG] += weight * s.g_grad;
+  sums[kSumB] += weight * s.b_grad;
+  if constexpr (kDepth) sums[kSumDepth] += weight * s.depth_grad;
+}
+
+constexpr int kBackwardWarps = 2;  // a block
+
+struct WarpBatch {
+  float4 a[32], b[32], c[32];
+};
+
+// A warp a bucket: eight pixels a lane, one in each cell. Each (splat, tile) is summed by one warp
+// in one order, so gradients are the same from run to run.
+template <bool kDepth>
+__global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardParams p) {
+  constexpr int kNumSums = kDepth ? kNumSlotSums : kNumSlotSums - 1;
+  __shared__ WarpBatch batches[kBackwardWarps];
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  WarpBatch& batch = batches[threadIdx.x / 32];
+  const int bucket = static_cast<int>(blockIdx.x) * kBackwardWarps + threadIdx.x / 32;
+  if (bucket >= p.tile_first_bucket[p.num_tiles] || p.room.IsVoid()) return;
+  const int tile = p.bucket_tile[bucket];
+  const int32_t tile_first = p.tiles.tile_first_entry[tile];
+  const int32_t first = (bucket - p.tile_first_bucket[tile]) * kBucketSize;
+  const int32_t num_entries =
+      min(p.tiles.tile_first_entry[tile + 1] - tile_first - first, kBucketSize);
+  const float tile_x = tile % p.tiles.num_tiles_x * kTileSize + 0.5f;
+  const float tile_y = tile / p.tiles.num_tiles_x * kTileSize + 0.5f;
+  const float x = tile_x + lane % kCellWidth, y = tile_y + lane / kCellWidth;
+
+  PixelState pixels[kNumCells];
+  int32_t last = 0;
+#pragma unroll
+  for (int cell = 0; cell < kNumCells; ++cell) {
+    pixels[cell] = StartPixel<kDepth>(p, tile, bucket, cell);
+    last = max(last, pixels[cell].end);
+  }
+  last = __reduce_max_sync(kAllLanes, last) - first;  // entries at or after it concern no pixel
+  const int sum_index = IndexOfSum<kNumSums>(lane);
+
+  for (int32_t group = (num_entries - 1) / 32 * 32; group >= 0; group -= 32) {
+    const int32_t own = group + lane;
+    const int32_t entry = tile_first + first + own;
+    const int32_t slot = own < num_entries ? p.entry_slot[entry] : -1;
+    uint32_t own_cells = 0;
+    __syncwarp();
+    if (own < min(last, num_entries)) {
+      const SplatWords w = LoadSplat(p.tiles.splats, p.entry_visible[entry]);
+      batch.a[lane] = w.a;
+      batch.b[lane] = w.b;
+      batch.c[lane] = w.c;
+      own_cells = ReachedCells(MakeSplatExtent(ToSplat(w)), tile_x - w.a.x, tile_y - w.a.y);
+    }
+    __syncwarp();
+    for (int k = min(31, num_entries - 1 - group); k >= 0; --k) {
+      const uint32_t cells = __shfl_sync(kAllLanes, own_cells, k);
+      const int32_t its_slot = __shfl_sync(kAllLanes, slot, k);
+      float sums[kNumSums] = {};
+      bool any = false;
+      if (cells != 0) {
+        const SplatWords w = {batch.a[k], batch.b[k], batch.c[k]};
+        const float dx0 = x - w.a.x, dy0 = y - w.a.y;
+        const PowerRoot<float> root = {w.a.z, w.a.w, w.b.x};
+        const int32_t position = first + group + k;
+#pragma unroll
+        for (int cell = 0; cell < kNumCells; ++cell) {
+          if ((cells >> cell & 1) == 0) continue;
+          const float dx = dx0 + CellX(cell), dy = dy0 + CellY(cell);
+          const float power = Power(root, PowerAtRow(root, dy), dx);
+          if (power < w.c.z || position >= pixels[cell].end) continue;
+          any = true;
+          BackwardPixel<kDepth>(w, Alpha(w.b.y, FastExp2(power)), dx, dy, pixels[cell], sums);
+        }
+      }
+      if (__any_sync(kAllLanes, any)) SumOverWarp(sums, lane);
+      float* out = p.slot_sums + int64_t{its_slot} * kNumSlotSums;
+      out[sum_index] = sums[0];
+      if (!kDepth && lane == 31) out[kSumDepth] = 0;
+    }
+  }
+}
+
+struct SumParams {
+  Room room;
+  const int32_t* first_slot;
+  const Splat* splats;
+  const float* slot_sums;
+  SplatGrad* visible_grad;
+};
+
+// Over the tiles of a splat, in their order.
+__global__ void __launch_bounds__(256) SumSlotsKernel(SumParams p) {
+  const int64_t visible = int64_t{blockIdx.x} * 256 + threadIdx.x;
+  if (p.room.IsVoid() || visible >= p.room.counters[kNumVisible]) return;
+  float sums[kNumSlotSums] = {};
+  for (int32_t slot = p.first_slot[visible]; slot < p.first_slot[visible + 1]; ++slot) {
+    const float2* from = reinterpret_cast<const float2*>(p.slot_sums + int64_t{slot} * kNumSlotSums);
+#pragma unroll
+    for (int i = 0; i < kNumSlotSums / 2; ++i) {
+      const float2 two = from[i];
+      sums[2 * i] += two.x;
+      sums[2 * i + 1] += two.y;
+    }
+  }
+  const Splat& splat = p.splats[visible];
+  const PowerMoments<float> moments = {sums[kSum],   sums[kSumX],  sums[kSumY],
+                                       sums[kSumXX], sums[kSumXY], sums[kSumYY]};
+  const auto shape = SplatShapeVjp(PowerRoot<float>{splat.root_xx, splat.root_xy, splat.root_yy},
+                                   splat.opacity, moments);
+  p.visible_grad[visible] = {shape.x,        shape.y,        shape.conic_xx, shape.conic_xy,
+                             shape.conic_yy, shape.opacity,  sums[kSumR],    sums[kSumG],
+                             sums[kSumB],    sums[kSumDepth]};
+}
+
+}  // namespace
+
+void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
+  const Turn turn(*this);
+  if (!turn) return;
+  RenderScratch& scratch = *args.scratch;
+  const int64_t num_visible = scratch.visible_splat.size();
+  scratch.slot_sums.Reserve(*this, scratch.entry_slot.size() * kNumSlotSums);
+  scratch.visible_grad.Reserve(*this, num_visible);
+  if (!error_.empty() || num_visible == 0) return;
+  const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
+  const BackwardParams params = {
+      TilesOf(scratch),
+      RoomOf(scratch),
+      num_tiles,
+      scratch.entry_slot.span().data,
+      scratch.entry_visible.span().data,
+      scratch.tile_first_bucket.span().data,
+      scratch.bucket_tile.span().data,
+      scratch.pixel_last_entry.span().data,
+      reinterpret_cast<const float4*>(scratch.pixel_color.span().data),
+      scratch.pixel_depth.span().data,
+      reinterpret_cast<const float4*>(scratch.bucket_color.span().data),
+      scratch.bucket_depth.span().data,
+      {args.background[0], args.background[1], args.background[2]},
+      args.color_grad.data,
+      args.alpha_grad.data,
+      args.depth_grad.data,
+      scratch.slot_sums.span().data};
+  const int64_t num_buckets = MaxBuckets(scratch.entry_slot.size(), num_tiles);
+  const int num_blocks = NumBlocks(num_buckets, kBackwardWarps);
+  if (args.depth_grad.empty()) {
+    BackwardKernel<false><<<num_blocks, 32 * kBackwardWarps, 0, stream_>>>(params);
+  } else {
+    BackwardKernel<true><<<num_blocks, 32 * kBackwardWarps, 0, stream_>>>(params);
+  }
+  Launched("blend backward");
+  SumSlotsKernel<<<NumBlocks(num_visible, 256), 256, 0, stream_>>>(
+      {RoomOf(scratch), scratch.visible_first_slot.span().data, scratch.visible_splat.span().data,
+       scratch.slot_sums.span().data, scratch.visible_grad.span().data});
+  Launched("sum slots");
+}
+
+}  // namespace pepeseg

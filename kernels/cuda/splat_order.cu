@@ -1,0 +1,198 @@
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <bit>
+#include <cub/block/block_scan.cuh>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
+#include "kernels/cuda/blend_tile.cuh"
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/launch.h"
+#include "kernels/math/tile_cover.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr int kManyTiles = 32;  // from here on a whole warp lists the tiles of a splat
+
+// Entries of the i-th visible in depth order; none beyond the visible.
+struct EntriesInOrder {
+  const int32_t* depth_order;
+  const int32_t* first_slot;
+  const int64_t* counters;
+  __device__ int32_t operator()(int64_t i) const {
+    if (i >= counters[kNumVisible]) return 0;
+    const int32_t visible = depth_order[i];
+    return first_slot[visible + 1] - first_slot[visible];
+  }
+};
+
+struct ListParams {
+  Room room;
+  TileGrid grid;
+  const int32_t* depth_order;
+  const int32_t* order_first;
+  const Splat* splats;
+  const int32_t* first_slot;
+  uint32_t* tile_keys;
+  int32_t* unsorted_slot;
+  int32_t* slot_visible;
+};
+
+// Lists the tiles of the visible in the order of depth. Splats with many tiles are left for the
+// whole warp, each row of tiles spread over the lanes.
+__global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
+  if (p.room.IsVoid()) return;
+  const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  const int lane = static_cast<int>(threadIdx.x) & 31;
+  const bool active = i < p.room.counters[kNumVisible];
+  const int32_t visible = active ? p.depth_order[i] : 0;
+  const int32_t entry = active ? p.order_first[i] : 0;
+  const int32_t slot = active ? p.first_slot[visible] : 0;
+  const int32_t num_tiles = active ? p.first_slot[visible + 1] - slot : 0;
+  if (num_tiles > 0 && num_tiles < kManyTiles) {
+    int32_t next = 0;
+    ForEachTileRow(ToSplat(LoadSplat(p.splats, visible)), p.grid,
+                   [&](int tile_y, int first_x, int end_x) {
+                     for (int x = first_x; x < end_x; ++x, ++next) {
+                       p.tile_keys[entry + next] = tile_y * p.grid.num_x + x;
+                       p.unsorted_slot[entry + next] = slot + next;
+                       p.slot_visible[slot + next] = visible;
+                     }
+                   });
+  }
+  uint32_t many = __ballot_sync(0xffffffffu, num_tiles >= kManyTiles);
+  for (; many != 0; many &= many - 1) {
+    const int source = __ffs(many) - 1;
+    const int32_t its_visible = __shfl_sync(0xffffffffu, visible, source);
+    const int32_t its_entry = __shfl_sync(0xffffffffu, entry, source);
+    const int32_t its_slot = __shfl_sync(0xffffffffu, slot, source);
+    int32_t next = 0;
+    ForEachTileRow(ToSplat(LoadSplat(p.splats, its_visible)), p.grid,
+                   [&](int tile_y, int first_x, int end_x) {
+                     for (int x = first_x + lane; x < end_x; x += 32) {
+                       const int32_t at = next + x - first_x;
+                       p.tile_keys[its_entry + at] = tile_y * p.grid.num_x + x;
+                       p.unsorted_slot[its_entry + at] = its_slot + at;
+                       p.slot_visible[its_slot + at] = its_visible;
+                     }
+                     next += end_x - first_x;
+                   });
+  }
+}
+
+// tile_first_entry from the sorted keys; a void render has no entries.
+struct RangeParams {
+  Room room;
+  int num_tiles;
+  const uint32_t* tile_keys;
+  int32_t* tile_first_entry;
+};
+__global__ void __launch_bounds__(kBlock) RangeKernel(RangeParams p) {
+  const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  const int64_t num_entries = p.room.IsVoid() ? 0 : p.room.counters[kNumTileEntries];
+  if (i > num_entries) return;
+  // Tiles that begin at entry i: those after the tile of the entry before.
+  const int first = i == 0 ? 0 : static_cast<int>(p.tile_keys[i - 1]) + 1;
+  const int end = i == num_entries ? p.num_tiles : static_cast<int>(p.tile_keys[i]);
+  for (int tile = first; tile <= end; ++tile) p.tile_first_entry[tile] = static_cast<int32_t>(i);
+}
+
+// One block: tile_first_bucket, the sum of the buckets of the tiles before.
+constexpr int kScanBlock = 1024;
+__global__ void __launch_bounds__(kScanBlock)
+    BucketKernel(const int32_t* tile_first_entry, int num_tiles, int32_t* tile_first_bucket) {
+  using Scan = cub::BlockScan<int32_t, kScanBlock>;
+  __shared__ typename Scan::TempStorage storage;
+  int32_t before = 0;
+  for (int base = 0; base < num_tiles; base += kScanBlock) {
+    const int tile = base + static_cast<int>(threadIdx.x);
+    int32_t own = 0;
+    if (tile < num_tiles) own = NumBuckets(tile_first_entry[tile + 1] - tile_first_entry[tile]);
+    int32_t first, total;
+    Scan(storage).ExclusiveSum(own, first, total);
+    if (tile < num_tiles) tile_first_bucket[tile] = before + first;
+    before += total;
+    __syncthreads();
+  }
+  if (threadIdx.x == 0) tile_first_bucket[num_tiles] = before;
+}
+
+}  // namespace
+
+void CudaBackend::ListTileEntries(const RenderArgs& args) {
+  RenderScratch& scratch = *args.scratch;
+  const int64_t num_visible = scratch.visible_splat.size();  // bounds when the room was kept
+  const int64_t num_entries = scratch.entry_visible.size();
+  const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
+  uint32_t* depth_keys = scratch.depth_keys.span().data;
+  int32_t* depth_order = scratch.depth_order.span().data;
+  const int64_t spare = scratch.depth_keys.size() / 2;
+  cub::DoubleBuffer<uint32_t> depths(depth_keys, depth_keys + spare);
+  cub::DoubleBuffer<int32_t> order(depth_order, depth_order + spare);
+  uint32_t* tile_keys = scratch.tile_keys.span().data;
+  cub::DoubleBuffer<uint32_t> tiles(tile_keys, tile_keys + num_entries);
+  cub::DoubleBuffer<int32_t> slots(scratch.unsorted_slot.span().data,
+                                   scratch.entry_slot.span().data);
+  const int tile_bits = std::bit_width(static_cast<unsigned>(std::max(num_tiles - 1, 1)));
+  const Room room = RoomOf(scratch);
+
+  size_t bytes[3] = {};
+  cub::DeviceRadixSort::SortPairs(nullptr, bytes[0], depths, order, num_visible, 0, 32, stream_);
+  const auto entries_in_order = [&](const int32_t* by_depth) {
+    return thrust::make_transform_iterator(
+        thrust::make_counting_iterator(int64_t{0}),
+        EntriesInOrder{by_depth, scratch.visible_first_slot.span().data, room.counters});
+  };
+  cub::DeviceScan::ExclusiveSum(nullptr, bytes[1], entries_in_order(nullptr),
+                                scratch.order_first.span().data, num_visible, stream_);
+  cub::DeviceRadixSort::SortPairs(nullptr, bytes[2], tiles, slots, num_entries, 0, tile_bits,
+                                  stream_);
+  void* temporary = Temporary(std::max({bytes[0], bytes[1], bytes[2]}));
+  if (!error_.empty()) return;
+
+  if (num_visible > 0 && num_entries > 0) {
+    Keep(cub::DeviceRadixSort::SortPairs(temporary, bytes[0], depths, order, num_visible, 0, 32,
+                                         stream_),
+         "sorting by depth");
+    Launched("sort by depth");
+    Keep(cub::DeviceScan::ExclusiveSum(temporary, bytes[1], entries_in_order(order.Current()),
+                                       scratch.order_first.span().data, num_visible, stream_),
+         "summing the entries");
+    Launched("sum entries");
+    if (args.keep_room) {  // keys beyond the entries sort last
+      Keep(cudaMemsetAsync(tile_keys, 0xff, num_entries * sizeof(uint32_t), stream_),
+           "filling the tile keys");
+    }
+    ListKernel<<<NumBlocks(num_visible, kBlock), kBlock, 0, stream_>>>(
+        {room,
+         {scratch.num_tiles_x, scratch.num_tiles_y},
+         order.Current(),
+         scratch.order_first.span().data,
+         scratch.visible_splat.span().data,
+         scratch.visible_first_slot.span().data,
+         tile_keys,
+         scratch.unsorted_slot.span().data,
+         scratch.slot_visible.span().data});
+    Launched("list entries");
+    Keep(cub::DeviceRadixSort::SortPairs(temporary, bytes[2], tiles, slots, num_entries, 0,
+                                         tile_bits, stream_),
+         "sorting by tile");
+    if (slots.Current() != scratch.entry_slot.span().data) {
+      std::swap(scratch.entry_slot, scratch.unsorted_slot);
+    }
+    Launched("sort by tile");
+  }
+  RangeKernel<<<NumBlocks(num_entries + 1, kBlock), kBlock, 0, stream_>>>(
+      {room, num_tiles, tiles.Current(), scratch.tile_first_entry.span().data});
+  Launched("tile ranges");
+  BucketKernel<<<1, kScanBlock, 0, stream_>>>(scratch.tile_first_entry.span().data, num_tiles,
+                                              scratch.tile_first_bucket.span().data);
+  Launched("tile buckets");
+}
+
+}  // namespace pepeseg

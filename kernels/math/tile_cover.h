@@ -1,0 +1,98 @@
+#pragma once
+
+#include "kernels/math/blend.h"
+#include "kernels/render_scratch.h"
+
+// Which pixels, and so which tiles, a splat can reach: the same test for counting and for listing.
+
+namespace pepeseg {
+
+// Slack on the squared extent of a splat, so that rounding here never loses a pixel that the test
+// of the power lets pass.
+inline constexpr float kExtentSlack = 1.0002f;
+
+// The splat ends where the power reaches min_power: half its extent in y.
+PEPESEG_HD float SplatHalfHeight(float min_power, float root_yy) {
+  return ::sqrtf(-kExtentSlack * min_power) / root_yy;
+}
+
+// Three standard deviations along the longer axis, in pixels, from the eigenvalues of the conic: its
+// determinant is a square, its larger one 1 / variance of the short axis.
+PEPESEG_HD float SplatRadius(const Splat& splat) {
+  const float mid = 0.5f * (splat.root_xx * splat.root_xx + splat.root_xy * splat.root_xy +
+                            splat.root_yy * splat.root_yy);
+  const float root = splat.root_xx * splat.root_yy;
+  const float larger = mid + ::sqrtf(Max(0.0f, (mid - root) * (mid + root)));
+  return 3 * ::sqrtf(kHalfLog2E * larger) / root;
+}
+
+// The ellipse in which a splat's power is above min_power, about its mean.
+struct SplatExtent {
+  float half_height;
+  float shear;        // x of a row's middle over its y
+  float waist;        // half the width at the mean's row
+  float rightmost;    // row offset of the rightmost point; the leftmost has the opposite
+  float inv_height2;  // 1 / half_height^2
+};
+PEPESEG_HD SplatExtent MakeSplatExtent(const Splat& splat) {
+  const float norm = ::sqrtf(splat.root_xy * splat.root_xy + splat.root_yy * splat.root_yy);
+  return {splat.half_height, -splat.root_xy / splat.root_xx,
+          ::sqrtf(-kExtentSlack * splat.min_power) / splat.root_xx,
+          -splat.half_height * splat.root_xy / norm, 1 / (splat.half_height * splat.half_height)};
+}
+
+// What the ellipse covers of the rows top..bottom (offsets from the mean), in x offsets from the
+// mean: exact, as the part of an ellipse within a band of rows is convex. The band must meet it.
+struct BandCover {
+  float left, right;
+};
+PEPESEG_HD BandCover CoverOfBand(const SplatExtent& extent, float top, float bottom) {
+  const float first = Max(top, -extent.half_height);
+  const float last = Max(first, Min(bottom, extent.half_height));
+  const float right_dy = Min(Max(extent.rightmost, first), last);
+  const float left_dy = Min(Max(-extent.rightmost, first), last);
+  const float right = ::sqrtf(Max(0.0f, 1 - right_dy * right_dy * extent.inv_height2));
+  const float left = ::sqrtf(Max(0.0f, 1 - left_dy * left_dy * extent.inv_height2));
+  return {extent.shear * left_dy - extent.waist * left,
+          extent.shear * right_dy + extent.waist * right};
+}
+
+struct TileGrid {
+  int num_x;
+  int num_y;
+};
+
+// In floats and clamped before the conversion: a splat may reach far beyond any int.
+PEPESEG_HD int ClampToTiles(float tile, int end) {
+  return static_cast<int>(Min(Max(tile, 0.0f), static_cast<float>(end)));
+}
+
+// Calls fn(tile_y, first_tile_x, end_tile_x) for the tiles that hold a pixel centre in reach of the
+// splat, row by row: exact for the ellipse against the rectangle of a tile's pixel centres.
+template <class Fn>
+PEPESEG_HD void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
+  constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
+  const SplatExtent extent = MakeSplatExtent(splat);
+  const float half_height = extent.half_height;
+  const int first_y =
+      ClampToTiles(::ceilf((splat.y - half_height - kLast) * kInvSize), grid.num_y);
+  const int end_y =
+      ClampToTiles(::floorf((splat.y + half_height - kFirst) * kInvSize) + 1, grid.num_y);
+  for (int tile_y = first_y; tile_y < end_y; ++tile_y) {
+    const float top = static_cast<float>(tile_y * kTileSize) - splat.y;
+    const BandCover cover = CoverOfBand(extent, top + kFirst, top + kLast);
+    const int first_x =
+        ClampToTiles(::ceilf((splat.x + cover.left - kLast) * kInvSize), grid.num_x);
+    const int end_x =
+        ClampToTiles(::floorf((splat.x + cover.right - kFirst) * kInvSize) + 1, grid.num_x);
+    if (first_x < end_x) fn(tile_y, first_x, end_x);
+  }
+}
+
+PEPESEG_HD int NumTiles(const Splat& splat, const TileGrid& grid) {
+  int num_tiles = 0;
+  ForEachTileRow(splat, grid, [&](int, int first_x, int end_x) { num_tiles += end_x - first_x; });
+  return num_tiles;
+}
+
+}  // namespace pepeseg
