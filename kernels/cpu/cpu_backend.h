@@ -6,6 +6,7 @@
 
 #include "kernels/backend.h"
 #include "kernels/cpu/parallel_for.h"
+#include "kernels/cpu/simd_kernels.h"
 
 namespace pepeseg {
 
@@ -41,6 +42,7 @@ class CpuBackend final : public Backend {
 
  private:
   ThreadPool pool_;
+  const SimdKernels& simd_;
   std::atomic<size_t> bytes_in_use_ = 0;
 };
 

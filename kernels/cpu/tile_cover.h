@@ -8,15 +8,6 @@
 
 namespace pepeseg {
 
-// Slack on the squared extent of a splat, so that rounding here never loses a pixel that the test
-// of the power lets pass.
-inline constexpr float kExtentSlack = 1.0002f;
-
-// The splat ends where the power reaches min_power: half its extent in y.
-inline float SplatHalfHeight(float min_power, float root_yy) {
-  return std::sqrt(-kExtentSlack * min_power) / root_yy;
-}
-
 struct TileGrid {
   int num_x;
   int num_y;
@@ -31,7 +22,7 @@ inline void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
   const float half_height = splat.half_height;
   const float shear = -splat.root_xy / splat.root_xx;
   // Half the width of the ellipse at its mean's row, and the row offset of its rightmost point.
-  const float waist = std::sqrt(-kExtentSlack * splat.min_power) / splat.root_xx;
+  const float waist = half_height * splat.root_yy / splat.root_xx;
   const float rightmost = -half_height * splat.root_xy /
                           std::sqrt(splat.root_xy * splat.root_xy + splat.root_yy * splat.root_yy);
   const float inv_height2 = 1 / (half_height * half_height);
