@@ -96,6 +96,14 @@ struct UpdateArgs {
   DensityStats stats;               // in and out
 };
 
+// Rearranges rows, for density control and reordering: row i of `to` becomes row source[i] of
+// `from`, or zeros where source[i] < 0.
+struct GatherRowsArgs {
+  DeviceSpan<const int32_t> source;  // [to.count], each < from.count
+  ConstGaussianPlanes from;
+  GaussianPlanes to;  // of the same degree; must not overlap `from`
+};
+
 // The rows of the blend matrix for chosen pixels, after Render with the same scratch: pixel p's
 // colour (or feature) is the sum over its row of weight * value[Gaussian]. Exact: same order, same
 // thresholds as Render.
