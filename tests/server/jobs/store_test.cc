@@ -179,6 +179,7 @@ TEST_F(StoreTest, OneOfManyThreadsGetsToTrain) {
   std::atomic<int> num_ok = 0;
   std::atomic<int> num_aborted = 0;
   std::vector<std::thread> threads;
+  threads.reserve(8);
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&] {
       const auto job = Train("a");

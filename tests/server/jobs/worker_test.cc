@@ -139,10 +139,10 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   EXPECT_EQ(model->gaussians.count, result->num_gaussians);
   EXPECT_EQ(model->field.features.size(), static_cast<size_t>(model->gaussians.count) * 32);
   EXPECT_EQ(model->views.size(), 15u);
-  EXPECT_GT(model->metrics["psnr"], 5);
-  EXPECT_GT(model->metrics["seconds_reconstruct"], 0);
-  EXPECT_GT(model->metrics["num_masks"], 0);
-  EXPECT_THAT(model->facts["options"], HasSubstr("\"numSteps\":60"));
+  EXPECT_GT(model->metrics.at("psnr"), 5);
+  EXPECT_GT(model->metrics.at("seconds_reconstruct"), 0);
+  EXPECT_GT(model->metrics.at("num_masks"), 0);
+  EXPECT_THAT(model->facts.at("options"), HasSubstr("\"numSteps\":60"));
   EXPECT_FALSE(std::filesystem::exists(job_.reconstruction(1)));
 }
 
