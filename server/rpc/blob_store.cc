@@ -3,12 +3,10 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <cerrno>
 #include <system_error>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/durable_file.h"
@@ -69,11 +67,6 @@ absl::StatusOr<std::unique_ptr<BlobStore::Writer>> BlobStore::Begin(const std::s
   writer->target_ = Path(sha256);
   writer->sha256_ = sha256;
   writer->size_ = size;
-  writer->digest_.reset(EVP_MD_CTX_new());
-  if (writer->digest_ == nullptr ||
-      EVP_DigestInit_ex(writer->digest_.get(), EVP_sha256(), nullptr) != 1) {
-    return absl::InternalError("cannot start a SHA-256");
-  }
   return writer;
 }
 
@@ -88,7 +81,7 @@ absl::Status BlobStore::Writer::Append(std::string_view bytes) {
                                                    " declared: at least ",
                                                    written_ + static_cast<int64_t>(bytes.size())));
   }
-  EVP_DigestUpdate(digest_.get(), bytes.data(), bytes.size());
+  digest_.Update(bytes);
   while (!bytes.empty()) {
     const ssize_t count = write(descriptor_, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
@@ -99,22 +92,16 @@ absl::Status BlobStore::Writer::Append(std::string_view bytes) {
   return absl::OkStatus();
 }
 
-absl::Status BlobStore::Writer::CheckDigest() {
-  std::array<char, EVP_MAX_MD_SIZE> digest{};
-  unsigned int length = 0;
-  EVP_DigestFinal_ex(digest_.get(), reinterpret_cast<unsigned char*>(digest.data()), &length);
-  const std::string found = absl::BytesToHexString(std::string(digest.data(), length));
-  if (found == sha256_) return absl::OkStatus();
-  return absl::DataLossError(
-      absl::StrCat("the bytes have the SHA-256 ", found, ", declared was ", sha256_));
-}
-
 absl::Status BlobStore::Writer::Commit() {
   if (written_ != size_) {
     return absl::InvalidArgumentError(
         absl::StrCat("ended after ", written_, " of the ", size_, " bytes declared"));
   }
-  RETURN_IF_ERROR(CheckDigest());
+  const std::string found = digest_.Finish();
+  if (found != sha256_) {
+    return absl::DataLossError(
+        absl::StrCat("the bytes have the SHA-256 ", found, ", declared was ", sha256_));
+  }
   if (fsync(descriptor_) != 0) return FileError(incoming_, "cannot sync", errno);
   RETURN_IF_ERROR(MakeFolder(target_.parent_path()));
   if (rename(incoming_.c_str(), target_.c_str()) != 0) {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <openssl/evp.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -10,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/rpc/sha256.h"
 
 namespace pepeseg {
 
@@ -38,11 +37,7 @@ class BlobStore {
 
    private:
     friend class BlobStore;
-    struct FreeDigest {
-      void operator()(EVP_MD_CTX* digest) const { EVP_MD_CTX_free(digest); }
-    };
     Writer() = default;
-    absl::Status CheckDigest();
 
     std::filesystem::path incoming_;
     std::filesystem::path target_;
@@ -50,7 +45,7 @@ class BlobStore {
     int64_t size_ = 0;
     int64_t written_ = 0;
     int descriptor_ = -1;
-    std::unique_ptr<EVP_MD_CTX, FreeDigest> digest_;
+    Sha256 digest_;
   };
   absl::StatusOr<std::unique_ptr<Writer>> Begin(const std::string& sha256, int64_t size);
 
