@@ -4,28 +4,6 @@
 #include "kernels/cpu/tile_splats.h"
 
 namespace pepeseg {
-namespace {
-
-void StoreTile(const RenderArgs& args, const TileSplats& tile, const TileColors& colors) {
-  RenderScratch& scratch = *args.scratch;
-  const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
-  float* r = args.color.data;
-  float* g = r + num_pixels;
-  float* b = g + num_pixels;
-  ForEachTilePixel(tile, scratch.width, [&](int64_t out, int in) {
-    const float transmittance = colors.transmittance[in];
-    r[out] = colors.r[in] + transmittance * args.background[0];
-    g[out] = colors.g[in] + transmittance * args.background[1];
-    b[out] = colors.b[in] + transmittance * args.background[2];
-    scratch.pixel_transmittance.span()[out] = transmittance;
-    scratch.pixel_last_entry.span()[out] = static_cast<int32_t>(colors.last[in]);
-    if (!args.alpha.empty()) args.alpha[out] = 1 - transmittance;
-    if (!args.depth.empty()) args.depth[out] = colors.depth[in];
-  });
-}
-
-}  // namespace
-
 void CpuBackend::Render(const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   scratch.width = args.view.width;
@@ -40,12 +18,18 @@ void CpuBackend::Render(const RenderArgs& args) {
 
   ProjectGaussians(*this, pool_, simd_, args);
   ListTileEntries(*this, pool_, scratch);
-  pool_.ParallelFor(NumTilesOf(scratch), [&](int64_t i, int) {
-    const TileSplats tile = TileAt(scratch, i);
-    TileColors colors;
-    simd_.blend_tile(tile, !args.depth.empty(), colors);
-    StoreTile(args, tile, colors);
-  });
+  ImageColors image = {};
+  image.stride = scratch.width;
+  image.background = args.background;
+  image.r = args.color.data;
+  image.g = image.r + num_pixels;
+  image.b = image.g + num_pixels;
+  image.alpha = args.alpha.data;
+  image.depth = args.depth.data;
+  image.transmittance = scratch.pixel_transmittance.span().data;
+  image.last = scratch.pixel_last_entry.span().data;
+  pool_.ParallelFor(NumTilesOf(scratch),
+                    [&](int64_t i, int) { simd_.blend_tile(TileAt(scratch, i), image); });
 }
 
 }  // namespace pepeseg

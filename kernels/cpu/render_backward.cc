@@ -6,27 +6,6 @@
 namespace pepeseg {
 namespace {
 
-// The tile's gradients; pixels outside the image have seen no entry.
-void LoadTile(const RenderBackwardArgs& args, const TileSplats& tile, TileGrads& grads) {
-  const RenderScratch& scratch = *args.scratch;
-  const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
-  const float* r = args.color_grad.data;
-  const float* g = r + num_pixels;
-  const float* b = g + num_pixels;
-  std::fill_n(grads.last, kTilePixels, 0.0f);
-  ForEachTilePixel(tile, scratch.width, [&](int64_t in, int out) {
-    grads.r[out] = r[in];
-    grads.g[out] = g[in];
-    grads.b[out] = b[in];
-    grads.depth[out] = args.depth_grad.empty() ? 0 : args.depth_grad[in];
-    const float alpha_grad = args.alpha_grad.empty() ? 0 : args.alpha_grad[in];
-    grads.behind[out] = r[in] * args.background[0] + g[in] * args.background[1] +
-                        b[in] * args.background[2] - alpha_grad;
-    grads.transmittance[out] = scratch.pixel_transmittance.span()[in];
-    grads.last[out] = static_cast<float>(scratch.pixel_last_entry.span()[in]);
-  });
-}
-
 SplatGrad operator+(const SplatGrad& a, const SplatGrad& b) {
   return {a.x + b.x,
           a.y + b.y,
@@ -62,13 +41,20 @@ void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
   RenderScratch& scratch = *args.scratch;
   scratch.slot_grad.Reserve(*this, scratch.entry_slot.size());
   scratch.visible_grad.Reserve(*this, scratch.visible_splat.size());
+  const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
+  ImageGrads image = {};
+  image.stride = scratch.width;
+  image.background = args.background;
+  image.r = args.color_grad.data;
+  image.g = image.r + num_pixels;
+  image.b = image.g + num_pixels;
+  image.alpha = args.alpha_grad.empty() ? nullptr : args.alpha_grad.data;
+  image.depth = args.depth_grad.empty() ? nullptr : args.depth_grad.data;
+  image.transmittance = scratch.pixel_transmittance.span().data;
+  image.last = scratch.pixel_last_entry.span().data;
+  SplatGrad* slot_grad = scratch.slot_grad.span().data;
   pool_.ParallelFor(NumTilesOf(scratch), [&](int64_t i, int) {
-    const TileSplats tile = TileAt(scratch, i);
-    TileGrads grads = {};
-    LoadTile(args, tile, grads);
-    const int32_t* entry_slot = scratch.entry_slot.span().data + scratch.tile_first_entry.span()[i];
-    simd_.blend_tile_backward(tile, !args.depth_grad.empty(), grads, entry_slot,
-                              scratch.slot_grad.span().data);
+    simd_.blend_tile_backward(TileAt(scratch, i), image, slot_grad);
   });
   SumSlots(pool_, scratch);
 }

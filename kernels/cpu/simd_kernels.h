@@ -13,25 +13,26 @@ inline constexpr int kTilePixels = 256;  // kTileSize^2
 
 // One tile and the splats that reach it, front to back.
 struct TileSplats {
-  const Splat* splats;     // [visible]
-  const int32_t* entries;  // [count] -> visible
+  const Splat* splats;        // [visible]
+  const int32_t* entries;     // [count] -> visible
+  const int32_t* entry_slot;  // [count] -> slot of the gradient
   int32_t count;
   float x, y;         // of the tile's corner, pixels
   int width, height;  // of its part inside the image, 1..kTileSize
 };
 
-// Rows of kTileSize pixels.
-struct TileColors {
-  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
-  alignas(64) float transmittance[kTilePixels];
-  alignas(64) float last[kTilePixels];  // one past the last entry blended
+// Images of [height, stride] pixels. `alpha` and `depth` may be null.
+struct ImageColors {
+  int64_t stride;
+  const float* background;  // [3]
+  float *r, *g, *b, *alpha, *depth, *transmittance;
+  int32_t* last;
 };
-
-struct TileGrads {
-  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
-  alignas(64) float behind[kTilePixels];         // of the background, see math/blend.h
-  alignas(64) float transmittance[kTilePixels];  // after the last splat
-  alignas(64) float last[kTilePixels];
+struct ImageGrads {
+  int64_t stride;
+  const float* background;  // [3]
+  const float *r, *g, *b, *alpha, *depth, *transmittance;
+  const int32_t* last;
 };
 
 // Gaussians [first, first + count) in, those in front of the camera and in reach of the image out.
@@ -63,10 +64,10 @@ struct ParameterJob {
 
 struct SimdKernels {
   const char* name;
-  void (*blend_tile)(const TileSplats& tile, bool with_depth, TileColors& out);
+  void (*blend_tile)(const TileSplats& tile, const ImageColors& image);
   // Writes slot_grad[entry_slot[k]] for every entry k.
-  void (*blend_tile_backward)(const TileSplats& tile, bool with_depth, TileGrads& pixels,
-                              const int32_t* entry_slot, SplatGrad* slot_grad);
+  void (*blend_tile_backward)(const TileSplats& tile, const ImageGrads& image,
+                              SplatGrad* slot_grad);
   // The weights of the splats at one pixel, given within the tile: weights[k] for entry k, 0 where
   // it is skipped.
   void (*pixel_weights)(const TileSplats& tile, int x, int y, float* weights);

@@ -19,6 +19,7 @@ inline TileSplats TileAt(const RenderScratch& scratch, int64_t tile) {
   const int32_t first = scratch.tile_first_entry.span()[tile];
   return {scratch.visible_splat.span().data,
           scratch.entry_visible.span().data + first,
+          scratch.entry_slot.span().data + first,
           scratch.tile_first_entry.span()[tile + 1] - first,
           static_cast<float>(x),
           static_cast<float>(y),

@@ -19,36 +19,69 @@ PEPESEG_HD void ClearTransmittance(const TileSplats& tile, float* transmittance)
   }
 }
 
-PEPESEG_HD void FinishTransmittance(float* transmittance) {
-  for (int i = 0; i < kTilePixels; i += kLanes) {
-    Abs(Lanes::Load(transmittance + i)).Store(transmittance + i);
-  }
-}
+// Rows of kTileSize pixels.
+struct TileColors {
+  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
+  alignas(64) float transmittance[kTilePixels];
+  alignas(64) float last[kTilePixels];  // the pixel has seen the entries before this one
+};
 
 template <bool kWithDepth>
 PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
   for (int i = 0; i < kTilePixels; ++i) {
-    out.r[i] = out.g[i] = out.b[i] = out.depth[i] = out.last[i] = 0;
+    out.r[i] = out.g[i] = out.b[i] = out.depth[i] = 0;
+    out.last[i] = static_cast<float>(tile.count);
   }
   ClearTransmittance(tile, out.transmittance);
   WalkTile(
       tile, kWholeTile, out.transmittance,
-      [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
+      [&](int32_t k, int pixel, LaneMask, Lanes weight) __attribute__((always_inline)) {
         const Splat& s = tile.splats[tile.entries[k]];
         AddTo(out.r + pixel, weight, Lanes(s.r));
         AddTo(out.g + pixel, weight, Lanes(s.g));
         AddTo(out.b + pixel, weight, Lanes(s.b));
         if (kWithDepth) AddTo(out.depth + pixel, weight, Lanes(s.depth));
+      },
+      [&](int32_t k, int pixel, LaneMask stops) {
         const Lanes last = Lanes::Load(out.last + pixel);
-        Select(live, Lanes(static_cast<float>(k + 1)), last).Store(out.last + pixel);
+        Select(stops, Lanes(static_cast<float>(k)), last).Store(out.last + pixel);
       });
-  FinishTransmittance(out.transmittance);
+}
+
+// The part of the tile that lies inside the image.
+PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
+                          const ImageColors& image) {
+  const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
+  for (int pixel = 0; pixel < kTilePixels; pixel += kLanes) {
+    const int x = pixel % kTileSize, y = pixel / kTileSize;
+    const int count = Min(kLanes, tile.width - x);
+    if (y >= tile.height || count <= 0) continue;
+    const int64_t at = corner + y * image.stride + x;
+    const Lanes transmittance = Abs(Lanes::Load(colors.transmittance + pixel));
+    const auto store = [&](const float* color, float background, float* out)
+        __attribute__((always_inline)) {
+      StoreSome(MulAdd(transmittance, Lanes(background), Lanes::Load(color + pixel)), out + at,
+                count);
+    };
+    store(colors.r, image.background[0], image.r);
+    store(colors.g, image.background[1], image.g);
+    store(colors.b, image.background[2], image.b);
+    if (image.depth != nullptr) store(colors.depth, 0, image.depth);
+    if (image.alpha != nullptr) {
+      StoreSome(Lanes(1.0f) - transmittance, image.alpha + at, count);
+    }
+    StoreSome(transmittance, image.transmittance + at, count);
+    for (int i = 0; i < count; ++i)
+      image.last[at + i] = static_cast<int32_t>(colors.last[pixel + i]);
+  }
 }
 
 }  // namespace
 
-void BlendTile(const TileSplats& tile, bool with_depth, TileColors& out) {
-  with_depth ? BlendColors<true>(tile, out) : BlendColors<false>(tile, out);
+void BlendTile(const TileSplats& tile, const ImageColors& image) {
+  TileColors colors;
+  image.depth != nullptr ? BlendColors<true>(tile, colors) : BlendColors<false>(tile, colors);
+  StoreTile(tile, colors, image);
 }
 
 void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
@@ -61,12 +94,13 @@ void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
     if (i != x) transmittance[y * kTileSize + i] = 0;
   }
   WalkTile(
-      tile, {y, y + 1, vector, vector + 1},
-      transmittance, [&](int32_t k, int, LaneMask, Lanes weight) __attribute__((always_inline)) {
+      tile, {y, y + 1, vector, vector + 1}, transmittance,
+      [&](int32_t k, int, LaneMask, Lanes weight) __attribute__((always_inline)) {
         alignas(64) float lanes[kLanes];
         weight.Store(lanes);
         weights[k] = lanes[x % kLanes];
-      });
+      },
+      [](int32_t, int, LaneMask) {});
 }
 
 void BlendFeatures(const TileSplats& tile, const float* features, const int32_t* visible_gaussian,
@@ -87,7 +121,8 @@ void BlendFeatures(const TileSplats& tile, const float* features, const int32_t*
             AddTo(sum + c, Lanes(lanes[lane]), Lanes::Load(feature + c));
           }
         }
-      });
+      },
+      [](int32_t, int, LaneMask) {});
 }
 
 }  // namespace HWY_NAMESPACE

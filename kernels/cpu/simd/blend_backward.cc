@@ -5,6 +5,14 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
+// Rows of kTileSize pixels.
+struct TileGrads {
+  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
+  alignas(64) float behind[kTilePixels];         // of the background, see math/blend.h
+  alignas(64) float transmittance[kTilePixels];  // after the last splat
+  alignas(64) float last[kTilePixels];
+};
+
 // Sums over the pixels of one splat, a lane for each column of pixels.
 struct SplatSums {
   PowerMoments<Lanes> moments;
@@ -49,20 +57,52 @@ PEPESEG_HD void AddPixels(const Splat& splat, const WalkedSplat& s, Lanes power,
 }
 
 PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
-  const PowerMoments<float> moments = {Sum(s.moments.sum), Sum(s.moments.x),  Sum(s.moments.y),
-                                       Sum(s.moments.xx),  Sum(s.moments.xy), Sum(s.moments.yy)};
+  float sums[12];
+  StoreSums(s.moments.sum, s.moments.x, s.moments.y, s.moments.xx, sums);
+  StoreSums(s.moments.xy, s.moments.yy, s.r, s.g, sums + 4);
+  StoreSums(s.b, s.depth, s.depth, s.depth, sums + 8);
+  const PowerMoments<float> moments = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]};
   const PowerRoot<float> root = {splat.root_xx, splat.root_xy, splat.root_yy};
   const auto shape = SplatShapeVjp(root, splat.opacity, moments);
-  return {shape.x,       shape.y,  shape.conic_xx, shape.conic_xy, shape.conic_yy,
-          shape.opacity, Sum(s.r), Sum(s.g),       Sum(s.b),       Sum(s.depth)};
+  return {shape.x,       shape.y, shape.conic_xx, shape.conic_xy, shape.conic_yy,
+          shape.opacity, sums[6], sums[7],        sums[8],        sums[9]};
+}
+
+// The tile's part of the gradients; pixels outside the image have seen no entry. Returns how many
+// entries have been blended somewhere.
+PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, TileGrads& out) {
+  float most = 0;
+  const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
+  for (int pixel = 0; pixel < kTilePixels; pixel += kLanes) {
+    const int x = pixel % kTileSize, y = pixel / kTileSize;
+    const int count = y < tile.height ? Min(kLanes, Max(0, tile.width - x)) : 0;
+    const int64_t at = corner + y * image.stride + x;
+    const auto load = [&](const float* plane) __attribute__((always_inline)) {
+      return plane == nullptr || count == 0 ? Lanes(0.0f) : LoadSome(plane + at, count);
+    };
+    const Lanes r = load(image.r), g = load(image.g), b = load(image.b);
+    r.Store(out.r + pixel);
+    g.Store(out.g + pixel);
+    b.Store(out.b + pixel);
+    load(image.depth).Store(out.depth + pixel);
+    load(image.transmittance).Store(out.transmittance + pixel);
+    const Lanes background =
+        MulAdd(r, Lanes(image.background[0]),
+               MulAdd(g, Lanes(image.background[1]), b * Lanes(image.background[2])));
+    (background - load(image.alpha)).Store(out.behind + pixel);
+    for (int i = 0; i < kLanes; ++i) {
+      const float last = i < count ? static_cast<float>(image.last[at + i]) : 0.0f;
+      out.last[pixel + i] = last;
+      most = Max(most, last);
+    }
+  }
+  return static_cast<int32_t>(most);
 }
 
 template <bool kWithDepth>
-PEPESEG_HD void WalkBack(const TileSplats& tile, TileGrads& pixels, const int32_t* entry_slot,
+PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads& pixels,
                          SplatGrad* slot_grad) {
-  float max_last = 0;
-  for (int i = 0; i < kTilePixels; ++i) max_last = Max(max_last, pixels.last[i]);
-  const auto num_blended = static_cast<int32_t>(max_last);
+  const int32_t* const entry_slot = tile.entry_slot;
   for (int32_t k = num_blended; k < tile.count; ++k) slot_grad[entry_slot[k]] = {};
   for (int32_t k = num_blended; k-- > 0;) {
     const Splat& splat = tile.splats[tile.entries[k]];
@@ -89,10 +129,11 @@ PEPESEG_HD void WalkBack(const TileSplats& tile, TileGrads& pixels, const int32_
 
 }  // namespace
 
-void BlendTileBackward(const TileSplats& tile, bool with_depth, TileGrads& pixels,
-                       const int32_t* entry_slot, SplatGrad* slot_grad) {
-  with_depth ? WalkBack<true>(tile, pixels, entry_slot, slot_grad)
-             : WalkBack<false>(tile, pixels, entry_slot, slot_grad);
+void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad) {
+  TileGrads pixels;
+  const int32_t num_blended = LoadTile(tile, image, pixels);
+  image.depth != nullptr ? WalkBack<true>(tile, num_blended, pixels, slot_grad)
+                         : WalkBack<false>(tile, num_blended, pixels, slot_grad);
 }
 
 }  // namespace HWY_NAMESPACE

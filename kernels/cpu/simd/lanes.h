@@ -71,7 +71,29 @@ PEPESEG_HD Lanes MulAdd(Lanes a, Lanes b, Lanes c) { return Lanes(hn::MulAdd(a.v
 PEPESEG_HD Lanes NegMulAdd(Lanes a, Lanes b, Lanes c) {
   return Lanes(hn::NegMulAdd(a.v, b.v, c.v));
 }
-PEPESEG_HD float Sum(Lanes a) { return hn::GetLane(hn::SumOfLanes(FloatTag(), a.v)); }
+
+// Adds the blocks of four lanes of a vector.
+template <int kNumLanes, class V>
+PEPESEG_HD auto SumOfBlocks(V v) {
+  if constexpr (kNumLanes <= 4) {
+    return v;
+  } else {
+    const hn::Half<hn::CappedTag<float, kNumLanes>> half;
+    return SumOfBlocks<kNumLanes / 2>(hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
+  }
+}
+// Writes the sums of four vectors: with fewer shuffles than four single sums take.
+PEPESEG_HD void StoreSums(Lanes a, Lanes b, Lanes c, Lanes e, float* sums) {
+  const FloatTag d;
+  const hn::RepartitionToWide<IntTag> wide;
+  // a0 + a2, b0 + b2, a1 + a3, b1 + b3 in each block of four.
+  const auto ab = hn::Add(hn::InterleaveLower(d, a.v, b.v), hn::InterleaveUpper(d, a.v, b.v));
+  const auto ce = hn::Add(hn::InterleaveLower(d, c.v, e.v), hn::InterleaveUpper(d, c.v, e.v));
+  const auto ab2 = hn::BitCast(wide, ab), ce2 = hn::BitCast(wide, ce);
+  const auto blocks = hn::Add(hn::BitCast(d, hn::InterleaveLower(wide, ab2, ce2)),
+                              hn::BitCast(d, hn::InterleaveUpper(wide, ab2, ce2)));
+  hn::StoreU(SumOfBlocks<kLanes>(blocks), hn::CappedTag<float, 4>(), sums);
+}
 
 // 1 / a to about 2 ulp, for a in [1e-30, 1e30].
 PEPESEG_HD Lanes FastInverse(Lanes a) {
@@ -79,15 +101,13 @@ PEPESEG_HD Lanes FastInverse(Lanes a) {
   return Lanes(hn::Mul(r, hn::NegMulAdd(a.v, r, hn::Set(FloatTag(), 2.0f))));
 }
 
-// 2^x, relative error below 2e-7; x is held in [-126, 127]; NaN stays NaN. 2^round(x) goes into the
+// 2^x for x in [-126, 127], anything beyond; relative error below 2e-7. 2^round(x) goes into the
 // exponent, the rest through a minimax polynomial on [-0.5, 0.5].
 PEPESEG_HD Lanes Exp2(Lanes x) {
   const FloatTag d;
   const IntTag di;
-  // The order of the operands keeps NaN on x86.
-  const auto held = hn::Min(hn::Set(d, 127.0f), hn::Max(hn::Set(d, -126.0f), x.v));
-  const auto whole = hn::NearestInt(held);
-  const auto f = hn::Sub(held, hn::ConvertTo(d, whole));
+  const auto whole = hn::NearestInt(x.v);
+  const auto f = hn::Sub(x.v, hn::ConvertTo(d, whole));
   auto p = hn::MulAdd(hn::Set(d, 1.3276472e-3f), f, hn::Set(d, 9.6755413e-3f));
   p = hn::MulAdd(p, f, hn::Set(d, 5.5507133e-2f));
   p = hn::MulAdd(p, f, hn::Set(d, 2.4022120e-1f));
@@ -95,7 +115,10 @@ PEPESEG_HD Lanes Exp2(Lanes x) {
   p = hn::MulAdd(p, f, hn::Set(d, 1.0000001f));
   return Lanes(hn::BitCast(d, hn::Add(hn::BitCast(di, p), hn::ShiftLeft<23>(whole))));
 }
-PEPESEG_HD Lanes Exp(Lanes x) { return Exp2(x * Lanes(1.44269504f)); }
+// Any x: the result is held in [2^-126, 2^127], and NaN stays NaN (by the order of the operands).
+PEPESEG_HD Lanes Exp(Lanes x) {
+  return Exp2(Min(Lanes(127.0f), Max(Lanes(-126.0f), x * Lanes(1.44269504f))));
+}
 PEPESEG_HD Lanes Log2(Lanes x) {
   float values[kLanes];
   x.Store(values);

@@ -60,12 +60,12 @@ PEPESEG_HD int CountLivePixels(const WalkWindow& window, const float* transmitta
 }
 
 // Blends front to back: calls visit(k, pixel, live, weight) for vectors of pixels that entry k
-// hits, `pixel` the index of the first of them in the tile, weight = a_i T_i and 0 where not live.
-// A transmittance of 0 or less marks a pixel out of play: one that has stopped keeps its own,
-// negative.
-template <class Visit>
+// hits, `pixel` the index of the first of them in the tile, weight = a_i T_i and 0 where not live;
+// and stop(k, pixel, stops) where pixels end before entry k. A transmittance of 0 or less marks a
+// pixel out of play: one that has stopped keeps its own, negative.
+template <class Visit, class Stop>
 PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float* transmittance,
-                         Visit&& visit) {
+                         Visit&& visit, Stop&& stop) {
   int num_live = CountLivePixels(window, transmittance);
   for (int32_t k = 0; k < tile.count && num_live > 0; ++k) {
     const Splat& splat = tile.splats[tile.entries[k]];
@@ -78,15 +78,19 @@ PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float
         const int pixel = y * kTileSize + i * kLanes;
         const Lanes power = PowerOf(s, row, i);
         const Lanes before = Lanes::Load(transmittance + pixel);
-        const LaneMask hit = (s.min_power <= power) & (Lanes(0.0f) < before);
-        if (None(hit)) continue;
+        LaneMask live = (s.min_power <= power) & (Lanes(0.0f) < before);
+        if (None(live)) continue;
         const Blended<Lanes> step = BlendStep(Alpha(s.opacity, Exp2(power)), before);
-        const LaneMask stops = hit & (step.transmittance < Lanes(kMinTransmittance));
-        const LaneMask live = AndNot(stops, hit);
-        const Lanes kept = Select(stops, Lanes(0.0f) - before, before);
+        const LaneMask stops = live & (step.transmittance < Lanes(kMinTransmittance));
+        Lanes kept = before;
+        if (HWY_UNLIKELY(!None(stops))) {
+          live = AndNot(stops, live);
+          kept = Select(stops, Lanes(0.0f) - before, before);
+          num_live -= Count(stops);
+          stop(k, pixel, stops);
+        }
         Select(live, step.transmittance, kept).Store(transmittance + pixel);
         visit(k, pixel, live, Select(live, step.weight, Lanes(0.0f)));
-        num_live -= Count(stops);
       }
     }
   }
