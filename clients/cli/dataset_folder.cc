@@ -16,9 +16,8 @@ namespace fs = std::filesystem;
 
 bool EndsIn(std::string_view name, std::initializer_list<std::string_view> extensions) {
   const std::string lower = absl::AsciiStrToLower(name);
-  return std::any_of(extensions.begin(), extensions.end(), [&](std::string_view extension) {
-    return absl::EndsWith(lower, extension);
-  });
+  return std::any_of(extensions.begin(), extensions.end(),
+                     [&](std::string_view extension) { return absl::EndsWith(lower, extension); });
 }
 
 // Of sparse/0/NAME or sparse/NAME.
@@ -73,15 +72,15 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder) {
     }
   }
   if (error) {
-    return absl::NotFoundError(absl::StrCat("cannot list ", folder.string(), ": ",
-                                            error.message()));
+    return absl::NotFoundError(
+        absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
   }
   std::sort(result.files.begin(), result.files.end(),
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });
   std::sort(result.left_out.begin(), result.left_out.end());
   if (!Has(result, v1::FILE_KIND_IMAGE)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        folder.string(), ": no photographs (images/*.jpg, .jpeg, .png or .webp)"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), ": no photographs (images/*.jpg, .jpeg, .png or .webp)"));
   }
   if (!Has(result, v1::FILE_KIND_POSES)) {
     return absl::InvalidArgumentError(absl::StrCat(
