@@ -47,8 +47,9 @@ struct ImageLossArgs {
   DeviceSpan<double> sums;       // [kNumImageLossSums]
 };
 enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageLossSums };
-// So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel is given
-// the rendered colour as its target before the windows are taken, so it neither pulls nor leaks.
+// So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel shows the
+// photograph in both images before the windows are taken and is left out of all sums: it neither
+// pulls nor leaks, and its gradient is 0. All pixels ignored: all sums and gradients are 0.
 
 // After Render with the same gaussians, view and scratch. Writes scratch->visible_grad.
 struct RenderBackwardArgs {

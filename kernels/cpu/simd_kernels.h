@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "kernels/cpu/image_loss_band.h"
 #include "kernels/ops.h"
 
 namespace pepeseg {
@@ -76,6 +77,7 @@ struct SimdKernels {
                          const int32_t* visible_gaussian, float* sums);
   void (*project)(ProjectJob& job);
   void (*update)(ParameterJob& job);
+  void (*image_loss_band)(LossBand& band);
 };
 
 // Of the best instruction set that this machine has.

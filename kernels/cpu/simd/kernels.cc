@@ -6,7 +6,7 @@ namespace HWY_NAMESPACE {
 const SimdKernels& GetSimdKernels() {
   static constexpr SimdKernels kKernels = {HWY_STR(HWY_NAMESPACE), BlendTile,     BlendTileBackward,
                                            PixelWeights,           BlendFeatures, ProjectGaussians,
-                                           UpdateParameters};
+                                           UpdateParameters,       ImageLossBand};
   return kKernels;
 }
 

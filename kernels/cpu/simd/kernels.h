@@ -17,6 +17,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const int32_t*
                    float* sums);
 void ProjectGaussians(ProjectJob& job);
 void UpdateParameters(ParameterJob& job);
+void ImageLossBand(LossBand& band);
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg
