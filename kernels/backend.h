@@ -40,6 +40,7 @@ class Backend {
   virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
+  virtual void GatherRows(const GatherRowsArgs& args) = 0;
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 

@@ -55,8 +55,9 @@ struct ImageLossArgs {
   DeviceSpan<double> sums;       // [kNumImageLossSums]
 };
 enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageLossSums };
-// So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel is given
-// the rendered colour as its target before the windows are taken, so it neither pulls nor leaks.
+// So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel shows the
+// photograph in both images before the windows are taken and is left out of all sums: it neither
+// pulls nor leaks, and its gradient is 0. All pixels ignored: all sums and gradients are 0.
 
 // After Render with the same gaussians, view and scratch. Writes scratch->visible_grad.
 struct RenderBackwardArgs {
@@ -102,6 +103,14 @@ struct UpdateArgs {
   GaussianPlanes moment1, moment2;  // in and out
   DeviceSpan<int32_t> num_steps;    // [N] in and out
   DensityStats stats;               // in and out
+};
+
+// Rearranges rows, for density control and reordering: row i of `to` becomes row source[i] of
+// `from`, or zeros where source[i] < 0.
+struct GatherRowsArgs {
+  DeviceSpan<const int32_t> source;  // [to.count], each < from.count
+  ConstGaussianPlanes from;
+  GaussianPlanes to;  // of the same degree; must not overlap `from`
 };
 
 // The rows of the blend matrix for chosen pixels, after Render with the same scratch: pixel p's

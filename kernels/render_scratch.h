@@ -53,7 +53,7 @@ struct RenderScratch {
   Buffer<int32_t> tile_first_entry;   // [tiles + 1]
   Buffer<int32_t> entry_visible;      // [entries] -> visible
   Buffer<float> pixel_transmittance;  // [H * W], after the last Gaussian that was blended
-  Buffer<int32_t> pixel_last_entry;   // [H * W], one past the last entry blended, within the tile
+  Buffer<int32_t> pixel_last_entry;   // [H * W], within the tile: entries before it were seen
   Buffer<int64_t> counters;           // [kNumRenderCounters]
 
   // Gradients have one slot per entry, grouped by visible, so that they are summed in a fixed

@@ -6,8 +6,8 @@ namespace pepeseg {
 
 double SceneRadius(const Capture& capture) {
   constexpr double kMargin = 1.1;
-  constexpr double kMinRadius = 1e-6;
-  if (capture.views.empty()) return kMinRadius;
+  constexpr double kSmallest = 1e-6;
+  if (capture.views.empty()) return kSmallest;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const View& view : capture.views) mean += view.cam_from_world.Inverse().translation;
   mean /= static_cast<double>(capture.views.size());
@@ -15,7 +15,7 @@ double SceneRadius(const Capture& capture) {
   for (const View& view : capture.views) {
     radius = std::max(radius, (view.cam_from_world.Inverse().translation - mean).norm());
   }
-  return std::max(kMinRadius, kMargin * radius);
+  return std::max(kMargin * radius, kSmallest);
 }
 
 }  // namespace pepeseg

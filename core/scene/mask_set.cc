@@ -1,108 +1,188 @@
 #include "core/scene/mask_set.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
-#include <map>
+#include <cstddef>
 #include <utility>
 
 namespace pepeseg {
 namespace {
 
-// Bits of one mask over all pixels, packed: the IoU of two is then a popcount.
-using PixelBits = std::vector<uint64_t>;
+// Renumbers the patches in raster order, patch 0 (no mask) first, and drops those without a pixel.
+void RenumberPatches(MaskSet& set) {
+  std::vector<uint32_t> renumbered(set.num_patches(), 0);
+  std::vector<uint64_t> bits(set.patch_bits.begin(), set.patch_bits.begin() + set.words);
+  uint32_t next = 1;
+  for (uint32_t& patch : set.pixel_patch) {
+    if (patch == 0) continue;
+    if (renumbered[patch] == 0) {
+      renumbered[patch] = next++;
+      const auto row = set.patch_bits.begin() + static_cast<ptrdiff_t>(patch) * set.words;
+      bits.insert(bits.end(), row, row + set.words);
+    }
+    patch = renumbered[patch];
+  }
+  set.patch_bits = std::move(bits);
+}
 
-PixelBits Pack(const BinaryMask& mask) {
-  PixelBits bits((mask.pixels.size() + 63) / 64, 0);
+std::vector<uint32_t> SetPixels(const BinaryMask& mask) {
+  std::vector<uint32_t> pixels;
   for (size_t i = 0; i < mask.pixels.size(); ++i) {
-    if (mask.pixels[i] != 0) bits[i / 64] |= uint64_t{1} << (i % 64);
+    if (mask.pixels[i] != 0) pixels.push_back(static_cast<uint32_t>(i));
   }
-  return bits;
-}
-
-int64_t CountBits(const PixelBits& bits) {
-  int64_t count = 0;
-  for (const uint64_t word : bits) count += __builtin_popcountll(word);
-  return count;
-}
-
-int64_t CountShared(const PixelBits& a, const PixelBits& b) {
-  int64_t count = 0;
-  for (size_t i = 0; i < a.size(); ++i) count += __builtin_popcountll(a[i] & b[i]);
-  return count;
-}
-
-bool IsDuplicate(const PixelBits& mask, int64_t area, const std::vector<PixelBits>& kept,
-                 const std::vector<int64_t>& kept_area, double duplicate_iou) {
-  for (size_t k = 0; k < kept.size(); ++k) {
-    // No overlap can lift the IoU of two areas over their ratio.
-    const auto small = static_cast<double>(std::min(area, kept_area[k]));
-    const auto large = static_cast<double>(std::max(area, kept_area[k]));
-    if (small <= duplicate_iou * large) continue;
-    const auto shared = static_cast<double>(CountShared(mask, kept[k]));
-    if (shared > duplicate_iou * (small + large - shared)) return true;
-  }
-  return false;
+  return pixels;
 }
 
 }  // namespace
 
 std::span<const uint64_t> MaskSet::BitsAt(int x, int y) const {
   assert(x >= 0 && x < width && y >= 0 && y < height);
-  const size_t pixel = static_cast<size_t>(y) * width + x;
-  const size_t patch = pixel_patch.empty() ? 0 : pixel_patch[pixel];
-  return std::span(patch_bits).subspan(patch * words, words);
+  if (pixel_patch.empty()) return {};
+  const size_t patch = pixel_patch[static_cast<size_t>(y) * width + x];
+  return {patch_bits.data() + patch * words, static_cast<size_t>(words)};
 }
 
 bool MaskSet::Covers(int mask, int x, int y) const {
   assert(mask >= 0 && mask < num_masks);
-  return ((BitsAt(x, y)[mask / 64] >> (mask % 64)) & 1) != 0;
+  return (BitsAt(x, y)[mask / 64] >> (mask % 64) & 1) != 0;
 }
 
 BinaryMask MaskSet::Extract(int mask) const {
   assert(mask >= 0 && mask < num_masks);
-  BinaryMask out;
-  out.pixels.resize(static_cast<size_t>(width) * height);
-  for (size_t i = 0; i < pixel_patch.size(); ++i) {
-    const size_t word = static_cast<size_t>(pixel_patch[i]) * words + mask / 64;
-    out.pixels[i] = (patch_bits[word] >> (mask % 64)) & 1;
+  BinaryMask result;
+  result.pixels.reserve(pixel_patch.size());
+  for (const uint32_t patch : pixel_patch) {
+    const uint64_t word = patch_bits[static_cast<size_t>(patch) * words + mask / 64];
+    result.pixels.push_back(word >> (mask % 64) & 1);
   }
-  return out;
+  return result;
+}
+
+MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
+    : duplicate_iou_(duplicate_iou) {
+  set_.width = width;
+  set_.height = height;
+  set_.words = 1;
+  set_.pixel_patch.assign(static_cast<size_t>(width) * height, 0);
+  set_.patch_bits.assign(1, 0);
+  patch_area_.assign(1, static_cast<int64_t>(width) * height);
+}
+
+bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
+  if (pixels.empty()) return false;
+  inside_.resize(patch_area_.size(), 0);
+  replacement_.resize(patch_area_.size());
+  touched_.clear();
+  for (const uint32_t pixel : pixels) {
+    const uint32_t patch = set_.pixel_patch[pixel];
+    if (inside_[patch]++ == 0) touched_.push_back(patch);
+  }
+  const auto area = static_cast<int64_t>(pixels.size());
+  const bool keep = !IsDuplicate(area);
+  if (keep) {
+    const int mask = set_.num_masks++;
+    if (mask / 64 >= set_.words) GrowWords();
+    set_.mask_area.push_back(area);
+    for (const uint32_t patch : touched_) {
+      replacement_[patch] = PatchWith(patch, uint64_t{1} << (mask % 64), mask / 64);
+    }
+    for (const uint32_t pixel : pixels) {
+      set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
+    }
+  }
+  for (const uint32_t patch : touched_) inside_[patch] = 0;
+  return keep;
+}
+
+// The intersection with every kept mask, from the patches alone: a patch is in a mask or it is not.
+bool MaskSetBuilder::IsDuplicate(int64_t area) const {
+  std::vector<int64_t> common(set_.num_masks, 0);
+  for (const uint32_t patch : touched_) {
+    for (int word = 0; word < set_.words; ++word) {
+      uint64_t bits = set_.patch_bits[static_cast<size_t>(patch) * set_.words + word];
+      for (; bits != 0; bits &= bits - 1) {
+        common[word * 64 + std::countr_zero(bits)] += inside_[patch];
+      }
+    }
+  }
+  for (int mask = 0; mask < set_.num_masks; ++mask) {
+    const int64_t united = area + set_.mask_area[mask] - common[mask];
+    if (static_cast<double>(common[mask]) > duplicate_iou_ * static_cast<double>(united)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// The patch of the pixels of `patch` that the new mask covers: itself if it covers all of them.
+// Patch 0 stays the one without masks, even when it has no pixel left.
+uint32_t MaskSetBuilder::PatchWith(uint32_t patch, uint64_t bit, int word) {
+  const size_t words = set_.words;
+  if (patch != 0 && inside_[patch] == patch_area_[patch]) {
+    set_.patch_bits[patch * words + word] |= bit;
+    return patch;
+  }
+  const auto added = static_cast<uint32_t>(patch_area_.size());
+  patch_area_[patch] -= inside_[patch];
+  patch_area_.push_back(inside_[patch]);
+  for (size_t i = 0; i < words; ++i) {
+    const uint64_t bits = set_.patch_bits[patch * words + i];
+    set_.patch_bits.push_back(bits);
+  }
+  set_.patch_bits[added * words + word] |= bit;
+  return added;
+}
+
+void MaskSetBuilder::GrowWords() {
+  const size_t patches = patch_area_.size();
+  const size_t words = set_.words;
+  std::vector<uint64_t> grown(patches * (words + 1), 0);
+  for (size_t patch = 0; patch < patches; ++patch) {
+    std::copy_n(&set_.patch_bits[patch * words], words, &grown[patch * (words + 1)]);
+  }
+  set_.patch_bits = std::move(grown);
+  ++set_.words;
+}
+
+MaskSet MaskSetBuilder::Build() && {
+  if (set_.num_masks == 0) set_.pixel_patch.clear();
+  RenumberPatches(set_);
+  return std::move(set_);
 }
 
 MaskSet BuildMaskSet(int width, int height, std::span<const BinaryMask> masks,
                      double duplicate_iou) {
-  const size_t num_pixels = static_cast<size_t>(width) * height;
-  std::vector<PixelBits> kept;
-  MaskSet out;
-  out.width = width;
-  out.height = height;
+  MaskSetBuilder builder(width, height, duplicate_iou);
   for (const BinaryMask& mask : masks) {
-    assert(mask.pixels.size() == num_pixels);
-    PixelBits bits = Pack(mask);
-    const int64_t area = CountBits(bits);
-    if (area == 0 || IsDuplicate(bits, area, kept, out.mask_area, duplicate_iou)) continue;
-    kept.push_back(std::move(bits));
-    out.mask_area.push_back(area);
+    assert(mask.pixels.size() == static_cast<size_t>(width) * height);
+    builder.Add(SetPixels(mask));
   }
-  out.num_masks = static_cast<int>(kept.size());
-  out.words = (out.num_masks + 63) / 64;
-  if (out.words == 0) out.words = 1;
-  out.patch_bits.assign(out.words, 0);
-  if (kept.empty()) return out;
+  return std::move(builder).Build();
+}
 
-  std::map<std::vector<uint64_t>, uint32_t> patch_of_bits = {{out.patch_bits, 0}};
-  out.pixel_patch.resize(num_pixels);
-  std::vector<uint64_t> bits(out.words);
-  for (size_t i = 0; i < num_pixels; ++i) {
-    bits.assign(out.words, 0);
-    for (size_t k = 0; k < kept.size(); ++k) {
-      bits[k / 64] |= ((kept[k][i / 64] >> (i % 64)) & 1) << (k % 64);
+MaskSet ResampleMaskSet(const MaskSet& masks, int width, int height,
+                        std::span<const int32_t> source_pixel) {
+  assert(source_pixel.size() == static_cast<size_t>(width) * height);
+  // Patches stay whole under resampling, so the masks go from patch to patch, not pixel by pixel.
+  std::vector<std::vector<uint32_t>> pixels_of_patch(masks.num_patches());
+  if (!masks.empty()) {
+    for (size_t i = 0; i < source_pixel.size(); ++i) {
+      const uint32_t patch = masks.pixel_patch[source_pixel[i]];
+      if (patch != 0) pixels_of_patch[patch].push_back(static_cast<uint32_t>(i));
     }
-    const auto [entry, is_new] = patch_of_bits.try_emplace(bits, out.num_patches());
-    if (is_new) out.patch_bits.insert(out.patch_bits.end(), bits.begin(), bits.end());
-    out.pixel_patch[i] = entry->second;
   }
-  return out;
+  MaskSetBuilder builder(width, height, /*duplicate_iou=*/1.0);
+  for (int mask = 0; mask < masks.num_masks; ++mask) {
+    std::vector<uint32_t> pixels;
+    for (int patch = 1; patch < masks.num_patches(); ++patch) {
+      const uint64_t word = masks.patch_bits[static_cast<size_t>(patch) * masks.words + mask / 64];
+      if ((word >> (mask % 64) & 1) == 0) continue;
+      pixels.insert(pixels.end(), pixels_of_patch[patch].begin(), pixels_of_patch[patch].end());
+    }
+    builder.Add(pixels);
+  }
+  return std::move(builder).Build();
 }
 
 }  // namespace pepeseg

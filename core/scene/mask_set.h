@@ -35,4 +35,35 @@ struct MaskSet {
 MaskSet BuildMaskSet(int width, int height, std::span<const BinaryMask> masks,
                      double duplicate_iou = 0.95);
 
+// The same masks seen through another pixel grid: pixel i of the result [height, width] takes what
+// pixel source_pixel[i] of `masks` has. Masks that no pixel shows any more are dropped.
+MaskSet ResampleMaskSet(const MaskSet& masks, int width, int height,
+                        std::span<const int32_t> source_pixel);
+
+// Builds a MaskSet one mask at a time, in time proportional to the masks' areas: no raster of a
+// mask is kept.
+class MaskSetBuilder {
+ public:
+  MaskSetBuilder(int width, int height, double duplicate_iou = 0.95);
+
+  // `pixels`: the indices y * width + x of the mask, each once. False when the mask was dropped.
+  bool Add(std::span<const uint32_t> pixels);
+  // What the bitsets hold now, for a limit on what an upload may ask for.
+  int64_t BitsetBytes() const { return static_cast<int64_t>(set_.patch_bits.size()) * 8; }
+  // Patches are numbered in the order in which the rows of the image meet them.
+  MaskSet Build() &&;
+
+ private:
+  bool IsDuplicate(int64_t area) const;
+  uint32_t PatchWith(uint32_t patch, uint64_t bit, int word);
+  void GrowWords();
+
+  double duplicate_iou_;
+  MaskSet set_;
+  std::vector<int64_t> patch_area_;    // [num_patches] pixels
+  std::vector<int64_t> inside_;        // [num_patches] pixels in the mask being added
+  std::vector<uint32_t> touched_;      // patches with inside_ > 0
+  std::vector<uint32_t> replacement_;  // [num_patches] where inside_ pixels go
+};
+
 }  // namespace pepeseg

@@ -12,10 +12,12 @@ constexpr size_t kHeaderBytes = 64;
 
 }  // namespace
 
-CpuBackend::CpuBackend(int num_threads) : pool_(num_threads) {}
+CpuBackend::CpuBackend(int num_threads) : pool_(num_threads), simd_(BestSimdKernels()) {}
 
 std::string CpuBackend::name() const {
-  return "cpu (" + std::to_string(pool_.num_threads()) + " threads)";
+  const int num_threads = pool_.num_threads();
+  return "cpu (" + std::to_string(num_threads) + (num_threads == 1 ? " thread, " : " threads, ") +
+         simd_.name + ")";
 }
 
 void* CpuBackend::Allocate(size_t num_bytes) {

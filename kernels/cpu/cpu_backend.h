@@ -6,6 +6,7 @@
 
 #include "kernels/backend.h"
 #include "kernels/cpu/parallel_for.h"
+#include "kernels/cpu/simd_kernels.h"
 
 namespace pepeseg {
 
@@ -31,6 +32,7 @@ class CpuBackend final : public Backend {
   void RenderBackward(const RenderBackwardArgs& args) override;
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;
+  void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;
   void FeatureRows(const FeatureRowsArgs& args) override;
@@ -41,6 +43,7 @@ class CpuBackend final : public Backend {
 
  private:
   ThreadPool pool_;
+  const SimdKernels& simd_;
   std::atomic<size_t> bytes_in_use_ = 0;
 };
 

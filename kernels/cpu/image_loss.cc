@@ -1,7 +1,56 @@
+#include <algorithm>
+#include <vector>
+
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/cpu/image_loss_band.h"
 
 namespace pepeseg {
+namespace {
 
-void CpuBackend::ImageLoss(const ImageLossArgs& args) { (void)args; }
+int64_t CountPixels(const ImageLossArgs& args) {
+  if (args.ignore.empty()) return int64_t{args.width} * args.height;
+  return std::count(args.ignore.data, args.ignore.data + args.ignore.size, uint8_t{0});
+}
+
+// Lays a band's rows out in `memory`, all zero.
+LossBand MakeBand(const ImageLossArgs& args, int64_t num_counted, std::vector<float>& memory) {
+  LossBand band = {};
+  band.args = &args;
+  const float each = num_counted == 0 ? 0 : 1.0f / static_cast<float>(3 * num_counted);
+  band.l1_weight = (1 - args.ssim_weight) * each;
+  band.ssim_weight = args.ssim_weight * each;
+  band.pitch = (args.width + 15) / 16 * 16 + 2 * kRowMargin;
+  memory.assign(int64_t{6 + 7 * kRingRows} * band.pitch, 0.0f);
+  float* next = memory.data() + kRowMargin;
+  for (float** row : {&band.x, &band.y, &band.counts, &band.moment_grad[0], &band.moment_grad[1],
+                      &band.moment_grad[2], &band.moments}) {
+    *row = next;
+    next += band.pitch;
+  }
+  band.gathered = band.moments + int64_t{4 * kRingRows} * band.pitch;
+  return band;
+}
+
+}  // namespace
+
+void CpuBackend::ImageLoss(const ImageLossArgs& args) {
+  const int64_t num_counted = CountPixels(args);
+  const int bands_per_channel = (args.height + kLossBandRows - 1) / kLossBandRows;
+  std::vector<LossBand> bands(int64_t{3} * bands_per_channel);
+  std::vector<std::vector<float>> memory(pool_.num_threads());
+  pool_.ParallelFor(static_cast<int64_t>(bands.size()), [&](int64_t i, int thread) {
+    LossBand& band = bands[i];
+    band = MakeBand(args, num_counted, memory[thread]);
+    band.channel = static_cast<int>(i / bands_per_channel);
+    band.first_row = static_cast<int>(i % bands_per_channel) * kLossBandRows;
+    band.end_row = std::min(args.height, band.first_row + kLossBandRows);
+    simd_.image_loss_band(band);
+  });
+  for (int k = 0; k < kNumImageLossSums; ++k) args.sums[k] = 0;
+  for (const LossBand& band : bands) {
+    for (int k = 0; k < kNumImageLossSums; ++k) args.sums[k] += band.sums[k];
+  }
+  args.sums[kSumPixelChannels] = static_cast<double>(3 * num_counted);
+}
 
 }  // namespace pepeseg

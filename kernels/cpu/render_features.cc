@@ -1,25 +1,24 @@
 #include <algorithm>
+#include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/cpu/half.h"
-#include "kernels/cpu/pixel_row.h"
+#include "kernels/cpu/tile_splats.h"
 
 namespace pepeseg {
 
 void CpuBackend::RenderFeatures(const RenderFeaturesArgs& args) {
   const RenderScratch& scratch = *args.scratch;
-  pool_.ParallelFor(scratch.height, [&](int64_t y, int) {
-    for (int x = 0; x < scratch.width; ++x) {
-      const auto pixel = static_cast<int32_t>(y * scratch.width + x);
-      float sum[kFeatureSize] = {};
-      ForEachBlended(scratch, pixel, [&](int32_t visible, float weight) {
-        const float* feature =
-            args.features.data + int64_t{scratch.visible_gaussian.span()[visible]} * kFeatureSize;
-        for (int k = 0; k < kFeatureSize; ++k) sum[k] += weight * feature[k];
-      });
-      Half* out = args.map.data + int64_t{pixel} * kFeatureSize;
-      std::transform(sum, sum + kFeatureSize, out, HalfFromFloat);
-    }
+  constexpr int kTileValues = kTilePixels * kFeatureSize;
+  std::vector<float> sums(pool_.num_threads() * kTileValues);
+  pool_.ParallelFor(NumTilesOf(scratch), [&](int64_t i, int thread) {
+    const TileSplats tile = TileAt(scratch, i);
+    float* tile_sums = sums.data() + thread * kTileValues;
+    simd_.blend_features(tile, args.features.data, scratch.visible_gaussian.span().data, tile_sums);
+    ForEachTilePixel(tile, scratch.width, [&](int64_t out, int in) {
+      const float* from = tile_sums + in * kFeatureSize;
+      std::transform(from, from + kFeatureSize, args.map.data + out * kFeatureSize, HalfFromFloat);
+    });
   });
 }
 

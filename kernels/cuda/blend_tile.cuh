@@ -67,7 +67,7 @@ __device__ inline float FastExp2(float x) {
 // The alpha of a splat at a pixel, 0 where it is skipped.
 __device__ inline float SplatAlpha(const SplatWords& s, float pixel_x, float pixel_y) {
   const PowerRoot<float> root = {s.a.z, s.a.w, s.b.x};
-  const float power = Power(root, PowerAtRow(root, pixel_y - s.a.y), pixel_x - s.a.x);
+  const float power = Power(root.xx, PowerAtRow(root, pixel_y - s.a.y), pixel_x - s.a.x);
   return power < s.c.z ? 0.0f : Alpha(s.b.y, FastExp2(power));
 }
 

@@ -60,7 +60,7 @@ __device__ void FilterRun(const LossParams& p, Load&& load, float (&out)[kRun]) 
 
 struct MomentTile {
   float x[kWide][kPitch], y[kWide][kPitch];
-  float filtered[kNumMoments][kWide][kTile];
+  alignas(16) float filtered[kNumMoments][kWide][kTile];
 };
 
 __device__ void FilterAcross(const LossParams& p, MomentTile& tile) {
@@ -153,7 +153,7 @@ __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
 
 struct GradTile {
   float map[kNumMaps][kWide][kPitch];
-  float filtered[kNumMaps][kWide][kTile];
+  alignas(16) float filtered[kNumMaps][kWide][kTile];
 };
 
 // The gradient of a pixel from the maps of the windows that hold it.

@@ -17,6 +17,7 @@ struct ProjectParams {
   int64_t count;
   ProjectionCamera<float> camera;
   TileGrid grid;
+  float width, height;
   float near_plane;
   int sh_degree;
   // Outputs, with room for all Gaussians.
@@ -60,15 +61,21 @@ __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
   const float opacity = Sigmoid(p.gaussians.At(kOpacityPlane, i));
   if (!(SquaredNorm(shape.rotation) > kMinSquaredQuaternion) || !IsUsable(projection.x) ||
       !IsUsable(projection.y) || !(projection.determinant > 0) ||
-      !IsUsable(projection.determinant) || !IsUsable(conic.xx) || !IsUsable(conic.xy) ||
-      !IsUsable(conic.yy) || !IsUsable(opacity)) {
+      !IsUsable(projection.determinant) || !IsUsable(conic.xy) || !(conic.xx > 0) ||
+      !IsUsable(conic.xx) || !(conic.yy > 0) || !IsUsable(conic.yy) || !IsUsable(opacity)) {
     return Fate::kDegenerate;
   }
   const float min_power = MinPower(opacity);
   if (!(min_power < 0)) return Fate::kOutside;
   const auto root = MakePowerRoot(conic.xx, conic.xy, projection.determinant);
+  const auto half = SplatHalfExtent(min_power, root.yy, conic.yy, projection.determinant);
+  // Before the colour, which is most of what there is to read.
+  if (projection.x + half.width <= 0 || projection.x - half.width >= p.width ||
+      projection.y + half.height <= 0 || projection.y - half.height >= p.height) {
+    return Fate::kOutside;
+  }
   splat = {projection.x, projection.y, root.xx, root.xy, root.yy,   opacity,
-           0,            0,            0,       depth,   min_power, SplatHalfHeight(min_power, root.yy)};
+           0,            0,            0,       depth,   min_power, half.height};
   return ShadeSplat<kDegree>(p, i, shape.mean, splat) ? Fate::kVisible : Fate::kDegenerate;
 }
 
@@ -210,6 +217,8 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
                  count,
                  MakeProjectionCamera<float>(args.view),
                  {scratch.num_tiles_x, scratch.num_tiles_y},
+                 static_cast<float>(args.view.width),
+                 static_cast<float>(args.view.height),
                  args.near_plane,
                  args.active_sh_degree,
                  scratch.gaussian_visible.span().data,

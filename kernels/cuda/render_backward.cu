@@ -162,7 +162,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
         for (int cell = 0; cell < kNumCells; ++cell) {
           if ((cells >> cell & 1) == 0) continue;
           const float dx = dx0 + CellX(cell), dy = dy0 + CellY(cell);
-          const float power = Power(root, PowerAtRow(root, dy), dx);
+          const float power = Power(root.xx, PowerAtRow(root, dy), dx);
           if (power < w.c.z || position >= pixels[cell].end) continue;
           any = true;
           BackwardPixel<kDepth>(w, Alpha(w.b.y, FastExp2(power)), dx, dy, pixels[cell], sums);

@@ -6,7 +6,6 @@
 #include "kernels/cuda/gaussian_vjp.cuh"
 #include "kernels/cuda/launch.h"
 #include "kernels/math/adam.h"
-#include "kernels/math/tile_cover.h"
 
 namespace pepeseg {
 namespace {
@@ -57,7 +56,9 @@ __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
     p.mean2d_grad_sum[i] += sqrtf(gx * gx + gy * gy);
   }
   if (p.num_visible != nullptr) ++p.num_visible[i];
-  if (p.max_radius != nullptr) p.max_radius[i] = max(p.max_radius[i], SplatRadius(splat));
+  if (p.max_radius == nullptr) return;
+  const PowerRoot<float> root = {splat.root_xx, splat.root_xy, splat.root_yy};
+  p.max_radius[i] = max(p.max_radius[i], 3 * LongAxis(root));
 }
 
 __device__ void UpdateValue(const UpdateParams& p, const AdamRates<float>& rates, int plane,

@@ -44,7 +44,17 @@ PEPESEG_HD PowerRoot<T> MakePowerRoot(T conic_xx, T conic_xy, T determinant) {
   // `determinant` is the covariance's: conic_xx * determinant is its yy.
   return {xx, T(kHalfLog2E) * conic_xy / xx, Sqrt(T(kHalfLog2E) / (conic_xx * determinant))};
 }
-// The parts of one row of pixels: xy dy and (yy dy)^2.
+// The standard deviation along the splat's longer axis, pixels.
+template <class T>
+PEPESEG_HD T LongAxis(const PowerRoot<T>& root) {
+  // From the larger eigenvalue of kHalfLog2E * conic over its determinant, which is a square.
+  const T mid = T(0.5f) * (root.xx * root.xx + root.xy * root.xy + root.yy * root.yy);
+  const T root_of_det = root.xx * root.yy;
+  const T larger = mid + Sqrt(Max(T(0), (mid - root_of_det) * (mid + root_of_det)));
+  return Sqrt(T(kHalfLog2E) * larger) / root_of_det;
+}
+
+// The parts of one row of pixels: xy dy and -(yy dy)^2.
 template <class T>
 struct PowerRow {
   T shift, drop;
@@ -52,17 +62,28 @@ struct PowerRow {
 template <class T>
 PEPESEG_HD PowerRow<T> PowerAtRow(const PowerRoot<T>& root, T dy) {
   const T v = root.yy * dy;
-  return {root.xy * dy, v * v};
+  return {root.xy * dy, T(0) - v * v};
 }
 template <class T>
-PEPESEG_HD T Power(const PowerRoot<T>& root, const PowerRow<T>& row, T dx) {
-  const T u = root.xx * dx + row.shift;
-  return T(0) - (u * u + row.drop);
+PEPESEG_HD T Power(T root_xx, const PowerRow<T>& row, T dx) {
+  const T u = MulAdd(root_xx, dx, row.shift);
+  return NegMulAdd(u, u, row.drop);
 }
 
 template <class T>
 PEPESEG_HD T Alpha(T opacity, T gaussian) {
   return Min(T(kMaxAlpha), opacity * gaussian);
+}
+
+// A splat is seen with weight = alpha * transmittance, which is what the transmittance loses.
+template <class T>
+struct Blended {
+  T weight, transmittance;
+};
+template <class T>
+PEPESEG_HD Blended<T> BlendStep(T alpha, T transmittance) {
+  const T weight = alpha * transmittance;
+  return {weight, transmittance - weight};
 }
 
 // d loss / d alpha of one splat at one pixel. `value_dot` is the splat's colour (and depth) against
@@ -74,7 +95,7 @@ PEPESEG_HD T AlphaVjp(T transmittance, T value_dot, T behind_dot) {
 }
 template <class T>
 PEPESEG_HD T BehindStep(T alpha, T value_dot, T behind_dot) {
-  return behind_dot + alpha * (value_dot - behind_dot);
+  return MulAdd(alpha, value_dot - behind_dot, behind_dot);
 }
 // d loss / d ln of the Gaussian: none where alpha is held at its maximum.
 template <class T>

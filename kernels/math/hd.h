@@ -23,6 +23,12 @@ PEPESEG_HD double Exp2(double x) { return ::exp2(x); }
 PEPESEG_HD float Log2(float x) { return ::log2f(x); }
 PEPESEG_HD double Log2(double x) { return ::log2(x); }
 
+// a b + c and c - a b, rounded once where the machine has it.
+PEPESEG_HD float MulAdd(float a, float b, float c) { return a * b + c; }
+PEPESEG_HD double MulAdd(double a, double b, double c) { return a * b + c; }
+PEPESEG_HD float NegMulAdd(float a, float b, float c) { return c - a * b; }
+PEPESEG_HD double NegMulAdd(double a, double b, double c) { return c - a * b; }
+
 template <class T>
 PEPESEG_HD T Select(bool condition, T if_true, T if_false) {
   return condition ? if_true : if_false;

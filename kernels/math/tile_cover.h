@@ -7,23 +7,19 @@
 
 namespace pepeseg {
 
-// Slack on the squared extent of a splat, so that rounding here never loses a pixel that the test
-// of the power lets pass.
+// Slack on the squared extent of a splat, so that rounding never loses a pixel that the test of the
+// power lets pass.
 inline constexpr float kExtentSlack = 1.0002f;
 
-// The splat ends where the power reaches min_power: half its extent in y.
-PEPESEG_HD float SplatHalfHeight(float min_power, float root_yy) {
-  return ::sqrtf(-kExtentSlack * min_power) / root_yy;
-}
-
-// Three standard deviations along the longer axis, in pixels, from the eigenvalues of the conic: its
-// determinant is a square, its larger one 1 / variance of the short axis.
-PEPESEG_HD float SplatRadius(const Splat& splat) {
-  const float mid = 0.5f * (splat.root_xx * splat.root_xx + splat.root_xy * splat.root_xy +
-                            splat.root_yy * splat.root_yy);
-  const float root = splat.root_xx * splat.root_yy;
-  const float larger = mid + ::sqrtf(Max(0.0f, (mid - root) * (mid + root)));
-  return 3 * ::sqrtf(kHalfLog2E * larger) / root;
+// Half the extents of the ellipse in which the power is above min_power, in pixels.
+template <class T>
+struct HalfExtent {
+  T width, height;
+};
+template <class T>
+PEPESEG_HD HalfExtent<T> SplatHalfExtent(T min_power, T root_yy, T conic_yy, T determinant) {
+  const T reach = Sqrt(Max(T(0.0f), T(-kExtentSlack) * min_power));
+  return {reach * Sqrt(conic_yy * determinant * T(1 / kHalfLog2E)), reach / root_yy};
 }
 
 // The ellipse in which a splat's power is above min_power, about its mean.
@@ -37,7 +33,7 @@ struct SplatExtent {
 PEPESEG_HD SplatExtent MakeSplatExtent(const Splat& splat) {
   const float norm = ::sqrtf(splat.root_xy * splat.root_xy + splat.root_yy * splat.root_yy);
   return {splat.half_height, -splat.root_xy / splat.root_xx,
-          ::sqrtf(-kExtentSlack * splat.min_power) / splat.root_xx,
+          splat.half_height * splat.root_yy / splat.root_xx,
           -splat.half_height * splat.root_xy / norm, 1 / (splat.half_height * splat.half_height)};
 }
 

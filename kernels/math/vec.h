@@ -23,7 +23,7 @@ PEPESEG_HD Vec3<T> operator*(T s, Vec3<T> a) {
 }
 template <class T>
 PEPESEG_HD T Dot(Vec3<T> a, Vec3<T> b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
+  return MulAdd(a.x, b.x, MulAdd(a.y, b.y, a.z * b.z));
 }
 template <class T>
 PEPESEG_HD Vec3<T> Cross(Vec3<T> a, Vec3<T> b) {
@@ -59,7 +59,9 @@ PEPESEG_HD Vec3<T> operator*(const Mat3<T>& m, Vec3<T> a) {
 // a^T m, which is m^T a.
 template <class T>
 PEPESEG_HD Vec3<T> MulTransposed(const Mat3<T>& m, Vec3<T> a) {
-  return a.x * m.row0 + a.y * m.row1 + a.z * m.row2;
+  return {MulAdd(a.x, m.row0.x, MulAdd(a.y, m.row1.x, a.z * m.row2.x)),
+          MulAdd(a.x, m.row0.y, MulAdd(a.y, m.row1.y, a.z * m.row2.y)),
+          MulAdd(a.x, m.row0.z, MulAdd(a.y, m.row1.z, a.z * m.row2.z))};
 }
 
 template <class T>

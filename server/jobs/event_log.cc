@@ -67,7 +67,7 @@ absl::Status EventLogWriter::Append(v1::JobEvent event) {
   record += payload;
   const ssize_t wrote = write(descriptor_, record.data(), record.size());
   if (wrote != static_cast<ssize_t>(record.size())) {
-    const absl::Status status = FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
+    absl::Status status = FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
     // Half a record would hide what comes after it.
     if (ftruncate(descriptor_, size_) != 0) return FileError(path_, "truncate", errno);
     return status;

@@ -169,7 +169,7 @@ absl::Status RunningJob::Finish(bool requeue) {
     std::error_code ignored;  // what is left is collected with the job
     std::filesystem::remove_all(folder_.attempt(job_.fence), ignored);
   }
-  const absl::Status told = AppendState(folder_, job_);
+  absl::Status told = AppendState(folder_, job_);
   FollowLog();
   return told;
 }

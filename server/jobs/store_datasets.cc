@@ -75,7 +75,7 @@ void InsertFiles(soci::session& sql, const DatasetRow& dataset,
        soci::use(row.kind), soci::use(row.size), soci::use(row.sha256), soci::use(stored));
   for (const DatasetFileRow& file : files) {
     row = file;
-    stored = file.stored ? 1 : 0;
+    stored = file.stored ? 1 : 0;  // NOLINT(clang-analyzer-deadcode.DeadStores): bound above
     insert.execute(true);
   }
 }

@@ -76,6 +76,28 @@ absl::Status BadField(const std::string& field, const std::string& value, const 
       absl::InvalidArgumentError(absl::StrCat(field, ": '", detail.value(), "': ", what)), detail);
 }
 
+absl::Status WithResource(const absl::Status& status, const std::string& reason,
+                          const std::string& resource) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  detail.set_resource(Utf8Prefix(resource, kMaxValueBytes));
+  return WithDetail(status, detail);
+}
+
+absl::Status BusyError() {
+  v1::ErrorDetail detail;
+  detail.set_reason("BUSY");
+  detail.mutable_retry_after()->set_seconds(1);
+  return WithDetail(absl::UnavailableError("too many calls are waiting"), detail);
+}
+
+absl::Status DrainingError() {
+  v1::ErrorDetail detail;
+  detail.set_reason("DRAINING");
+  detail.mutable_retry_after()->set_seconds(2);
+  return WithDetail(absl::UnavailableError("the server is stopping"), detail);
+}
+
 v1::Status ToProto(const absl::Status& status) {
   v1::Status proto;
   if (status.ok()) return proto;

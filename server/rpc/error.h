@@ -16,6 +16,14 @@ absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail);
 // INVALID_ARGUMENT "FIELD: VALUE: WHAT", with the parts in the detail.
 absl::Status BadField(const std::string& field, const std::string& value, const std::string& what);
 
+// The same, about a resource in the way or missing, by its name.
+absl::Status WithResource(const absl::Status& status, const std::string& reason,
+                          const std::string& resource);
+
+// UNAVAILABLE, to be asked again in a second.
+absl::Status BusyError();
+absl::Status DrainingError();
+
 // The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
 // that WithDetail left, or one that holds the code's name only.
 v1::Status ToProto(const absl::Status& status);

@@ -44,17 +44,17 @@ DoubleSplat MakeSplat(const ReferenceScene& scene, const ProjectionCamera<double
   return out;
 }
 
-struct Blended {
+struct Seen {
   DoubleSplat* splat;
   double dx, dy, alpha, transmittance;
 };
 
-std::vector<Blended> BlendPixel(std::vector<DoubleSplat>& splats, double x, double y) {
-  std::vector<Blended> blended;
+std::vector<Seen> BlendPixel(std::vector<DoubleSplat>& splats, double x, double y) {
+  std::vector<Seen> blended;
   double transmittance = 1;
   for (DoubleSplat& s : splats) {
     const double dx = x - s.p.x, dy = y - s.p.y;
-    const double power = Power(s.root, PowerAtRow(s.root, dy), dx);
+    const double power = Power(s.root.xx, PowerAtRow(s.root, dy), dx);
     if (power < MinPower(s.opacity)) continue;
     const double alpha = Alpha(s.opacity, Exp2(power));
     if (transmittance * (1 - alpha) < 1e-4) break;
@@ -64,7 +64,7 @@ std::vector<Blended> BlendPixel(std::vector<DoubleSplat>& splats, double x, doub
   return blended;
 }
 
-void BackwardPixel(const std::vector<Blended>& blended, const double* g, double depth_grad,
+void BackwardPixel(const std::vector<Seen>& blended, const double* g, double depth_grad,
                    double behind) {
   for (auto it = blended.rbegin(); it != blended.rend(); ++it) {
     DoubleSplat& s = *it->splat;

@@ -32,6 +32,7 @@ class EventLogTest : public ::testing::Test {
   // "1:first" and so on.
   static std::vector<std::string> Told(const std::vector<v1::JobEvent>& events) {
     std::vector<std::string> told;
+    told.reserve(events.size());
     for (const v1::JobEvent& event : events) {
       told.push_back(std::to_string(event.sequence()) + ":" + event.warning().message());
     }

@@ -139,8 +139,22 @@ TEST_F(StoreTest, SameRequestMakesOneDataset) {
   EXPECT_EQ(store_->CreateDataset("a", "r", {files[0]}).status().code(),
             absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(store_->CreateDataset("a", "", files)->number, 2);
-  EXPECT_EQ(store_->ListDatasets("a", {})->rows.size(), 2u);
   EXPECT_EQ(store_->CreateDataset("b", "", files).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(StoreTest, ListsSealedDatasetsByNumber) {
+  MakeScene("a");
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(store_->CreateDataset("a", "", {{"x", 1, 10, "aa", true}}).ok());
+  }
+  for (const int64_t number : {4, 1, 2}) ASSERT_TRUE(store_->SealDataset("a", number).ok());
+  const auto page = store_->ListDatasets("a", {2, ""});
+  ASSERT_EQ(page->rows.size(), 2u);
+  EXPECT_EQ(page->rows[1].number, 2);
+  const auto rest = store_->ListDatasets("a", {2, page->next_page_token});
+  ASSERT_EQ(rest->rows.size(), 1u);
+  EXPECT_EQ(rest->rows[0].number, 4);
+  EXPECT_EQ(rest->next_page_token, "");
 }
 
 TEST_F(StoreTest, TrainsASceneOnceAtATime) {
@@ -165,6 +179,7 @@ TEST_F(StoreTest, OneOfManyThreadsGetsToTrain) {
   std::atomic<int> num_ok = 0;
   std::atomic<int> num_aborted = 0;
   std::vector<std::thread> threads;
+  threads.reserve(8);
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&] {
       const auto job = Train("a");

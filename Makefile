@@ -1,0 +1,54 @@
+# make demo    a scene from photographs to segments, on this machine
+# make test    builds and runs every test
+# The rest is for developers: see README.md.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help packages build demo test bench lint asan
+
+BUILD ?= build
+JOBS ?= $(shell nproc)
+CMAKE_ARGS ?=
+GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
+CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
+
+help:
+	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
+	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
+	@echo 'make test      install what is needed, build, run every test'
+	@echo 'make bench     measure the kernels          make stress   the long tests'
+	@echo 'make lint      clang-format, clang-tidy     make asan     the tests under ASan and UBSan'
+	@echo 'make packages  only install the Debian packages that are needed'
+
+packages:
+	@deploy/packages.sh deploy/packages.txt
+
+# Configured once: the build itself notices later changes of CMake's files.
+$(BUILD)/CMakeCache.txt: | packages
+	cmake -S . -B $(BUILD) $(GENERATOR) $(CMAKE_ARGS)
+
+build: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS)
+
+demo: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	deploy/demo.sh $(BUILD)
+
+test: build
+	cd $(BUILD) && $(CTEST)
+
+bench: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS) --target benches
+	for bench in $(BUILD)/tests/bench/*_bench; do "$$bench"; done
+
+lint:
+	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt
+	$(MAKE) --no-print-directory build
+	tests/layering/lint.sh $(BUILD) $(JOBS)
+
+# Debian's gRPC, Protobuf and Abseil are not instrumented: a container that they grew would look
+# overflown to code that is.
+asan:
+	ASAN_OPTIONS=detect_container_overflow=0 UBSAN_OPTIONS=print_stacktrace=1 \
+	  $(MAKE) --no-print-directory test BUILD=$(BUILD)-asan \
+	  CMAKE_ARGS='-DPEPESEG_SANITIZE=address,undefined'

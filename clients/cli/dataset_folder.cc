@@ -1,0 +1,92 @@
+#include "clients/cli/dataset_folder.h"
+
+#include <algorithm>
+#include <initializer_list>
+#include <system_error>
+
+#include "absl/status/status.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool EndsIn(std::string_view name, std::initializer_list<std::string_view> extensions) {
+  const std::string lower = absl::AsciiStrToLower(name);
+  return std::any_of(extensions.begin(), extensions.end(),
+                     [&](std::string_view extension) { return absl::EndsWith(lower, extension); });
+}
+
+// Of sparse/0/NAME or sparse/NAME.
+std::optional<v1::FileKind> ColmapKind(std::string_view name) {
+  name.remove_prefix(std::string_view("sparse/").size());
+  if (absl::StartsWith(name, "0/")) name.remove_prefix(2);
+  for (const std::string_view extension : {".bin", ".txt"}) {
+    if (name == absl::StrCat("cameras", extension) || name == absl::StrCat("images", extension)) {
+      return v1::FILE_KIND_POSES;
+    }
+    if (name == absl::StrCat("points3D", extension)) return v1::FILE_KIND_POINTS;
+  }
+  return std::nullopt;
+}
+
+bool Has(const DatasetFolder& folder, v1::FileKind kind) {
+  return std::any_of(folder.files.begin(), folder.files.end(),
+                     [&](const FolderFile& file) { return file.kind == kind; });
+}
+
+}  // namespace
+
+std::optional<v1::FileKind> KindOf(std::string_view name) {
+  const auto in = [&](std::string_view folder) { return absl::StartsWith(name, folder); };
+  if (in("images/") && EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"})) {
+    return v1::FILE_KIND_IMAGE;
+  }
+  if (in("sparse/")) return ColmapKind(name);
+  if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
+  if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
+  if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
+  if (in("depth/") && EndsIn(name, {".png", ".npy", ".pfm"})) return v1::FILE_KIND_DEPTH;
+  return std::nullopt;
+}
+
+absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    return absl::NotFoundError(absl::StrCat("no such folder: ", folder.string()));
+  }
+  DatasetFolder result;
+  auto entry = fs::recursive_directory_iterator(folder, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    std::error_code ignored;  // a dangling link is no regular file: left out
+    if (entry->is_directory(ignored)) continue;
+    const std::string name = entry->path().lexically_relative(folder).generic_string();
+    const std::optional<v1::FileKind> kind = KindOf(name);
+    if (kind && entry->is_regular_file(ignored)) {
+      result.files.push_back({name, *kind, entry->path()});
+    } else {
+      result.left_out.push_back(name);
+    }
+  }
+  if (error) {
+    return absl::NotFoundError(
+        absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
+  }
+  std::sort(result.files.begin(), result.files.end(),
+            [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });
+  std::sort(result.left_out.begin(), result.left_out.end());
+  if (!Has(result, v1::FILE_KIND_IMAGE)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), ": no photographs (images/*.jpg, .jpeg, .png or .webp)"));
+  }
+  if (!Has(result, v1::FILE_KIND_POSES)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        folder.string(), ": no poses (COLMAP's sparse/0/cameras and images, .bin or .txt)"));
+  }
+  return result;
+}
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "pepeseg/v1/dataset_service.pb.h"
+
+namespace pepeseg::cli {
+
+// The kind of a file by its name relative to the dataset's folder; none: no part of a dataset.
+//   images/...                          photographs (.jpg .jpeg .png .webp), also in subfolders
+//   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
+//   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
+//   ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
+//   depth/...                           .png .npy .pfm
+std::optional<v1::FileKind> KindOf(std::string_view name);
+
+struct FolderFile {
+  std::string name;  // relative, with '/'
+  v1::FileKind kind = v1::FILE_KIND_UNSPECIFIED;
+  std::filesystem::path path;
+};
+
+struct DatasetFolder {
+  std::vector<FolderFile> files;      // by name
+  std::vector<std::string> left_out;  // names of what is no part of a dataset
+};
+
+// NOT_FOUND: no such folder. INVALID_ARGUMENT: no photographs or no poses in it, said with what was
+// looked for. Links to files are followed, links to folders are not.
+absl::StatusOr<DatasetFolder> ReadDatasetFolder(const std::filesystem::path& folder);
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,132 @@
+#include "clients/cli/failure.h"
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+#include "pepeseg/v1/errors.pb.h"
+
+namespace pepeseg::cli {
+namespace {
+
+constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
+constexpr char kExitCodeUrl[] = "pepeseg.cli/exit_code";
+
+absl::Status WithExitCode(const std::string& message, ExitCode code) {
+  absl::Status status = absl::AbortedError(message);
+  status.SetPayload(kExitCodeUrl, absl::Cord(std::to_string(code)));
+  return status;
+}
+
+std::optional<v1::ErrorDetail> DetailOf(const absl::Status& status) {
+  const std::optional<absl::Cord> payload = status.GetPayload(kDetailUrl);
+  v1::ErrorDetail detail;
+  if (!payload || !detail.ParseFromString(std::string(*payload))) return std::nullopt;
+  return detail;
+}
+
+// What to do next, by kind of failure; empty where the message says it all.
+std::string Advice(const absl::Status& status, const std::string& server) {
+  const std::optional<v1::ErrorDetail> detail = DetailOf(status);
+  const std::string resource = detail ? detail->resource() : "";
+  switch (ExitCodeOf(status)) {
+    case kNoServer:
+      return absl::StrCat("Is a server listening at ", server,
+                          "? Start one with `pepesegd`, or name another with --server host:port.");
+    case kNotNow:
+      if (resource.rfind("jobs/", 0) == 0) {
+        return absl::StrCat("Follow the job with `pepeseg watch ", resource, "`.");
+      }
+      return status.code() == absl::StatusCode::kFailedPrecondition
+                 ? "A scene answers once it is trained: `pepeseg train SCENE`."
+                 : "";
+    case kNotFound:
+      return "See what there is with `pepeseg scenes` and `pepeseg jobs`.";
+    case kCorrupt:
+      return "Bytes were damaged on the way or on the disk: run the command again.";
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
+absl::Status FromGrpc(const grpc::Status& status) {
+  if (status.ok()) return absl::OkStatus();
+  absl::Status result(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+  v1::Status details;
+  v1::ErrorDetail detail;
+  if (details.ParseFromString(status.error_details()) && details.details_size() > 0 &&
+      details.details(0).UnpackTo(&detail)) {
+    result.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
+  }
+  return result;
+}
+
+absl::Status JobFailed(const std::string& message) { return WithExitCode(message, kJobFailed); }
+
+absl::Status JobCancelled(const std::string& message) {
+  return WithExitCode(message, kJobCancelled);
+}
+
+ExitCode ExitCodeOf(const absl::Status& status) {
+  if (const std::optional<absl::Cord> code = status.GetPayload(kExitCodeUrl)) {
+    return static_cast<ExitCode>(std::stoi(std::string(*code)));
+  }
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kSuccess;
+    case absl::StatusCode::kNotFound:
+      return kNotFound;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kOutOfRange:
+      return kRefused;
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDeadlineExceeded:
+      return kNoServer;
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kAborted:
+      return kNotNow;
+    case absl::StatusCode::kResourceExhausted:
+      return kLimit;
+    case absl::StatusCode::kUnauthenticated:
+    case absl::StatusCode::kPermissionDenied:
+      return kNotPermitted;
+    case absl::StatusCode::kDataLoss:
+      return kCorrupt;
+    default:
+      return kUnexpected;
+  }
+}
+
+std::string Explain(const absl::Status& status, const std::string& server) {
+  std::string text = absl::StrCat("pepeseg: ", status.message());
+  if (status.message().empty()) absl::StrAppend(&text, absl::StatusCodeToString(status.code()));
+  if (const std::optional<v1::ErrorDetail> detail = DetailOf(status)) {
+    if (!detail->limit().empty() && text.find(detail->limit()) == std::string::npos) {
+      absl::StrAppend(&text, " (limit: ", detail->limit(), ")");
+    }
+  }
+  const std::string advice = Advice(status, server);
+  return advice.empty() ? text : absl::StrCat(text, "\n", advice);
+}
+
+std::string ExplainJson(const absl::Status& status) {
+  nlohmann::ordered_json error;
+  error["code"] = absl::StatusCodeToString(status.code());
+  error["exit_code"] = static_cast<int>(ExitCodeOf(status));
+  error["message"] = std::string(status.message());
+  if (const std::optional<v1::ErrorDetail> detail = DetailOf(status)) {
+    error["reason"] = detail->reason();
+    if (!detail->field().empty()) error["field"] = detail->field();
+    if (!detail->resource().empty()) error["resource"] = detail->resource();
+    if (!detail->limit().empty()) error["limit"] = detail->limit();
+    if (!detail->value().empty()) error["value"] = detail->value();
+  }
+  return nlohmann::ordered_json{{"error", error}}.dump(
+      -1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace pepeseg::cli

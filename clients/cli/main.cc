@@ -1,0 +1,70 @@
+// pepeseg: the command line of a pepeseg server.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <string_view>
+
+#include "clients/cli/failure.h"
+#include "clients/cli/shell.h"
+
+namespace {
+
+using pepeseg::cli::Shell;
+
+constexpr char kFooter[] = R"(Exit codes:
+  0 done               1 unexpected fault       2 wrong command line
+  3 not found          4 value or file refused  5 no server answers
+  6 not now: it exists, a training is running, or there is no model yet
+  7 the job failed     8 the job was cancelled  9 a limit of the server
+ 10 not permitted     11 corrupt bytes        130 interrupted; a job goes on
+
+`pepeseg VERB --help` tells a verb's options.)";
+
+// Only calls that are safe in a signal handler.
+void LeaveOnInterrupt(int /*signal*/) {
+  constexpr std::string_view kLine = "\ninterrupted; a job that runs goes on: see `pepeseg jobs`\n";
+  [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kLine.data(), kLine.size());
+  _exit(pepeseg::cli::kInterrupted);
+}
+
+void AddVerbs(CLI::App& app, Shell& shell) {
+  pepeseg::cli::AddScenes(app, shell);
+  pepeseg::cli::AddUpload(app, shell);
+  pepeseg::cli::AddTrain(app, shell);
+  pepeseg::cli::AddWatch(app, shell);
+  pepeseg::cli::AddCancel(app, shell);
+  pepeseg::cli::AddJobs(app, shell);
+  pepeseg::cli::AddSegment(app, shell);
+  pepeseg::cli::AddRender(app, shell);
+  pepeseg::cli::AddExport(app, shell);
+  pepeseg::cli::AddDemo(app, shell);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGINT, LeaveOnInterrupt);
+  Shell shell;
+  CLI::App app("Scenes from photographs, segments from clicks", "pepeseg");
+  app.footer(kFooter);
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.add_option("--server", shell.server, "Where the server listens, host:port")
+      ->envname("PEPESEG_SERVER")
+      ->capture_default_str();
+  app.add_flag("--json", shell.json, "Answer in JSON, one document a line, for scripts");
+  AddVerbs(app, shell);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? pepeseg::cli::kSuccess : pepeseg::cli::kUsage;
+  }
+
+  const absl::Status status = shell.verb();
+  if (!status.ok()) {
+    if (shell.json) pepeseg::cli::Print(pepeseg::cli::ExplainJson(status));
+    pepeseg::cli::Note(pepeseg::cli::Explain(status, shell.server));
+  }
+  return pepeseg::cli::ExitCodeOf(status);
+}

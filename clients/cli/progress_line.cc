@@ -1,0 +1,96 @@
+#include "clients/cli/progress_line.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace pepeseg::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kBarCells = 24;
+constexpr auto kTerminalPace = std::chrono::milliseconds(100);
+constexpr auto kPlainPace = std::chrono::seconds(10);
+
+std::string Bar(double share) {
+  const int filled = static_cast<int>(std::clamp(share, 0.0, 1.0) * kBarCells);
+  return absl::StrCat("[", std::string(filled, '#'), std::string(kBarCells - filled, '.'), "]");
+}
+
+// 1234567 -> "1,234,567".
+std::string Grouped(int64_t number) {
+  std::string digits = std::to_string(number);
+  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) digits.insert(at, ",");
+  return digits;
+}
+
+double Share(int64_t done, int64_t all) {
+  return all <= 0 ? 0.0 : static_cast<double>(done) / static_cast<double>(all);
+}
+
+}  // namespace
+
+std::string ClockText(double seconds) {
+  const int64_t whole = std::max<int64_t>(0, static_cast<int64_t>(seconds + 0.5));
+  const int64_t hours = whole / 3600;
+  if (hours == 0) return absl::StrFormat("%d:%02d", whole / 60, whole % 60);
+  return absl::StrFormat("%d:%02d:%02d", hours, whole / 60 % 60, whole % 60);
+}
+
+std::string ProgressText(const v1::JobProgress& progress, size_t columns) {
+  std::string text = absl::StrFormat("%-11s %s  %d/%d", progress.stage(),
+                                     Bar(Share(progress.step(), progress.num_steps())),
+                                     progress.step(), progress.num_steps());
+  if (progress.has_loss()) absl::StrAppendFormat(&text, "  loss %.4f", progress.loss());
+  if (progress.has_psnr()) absl::StrAppendFormat(&text, "  %.2f dB", progress.psnr());
+  if (progress.num_gaussians() > 0) {
+    absl::StrAppend(&text, "  ", Grouped(progress.num_gaussians()), " Gaussians");
+  }
+  if (progress.has_eta()) {
+    absl::StrAppend(&text, "  ETA ", ClockText(static_cast<double>(progress.eta().seconds())));
+  }
+  return text.substr(0, columns);
+}
+
+std::string UploadText(int64_t bytes, int64_t num_bytes, size_t columns) {
+  const std::string text =
+      absl::StrFormat("%-11s %s  %.1f/%.1f MB", "upload", Bar(Share(bytes, num_bytes)),
+                      static_cast<double>(bytes) * 1e-6, static_cast<double>(num_bytes) * 1e-6);
+  return text.substr(0, columns);
+}
+
+ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {
+  winsize size{};
+  if (terminal_ && ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 20) {
+    columns_ = size.ws_col - 1U;
+  }
+}
+
+ProgressLine::~ProgressLine() {
+  if (open_) std::fputs("\n", stderr);
+}
+
+void ProgressLine::Show(const std::string& text, bool is_last) {
+  const auto now = Clock::now();
+  if (!is_last && now < next_) return;
+  next_ = now + (terminal_ ? Clock::duration(kTerminalPace) : Clock::duration(kPlainPace));
+  if (!terminal_) {
+    std::fputs((text + "\n").c_str(), stderr);
+    return;
+  }
+  std::fputs(("\r\x1b[K" + text + (is_last ? "\n" : "")).c_str(), stderr);
+  open_ = !is_last;
+}
+
+void ProgressLine::Say(const std::string& text) {
+  std::fputs(((open_ ? "\r\x1b[K" : "") + text + "\n").c_str(), stderr);
+  open_ = false;
+}
+
+}  // namespace pepeseg::cli

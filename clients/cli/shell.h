@@ -1,0 +1,41 @@
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+
+namespace pepeseg::cli {
+
+// What the command line said: the options that every verb shares, and the verb that was chosen.
+struct Shell {
+  std::string server = "127.0.0.1:50051";
+  bool json = false;  // standard output is for a program: JSON only; progress keeps to stderr
+  std::function<absl::Status()> verb;
+};
+
+// One line of JSON with the contract's own field names; empty fields are written too.
+std::string ToJson(const google::protobuf::Message& message);
+
+// To standard output, with a line end.
+void Print(const std::string& line);
+void PrintJson(const google::protobuf::Message& message);
+// To standard error, whatever --json says.
+void Note(const std::string& line);
+
+// Every verb's file has one of these: adds the verb and its options; parsing sets shell.verb.
+void AddUpload(CLI::App& app, Shell& shell);
+void AddTrain(CLI::App& app, Shell& shell);
+void AddWatch(CLI::App& app, Shell& shell);
+void AddCancel(CLI::App& app, Shell& shell);
+void AddJobs(CLI::App& app, Shell& shell);
+void AddScenes(CLI::App& app, Shell& shell);
+void AddSegment(CLI::App& app, Shell& shell);
+void AddRender(CLI::App& app, Shell& shell);
+void AddExport(CLI::App& app, Shell& shell);
+void AddDemo(CLI::App& app, Shell& shell);
+
+}  // namespace pepeseg::cli

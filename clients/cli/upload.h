@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/dataset_folder.h"
+#include "pepeseg/v1/dataset_service.pb.h"
+
+namespace pepeseg::cli {
+
+// Declares the files, sends those that the server does not have, seals. Shows its progress. Errors:
+// the server's, naming the file; DATA_LOSS when a file changed under the upload.
+absl::StatusOr<v1::Dataset> UploadFolder(const Connection& connection, const std::string& scene,
+                                         const DatasetFolder& folder);
+
+// Makes the scene unless it is there.
+absl::Status EnsureScene(const Connection& connection, const std::string& scene);
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,129 @@
+#include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/tile_walk.h"
+
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+namespace {
+
+constexpr WalkWindow kWholeTile = {0, kTileSize, 0, kVectorsPerRow};
+
+PEPESEG_HD void AddTo(float* sum, Lanes weight, Lanes value) {
+  MulAdd(weight, value, Lanes::Load(sum)).Store(sum);
+}
+
+// Pixels outside the image are out of play from the start.
+PEPESEG_HD void ClearTransmittance(const TileSplats& tile, float* transmittance) {
+  for (int i = 0; i < kTilePixels; ++i) {
+    const bool inside = i % kTileSize < tile.width && i / kTileSize < tile.height;
+    transmittance[i] = inside ? 1.0f : 0.0f;
+  }
+}
+
+// Rows of kTileSize pixels.
+struct TileColors {
+  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
+  alignas(64) float transmittance[kTilePixels];
+  alignas(64) float last[kTilePixels];  // the pixel has seen the entries before this one
+};
+
+template <bool kWithDepth>
+PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
+  for (int i = 0; i < kTilePixels; ++i) {
+    out.r[i] = out.g[i] = out.b[i] = out.depth[i] = 0;
+    out.last[i] = static_cast<float>(tile.count);
+  }
+  ClearTransmittance(tile, out.transmittance);
+  WalkTile(
+      tile, kWholeTile, out.transmittance,
+      [&](int32_t k, int pixel, LaneMask, Lanes weight) __attribute__((always_inline)) {
+        const Splat& s = tile.splats[tile.entries[k]];
+        AddTo(out.r + pixel, weight, Lanes(s.r));
+        AddTo(out.g + pixel, weight, Lanes(s.g));
+        AddTo(out.b + pixel, weight, Lanes(s.b));
+        if (kWithDepth) AddTo(out.depth + pixel, weight, Lanes(s.depth));
+      },
+      [&](int32_t k, int pixel, LaneMask stops) {
+        const Lanes last = Lanes::Load(out.last + pixel);
+        Select(stops, Lanes(static_cast<float>(k)), last).Store(out.last + pixel);
+      });
+}
+
+// The part of the tile that lies inside the image.
+PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
+                          const ImageColors& image) {
+  const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
+  for (int pixel = 0; pixel < kTilePixels; pixel += kLanes) {
+    const int x = pixel % kTileSize, y = pixel / kTileSize;
+    const int count = Min(kLanes, tile.width - x);
+    if (y >= tile.height || count <= 0) continue;
+    const int64_t at = corner + y * image.stride + x;
+    const Lanes transmittance = Abs(Lanes::Load(colors.transmittance + pixel));
+    const auto store = [&](const float* color, float background, float* out)
+        __attribute__((always_inline)) {
+      StoreSome(MulAdd(transmittance, Lanes(background), Lanes::Load(color + pixel)), out + at,
+                count);
+    };
+    store(colors.r, image.background[0], image.r);
+    store(colors.g, image.background[1], image.g);
+    store(colors.b, image.background[2], image.b);
+    if (image.depth != nullptr) store(colors.depth, 0, image.depth);
+    if (image.alpha != nullptr) {
+      StoreSome(Lanes(1.0f) - transmittance, image.alpha + at, count);
+    }
+    StoreSome(transmittance, image.transmittance + at, count);
+    for (int i = 0; i < count; ++i)
+      image.last[at + i] = static_cast<int32_t>(colors.last[pixel + i]);
+  }
+}
+
+}  // namespace
+
+void BlendTile(const TileSplats& tile, const ImageColors& image) {
+  TileColors colors;
+  image.depth != nullptr ? BlendColors<true>(tile, colors) : BlendColors<false>(tile, colors);
+  StoreTile(tile, colors, image);
+}
+
+void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
+  alignas(64) float transmittance[kTilePixels];
+  ClearTransmittance(tile, transmittance);
+  const int vector = x / kLanes;
+  for (int32_t k = 0; k < tile.count; ++k) weights[k] = 0;
+  // Neighbours in the vector go out of play, so that the walk ends with the pixel asked for.
+  for (int i = 0; i < kTileSize; ++i) {
+    if (i != x) transmittance[y * kTileSize + i] = 0;
+  }
+  WalkTile(
+      tile, {y, y + 1, vector, vector + 1}, transmittance,
+      [&](int32_t k, int, LaneMask, Lanes weight) __attribute__((always_inline)) {
+        alignas(64) float lanes[kLanes];
+        weight.Store(lanes);
+        weights[k] = lanes[x % kLanes];
+      },
+      [](int32_t, int, LaneMask) {});
+}
+
+void BlendFeatures(const TileSplats& tile, const float* features, const int32_t* visible_gaussian,
+                   float* sums) {
+  alignas(64) float transmittance[kTilePixels];
+  ClearTransmittance(tile, transmittance);
+  for (int i = 0; i < kTilePixels * kFeatureSize; ++i) sums[i] = 0;
+  WalkTile(
+      tile, kWholeTile, transmittance,
+      [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
+        const float* feature = features + int64_t{visible_gaussian[tile.entries[k]]} * kFeatureSize;
+        alignas(64) float lanes[kLanes];
+        weight.Store(lanes);
+        for (uint32_t bits = BitsOf(live); bits != 0; bits &= bits - 1) {
+          const int lane = __builtin_ctz(bits);
+          float* sum = sums + (pixel + lane) * kFeatureSize;
+          for (int c = 0; c < kFeatureSize; c += kLanes) {
+            AddTo(sum + c, Lanes(lanes[lane]), Lanes::Load(feature + c));
+          }
+        }
+      },
+      [](int32_t, int, LaneMask) {});
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

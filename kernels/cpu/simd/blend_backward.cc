@@ -1,0 +1,140 @@
+#include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/tile_walk.h"
+
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+namespace {
+
+// Rows of kTileSize pixels.
+struct TileGrads {
+  alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
+  alignas(64) float behind[kTilePixels];         // of the background, see math/blend.h
+  alignas(64) float transmittance[kTilePixels];  // after the last splat
+  alignas(64) float last[kTilePixels];
+};
+
+// Sums over the pixels of one splat, a lane for each column of pixels.
+struct SplatSums {
+  PowerMoments<Lanes> moments;
+  Lanes r, g, b, depth;
+};
+
+PEPESEG_HD SplatSums ZeroSums() {
+  const Lanes zero(0.0f);
+  return {{zero, zero, zero, zero, zero, zero}, zero, zero, zero, zero};
+}
+
+template <bool kWithDepth>
+PEPESEG_HD void AddPixels(const Splat& splat, const WalkedSplat& s, Lanes power, LaneMask live,
+                          TileGrads& pixels, int pixel, Lanes dx, float dy, SplatSums& sums) {
+  const Lanes zero(0.0f);
+  const Lanes gr = Lanes::Load(pixels.r + pixel), gg = Lanes::Load(pixels.g + pixel);
+  const Lanes gb = Lanes::Load(pixels.b + pixel);
+  const Lanes alpha = Alpha(s.opacity, Exp2(power));
+  const Lanes after = Lanes::Load(pixels.transmittance + pixel);
+  const Lanes before = after * FastInverse(Lanes(1.0f) - alpha);
+  const Lanes behind = Lanes::Load(pixels.behind + pixel);
+  Lanes value = MulAdd(Lanes(splat.r), gr, MulAdd(Lanes(splat.g), gg, Lanes(splat.b) * gb));
+  const Lanes weight = Select(live, alpha * before, zero);
+  sums.r = MulAdd(weight, gr, sums.r);
+  sums.g = MulAdd(weight, gg, sums.g);
+  sums.b = MulAdd(weight, gb, sums.b);
+  if (kWithDepth) {
+    const Lanes gd = Lanes::Load(pixels.depth + pixel);
+    value = MulAdd(Lanes(splat.depth), gd, value);
+    sums.depth = MulAdd(weight, gd, sums.depth);
+  }
+  const Lanes all = GaussianVjp(alpha, AlphaVjp(before, value, behind));
+  const Lanes grad = Select(live, all, zero), grad_x = grad * dx;
+  sums.moments.sum = sums.moments.sum + grad;
+  sums.moments.x = sums.moments.x + grad_x;
+  sums.moments.xx = MulAdd(grad_x, dx, sums.moments.xx);
+  sums.moments.y = MulAdd(grad, Lanes(dy), sums.moments.y);
+  sums.moments.xy = MulAdd(grad_x, Lanes(dy), sums.moments.xy);
+  sums.moments.yy = MulAdd(grad, Lanes(dy * dy), sums.moments.yy);
+  Select(live, before, after).Store(pixels.transmittance + pixel);
+  Select(live, BehindStep(alpha, value, behind), behind).Store(pixels.behind + pixel);
+}
+
+PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
+  float sums[12];
+  StoreSums(s.moments.sum, s.moments.x, s.moments.y, s.moments.xx, sums);
+  StoreSums(s.moments.xy, s.moments.yy, s.r, s.g, sums + 4);
+  StoreSums(s.b, s.depth, s.depth, s.depth, sums + 8);
+  const PowerMoments<float> moments = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]};
+  const PowerRoot<float> root = {splat.root_xx, splat.root_xy, splat.root_yy};
+  const auto shape = SplatShapeVjp(root, splat.opacity, moments);
+  return {shape.x,       shape.y, shape.conic_xx, shape.conic_xy, shape.conic_yy,
+          shape.opacity, sums[6], sums[7],        sums[8],        sums[9]};
+}
+
+// The tile's part of the gradients; pixels outside the image have seen no entry. Returns how many
+// entries have been blended somewhere.
+PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, TileGrads& out) {
+  float most = 0;
+  const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
+  for (int pixel = 0; pixel < kTilePixels; pixel += kLanes) {
+    const int x = pixel % kTileSize, y = pixel / kTileSize;
+    const int count = y < tile.height ? Min(kLanes, Max(0, tile.width - x)) : 0;
+    const int64_t at = corner + y * image.stride + x;
+    const auto load = [&](const float* plane) __attribute__((always_inline)) {
+      return plane == nullptr || count == 0 ? Lanes(0.0f) : LoadSome(plane + at, count);
+    };
+    const Lanes r = load(image.r), g = load(image.g), b = load(image.b);
+    r.Store(out.r + pixel);
+    g.Store(out.g + pixel);
+    b.Store(out.b + pixel);
+    load(image.depth).Store(out.depth + pixel);
+    load(image.transmittance).Store(out.transmittance + pixel);
+    const Lanes background =
+        MulAdd(r, Lanes(image.background[0]),
+               MulAdd(g, Lanes(image.background[1]), b * Lanes(image.background[2])));
+    (background - load(image.alpha)).Store(out.behind + pixel);
+    for (int i = 0; i < kLanes; ++i) {
+      const float last = i < count ? static_cast<float>(image.last[at + i]) : 0.0f;
+      out.last[pixel + i] = last;
+      most = Max(most, last);
+    }
+  }
+  return static_cast<int32_t>(most);
+}
+
+template <bool kWithDepth>
+PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads& pixels,
+                         SplatGrad* slot_grad) {
+  const int32_t* const entry_slot = tile.entry_slot;
+  for (int32_t k = num_blended; k < tile.count; ++k) slot_grad[entry_slot[k]] = {};
+  for (int32_t k = num_blended; k-- > 0;) {
+    const Splat& splat = tile.splats[tile.entries[k]];
+    const RowRange reach = RowsInReach(splat, tile.y);
+    const WalkedSplat s = PrepareSplat(splat, tile.x);
+    const Lanes index(static_cast<float>(k));
+    SplatSums sums = ZeroSums();
+    bool touched = false;
+    for (int y = reach.first; y < reach.end; ++y) {
+      const float dy = tile.y + static_cast<float>(y) + 0.5f - splat.y;
+      const auto row = PowerAtRow(s.root, dy);
+      for (int i = 0; i < kVectorsPerRow; ++i) {
+        const int pixel = y * kTileSize + i * kLanes;
+        const Lanes power = PowerOf(s, row, i);
+        const LaneMask live = (s.min_power <= power) & (index < Lanes::Load(pixels.last + pixel));
+        if (None(live)) continue;
+        AddPixels<kWithDepth>(splat, s, power, live, pixels, pixel, s.dx[i], dy, sums);
+        touched = true;
+      }
+    }
+    slot_grad[entry_slot[k]] = touched ? Reduced(splat, sums) : SplatGrad{};
+  }
+}
+
+}  // namespace
+
+void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad) {
+  TileGrads pixels;
+  const int32_t num_blended = LoadTile(tile, image, pixels);
+  image.depth != nullptr ? WalkBack<true>(tile, num_blended, pixels, slot_grad)
+                         : WalkBack<false>(tile, num_blended, pixels, slot_grad);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

@@ -1,0 +1,193 @@
+#include "kernels/cpu/image_loss_band.h"
+#include "kernels/cpu/simd/kernels.h"
+#include "kernels/cpu/simd/lanes.h"
+#include "kernels/math/ssim.h"
+
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+namespace {
+
+PEPESEG_HD Lanes Tap(int k) { return Lanes(static_cast<float>(kSsimTaps[k])); }
+
+PEPESEG_HD float* RingRow(const LossBand& band, float* ring, int plane, int row) {
+  const int slot = (row + 4 * kRingRows) % kRingRows;  // rows start above the image
+  return ring + int64_t{plane * kRingRows + slot} * band.pitch;
+}
+
+// Rows outside the image are zero and count nothing, as the margins do. A pixel that is left out
+// shows the photograph in both.
+void LoadRow(const LossBand& band, int row) {
+  const ImageLossArgs& args = *band.args;
+  const int width = args.width;
+  float *const x = band.x, *const y = band.y, *const counts = band.counts;
+  if (row < 0 || row >= args.height) {
+    for (int i = 0; i < width; ++i) x[i] = y[i] = counts[i] = 0;
+    return;
+  }
+  const int64_t first = int64_t{row} * width;
+  const uint8_t* target = args.target.data + 3 * first + band.channel;
+  const float* color = args.color.data + int64_t{band.channel} * args.height * width + first;
+  for (int i = 0; i < width; ++i) y[i] = static_cast<float>(target[3 * i]) * (1.0f / 255);
+  if (args.ignore.size == 0) {
+    for (int i = 0; i < width; ++i) x[i] = color[i];
+    for (int i = 0; i < width; ++i) counts[i] = 1;
+    return;
+  }
+  const uint8_t* ignore = args.ignore.data + first;
+  for (int i = 0; i < width; ++i) {
+    counts[i] = ignore[i] == 0 ? 1.0f : 0.0f;
+    x[i] = ignore[i] == 0 ? color[i] : y[i];
+  }
+}
+
+// Horizontal pass of a row: from x and y to the four moments.
+void FilterRowMoments(const LossBand& band, int row) {
+  float* out[4];
+  for (int k = 0; k < 4; ++k) out[k] = RingRow(band, band.moments, k, row);
+  for (int i = 0; i < band.args->width; i += kLanes) {
+    const Lanes a = Lanes::Load(band.x + i), b = Lanes::Load(band.y + i);
+    Lanes mean_x = Tap(0) * a, mean_y = Tap(0) * b;
+    Lanes squares = Tap(0) * (a * a + b * b), product = Tap(0) * (a * b);
+    for (int k = 1; k <= kSsimRadius; ++k) {
+      const Lanes a0 = Lanes::Load(band.x + i - k), a1 = Lanes::Load(band.x + i + k);
+      const Lanes b0 = Lanes::Load(band.y + i - k), b1 = Lanes::Load(band.y + i + k);
+      mean_x = MulAdd(Tap(k), a0 + a1, mean_x);
+      mean_y = MulAdd(Tap(k), b0 + b1, mean_y);
+      squares = MulAdd(Tap(k), MulAdd(a0, a0, a1 * a1) + MulAdd(b0, b0, b1 * b1), squares);
+      product = MulAdd(Tap(k), MulAdd(a0, b0, a1 * b1), product);
+    }
+    mean_x.Store(out[0] + i);
+    mean_y.Store(out[1] + i);
+    squares.Store(out[2] + i);
+    product.Store(out[3] + i);
+  }
+}
+
+void FilterRow(const float* in, int width, float* out) {
+  for (int i = 0; i < width; i += kLanes) {
+    Lanes sum = Tap(0) * Lanes::Load(in + i);
+    for (int k = 1; k <= kSsimRadius; ++k) {
+      sum = MulAdd(Tap(k), Lanes::Load(in + i - k) + Lanes::Load(in + i + k), sum);
+    }
+    sum.Store(out + i);
+  }
+}
+
+// The rows of one plane of a ring, about its middle.
+struct RingColumn {
+  const float* rows[kRingRows];
+};
+PEPESEG_HD RingColumn ColumnAbout(const LossBand& band, float* ring, int plane, int row) {
+  RingColumn column;
+  for (int k = 0; k < kRingRows; ++k) {
+    column.rows[k] = RingRow(band, ring, plane, row + k - kSsimRadius);
+  }
+  return column;
+}
+// Vertical pass.
+PEPESEG_HD Lanes Filter(const RingColumn& column, int i) {
+  Lanes sum = Tap(0) * Lanes::Load(column.rows[kSsimRadius] + i);
+  for (int k = 1; k <= kSsimRadius; ++k) {
+    const Lanes above = Lanes::Load(column.rows[kSsimRadius - k] + i);
+    sum = MulAdd(Tap(k), above + Lanes::Load(column.rows[kSsimRadius + k] + i), sum);
+  }
+  return sum;
+}
+
+PEPESEG_HD double Sum(Lanes x) {
+  float values[kLanes];
+  x.Store(values);
+  double sum = 0;
+  for (const float value : values) sum += static_cast<double>(value);
+  return sum;
+}
+
+// The sum of SSIM over the windows centred in a row, and the gradients of their moments for a loss
+// of -ssim_weight * SSIM.
+double SsimRow(LossBand& band, int row) {
+  const bool want_grad = band.args->color_grad.size > 0;
+  RingColumn columns[4];
+  for (int k = 0; k < 4; ++k) columns[k] = ColumnAbout(band, band.moments, k, row);
+  Lanes total(0.0f);
+  for (int i = 0; i < band.args->width; i += kLanes) {
+    const SsimMoments<Lanes> moments = {Filter(columns[0], i), Filter(columns[1], i),
+                                        Filter(columns[2], i), Filter(columns[3], i)};
+    const Lanes counts = Lanes::Load(band.counts + i);
+    total = MulAdd(counts, Ssim(moments), total);
+    if (!want_grad) continue;
+    const auto grad = SsimVjp(moments, Lanes(-band.ssim_weight) * counts);
+    grad.x.Store(band.moment_grad[0] + i);
+    grad.sum_squares.Store(band.moment_grad[1] + i);
+    grad.product.Store(band.moment_grad[2] + i);
+  }
+  return Sum(total);
+}
+
+// The gradient of a row: L1's and, gathered over the windows, SSIM's.
+void GradRow(const LossBand& band, int row) {
+  const ImageLossArgs& args = *band.args;
+  float* grad = args.color_grad.data + (int64_t{band.channel} * args.height + row) * args.width;
+  RingColumn columns[3];
+  for (int k = 0; k < 3; ++k) columns[k] = ColumnAbout(band, band.gathered, k, row);
+  const Lanes zero(0.0f), up(band.l1_weight), down(-band.l1_weight);
+  for (int i = 0; i < args.width; i += kLanes) {
+    const Lanes x = Lanes::Load(band.x + i), target = Lanes::Load(band.y + i);
+    const SsimMomentsGrad<Lanes> gathered = {Filter(columns[0], i), Filter(columns[1], i),
+                                             Filter(columns[2], i)};
+    const Lanes sign = Select(target < x, up, Select(x < target, down, zero));
+    const Lanes sum = SsimPixelVjp(gathered, x, target) + sign;
+    StoreSome(Lanes::Load(band.counts + i) * sum, grad + i, args.width - i);
+  }
+}
+
+void AddDifferences(LossBand& band) {
+  Lanes absolute(0.0f), squared(0.0f);
+  for (int i = 0; i < band.args->width; i += kLanes) {
+    const Lanes difference =
+        Lanes::Load(band.counts + i) * (Lanes::Load(band.x + i) - Lanes::Load(band.y + i));
+    absolute = absolute + Abs(difference);
+    squared = MulAdd(difference, difference, squared);
+  }
+  band.sums[kSumL1] += Sum(absolute);
+  band.sums[kSumSquared] += Sum(squared);
+}
+
+// The windows centred in a row, on to their gradients filtered across.
+void WindowRow(LossBand& band, int row) {
+  LoadRow(band, row);
+  const double ssim = SsimRow(band, row);
+  if (row >= band.first_row && row < band.end_row) {
+    band.sums[kSumSsim] += ssim;
+    AddDifferences(band);
+  }
+  if (band.args->color_grad.size == 0) return;
+  const int width = band.args->width;
+  for (int k = 0; k < 3; ++k) {
+    // The vector that spans the border wrote beyond it.
+    for (int i = width; i < width + kLanes; ++i) band.moment_grad[k][i] = 0;
+    FilterRow(band.moment_grad[k], width, RingRow(band, band.gathered, k, row));
+  }
+}
+
+}  // namespace
+
+// Streams down the rows: row r is filtered across, then the windows centred on r - 5 are complete,
+// and then the gradients of r - 10.
+void ImageLossBand(LossBand& band) {
+  const bool want_grad = band.args->color_grad.size > 0;
+  const int end = band.end_row + (want_grad ? 2 : 1) * kSsimRadius;
+  for (int row = band.first_row - 2 * kSsimRadius; row < end; ++row) {
+    LoadRow(band, row);
+    FilterRowMoments(band, row);
+    const int center = row - kSsimRadius;
+    if (center < band.first_row - kSsimRadius) continue;
+    WindowRow(band, center);
+    const int done = center - kSsimRadius;
+    if (!want_grad || done < band.first_row) continue;
+    LoadRow(band, done);
+    GradRow(band, done);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

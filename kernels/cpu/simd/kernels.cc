@@ -1,0 +1,14 @@
+#include "kernels/cpu/simd/kernels.h"
+
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+
+const SimdKernels& GetSimdKernels() {
+  static constexpr SimdKernels kKernels = {HWY_STR(HWY_NAMESPACE), BlendTile,     BlendTileBackward,
+                                           PixelWeights,           BlendFeatures, ProjectGaussians,
+                                           UpdateParameters,       ImageLossBand};
+  return kKernels;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

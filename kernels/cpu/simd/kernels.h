@@ -1,0 +1,23 @@
+#pragma once
+
+#include <hwy/highway.h>
+
+#include "kernels/cpu/simd_kernels.h"
+
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+
+// The entries of SimdKernels for this instruction set.
+const SimdKernels& GetSimdKernels();
+
+void BlendTile(const TileSplats& tile, const ImageColors& image);
+void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad);
+void PixelWeights(const TileSplats& tile, int x, int y, float* weights);
+void BlendFeatures(const TileSplats& tile, const float* features, const int32_t* visible_gaussian,
+                   float* sums);
+void ProjectGaussians(ProjectJob& job);
+void UpdateParameters(ParameterJob& job);
+void ImageLossBand(LossBand& band);
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

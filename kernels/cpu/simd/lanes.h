@@ -1,0 +1,144 @@
+#pragma once
+
+#include <hwy/highway.h>
+
+#include <cstdint>
+
+#include "kernels/math/hd.h"
+
+// A vector of floats that the templates of kernels/math take for a scalar. The files of this folder
+// are compiled once for each instruction set, each time in a namespace of its own (HWY_NAMESPACE).
+// They call nothing inline of the standard library or of ours outside kernels/math: a copy of it
+// compiled for a newer CPU could replace the one that older CPUs need.
+namespace pepeseg {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using FloatTag = hn::CappedTag<float, 16>;
+using IntTag = hn::RebindToSigned<FloatTag>;
+inline constexpr int kLanes = HWY_MIN(HWY_LANES(float), 16);
+
+// Beside the overloads for Lanes below.
+using pepeseg::Exp;
+using pepeseg::Exp2;
+using pepeseg::Log2;
+using pepeseg::Max;
+using pepeseg::Min;
+using pepeseg::MulAdd;
+using pepeseg::NegMulAdd;
+using pepeseg::Select;
+using pepeseg::Sqrt;
+
+struct LaneMask {
+  hn::Mask<FloatTag> m;
+};
+struct Lanes {
+  hn::Vec<FloatTag> v;
+
+  Lanes() = default;
+  PEPESEG_HD explicit Lanes(float x) : v(hn::Set(FloatTag(), x)) {}
+  PEPESEG_HD explicit Lanes(hn::Vec<FloatTag> x) : v(x) {}
+  static PEPESEG_HD Lanes Load(const float* p) { return Lanes(hn::LoadU(FloatTag(), p)); }
+  PEPESEG_HD void Store(float* p) const { hn::StoreU(v, FloatTag(), p); }
+};
+// first, first + 1, ...
+PEPESEG_HD Lanes Ramp(float first) { return Lanes(hn::Iota(FloatTag(), first)); }
+
+PEPESEG_HD Lanes operator+(Lanes a, Lanes b) { return Lanes(hn::Add(a.v, b.v)); }
+PEPESEG_HD Lanes operator-(Lanes a, Lanes b) { return Lanes(hn::Sub(a.v, b.v)); }
+PEPESEG_HD Lanes operator*(Lanes a, Lanes b) { return Lanes(hn::Mul(a.v, b.v)); }
+PEPESEG_HD Lanes operator/(Lanes a, Lanes b) { return Lanes(hn::Div(a.v, b.v)); }
+PEPESEG_HD LaneMask operator<(Lanes a, Lanes b) { return {hn::Lt(a.v, b.v)}; }
+PEPESEG_HD LaneMask operator<=(Lanes a, Lanes b) { return {hn::Le(a.v, b.v)}; }
+PEPESEG_HD LaneMask operator&(LaneMask a, LaneMask b) { return {hn::And(a.m, b.m)}; }
+PEPESEG_HD LaneMask AndNot(LaneMask no, LaneMask yes) { return {hn::AndNot(no.m, yes.m)}; }
+PEPESEG_HD bool None(LaneMask a) { return hn::AllFalse(FloatTag(), a.m); }
+PEPESEG_HD int Count(LaneMask a) { return static_cast<int>(hn::CountTrue(FloatTag(), a.m)); }
+// One bit a lane.
+PEPESEG_HD uint32_t BitsOf(LaneMask a) {
+  uint8_t bytes[8] = {};
+  hn::StoreMaskBits(FloatTag(), a.m, bytes);
+  return static_cast<uint32_t>(bytes[0] | bytes[1] << 8);
+}
+
+PEPESEG_HD Lanes Select(LaneMask m, Lanes a, Lanes b) {
+  return Lanes(hn::IfThenElse(m.m, a.v, b.v));
+}
+PEPESEG_HD Lanes Min(Lanes a, Lanes b) { return Lanes(hn::Min(a.v, b.v)); }
+PEPESEG_HD Lanes Max(Lanes a, Lanes b) { return Lanes(hn::Max(a.v, b.v)); }
+PEPESEG_HD Lanes Sqrt(Lanes a) { return Lanes(hn::Sqrt(a.v)); }
+PEPESEG_HD Lanes MulAdd(Lanes a, Lanes b, Lanes c) { return Lanes(hn::MulAdd(a.v, b.v, c.v)); }
+PEPESEG_HD Lanes NegMulAdd(Lanes a, Lanes b, Lanes c) {
+  return Lanes(hn::NegMulAdd(a.v, b.v, c.v));
+}
+
+// Adds the blocks of four lanes of a vector.
+template <int kNumLanes, class V>
+PEPESEG_HD auto SumOfBlocks(V v) {
+  if constexpr (kNumLanes <= 4) {
+    return v;
+  } else {
+    const hn::Half<hn::CappedTag<float, kNumLanes>> half;
+    return SumOfBlocks<kNumLanes / 2>(hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
+  }
+}
+// Writes the sums of four vectors: with fewer shuffles than four single sums take.
+PEPESEG_HD void StoreSums(Lanes a, Lanes b, Lanes c, Lanes e, float* sums) {
+  const FloatTag d;
+  const hn::RepartitionToWide<IntTag> wide;
+  // a0 + a2, b0 + b2, a1 + a3, b1 + b3 in each block of four.
+  const auto ab = hn::Add(hn::InterleaveLower(d, a.v, b.v), hn::InterleaveUpper(d, a.v, b.v));
+  const auto ce = hn::Add(hn::InterleaveLower(d, c.v, e.v), hn::InterleaveUpper(d, c.v, e.v));
+  const auto ab2 = hn::BitCast(wide, ab), ce2 = hn::BitCast(wide, ce);
+  const auto blocks = hn::Add(hn::BitCast(d, hn::InterleaveLower(wide, ab2, ce2)),
+                              hn::BitCast(d, hn::InterleaveUpper(wide, ab2, ce2)));
+  hn::StoreU(SumOfBlocks<kLanes>(blocks), hn::CappedTag<float, 4>(), sums);
+}
+
+// 1 / a to about 2 ulp, for a in [1e-30, 1e30].
+PEPESEG_HD Lanes FastInverse(Lanes a) {
+  const auto r = hn::ApproximateReciprocal(a.v);
+  return Lanes(hn::Mul(r, hn::NegMulAdd(a.v, r, hn::Set(FloatTag(), 2.0f))));
+}
+
+// 2^x for x in [-126, 127], anything beyond; relative error below 2e-7. 2^round(x) goes into the
+// exponent, the rest through a minimax polynomial on [-0.5, 0.5].
+PEPESEG_HD Lanes Exp2(Lanes x) {
+  const FloatTag d;
+  const IntTag di;
+  const auto whole = hn::NearestInt(x.v);
+  const auto f = hn::Sub(x.v, hn::ConvertTo(d, whole));
+  auto p = hn::MulAdd(hn::Set(d, 1.3276472e-3f), f, hn::Set(d, 9.6755413e-3f));
+  p = hn::MulAdd(p, f, hn::Set(d, 5.5507133e-2f));
+  p = hn::MulAdd(p, f, hn::Set(d, 2.4022120e-1f));
+  p = hn::MulAdd(p, f, hn::Set(d, 6.9314697e-1f));
+  p = hn::MulAdd(p, f, hn::Set(d, 1.0000001f));
+  return Lanes(hn::BitCast(d, hn::Add(hn::BitCast(di, p), hn::ShiftLeft<23>(whole))));
+}
+// Any x: the result is held in [2^-126, 2^127], and NaN stays NaN (by the order of the operands).
+PEPESEG_HD Lanes Exp(Lanes x) {
+  return Exp2(Min(Lanes(127.0f), Max(Lanes(-126.0f), x * Lanes(1.44269504f))));
+}
+PEPESEG_HD Lanes Log2(Lanes x) {
+  float values[kLanes];
+  x.Store(values);
+  for (float& value : values) value = __builtin_log2f(value);
+  return Lanes::Load(values);
+}
+
+// The first `count` of kLanes values; the rest are 0, resp. left alone.
+PEPESEG_HD Lanes LoadSome(const float* p, int count) {
+  if (count >= kLanes) return Lanes::Load(p);
+  float values[kLanes] = {};
+  for (int i = 0; i < count; ++i) values[i] = p[i];
+  return Lanes::Load(values);
+}
+PEPESEG_HD void StoreSome(Lanes x, float* p, int count) {
+  if (count >= kLanes) return x.Store(p);
+  float values[kLanes];
+  x.Store(values);
+  for (int i = 0; i < count; ++i) p[i] = values[i];
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace pepeseg

@@ -1,0 +1,33 @@
+#include "kernels/cpu/simd_kernels.h"
+
+#include <hwy/targets.h>
+
+namespace pepeseg {
+
+// One for each set that kernels/CMakeLists.txt compiles kernels/cpu/simd for.
+#if HWY_ARCH_X86
+namespace N_AVX3 {
+const SimdKernels& GetSimdKernels();
+}
+namespace N_AVX2 {
+const SimdKernels& GetSimdKernels();
+}
+namespace N_SSE4 {
+const SimdKernels& GetSimdKernels();
+}
+
+const SimdKernels& BestSimdKernels() {
+  const auto targets = hwy::SupportedTargets();
+  if ((targets & HWY_AVX3) != 0) return N_AVX3::GetSimdKernels();
+  if ((targets & HWY_AVX2) != 0) return N_AVX2::GetSimdKernels();
+  return N_SSE4::GetSimdKernels();
+}
+#else
+namespace HWY_NAMESPACE {
+const SimdKernels& GetSimdKernels();
+}
+
+const SimdKernels& BestSimdKernels() { return HWY_NAMESPACE::GetSimdKernels(); }
+#endif
+
+}  // namespace pepeseg

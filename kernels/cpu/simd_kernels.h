@@ -1,0 +1,86 @@
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/cpu/image_loss_band.h"
+#include "kernels/ops.h"
+
+namespace pepeseg {
+
+// The inner loops of the CPU backend, on raw pointers; kernels/cpu/simd compiles them once for each
+// instruction set.
+
+inline constexpr int kTilePixels = 256;  // kTileSize^2
+
+// One tile and the splats that reach it, front to back.
+struct TileSplats {
+  const Splat* splats;        // [visible]
+  const int32_t* entries;     // [count] -> visible
+  const int32_t* entry_slot;  // [count] -> slot of the gradient
+  int32_t count;
+  float x, y;         // of the tile's corner, pixels
+  int width, height;  // of its part inside the image, 1..kTileSize
+};
+
+// Images of [height, stride] pixels. `alpha` and `depth` may be null.
+struct ImageColors {
+  int64_t stride;
+  const float* background;  // [3]
+  float *r, *g, *b, *alpha, *depth, *transmittance;
+  int32_t* last;
+};
+struct ImageGrads {
+  int64_t stride;
+  const float* background;  // [3]
+  const float *r, *g, *b, *alpha, *depth, *transmittance;
+  const int32_t* last;
+};
+
+// Gaussians [first, first + count) in, those in front of the camera and in reach of the image out.
+struct ProjectJob {
+  const RenderArgs* args;
+  int64_t first;
+  int64_t count;
+  int32_t* gaussian;  // [count]
+  Splat* splat;       // [count]
+  int64_t num_out;
+  int64_t num_degenerate;
+};
+
+// Projection backward of Gaussians [first, first + count), then either Adam or the gradients
+// themselves: one of `update` and `grad` is set.
+struct ParameterJob {
+  const UpdateArgs* update;
+  const ProjectBackwardArgs* grad;
+  int64_t first;
+  int64_t count;
+  const Splat* splats;       // [visible]
+  const SplatGrad* grads;    // [visible]
+  const int32_t* visible;    // [count] -> visible, or -1
+  const float* correction1;  // [num_corrections] 1 / (1 - beta1^t), t = 0 unused
+  const float* correction2;  // [num_corrections] 1 / sqrt(1 - beta2^t)
+  int32_t num_corrections;   // beyond, the last one holds
+  int64_t num_skipped;       // out: rows with a gradient that is not finite
+};
+
+struct SimdKernels {
+  const char* name;
+  void (*blend_tile)(const TileSplats& tile, const ImageColors& image);
+  // Writes slot_grad[entry_slot[k]] for every entry k.
+  void (*blend_tile_backward)(const TileSplats& tile, const ImageGrads& image,
+                              SplatGrad* slot_grad);
+  // The weights of the splats at one pixel, given within the tile: weights[k] for entry k, 0 where
+  // it is skipped.
+  void (*pixel_weights)(const TileSplats& tile, int x, int y, float* weights);
+  // features [visible, kFeatureSize] -> sums [kTilePixels, kFeatureSize]
+  void (*blend_features)(const TileSplats& tile, const float* features,
+                         const int32_t* visible_gaussian, float* sums);
+  void (*project)(ProjectJob& job);
+  void (*update)(ParameterJob& job);
+  void (*image_loss_band)(LossBand& band);
+};
+
+// Of the best instruction set that this machine has.
+const SimdKernels& BestSimdKernels();
+
+}  // namespace pepeseg

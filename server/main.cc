@@ -1,0 +1,103 @@
+// pepesegd: the server.
+#include <pthread.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <climits>
+#include <csignal>
+#include <filesystem>
+#include <string>
+
+#include "absl/time/clock.h"
+#include "server/jobs/durable_file.h"
+#include "server/rpc/server.h"
+
+namespace {
+
+struct Flags {
+  pepeseg::ServerOptions server;
+  std::filesystem::path port_file;
+  int grace_seconds = 10;
+  std::string log_level = "info";
+};
+
+// The worker stands beside the server unless a flag says otherwise.
+std::filesystem::path DefaultWorker() {
+  std::error_code error;
+  const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
+  return error ? "pepeseg-worker" : self.parent_path() / "pepeseg-worker";
+}
+
+void AddFlags(CLI::App& app, Flags& flags) {
+  pepeseg::ServerOptions& server = flags.server;
+  server.worker = DefaultWorker();
+  app.add_option("--listen", server.listen, "HOST:PORT (port 0: a free one) or unix:PATH")
+      ->capture_default_str();
+  app.add_option("--data", server.data, "Data directory; made when it is not there")->required();
+  app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
+  app.add_option("--threads", server.num_threads, "Threads of a job; 0: as many as there are cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_option("--model-memory", server.model_bytes,
+                 "Budget for models in memory; 0: half of the machine's")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
+  app.add_option("--port-file", flags.port_file, "Where to write the port, once it serves");
+  app.add_option("--grace", flags.grace_seconds, "Seconds from SIGTERM until calls are cut off")
+      ->check(CLI::Range(0, 3600))
+      ->capture_default_str();
+  app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, err, critical or off")
+      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "err", "critical", "off"}))
+      ->capture_default_str();
+  app.add_flag("--insecure", server.insecure, "Listen beyond this machine without encryption");
+  app.add_flag("--reflection", server.reflection, "Serve gRPC reflection");
+}
+
+// Before there is any thread, so that all of them leave the signals to WaitForStop.
+sigset_t BlockStopSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  return signals;
+}
+
+int Serve(const Flags& flags, const sigset_t& stop_signals) {
+  auto server = pepeseg::Server::Start(flags.server);
+  if (!server.ok()) {
+    spdlog::critical("cannot start: {}", std::string(server.status().message()));
+    return EXIT_FAILURE;
+  }
+  const int port = (*server)->port();
+  if (!flags.port_file.empty()) {
+    const auto written = pepeseg::WriteFileDurably(flags.port_file, std::to_string(port) + "\n");
+    if (!written.ok()) {
+      spdlog::critical("cannot write the port file: {}", std::string(written.message()));
+      return EXIT_FAILURE;
+    }
+  }
+  spdlog::info("serving on {}, port {}, data in {}", flags.server.listen, port,
+               flags.server.data.string());
+  int signal = 0;
+  sigwait(&stop_signals, &signal);
+  spdlog::info("signal {}: stopping, within {} s", signal, flags.grace_seconds);
+  (*server)->Shutdown(absl::Now() + absl::Seconds(flags.grace_seconds));
+  spdlog::info("stopped");
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Flags flags;
+  CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");
+  AddFlags(app, flags);
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_level(spdlog::level::from_str(flags.log_level));
+  const sigset_t stop_signals = BlockStopSignals();
+  flags.server.data = std::filesystem::absolute(flags.server.data);
+  return Serve(flags, stop_signals);
+}

@@ -1,0 +1,132 @@
+#include "server/rpc/dataset_service.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/status_macros.h"
+#include "server/jobs/durable_file.h"
+#include "server/layout.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+#include "server/rpc/unary.h"
+#include "server/rpc/upload_rules.h"
+#include "server/rpc/write_files.h"
+
+namespace pepeseg {
+namespace {
+
+// So that the data directory can be read without the store.
+absl::Status WriteManifest(const ServiceContext& context, const DatasetRow& row,
+                           const std::vector<DatasetFileRow>& files) {
+  nlohmann::json manifest = {{"version", 1},
+                             {"dataset", ChildName(row.scene, "datasets", row.number)},
+                             {"files", nlohmann::json::array()}};
+  for (const DatasetFileRow& file : files) {
+    manifest["files"].push_back({{"path", file.path},
+                                 {"kind", v1::FileKind_Name(static_cast<v1::FileKind>(file.kind))},
+                                 {"size", file.size},
+                                 {"sha256", file.sha256}});
+  }
+  const auto path = DatasetManifestPath(context.data_folder, row.scene, row.number);
+  std::error_code error;
+  std::filesystem::create_directories(path.parent_path(), error);
+  if (error) return FileError(path.parent_path(), "cannot make the folder", error.value());
+  return WriteFileDurably(path, manifest.dump(1));
+}
+
+}  // namespace
+
+absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* upload) const {
+  upload->set_name(ChildName(row.scene, "uploads", row.number));
+  *upload->mutable_create_time() = ToProto(row.create_time);
+  upload->set_num_files(row.num_files);
+  upload->set_num_bytes(row.num_bytes);
+  upload->set_sealed(row.state == DatasetState::kSealed);
+  if (upload->sealed()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto files, context_.store->ListDatasetFiles(row.scene, row.number));
+  for (const DatasetFileRow& file : files) {
+    if (!context_.blobs->Has(file.sha256, file.size)) upload->add_missing_files(file.path);
+  }
+  return absl::OkStatus();
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
+                                                          const v1::CreateUploadRequest* request,
+                                                          v1::Upload* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    RETURN_IF_ERROR(CheckRequestId(request->request_id()));
+    ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(*request));
+    const auto row = context_.store->CreateDataset(scene, request->request_id(), files);
+    if (!row.ok()) return WithResource(row.status(), "", request->parent());
+    return FillUpload(*row, response);
+  });
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
+                                                       const v1::GetUploadRequest* request,
+                                                       v1::Upload* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
+    const auto row = context_.store->GetDataset(upload.scene, upload.number);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
+    return FillUpload(*row, response);
+  });
+}
+
+grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
+    grpc::CallbackServerContext*, v1::WriteFilesResponse* response) {
+  const auto stream = std::make_shared<WriteFilesStream>(context_, response);
+  stream->Begin(/*with_io=*/true);
+  return stream.get();  // owns itself until OnDone
+}
+
+absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
+                                     v1::Dataset* response) const {
+  ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
+  Store& store = *context_.store;
+  ASSIGN_OR_RETURN(DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  if (row.state == DatasetState::kOpen) {
+    ASSIGN_OR_RETURN(const auto files, store.ListDatasetFiles(upload.scene, upload.number));
+    bool complete = true;
+    for (const DatasetFileRow& file : files) {
+      const bool there = context_.blobs->Has(file.sha256, file.size);
+      complete &= there;
+      // The same bytes may have come under another path, or for another dataset.
+      if (there && !file.stored) {
+        RETURN_IF_ERROR(store.MarkFileStored(upload.scene, upload.number, file.path));
+      }
+    }
+    if (complete) RETURN_IF_ERROR(WriteManifest(context_, row, files));
+    const auto sealed = store.SealDataset(upload.scene, upload.number);
+    if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
+    row = *sealed;
+  }
+  *response = ToProto(row);
+  return absl::OkStatus();
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
+                                                        const v1::SealUploadRequest* request,
+                                                        v1::Dataset* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    return Seal(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
+                                                          const v1::ListDatasetsRequest* request,
+                                                          v1::ListDatasetsResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, context_.store->ListDatasets(scene, page));
+    for (const DatasetRow& row : datasets.rows) {
+      if (row.state == DatasetState::kSealed) *response->add_datasets() = ToProto(row);
+    }
+    response->set_next_page_token(datasets.next_page_token);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

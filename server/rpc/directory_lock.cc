@@ -1,0 +1,34 @@
+#include "server/rpc/directory_lock.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/durable_file.h"
+#include "server/layout.h"
+
+namespace pepeseg {
+
+absl::StatusOr<std::unique_ptr<DirectoryLock>> DirectoryLock::Take(
+    const std::filesystem::path& data) {
+  std::error_code error;
+  std::filesystem::create_directories(data, error);
+  if (error) return FileError(data, "cannot make the folder", error.value());
+  const std::filesystem::path path = LockPath(data);
+  const int descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (descriptor < 0) return FileError(path, "cannot open", errno);
+  auto lock = std::unique_ptr<DirectoryLock>(new DirectoryLock(descriptor));
+  if (flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(data.string(), ": another server uses this data directory"));
+  }
+  return lock;
+}
+
+DirectoryLock::~DirectoryLock() { close(descriptor_); }
+
+}  // namespace pepeseg

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "absl/status/statusor.h"
+
+namespace pepeseg {
+
+// Holds a data directory for this process, as long as it lives; the system lets it go with the
+// process, however that ends.
+class DirectoryLock {
+ public:
+  // Makes the directory. FAILED_PRECONDITION: another process holds it.
+  static absl::StatusOr<std::unique_ptr<DirectoryLock>> Take(const std::filesystem::path& data);
+  ~DirectoryLock();
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+ private:
+  explicit DirectoryLock(int descriptor) : descriptor_(descriptor) {}
+  const int descriptor_;
+};
+
+}  // namespace pepeseg

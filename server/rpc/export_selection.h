@@ -1,0 +1,29 @@
+#pragma once
+
+#include <fstream>
+
+#include "pepeseg/v1/segmentation_service.pb.h"
+#include "server/rpc/service_context.h"
+#include "server/rpc/stream.h"
+
+namespace pepeseg {
+
+// An ExportSelection call: a model's PLY from the disk to the wire, a chunk at a time.
+class ExportSelectionStream final : public WriteStream<v1::ExportSelectionResponse> {
+ public:
+  ExportSelectionStream(const ServiceContext& context, const v1::ExportSelectionRequest& request)
+      : WriteStream(context.streams, context.pool), context_(context), request_(request) {}
+
+ private:
+  Step Work(bool io_ok) override;
+  absl::Status Open();
+  absl::Status FillChunk();
+
+  const ServiceContext context_;
+  const v1::ExportSelectionRequest request_;
+  std::filesystem::path path_;
+  std::ifstream file_;
+  int64_t num_bytes_left_ = 0;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,142 @@
+#include "server/rpc/job_service.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/convert.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+#include "server/rpc/unary.h"
+#include "server/rpc/watch_job.h"
+
+namespace pepeseg {
+namespace {
+
+// A row to be queued: everything of the request that can be wrong, but for what changes under it.
+absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request) {
+  JobRow job;
+  ASSIGN_OR_RETURN(job.scene, ParseSceneName(request.scene(), "scene"));
+  ASSIGN_OR_RETURN(const SceneChild dataset,
+                   ParseChildName(request.dataset(), "datasets", "dataset"));
+  if (dataset.scene != job.scene) {
+    return BadField("dataset", request.dataset(), absl::StrCat("not of ", request.scene()));
+  }
+  RETURN_IF_ERROR(CheckRequestId(request.request_id()));
+  ASSIGN_OR_RETURN(const TrainingSettings settings, TrainingSettingsFromProto(request.options()));
+  job.dataset = dataset.number;
+  job.options = request.options().SerializeAsString();
+  job.effective_options = ToProto(settings).SerializeAsString();
+  job.request_id = request.request_id();
+  return job;
+}
+
+absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
+  switch (state) {
+    case v1::JOB_STATE_UNSPECIFIED:
+      return std::optional<JobState>();
+    case v1::JOB_STATE_QUEUED:
+      return JobState::kQueued;
+    case v1::JOB_STATE_RUNNING:
+      return JobState::kRunning;
+    case v1::JOB_STATE_SUCCEEDED:
+      return JobState::kSucceeded;
+    case v1::JOB_STATE_FAILED:
+      return JobState::kFailed;
+    case v1::JOB_STATE_CANCELLED:
+      return JobState::kCancelled;
+    default:
+      return BadField("state", absl::StrCat(static_cast<int>(state)), "no state of a job");
+  }
+}
+
+}  // namespace
+
+absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job* response) const {
+  ASSIGN_OR_RETURN(const JobRow wanted, JobFromRequest(request));
+  const auto dataset = context_.store->GetDataset(wanted.scene, wanted.dataset);
+  if (!dataset.ok()) return WithResource(dataset.status(), "NO_SUCH_DATASET", request.dataset());
+  if (dataset->state != DatasetState::kSealed) {
+    return WithResource(
+        absl::FailedPreconditionError(absl::StrCat(request.dataset(), " is not sealed")),
+        "NOT_SEALED", request.dataset());
+  }
+  if (request.validate_only()) {
+    *response = ToProto(wanted);
+    response->set_state(v1::JOB_STATE_UNSPECIFIED);
+    response->clear_create_time();
+    return absl::OkStatus();
+  }
+  const auto job = context_.supervisor->Submit(wanted);
+  if (absl::IsAborted(job.status())) {
+    const auto active = context_.store->FindActiveJob(wanted.scene);
+    const bool found = active.ok() && active->has_value();
+    return WithResource(job.status(), "JOB_ACTIVE", found ? JobName((*active)->id) : "");
+  }
+  RETURN_IF_ERROR(job.status());
+  *response = ToProto(*job);
+  return absl::OkStatus();
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
+                                                    const v1::TrainSceneRequest* request,
+                                                    v1::Job* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    return Train(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* call,
+                                                const v1::GetJobRequest* request,
+                                                v1::Job* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+    auto snapshot = ReadJob(context_, id);
+    RETURN_IF_ERROR(snapshot.status());
+    *response = std::move(snapshot->job);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* call,
+                                                  const v1::ListJobsRequest* request,
+                                                  v1::ListJobsResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    Store::JobFilter filter;
+    if (!request->scene().empty()) {
+      ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
+    }
+    ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->ListJobs(filter, page));
+    for (const JobRow& row : jobs.rows) {
+      v1::Job* job = response->add_jobs();
+      *job = ToProto(row);
+      if (row.state != JobState::kRunning) continue;
+      const auto newest = context_.supervisor->FindNewest(row.id);
+      if (newest.ok() && newest->progress.has_value()) *job->mutable_progress() = *newest->progress;
+    }
+    response->set_next_page_token(jobs.next_page_token);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* call,
+                                                   const v1::CancelJobRequest* request,
+                                                   v1::Job* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+    const auto row = context_.supervisor->Cancel(id);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
+    *response = ToProto(*row);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
+    grpc::CallbackServerContext*, const v1::WatchJobRequest* request) {
+  const auto stream = std::make_shared<WatchJobStream>(context_, *request);
+  stream->Begin(/*with_io=*/false);
+  return stream.get();  // owns itself until OnDone
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,108 @@
+#include "server/rpc/rows_to_proto.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "server/rpc/error.h"
+#include "server/rpc/resource_name.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kMaxPageSize = 1000;
+constexpr size_t kMaxRequestIdBytes = 128;
+
+}  // namespace
+
+google::protobuf::Timestamp ToProto(absl::Time time) {
+  google::protobuf::Timestamp proto;
+  const int64_t nanos = absl::ToUnixNanos(time);
+  proto.set_seconds(nanos / 1'000'000'000);
+  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
+  return proto;
+}
+
+google::protobuf::Duration ToProto(absl::Duration duration) {
+  google::protobuf::Duration proto;
+  const int64_t nanos = absl::ToInt64Nanoseconds(duration);
+  proto.set_seconds(nanos / 1'000'000'000);
+  proto.set_nanos(static_cast<int32_t>(nanos % 1'000'000'000));
+  return proto;
+}
+
+v1::Model ToProto(const ModelRow& row) {
+  v1::Model proto;
+  proto.set_name(ChildName(row.scene, "models", row.number));
+  proto.set_job(JobName(row.job));
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  proto.set_num_gaussians(row.num_gaussians);
+  proto.set_num_bytes(row.num_bytes);
+  const auto metrics = nlohmann::json::parse(row.metrics, nullptr, /*allow_exceptions=*/false);
+  if (metrics.is_object()) {
+    for (const auto& [name, value] : metrics.items()) {
+      if (value.is_number()) (*proto.mutable_metrics())[name] = value.get<double>();
+    }
+  }
+  return proto;
+}
+
+v1::Dataset ToProto(const DatasetRow& row) {
+  v1::Dataset proto;
+  proto.set_name(ChildName(row.scene, "datasets", row.number));
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  *proto.mutable_seal_time() = ToProto(row.seal_time);
+  proto.set_num_files(row.num_files);
+  proto.set_num_bytes(row.num_bytes);
+  return proto;
+}
+
+v1::Job ToProto(const JobRow& row) {
+  v1::Job proto;
+  if (!row.id.empty()) proto.set_name(JobName(row.id));
+  proto.set_scene(SceneName(row.scene));
+  proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
+  proto.set_state(ToProto(row.state));
+  proto.set_stage(row.stage);
+  proto.mutable_effective_options()->ParseFromString(row.effective_options);
+  if (row.state == JobState::kFailed) {
+    *proto.mutable_error() =
+        ToProto(absl::Status(static_cast<absl::StatusCode>(row.error_code), row.error_message));
+  }
+  if (row.model != 0) proto.set_model(ChildName(row.scene, "models", row.model));
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  if (row.start_time != absl::InfinitePast()) *proto.mutable_start_time() = ToProto(row.start_time);
+  if (row.end_time != absl::InfinitePast()) *proto.mutable_end_time() = ToProto(row.end_time);
+  proto.set_cancel_requested(row.cancel_requested && !IsTerminal(row.state));
+  return proto;
+}
+
+v1::JobState ToProto(JobState state) {
+  switch (state) {
+    case JobState::kQueued:
+      return v1::JOB_STATE_QUEUED;
+    case JobState::kRunning:
+      return v1::JOB_STATE_RUNNING;
+    case JobState::kSucceeded:
+      return v1::JOB_STATE_SUCCEEDED;
+    case JobState::kFailed:
+      return v1::JOB_STATE_FAILED;
+    case JobState::kCancelled:
+      return v1::JOB_STATE_CANCELLED;
+  }
+  return v1::JOB_STATE_UNSPECIFIED;
+}
+
+absl::StatusOr<PageRequest> PageFromProto(int32_t page_size, const std::string& page_token) {
+  if (page_size < 0) return BadField("page_size", absl::StrCat(page_size), "is negative");
+  return PageRequest{std::min(page_size, kMaxPageSize), page_token};
+}
+
+absl::Status CheckRequestId(const std::string& request_id) {
+  if (request_id.size() <= kMaxRequestIdBytes) return absl::OkStatus();
+  return BadField("request_id", absl::StrCat(request_id.size()),
+                  absl::StrCat("bytes; allowed are ", kMaxRequestIdBytes));
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,199 @@
+#include "server/rpc/scene_service.h"
+
+#include <algorithm>
+#include <charconv>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/convert.h"
+#include "server/rpc/model_lookup.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+#include "server/rpc/unary.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxDisplayNameBytes = 256;
+constexpr int kDefaultPageSize = 50;
+
+absl::Status CheckCreate(const v1::CreateSceneRequest& request) {
+  if (!IsSceneId(request.scene_id())) {
+    return BadField(
+        "scene_id", request.scene_id(),
+        "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
+  }
+  if (request.scene().display_name().size() > kMaxDisplayNameBytes) {
+    return BadField("scene.display_name", absl::StrCat(request.scene().display_name().size()),
+                    absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
+  }
+  return CheckRequestId(request.request_id());
+}
+
+// What the store does not know of: the folders of a scene's jobs, and its models in memory.
+struct SceneRemains {
+  std::vector<std::string> jobs;
+  std::vector<std::string> resident_keys;
+};
+
+absl::StatusOr<SceneRemains> FindRemains(const ServiceContext& context, const std::string& scene) {
+  SceneRemains remains;
+  PageRequest page{1000, ""};
+  do {
+    ASSIGN_OR_RETURN(const auto jobs, context.store->ListJobs({scene, std::nullopt}, page));
+    for (const JobRow& job : jobs.rows) remains.jobs.push_back(job.id);
+    page.page_token = jobs.next_page_token;
+  } while (!page.page_token.empty());
+  do {
+    ASSIGN_OR_RETURN(const auto models, context.store->ListModels(scene, page));
+    for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
+    page.page_token = models.next_page_token;
+  } while (!page.page_token.empty());
+  return remains;
+}
+
+absl::Status DeleteWithRemains(const ServiceContext& context, const std::string& scene) {
+  ASSIGN_OR_RETURN(const SceneRemains remains, FindRemains(context, scene));
+  const absl::Status deleted = context.store->DeleteScene(scene);
+  if (absl::IsFailedPrecondition(deleted)) {
+    const auto job = context.store->FindActiveJob(scene);
+    const bool active = job.ok() && job->has_value();
+    return WithResource(deleted, "JOB_ACTIVE", active ? JobName((*job)->id) : "");
+  }
+  RETURN_IF_ERROR(deleted);
+  for (const std::string& key : remains.resident_keys) context.models->Drop(key);
+  // The scene is gone already: a folder that cannot be removed only costs space.
+  std::error_code ignored;
+  for (const std::string& job : remains.jobs) {
+    std::filesystem::remove_all(context.data_folder / "jobs" / job, ignored);
+  }
+  std::filesystem::remove_all(context.data_folder / "datasets" / scene, ignored);
+  return absl::OkStatus();
+}
+
+// A page token is the index of the page's first view.
+absl::Status FillViews(const std::vector<ModelView>& views, const PageRequest& page,
+                       v1::ListViewsResponse* response) {
+  size_t first = 0;
+  const std::string& token = page.page_token;
+  if (!token.empty()) {
+    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), first);
+    if (error != std::errc() || end != token.data() + token.size() || first > views.size()) {
+      return BadField("page_token", token, "not one of this list");
+    }
+  }
+  const size_t size = page.page_size == 0 ? kDefaultPageSize : page.page_size;
+  const size_t last = std::min(views.size(), first + size);
+  for (size_t i = first; i < last; ++i) *response->add_views() = ToProto(views[i]);
+  if (last < views.size()) response->set_next_page_token(absl::StrCat(last));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status SceneServiceRpc::FillScene(const SceneRow& row, v1::Scene* scene) const {
+  scene->set_name(SceneName(row.id));
+  scene->set_display_name(row.display_name);
+  *scene->mutable_create_time() = ToProto(row.create_time);
+  const auto model = context_.store->GetLiveModel(row.id);
+  if (model.ok()) {
+    scene->set_live_model(ChildName(row.id, "models", model->number));
+  } else if (!absl::IsFailedPrecondition(model.status())) {
+    return model.status();
+  }
+  ASSIGN_OR_RETURN(const auto job, context_.store->FindActiveJob(row.id));
+  if (job.has_value()) scene->set_active_job(JobName(job->id));
+  return absl::OkStatus();
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerContext* call,
+                                                       const v1::CreateSceneRequest* request,
+                                                       v1::Scene* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    RETURN_IF_ERROR(CheckCreate(*request));
+    SceneRow row;
+    row.id = request->scene_id();
+    row.display_name = request->scene().display_name();
+    row.request_id = request->request_id();
+    const auto scene = context_.store->CreateScene(row);
+    if (absl::IsAlreadyExists(scene.status())) {
+      return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
+    }
+    RETURN_IF_ERROR(scene.status());
+    return FillScene(*scene, response);
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext* call,
+                                                    const v1::GetSceneRequest* request,
+                                                    v1::Scene* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    const auto id = ParseSceneName(request->name(), "name");
+    RETURN_IF_ERROR(id.status());
+    const auto row = context_.store->GetScene(*id);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
+    return FillScene(*row, response);
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContext* call,
+                                                      const v1::ListScenesRequest* request,
+                                                      v1::ListScenesResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<SceneRow> scenes, context_.store->ListScenes(page));
+    for (const SceneRow& row : scenes.rows) RETURN_IF_ERROR(FillScene(row, response->add_scenes()));
+    response->set_next_page_token(scenes.next_page_token);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerContext* call,
+                                                       const v1::DeleteSceneRequest* request,
+                                                       google::protobuf::Empty*) {
+  return RunOnPool(call, *context_.pool, [this, request](const UnaryCall&) {
+    const auto id = ParseSceneName(request->name(), "name");
+    RETURN_IF_ERROR(id.status());
+    return DeleteWithRemains(context_, *id);
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext* call,
+                                                     const v1::ListViewsRequest* request,
+                                                     v1::ListViewsResponse* response) {
+  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context_, request->parent(), "parent"));
+    return FillViews(model.segmenter->model().views, page, response);
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext* call,
+                                                    const v1::GetModelRequest* request,
+                                                    v1::Model* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    const auto row = FindModel(context_, request->name(), "name");
+    RETURN_IF_ERROR(row.status());
+    *response = ToProto(*row);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContext* call,
+                                                      const v1::ListModelsRequest* request,
+                                                      v1::ListModelsResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<ModelRow> models, context_.store->ListModels(scene, page));
+    for (const ModelRow& row : models.rows) *response->add_models() = ToProto(row);
+    response->set_next_page_token(models.next_page_token);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,186 @@
+#include "server/rpc/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <unistd.h>
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/status_macros.h"
+#include "server/layout.h"
+#include "server/rpc/dataset_service.h"
+#include "server/rpc/directory_lock.h"
+#include "server/rpc/error.h"
+#include "server/rpc/job_service.h"
+#include "server/rpc/scene_service.h"
+#include "server/rpc/segmentation_service.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kMaxMessageBytes = 8 << 20;
+constexpr int kMaxMetadataBytes = 16 << 10;
+constexpr int kMaxStreamsPerConnection = 256;
+constexpr int kNumIoThreads = 4;
+constexpr int kNumQueryThreads = 2;
+constexpr size_t kMaxQueuedCalls = 1000;
+constexpr size_t kMaxQueuedQueries = 100;
+constexpr absl::Duration kTick = absl::Seconds(2);
+constexpr int kKeepaliveMs = 30'000;
+constexpr int kMinPingIntervalMs = 10'000;
+
+int64_t HalfOfMemory() {
+  return static_cast<int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE) / 2;
+}
+
+void SetLimits(grpc::ServerBuilder& builder) {
+  builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  builder.SetMaxSendMessageSize(kMaxMessageBytes);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);
+  // Else a second server on the port would silently take half of the calls.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // Finds watchers whose machine is gone, and lets theirs find us.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                             kMinPingIntervalMs);
+}
+
+absl::Status CheckOptions(const ServerOptions& options) {
+  if (!options.insecure && !IsLoopback(options.listen)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("listening on ", options.listen,
+                     " would let other machines in without encryption: use a loopback address, or "
+                     "--insecure if the network is trusted"));
+  }
+  if (access(options.worker.c_str(), X_OK) != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("worker: ", options.worker.string(), " is no program"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+bool IsLoopback(const std::string& listen) {
+  if (listen.rfind("unix:", 0) == 0) return true;
+  const size_t colon = listen.rfind(':');
+  if (colon == std::string::npos) return false;
+  const std::string host = listen.substr(0, colon);
+  if (host == "localhost" || host == "[::1]") return true;
+  // All of 127.0.0.0/8, but no name that only begins so.
+  return host.rfind("127.", 0) == 0 && host.find_first_not_of("0123456789.") == std::string::npos;
+}
+
+// In the order of dependence: what comes later goes first.
+struct Server::Parts {
+  std::unique_ptr<DirectoryLock> lock;
+  std::unique_ptr<Store> store;
+  std::unique_ptr<BlobStore> blobs;
+  std::unique_ptr<Backend> backend;
+  std::unique_ptr<ModelCache> models;
+  std::unique_ptr<Supervisor> supervisor;
+  StreamRegistry streams{kTick};
+  WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
+  WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
+  std::unique_ptr<SceneServiceRpc> scenes;
+  std::unique_ptr<DatasetServiceRpc> datasets;
+  std::unique_ptr<JobServiceRpc> jobs;
+  std::unique_ptr<SegmentationServiceRpc> segmentation;
+  std::unique_ptr<grpc::Server> server;
+  int port = 0;
+
+  absl::Status OpenState(const ServerOptions& options);
+  absl::Status Listen(const ServerOptions& options);
+  void SetHealth(bool serving);
+};
+
+absl::Status Server::Parts::OpenState(const ServerOptions& options) {
+  ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data));
+  ASSIGN_OR_RETURN(store, Store::Open("sqlite:" + DatabasePath(options.data).string()));
+  ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
+  backend = MakeCpuBackend(options.num_threads);
+  models =
+      std::make_unique<ModelCache>(options.model_bytes > 0 ? options.model_bytes : HalfOfMemory());
+  SupervisorOptions jobs_options;
+  jobs_options.data_folder = options.data;
+  jobs_options.worker = options.worker;
+  jobs_options.num_threads = options.num_threads;
+  jobs_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
+    return store->Path(file.sha256);
+  };
+  ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(jobs_options)));
+  const ServiceContext context{options.data, store.get(),   supervisor.get(),
+                               blobs.get(),  backend.get(), models.get(),
+                               &pool,        &query_pool,   &streams};
+  scenes = std::make_unique<SceneServiceRpc>(context);
+  datasets = std::make_unique<DatasetServiceRpc>(context);
+  jobs = std::make_unique<JobServiceRpc>(context);
+  segmentation = std::make_unique<SegmentationServiceRpc>(context);
+  return absl::OkStatus();
+}
+
+absl::Status Server::Parts::Listen(const ServerOptions& options) {
+  grpc::EnableDefaultHealthCheckService(true);
+  if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  SetLimits(builder);
+  builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(scenes.get());
+  builder.RegisterService(datasets.get());
+  builder.RegisterService(jobs.get());
+  builder.RegisterService(segmentation.get());
+  server = builder.BuildAndStart();
+  if (server == nullptr) {
+    return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen));
+  }
+  SetHealth(true);
+  return absl::OkStatus();
+}
+
+void Server::Parts::SetHealth(bool serving) {
+  grpc::HealthCheckServiceInterface* health = server->GetHealthCheckService();
+  for (const char* name :
+       {v1::SceneService::service_full_name(), v1::DatasetService::service_full_name(),
+        v1::JobService::service_full_name(), v1::SegmentationService::service_full_name()}) {
+    health->SetServingStatus(name, serving);
+  }
+  health->SetServingStatus(serving);
+}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
+  RETURN_IF_ERROR(CheckOptions(options));
+  auto parts = std::make_unique<Parts>();
+  RETURN_IF_ERROR(parts->OpenState(options));
+  RETURN_IF_ERROR(parts->Listen(options));
+  return std::unique_ptr<Server>(new Server(std::move(parts)));
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Server::~Server() { Shutdown(absl::Now()); }
+
+int Server::port() const { return parts_->port; }
+
+std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
+  return parts_->server->InProcessChannel(grpc::ChannelArguments());
+}
+
+void Server::Shutdown(absl::Time deadline) {
+  if (parts_->server == nullptr) return;
+  parts_->SetHealth(false);
+  parts_->supervisor->StopClaiming();
+  parts_->streams.EndAll(DrainingError());
+  parts_->supervisor->Stop(deadline);
+  parts_->server->Shutdown(absl::ToChronoTime(deadline));
+  parts_->server->Wait();
+  // No call is left, so none of these tasks has anything to answer.
+  parts_->pool.Stop();
+  parts_->query_pool.Stop();
+  parts_->server.reset();
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "grpcpp/channel.h"
+
+namespace pepeseg {
+
+struct ServerOptions {
+  std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
+  bool insecure = false;               // listens beyond this machine, without encryption
+  bool reflection = false;             // tells anybody what methods there are
+  std::filesystem::path data;          // made when it is not there; for one server at a time
+  std::filesystem::path worker;        // the pepeseg-worker program
+  int num_threads = 0;                 // of a job and of a query; 0: as many as the machine has
+  int64_t model_bytes = 0;             // budget of models in memory; 0: half of the machine's
+};
+
+// Whether HOST:PORT or unix:PATH can be reached from this machine only.
+bool IsLoopback(const std::string& listen);
+
+// Everything that serves: store, supervisor, models, services, listener.
+class Server {
+ public:
+  // FAILED_PRECONDITION: a listener beyond this machine without `insecure`, a data directory that
+  // another server uses, a worker that is no program.
+  static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
+  // Shutdown without grace, unless it was called.
+  ~Server();
+
+  int port() const;  // 0 for a unix socket
+  // To the services without a socket.
+  std::shared_ptr<grpc::Channel> InProcessChannel();
+
+  // Health says NOT_SERVING, streams end with UNAVAILABLE, running jobs are stopped and queued for
+  // the next start, calls under way get until `deadline`. Blocks; once.
+  void Shutdown(absl::Time deadline);
+
+ private:
+  struct Parts;
+  explicit Server(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+
+#include "core/query/segmenter.h"
+#include "server/jobs/store.h"
+#include "server/jobs/supervisor.h"
+#include "server/residency/resident_cache.h"
+#include "server/rpc/blob_store.h"
+#include "server/rpc/stream_registry.h"
+#include "server/rpc/worker_pool.h"
+
+namespace pepeseg {
+
+using ModelCache = ResidentCache<Segmenter>;
+
+// What the services work on; all of it outlives them.
+struct ServiceContext {
+  std::filesystem::path data_folder;
+  Store* store;
+  Supervisor* supervisor;
+  BlobStore* blobs;
+  Backend* backend;
+  ModelCache* models;
+  WorkerPool* pool;        // for what waits on the disk
+  WorkerPool* query_pool;  // for what computes
+  StreamRegistry* streams;
+};
+
+}  // namespace pepeseg

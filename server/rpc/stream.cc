@@ -1,0 +1,119 @@
+#include "server/rpc/stream.h"
+
+#include <utility>
+
+#include "server/rpc/error.h"
+#include "server/rpc/stream_registry.h"
+
+namespace pepeseg {
+
+void Stream::Begin(bool with_io) {
+  {
+    const std::lock_guard lock(mutex_);
+    self_ = shared_from_this();
+  }
+  registry_->Add(self_);  // may call End
+  const std::lock_guard lock(mutex_);
+  if (state_ != State::kIdle) return;
+  if (with_io) {
+    state_ = State::kIo;
+    StartIo();
+  } else {
+    SubmitLocked();
+  }
+}
+
+void Stream::Wake() {
+  const std::lock_guard lock(mutex_);
+  if (state_ == State::kIdle) {
+    SubmitLocked();
+  } else {
+    wake_ = true;
+  }
+}
+
+void Stream::End(const absl::Status& status) {
+  const std::lock_guard lock(mutex_);
+  if (state_ == State::kFinished || ending_) return;
+  ending_ = true;
+  end_status_ = status;
+  if (state_ == State::kIdle || (state_ == State::kIo && may_finish_during_io())) {
+    FinishLocked(status);
+  }
+}
+
+bool Stream::cancelled() const {
+  const std::lock_guard lock(mutex_);
+  return cancelled_;
+}
+
+void Stream::IoDone(bool ok) {
+  const std::lock_guard lock(mutex_);
+  if (state_ != State::kIo) return;
+  io_ok_ = ok;
+  if (ending_) {
+    FinishLocked(end_status_);
+  } else if (cancelled_ || (!ok && !may_finish_during_io())) {
+    FinishLocked(absl::CancelledError("the client is gone"));
+  } else {
+    SubmitLocked();
+  }
+}
+
+void Stream::Cancelled() {
+  const std::lock_guard lock(mutex_);
+  cancelled_ = true;
+  // While working or writing, the end of that finishes the call.
+  if (state_ == State::kIdle || (state_ == State::kIo && may_finish_during_io())) {
+    FinishLocked(absl::CancelledError("the client is gone"));
+  }
+}
+
+void Stream::Done() {
+  registry_->Remove(this);
+  OnClosed();
+  std::shared_ptr<Stream> self;
+  const std::lock_guard lock(mutex_);
+  self.swap(self_);
+  // The mutex is unlocked before `self`, declared first, lets the stream go.
+}
+
+void Stream::Run() {
+  bool io_ok = false;
+  {
+    const std::lock_guard lock(mutex_);
+    io_ok = io_ok_;
+    wake_ = false;
+  }
+  const Step step = Work(io_ok);
+  const std::lock_guard lock(mutex_);
+  if (step.next == Next::kEnd) {
+    FinishLocked(step.status);
+  } else if (ending_) {
+    FinishLocked(end_status_);
+  } else if (cancelled_) {
+    FinishLocked(absl::CancelledError("the client is gone"));
+  } else if (step.next == Next::kIo) {
+    state_ = State::kIo;
+    StartIo();
+  } else if (wake_) {
+    SubmitLocked();
+  } else {
+    state_ = State::kIdle;
+  }
+}
+
+void Stream::SubmitLocked() {
+  state_ = State::kWorking;
+  if (!pool_->SubmitAlways([self = shared_from_this()] { self->Run(); })) {
+    FinishLocked(DrainingError());
+  }
+}
+
+void Stream::FinishLocked(const absl::Status& status) {
+  if (state_ == State::kFinished) return;
+  state_ = State::kFinished;
+  FinishCall(ToGrpc(status));
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,66 @@
+#include "server/rpc/stream_registry.h"
+
+#include <vector>
+
+#include "server/rpc/stream.h"
+
+namespace pepeseg {
+
+StreamRegistry::StreamRegistry(absl::Duration tick) : tick_(tick), thread_([this] { Tick(); }) {}
+
+StreamRegistry::~StreamRegistry() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  stop_.notify_all();
+  thread_.join();
+}
+
+void StreamRegistry::Add(const std::shared_ptr<Stream>& stream) {
+  absl::Status status;
+  {
+    const std::lock_guard lock(mutex_);
+    streams_[stream.get()] = stream;
+    status = end_status_;
+  }
+  if (!status.ok()) stream->End(status);
+}
+
+void StreamRegistry::Remove(Stream* stream) {
+  const std::lock_guard lock(mutex_);
+  streams_.erase(stream);
+}
+
+void StreamRegistry::EndAll(const absl::Status& status) {
+  std::vector<std::shared_ptr<Stream>> streams;
+  {
+    const std::lock_guard lock(mutex_);
+    end_status_ = status;
+    for (const auto& [address, weak] : streams_) streams.push_back(weak.lock());
+  }
+  for (const auto& stream : streams) {
+    if (stream != nullptr) stream->End(status);
+  }
+}
+
+size_t StreamRegistry::size() const {
+  const std::lock_guard lock(mutex_);
+  return streams_.size();
+}
+
+void StreamRegistry::Tick() {
+  std::unique_lock lock(mutex_);
+  while (!stop_.wait_for(lock, absl::ToChronoMilliseconds(tick_), [this] { return stopping_; })) {
+    std::vector<std::shared_ptr<Stream>> streams;
+    for (const auto& [address, weak] : streams_) streams.push_back(weak.lock());
+    lock.unlock();
+    for (const auto& stream : streams) {
+      if (stream != nullptr) stream->Wake();
+    }
+    streams.clear();  // may destroy streams, which must not happen under the mutex
+    lock.lock();
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,122 @@
+#include "server/rpc/watch_job.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/status_macros.h"
+#include "server/rpc/error.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::Duration kHeartbeat = absl::Seconds(10);
+
+bool IsTerminal(v1::JobState state) {
+  return state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING;
+}
+
+}  // namespace
+
+absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id) {
+  // Events first: a row that is newer than the sequence only means that an event repeats it.
+  const auto newest = context.supervisor->FindNewest(id);
+  const auto row = context.store->GetJob(id);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_JOB", JobName(id));
+  }
+  RETURN_IF_ERROR(row.status());
+  RETURN_IF_ERROR(newest.status());
+  JobSnapshot snapshot{ToProto(*row), newest->sequence};
+  if (newest->progress.has_value()) *snapshot.job.mutable_progress() = *newest->progress;
+  return snapshot;
+}
+
+absl::Status WatchJobStream::Start() {
+  ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
+  // Before the snapshot, so that nothing falls between.
+  watch_ = context_.supervisor->AddWatch(id_, [weak = weak_from_this()] {
+    if (const auto stream = weak.lock()) stream->Wake();
+  });
+  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(context_, id_));
+  sequence_ = snapshot.sequence;
+  if (request_.has_after_sequence()) {
+    const int64_t after = request_.after_sequence();
+    if (after < 0) return BadField("after_sequence", absl::StrCat(after), "is negative");
+    if (after > snapshot.sequence) {
+      v1::ErrorDetail detail;
+      detail.set_reason("NO_SUCH_EVENT");
+      detail.set_field("after_sequence");
+      detail.set_value(absl::StrCat(after));
+      detail.set_limit(absl::StrCat(snapshot.sequence));
+      return WithDetail(
+          absl::OutOfRangeError(absl::StrCat(
+              "after_sequence: ", after, ", the newest event of the job is ", snapshot.sequence)),
+          detail);
+    }
+    sequence_ = after;
+  }
+  reader_.emplace(context_.supervisor->ReadEvents(id_, sequence_));
+  ended_ = IsTerminal(snapshot.job.state());
+  v1::JobEvent event;
+  event.set_sequence(sequence_);
+  *event.mutable_time() = ToProto(absl::Now());
+  *event.mutable_snapshot() = std::move(snapshot.job);
+  pending_.push_back(std::move(event));
+  return absl::OkStatus();
+}
+
+absl::Status WatchJobStream::ReadMore() {
+  ASSIGN_OR_RETURN(std::vector<v1::JobEvent> events, reader_->Read());
+  for (v1::JobEvent& event : events) {
+    if (event.has_progress() && !pending_.empty() && pending_.back().has_progress()) {
+      pending_.pop_back();
+    }
+    pending_.push_back(std::move(event));
+  }
+  return absl::OkStatus();
+}
+
+Stream::Step WatchJobStream::Work(bool) {
+  if (!reader_.has_value()) {
+    if (absl::Status status = Start(); !status.ok()) return {Next::kEnd, std::move(status)};
+  } else if (pending_.empty() || pending_.back().has_progress()) {
+    if (absl::Status status = ReadMore(); !status.ok()) return {Next::kEnd, std::move(status)};
+  }
+  if (!pending_.empty()) {
+    v1::JobEvent event = std::move(pending_.front());
+    pending_.pop_front();
+    return Send(std::move(event));
+  }
+  if (ended_) return {Next::kEnd, absl::OkStatus()};
+  return SendHeartbeatWhenDue();
+}
+
+Stream::Step WatchJobStream::Send(v1::JobEvent event) {
+  if (event.has_state_changed()) ended_ = IsTerminal(event.state_changed().state());
+  sequence_ = event.sequence();
+  last_send_ = absl::Now();
+  message_ = std::move(event);
+  return {Next::kIo, absl::OkStatus()};
+}
+
+Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
+  if (absl::Now() - last_send_ < kHeartbeat) return {Next::kIdle, absl::OkStatus()};
+  // An end whose event a crash has lost must not keep its watchers for ever.
+  auto snapshot = ReadJob(context_, id_);
+  if (!snapshot.ok()) return {Next::kEnd, snapshot.status()};
+  v1::JobEvent event;
+  event.set_sequence(sequence_);
+  *event.mutable_time() = ToProto(absl::Now());
+  ended_ = IsTerminal(snapshot->job.state()) && snapshot->sequence == sequence_;
+  if (ended_) {
+    *event.mutable_snapshot() = std::move(snapshot->job);
+  } else {
+    event.mutable_heartbeat();
+  }
+  return Send(std::move(event));
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/time/time.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/rpc/service_context.h"
+#include "server/rpc/stream.h"
+
+namespace pepeseg {
+
+// A job as GetJob answers it, with its newest progress, and the sequence of its newest event.
+// Blocks on the store and the event log.
+struct JobSnapshot {
+  v1::Job job;
+  int64_t sequence = 0;
+};
+absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id);
+
+// A WatchJob call: a snapshot, then what the job's event log gets. Whatever came while a message
+// was on its way to a slow reader is read at once, and only its newest progress sent.
+class WatchJobStream final : public WriteStream<v1::JobEvent> {
+ public:
+  WatchJobStream(const ServiceContext& context, const v1::WatchJobRequest& request)
+      : WriteStream(context.streams, context.pool), context_(context), request_(request) {}
+
+ private:
+  Step Work(bool io_ok) override;
+  void OnClosed() override { watch_.reset(); }
+
+  absl::Status Start();
+  absl::Status ReadMore();
+  Step Send(v1::JobEvent event);
+  Step SendHeartbeatWhenDue();
+
+  const ServiceContext context_;
+  const v1::WatchJobRequest request_;
+  std::string id_;
+  std::unique_ptr<Supervisor::Watch> watch_;
+  std::optional<EventLogReader> reader_;
+  std::deque<v1::JobEvent> pending_;
+  int64_t sequence_ = 0;  // of the last event sent
+  bool ended_ = false;    // the job has, as far as the client was told
+  absl::Time last_send_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,195 @@
+#include "server/convert.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace pepeseg {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+// Another value than the defaults' for every number of the message and of those below it.
+void SetEveryField(Message* message, int* next) {
+  const auto* reflection = message->GetReflection();
+  for (int i = 0; i < message->GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = message->GetDescriptor()->field(i);
+    const int value = (*next)++;
+    switch (field->cpp_type()) {
+      case FieldDescriptor::CPPTYPE_MESSAGE:
+        SetEveryField(reflection->MutableMessage(message, field), next);
+        break;
+      case FieldDescriptor::CPPTYPE_INT32:
+        reflection->SetInt32(message, field, value);
+        break;
+      case FieldDescriptor::CPPTYPE_INT64:
+        reflection->SetInt64(message, field, value);
+        break;
+      case FieldDescriptor::CPPTYPE_UINT64:
+        reflection->SetUInt64(message, field, static_cast<uint64_t>(value));
+        break;
+      case FieldDescriptor::CPPTYPE_FLOAT:
+        reflection->SetFloat(message, field, static_cast<float>(value));
+        break;
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        reflection->SetDouble(message, field, value);
+        break;
+      default:
+        FAIL() << field->full_name() << " has a type that this test does not know";
+    }
+  }
+}
+
+void CheckEveryFieldPresent(const Message& message) {
+  const auto* reflection = message.GetReflection();
+  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = message.GetDescriptor()->field(i);
+    EXPECT_TRUE(reflection->HasField(message, field)) << field->full_name();
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+      CheckEveryFieldPresent(reflection->GetMessage(message, field));
+    }
+  }
+}
+
+TEST(TrainingOptions, EveryFieldGoesThroughTheSettingsAndBack) {
+  v1::TrainingOptions wanted;
+  int next = 100'001;  // no default's value
+  SetEveryField(&wanted, &next);
+  ASSERT_GT(next, 100'027) << "there are more options than this";
+  TrainingSettings settings;
+  Overlay(wanted, &settings);
+  EXPECT_EQ(ToProto(settings).DebugString(), wanted.DebugString());
+}
+
+TEST(TrainingOptions, AbsentFieldsKeepTheDefaults) {
+  TrainingSettings settings;
+  Overlay(v1::TrainingOptions(), &settings);
+  const v1::TrainingOptions effective = ToProto(settings);
+  CheckEveryFieldPresent(effective);
+  EXPECT_EQ(effective.reconstruct().num_steps(), ReconstructOptions().num_steps);
+  EXPECT_EQ(effective.features().learning_rate(), FeatureOptions().learning_rate);
+  EXPECT_EQ(effective.import().held_out_every(), ImportOptions().held_out_every);
+}
+
+TEST(TrainingOptions, OutOfRangeNamesTheField) {
+  v1::TrainingOptions options;
+  options.mutable_import()->set_image_scale(1.5);
+  const auto settings = TrainingSettingsFromProto(options);
+  EXPECT_TRUE(absl::IsInvalidArgument(settings.status()));
+  EXPECT_NE(settings.status().message().find("image_scale"), std::string::npos)
+      << settings.status();
+}
+
+v1::Viewpoint::FreeCamera GoodCamera() {
+  v1::Viewpoint::FreeCamera free;
+  free.mutable_camera()->set_width(64);
+  free.mutable_camera()->set_height(48);
+  free.mutable_camera()->set_fx(50);
+  free.mutable_camera()->set_fy(51);
+  free.mutable_camera()->set_cx(32);
+  free.mutable_camera()->set_cy(24);
+  for (double value : {0.6, 0.0, 0.8, 0.0}) free.mutable_cam_from_world()->add_rotation(value);
+  for (double value : {1.0, 2.0, 3.0}) free.mutable_cam_from_world()->add_translation(value);
+  return free;
+}
+
+TEST(FreeCamera, IsReadFieldByField) {
+  const auto view = FreeViewFromProto(GoodCamera(), "prompt_view.free");
+  ASSERT_TRUE(view.ok()) << view.status();
+  EXPECT_EQ(view->camera.width, 64);
+  EXPECT_EQ(view->camera.height, 48);
+  EXPECT_EQ(view->camera.fy, 51);
+  EXPECT_EQ(view->camera.cx, 32);
+  EXPECT_EQ(view->cam_from_world.rotation.y(), 0.8);
+  EXPECT_EQ(view->cam_from_world.translation.z(), 3.0);
+  // And back.
+  const v1::View proto = ToProto(*view);
+  EXPECT_EQ(proto.camera().DebugString(), GoodCamera().camera().DebugString());
+  EXPECT_EQ(proto.cam_from_world().DebugString(), GoodCamera().cam_from_world().DebugString());
+}
+
+void ExpectRefused(const v1::Viewpoint::FreeCamera& camera, const std::string& field) {
+  const auto view = FreeViewFromProto(camera, "viewpoint.free");
+  ASSERT_TRUE(absl::IsInvalidArgument(view.status())) << field;
+  EXPECT_NE(view.status().message().find(field), std::string::npos) << view.status();
+}
+
+TEST(FreeCamera, RefusesWhatIsNoCamera) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  auto camera = GoodCamera();
+  camera.mutable_camera()->set_fx(kNan);
+  ExpectRefused(camera, "viewpoint.free.camera.fx");
+  camera = GoodCamera();
+  camera.mutable_camera()->set_fy(-1);
+  ExpectRefused(camera, "camera.fy");
+  camera = GoodCamera();
+  camera.mutable_camera()->set_cx(kInfinity);
+  ExpectRefused(camera, "camera.cx");
+  camera = GoodCamera();
+  camera.mutable_camera()->set_width(0);
+  ExpectRefused(camera, "camera: 0 x 48");
+  camera = GoodCamera();
+  camera.mutable_camera()->set_width(16384);
+  camera.mutable_camera()->set_height(16384);
+  ExpectRefused(camera, "16384 x 16384");
+  camera = GoodCamera();
+  camera.mutable_cam_from_world()->set_translation(1, kNan);
+  ExpectRefused(camera, "cam_from_world.translation[1]");
+  camera = GoodCamera();
+  camera.mutable_cam_from_world()->set_rotation(0, 0.9);
+  ExpectRefused(camera, "cam_from_world.rotation: norm");
+  camera = GoodCamera();
+  camera.mutable_cam_from_world()->clear_rotation();
+  ExpectRefused(camera, "0 values instead of 4");
+}
+
+TEST(PointsPrompt, NeedsAPositiveFinitePoint) {
+  v1::PointsPrompt points;
+  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
+  points.add_points()->set_negative(true);
+  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
+  points.add_points()->set_x(2.5);
+  const auto read = PointsFromProto(points);
+  ASSERT_TRUE(read.ok());
+  EXPECT_FALSE((*read)[0].positive);
+  EXPECT_TRUE((*read)[1].positive);
+  EXPECT_EQ((*read)[1].x, 2.5);
+  points.mutable_points(0)->set_y(std::nan(""));
+  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
+  points.Clear();
+  for (int i = 0; i < 65; ++i) points.add_points();
+  EXPECT_TRUE(absl::IsInvalidArgument(PointsFromProto(points).status()));
+}
+
+TEST(SimilarityMap, IsLittleEndianInt16) {
+  const std::vector<float> similarity = {1.0f, -1.0f, 0.0f, 0.5f};
+  const auto map = SimilarityToProto(2, 2, similarity);
+  ASSERT_EQ(map.values().size(), 8u);
+  const auto value = [&](size_t i) {
+    return static_cast<int16_t>(static_cast<uint8_t>(map.values()[2 * i]) |
+                                static_cast<uint8_t>(map.values()[2 * i + 1]) << 8);
+  };
+  EXPECT_EQ(value(0), 32767);
+  EXPECT_EQ(value(1), -32767);
+  EXPECT_EQ(value(2), 0);
+  EXPECT_NEAR(value(3), 16384, 1);
+}
+
+TEST(FileKinds, AllAreDistinctAndOthersRefused) {
+  std::set<FileKind> kinds;
+  for (int kind = 1; kind < v1::FileKind_ARRAYSIZE; ++kind) {
+    const auto read = FileKindFromProto(static_cast<v1::FileKind>(kind));
+    ASSERT_TRUE(read.ok()) << kind;
+    kinds.insert(*read);
+  }
+  EXPECT_EQ(kinds.size(), 6u);
+  EXPECT_FALSE(FileKindFromProto(v1::FILE_KIND_UNSPECIFIED).ok());
+  EXPECT_FALSE(FileKindFromProto(static_cast<v1::FileKind>(77)).ok());
+}
+
+}  // namespace
+}  // namespace pepeseg

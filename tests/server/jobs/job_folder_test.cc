@@ -1,0 +1,97 @@
+#include "server/jobs/job_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "server/jobs/durable_file.h"
+#include "tests/server/jobs/scratch_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+class JobFolderTest : public ::testing::Test {
+ protected:
+  JobFolderTest() : job_(folder_.path()) {}
+
+  ScratchFolder folder_;
+  JobFolder job_;
+};
+
+TEST_F(JobFolderTest, SpecComesBackAsWritten) {
+  JobSpec spec;
+  spec.job = "j3";
+  spec.fence = 2;
+  spec.files = {{"images/ä \"quoted\".jpg", 1, "/blobs/ab"}, {"sparse/0/images.bin", 2, "/b"}};
+  spec.options.mutable_reconstruct()->set_seed(18446744073709551615u);
+  spec.options.mutable_reconstruct()->set_mean_learning_rate(1.6e-4f);
+  spec.num_threads = 4;
+  spec.memory_limit = int64_t{1} << 40;
+  ASSERT_TRUE(job_.WriteSpec(spec).ok());
+  const auto read = job_.ReadSpec();
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->job, spec.job);
+  EXPECT_EQ(read->fence, spec.fence);
+  ASSERT_EQ(read->files.size(), 2u);
+  EXPECT_EQ(read->files[0].name, spec.files[0].name);
+  EXPECT_EQ(read->files[1].kind, 2);
+  EXPECT_EQ(read->files[1].path, "/b");
+  EXPECT_EQ(read->options.SerializeAsString(), spec.options.SerializeAsString());
+  EXPECT_EQ(read->num_threads, 4);
+  EXPECT_EQ(read->memory_limit, spec.memory_limit);
+}
+
+TEST_F(JobFolderTest, ResultComesBackAsWritten) {
+  JobResult result;
+  result.status = absl::InvalidArgumentError("images/1.jpg: truncated");
+  result.metrics = {{"psnr", 21.25}, {"ssim", std::nan("")}};
+  result.num_gaussians = 12;
+  result.num_bytes = 34;
+  ASSERT_TRUE(job_.WriteResult(5, result).ok());
+  const auto read = job_.ReadResult(5);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->status, result.status);
+  EXPECT_THAT(read->metrics, ::testing::ElementsAre(::testing::Pair("psnr", 21.25)));
+  EXPECT_EQ(read->num_gaussians, 12);
+  EXPECT_EQ(read->num_bytes, 34);
+  EXPECT_EQ(job_.ReadResult(4).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
+  for (const char* text : {"", "[]", "{", R"({"job": 3})", R"({"job": "j1", "fence": "two"})",
+                           R"({"job":"j1","fence":1,"num_threads":1,"memory_limit":0,"files":[],)"
+                           R"("options":{"noSuchField":1}})"}) {
+    std::ofstream(folder_.path() / "spec.json") << text;
+    const auto status = job_.ReadSpec().status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << text;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("spec.json")) << text;
+  }
+}
+
+TEST(DurableFile, ReplacesAndLeavesNothingBeside) {
+  const ScratchFolder folder;
+  const auto path = folder.path() / "file";
+  ASSERT_TRUE(WriteFileDurably(path, "old").ok());
+  ASSERT_TRUE(WriteFileDurably(path, "new").ok());
+  EXPECT_EQ(*ReadWholeFile(path, 10), "new");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+  EXPECT_EQ(WriteFileDurably(folder.path() / "no" / "file", "x").code(),
+            absl::StatusCode::kNotFound);
+}
+
+TEST(DurableFile, ReadsNoMoreThanAllowed) {
+  const ScratchFolder folder;
+  const auto path = folder.path() / "file";
+  ASSERT_TRUE(WriteFileDurably(path, "first line\nsecond line\n").ok());
+  EXPECT_EQ(ReadWholeFile(path, 22).status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(ReadFileTail(path, 15), "second line\n");
+  EXPECT_EQ(ReadFileTail(path, 100), "first line\nsecond line\n");
+  EXPECT_EQ(ReadFileTail(folder.path() / "none", 100), "");
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,96 @@
+#include "server/jobs/process.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+
+#include "absl/time/clock.h"
+#include "server/jobs/durable_file.h"
+#include "tests/server/jobs/scratch_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+class WorkerProcessTest : public ::testing::Test {
+ protected:
+  WorkerProcessTest() : log_(folder_.path() / "log") {}
+
+  std::unique_ptr<WorkerProcess> Shell(const std::string& script) {
+    auto process = WorkerProcess::Launch({"/bin/sh", {"-c", script}, log_});
+    EXPECT_TRUE(process.ok()) << process.status();
+    return std::move(process).value();
+  }
+
+  WorkerProcess::End WaitFor(WorkerProcess& process) {
+    for (int i = 0; i < 1000; ++i) {
+      if (const auto end = process.Poll()) return *end;
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "the process did not end within 10 s";
+    return {};
+  }
+
+  WorkerProcess::End Run(const std::string& script) { return WaitFor(*Shell(script)); }
+
+  std::string Log() { return ReadFileTail(log_, 100000); }
+
+  ScratchFolder folder_;
+  std::filesystem::path log_;
+};
+
+TEST_F(WorkerProcessTest, TellsHowItEnded) {
+  EXPECT_EQ(Run("exit 7").exit_code, 7);
+  EXPECT_EQ(Describe(Run("exit 7")), "exited with code 7");
+  EXPECT_EQ(Run("kill -9 $$").signal, SIGKILL);
+  EXPECT_EQ(Describe(Run("kill -9 $$")), "was killed by signal 9 (Killed)");
+}
+
+TEST_F(WorkerProcessTest, AppendsBothOutputsToTheLog) {
+  Run("echo one; echo two >&2");
+  Run("echo three");
+  EXPECT_EQ(Log(), "one\ntwo\nthree\n");
+}
+
+TEST_F(WorkerProcessTest, InheritsNoDescriptor) {
+  // Not CLOEXEC, as a careless library would open it.
+  const int secret = open("/dev/null", O_RDONLY);
+  ASSERT_GT(secret, 2);
+  Run("ls -l /proc/$$/fd | wc -l; read line || echo no input");
+  close(secret);
+  // "total 0" and the three of every process.
+  EXPECT_EQ(Log(), "4\nno input\n");
+}
+
+TEST_F(WorkerProcessTest, HasItsOwnGroupAndDefaultSignals) {
+  const auto before = std::signal(SIGTERM, SIG_IGN);
+  const auto process = Shell("while true; do sleep 0.01; done");
+  std::signal(SIGTERM, before);
+  EXPECT_EQ(getpgid(process->pid()), process->pid());
+  process->Signal(SIGTERM);
+  EXPECT_EQ(WaitFor(*process).signal, SIGTERM);
+  process->Signal(SIGTERM);  // reaped: goes to nobody
+}
+
+TEST_F(WorkerProcessTest, DiesWithItsObject) {
+  auto process = Shell("while true; do sleep 0.01; done");
+  const pid_t pid = process->pid();
+  EXPECT_FALSE(process->Poll().has_value());
+  process.reset();
+  EXPECT_EQ(kill(pid, 0), -1);
+  EXPECT_EQ(errno, ESRCH);
+}
+
+TEST_F(WorkerProcessTest, NamesAProgramThatIsNotThere) {
+  const auto status = WorkerProcess::Launch({"/nowhere/at/all", {}, log_}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("/nowhere/at/all"));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,72 @@
+#include "server/jobs/worker_progress.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/server/jobs/scratch_folder.h"
+
+namespace pepeseg {
+namespace {
+
+class WorkerProgressTest : public ::testing::Test {
+ protected:
+  WorkerProgressTest()
+      : path_(folder_.path() / "events.log"), log_(EventLogWriter::Open(path_).value()) {}
+
+  // Ten steps of PSNR 1, 2, ... 10 dB.
+  std::vector<v1::JobProgress> TakeTenSteps(WorkerProgress::Clock::duration interval) {
+    WorkerProgress progress(*log_, interval);
+    EXPECT_TRUE(progress.StartStage("reconstruct").ok());
+    for (int step = 1; step <= 10; ++step) {
+      StepReport report;
+      report.step = step;
+      report.num_steps = 10;
+      report.loss = step == 10 ? std::nan("") : 0.5;
+      report.psnr = step;
+      EXPECT_TRUE(progress.Step(report).ok());
+    }
+    std::vector<v1::JobProgress> told;
+    EventLogReader reader(path_);
+    const auto events = reader.Read();
+    for (const v1::JobEvent& event : *events) {
+      if (event.has_progress()) told.push_back(event.progress());
+    }
+    return told;
+  }
+
+  ScratchFolder folder_;
+  std::filesystem::path path_;
+  std::unique_ptr<EventLogWriter> log_;
+};
+
+TEST_F(WorkerProgressTest, TellsEveryStepThatIsDue) {
+  EXPECT_EQ(TakeTenSteps(std::chrono::nanoseconds(0)).size(), 10u);
+}
+
+TEST_F(WorkerProgressTest, AlwaysTellsTheFirstAndTheLast) {
+  const auto told = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_EQ(told[0].step(), 1);
+  EXPECT_EQ(told[1].step(), 10);
+  EXPECT_EQ(told[1].stage(), "reconstruct");
+  EXPECT_EQ(told[1].eta().seconds(), 0);
+  EXPECT_GT(told[1].memory_bytes(), 0);
+}
+
+TEST_F(WorkerProgressTest, AveragesPsnrSinceTheLastReport) {
+  const auto told = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_DOUBLE_EQ(told[0].psnr(), 1);
+  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // of 2, 3, ... 10
+}
+
+TEST_F(WorkerProgressTest, LeavesOutWhatWasNotMeasured) {
+  const auto told = TakeTenSteps(std::chrono::hours(1));
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_DOUBLE_EQ(told[0].loss(), 0.5);
+  EXPECT_FALSE(told[1].has_loss());
+}
+
+}  // namespace
+}  // namespace pepeseg
