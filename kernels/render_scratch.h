@@ -26,6 +26,12 @@ struct SplatGrad {
   float depth;
 };
 
+// Tiles first_tile .. first_tile + count, side by side, that a splat reaches.
+struct TileRun {
+  int32_t first_tile;
+  int32_t count;
+};
+
 // Index into RenderScratch::counters, each of the last render (or its backward).
 enum RenderCounter {
   kNumVisible,              // Gaussians that touch at least one tile
@@ -61,10 +67,14 @@ struct RenderScratch {
   Buffer<int32_t> entry_slot;          // [entries]
   Buffer<SplatGrad> slot_grad;         // [entries]
 
-  // Only within one render: Gaussians that passed the projection, compacted within their chunk.
-  Buffer<int32_t> candidate_gaussian, candidate_num_tiles;  // [gaussians]
-  Buffer<Splat> candidate_splat;                            // [gaussians]
-  Buffer<uint64_t> sort_keys;                               // [2, visible]
+  // Only within one render. Candidates passed the projection, compacted within their chunk.
+  Buffer<int32_t> candidate_gaussian;   // [gaussians]
+  Buffer<Splat> candidate_splat;        // [gaussians]
+  Buffer<int32_t> candidate_num_tiles;  // [gaussians]
+  Buffer<int32_t> candidate_num_runs;   // [gaussians]
+  Buffer<int32_t> visible_first_run;    // [visible + 1]
+  Buffer<TileRun> runs;                 // [runs]
+  Buffer<uint64_t> sort_keys;           // [2, visible]
 };
 
 }  // namespace pepeseg

@@ -13,11 +13,11 @@ struct TileGrid {
   int num_y;
 };
 
-// Calls fn(tile_y, first_tile_x, end_tile_x) for the tiles that hold a pixel centre in reach of the
+// Calls fn(run) for the tiles that hold a pixel centre in reach of the
 // splat, row by row: exact for the ellipse against the rectangle of a tile's pixel centres, as the
-// part of an ellipse within a band of rows is convex. Counting and emitting both go through here.
+// part of an ellipse within a band of rows is convex.
 template <class Fn>
-inline void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
+inline void ForEachTileRun(const Splat& splat, const TileGrid& grid, Fn&& fn) {
   constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
   const float half_height = splat.half_height;
   const float shear = -splat.root_xy / splat.root_xx;
@@ -45,14 +45,8 @@ inline void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
     const float left = splat.x + shear * left_dy - half_at(left_dy);
     const int first_x = clamp_to(std::ceil((left - kLast) * kInvSize), grid.num_x);
     const int end_x = clamp_to(std::floor((right - kFirst) * kInvSize) + 1, grid.num_x);
-    if (first_x < end_x) fn(tile_y, first_x, end_x);
+    if (first_x < end_x) fn(TileRun{tile_y * grid.num_x + first_x, end_x - first_x});
   }
-}
-
-inline int NumTiles(const Splat& splat, const TileGrid& grid) {
-  int num_tiles = 0;
-  ForEachTileRow(splat, grid, [&](int, int first_x, int end_x) { num_tiles += end_x - first_x; });
-  return num_tiles;
 }
 
 }  // namespace pepeseg
