@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "kernels/buffer.h"
+#include "kernels/cuda_scratch.h"
 
 namespace pepeseg {
 
@@ -24,6 +25,12 @@ struct SplatGrad {
   float opacity;
   float r, g, b;
   float depth;
+};
+
+// Tiles first_tile .. first_tile + count, side by side, that a splat reaches.
+struct TileRun {
+  int32_t first_tile;
+  int32_t count;
 };
 
 // Index into RenderScratch::counters, each of the last render (or its backward).
@@ -60,29 +67,18 @@ struct RenderScratch {
   // order.
   Buffer<int32_t> visible_first_slot;  // [visible + 1]
   Buffer<int32_t> entry_slot;          // [entries]
-  Buffer<SplatGrad> slot_grad;         // [entries]
+  Buffer<SplatGrad> slot_grad;         // [entries], CPU
 
-  // CUDA only: the way back from the Gaussians and the slots, and what the blended pixels passed on
-  // at the end of each bucket of a tile's entries, from which the backward pass starts.
-  Buffer<int32_t> gaussian_visible;   // [gaussians] -> visible or -1
-  Buffer<int32_t> slot_visible;       // [entries] -> visible
-  Buffer<float> slot_sums;            // [entries, 10]
-  Buffer<float> pixel_color;          // [tiles, 256, 4] rgb without background, transmittance
-  Buffer<float> pixel_depth;          // [tiles, 256]
-  Buffer<int32_t> tile_first_bucket;  // [tiles + 1]
-  Buffer<int32_t> bucket_tile;        // [buckets] -> tile
-  Buffer<float> bucket_color;         // [buckets, 256, 4] as pixel_color, at the bucket's end
-  Buffer<float> bucket_depth;         // [buckets, 256]
+  CudaScratch cuda;
 
-  // Only within one render: Gaussians that passed the projection, compacted within their chunk.
-  Buffer<int32_t> candidate_gaussian, candidate_num_tiles;  // [gaussians]
-  Buffer<Splat> candidate_splat;                            // [gaussians]
-  Buffer<uint64_t> sort_keys;                               // [2, visible]
-  Buffer<uint32_t> depth_keys;  // [2, visible] CUDA, and the visible in their order
-  Buffer<int32_t> depth_order;  // [2, visible]
-  Buffer<int32_t> order_first;  // [visible] CUDA: entries of the visible before, in depth order
-  Buffer<uint32_t> tile_keys;   // [2, entries] CUDA
-  Buffer<int32_t> unsorted_slot;  // [entries] CUDA
+  // Only within one render. Candidates passed the projection, compacted within their chunk.
+  Buffer<int32_t> candidate_gaussian;   // [gaussians]
+  Buffer<Splat> candidate_splat;        // [gaussians]
+  Buffer<int32_t> candidate_num_tiles;  // [gaussians]
+  Buffer<int32_t> candidate_num_runs;   // [gaussians]
+  Buffer<int32_t> visible_first_run;    // [visible + 1]
+  Buffer<TileRun> runs;                 // [runs]
+  Buffer<uint64_t> sort_keys;           // [2, visible]
 };
 
 }  // namespace pepeseg

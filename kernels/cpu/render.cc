@@ -17,7 +17,7 @@ void CpuBackend::Render(const RenderArgs& args) {
   scratch.pixel_last_entry.Reserve(*this, num_pixels);
 
   ProjectGaussians(*this, pool_, simd_, args);
-  ListTileEntries(*this, pool_, scratch);
+  ListTileEntries(*this, scratch);
   ImageColors image = {};
   image.stride = scratch.width;
   image.background = args.background;

@@ -3,6 +3,8 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "kernels/backend.h"
 
@@ -46,40 +48,43 @@ const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
 
 }  // namespace
 
-void ListTileEntries(Backend& backend, ThreadPool& pool, RenderScratch& scratch) {
-  (void)pool;
-  const TileGrid grid = {scratch.num_tiles_x, scratch.num_tiles_y};
+void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   const int64_t num_visible = scratch.visible_splat.size();
-  const int num_tiles = grid.num_x * grid.num_y;
-  const Splat* splats = scratch.visible_splat.span().data;
+  const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
   const int32_t* first_slot = scratch.visible_first_slot.span().data;
+  const int32_t* first_run = scratch.visible_first_run.span().data;
+  const TileRun* runs = scratch.runs.span().data;
   scratch.tile_first_entry.Reserve(backend, num_tiles + 1);
-  scratch.tile_first_entry.Zero();
   scratch.entry_visible.Reserve(backend, first_slot[num_visible]);
   scratch.entry_slot.Reserve(backend, first_slot[num_visible]);
   int32_t* tile_first = scratch.tile_first_entry.span().data;
   int32_t* entry_visible = scratch.entry_visible.span().data;
   int32_t* entry_slot = scratch.entry_slot.span().data;
 
-  const uint64_t* order = SortByDepth(backend, scratch);
-  // Counts stand one place to the right, so that emitting turns them into the final offsets.
-  for (int64_t i = 0; i < num_visible; ++i) {
-    ForEachTileRow(splats[i], grid, [&](int tile_y, int first_x, int end_x) {
-      for (int x = first_x; x < end_x; ++x) ++tile_first[tile_y * grid.num_x + x + 1];
-    });
+  // Where a run starts the number of entries of a tile rises by one, where it ends it falls.
+  std::vector<int32_t> change(num_tiles + 1), next(num_tiles);
+  for (int64_t i = 0; i < scratch.runs.size(); ++i) {
+    ++change[runs[i].first_tile];
+    --change[runs[i].first_tile + runs[i].count];
   }
-  int32_t next = 0;
-  for (int tile = 1; tile <= num_tiles; ++tile) next += std::exchange(tile_first[tile], next);
+  int32_t first = 0, count = 0;
+  for (int tile = 0; tile < num_tiles; ++tile) {
+    tile_first[tile] = next[tile] = first;
+    first += count += change[tile];
+  }
+  tile_first[num_tiles] = first;
+
+  const uint64_t* order = SortByDepth(backend, scratch);
   for (int64_t i = 0; i < num_visible; ++i) {
     const auto visible = static_cast<int32_t>(order[i] & 0xffffffffu);
     int32_t slot = first_slot[visible];
-    ForEachTileRow(splats[visible], grid, [&](int tile_y, int first_x, int end_x) {
-      for (int x = first_x; x < end_x; ++x) {
-        const int32_t entry = tile_first[tile_y * grid.num_x + x + 1]++;
+    for (int32_t r = first_run[visible]; r < first_run[visible + 1]; ++r) {
+      for (int32_t tile = runs[r].first_tile; tile < runs[r].first_tile + runs[r].count; ++tile) {
+        const int32_t entry = next[tile]++;
         entry_visible[entry] = visible;
         entry_slot[entry] = slot++;
       }
-    });
+    }
   }
 }
 

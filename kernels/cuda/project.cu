@@ -146,7 +146,9 @@ __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   if (i < p.count) {
     const Fate fate = ProjectOne<kDegree>(p, i, splat);
     degenerate = fate == Fate::kDegenerate;
-    if (fate == Fate::kVisible) own.entries = static_cast<uint32_t>(NumTiles(splat, p.grid));
+    if (fate == Fate::kVisible) {
+      ForEachTileRun(splat, p.grid, [&](const TileRun& run) { own.entries += run.count; });
+    }
     own.visible = own.entries > 0;
   }
   const int num_degenerate = __syncthreads_count(degenerate);
@@ -192,12 +194,12 @@ void LaunchProject(const ProjectParams& p, int num_blocks, cudaStream_t stream) 
 void CudaBackend::ProjectGaussians(const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   const int64_t count = args.gaussians.count;
-  scratch.gaussian_visible.Reserve(*this, count);
+  scratch.cuda.gaussian_visible.Reserve(*this, count);
   scratch.visible_gaussian.Reserve(*this, count);
   scratch.visible_splat.Reserve(*this, count);
   scratch.visible_first_slot.Reserve(*this, count + 1);
-  scratch.depth_keys.Reserve(*this, 2 * count);
-  scratch.depth_order.Reserve(*this, 2 * count);
+  scratch.cuda.depth_keys.Reserve(*this, 2 * count);
+  scratch.cuda.depth_order.Reserve(*this, 2 * count);
   const int num_blocks = static_cast<int>((count + kBlock - 1) / kBlock);
   const size_t progress_bytes = (1 + 2 * size_t{static_cast<unsigned>(num_blocks)}) * 8;
   auto* progress = static_cast<uint64_t*>(Temporary(progress_bytes));
@@ -206,7 +208,7 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
   Zero(scratch.counters.span().data, kNumVoidRenders * sizeof(int64_t));
   Zero(progress, progress_bytes);
   // What the sort sees beyond the visible sorts last.
-  Keep(cudaMemsetAsync(scratch.depth_keys.span().data, 0xff,
+  Keep(cudaMemsetAsync(scratch.cuda.depth_keys.span().data, 0xff,
                        count * sizeof(uint32_t), stream_),
        "filling the depth keys");
   if (num_blocks == 0) {
@@ -221,12 +223,12 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
                  static_cast<float>(args.view.height),
                  args.near_plane,
                  args.active_sh_degree,
-                 scratch.gaussian_visible.span().data,
+                 scratch.cuda.gaussian_visible.span().data,
                  scratch.visible_gaussian.span().data,
                  scratch.visible_splat.span().data,
                  scratch.visible_first_slot.span().data,
-                 scratch.depth_keys.span().data,
-                 scratch.depth_order.span().data,
+                 scratch.cuda.depth_keys.span().data,
+                 scratch.cuda.depth_order.span().data,
                  scratch.counters.span().data,
                  progress},
                 num_blocks, stream_);

@@ -58,7 +58,7 @@ void CudaBackend::ProjectBackward(const ProjectBackwardArgs& args) {
   LaunchProjectBackward({ToDevice(args.gaussians), ToDevice(args.grad), args.gaussians.count,
                          NumShCoefficients(args.grad.sh_degree),
                          MakeProjectionCamera<float>(args.view),
-                         scratch.gaussian_visible.span().data, scratch.visible_grad.span().data,
+                         scratch.cuda.gaussian_visible.span().data, scratch.visible_grad.span().data,
                          RoomOf(scratch)},
                         args.active_sh_degree, stream_);
   Launched("project backward");

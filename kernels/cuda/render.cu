@@ -165,21 +165,21 @@ void CudaBackend::MakeRoom(const RenderArgs& args) {
     scratch.visible_splat.Resize(num_visible);
     scratch.visible_first_slot.Resize(num_visible + 1);
   }
-  scratch.order_first.Reserve(*this, scratch.visible_splat.size());
+  scratch.cuda.order_first.Reserve(*this, scratch.visible_splat.size());
   scratch.entry_visible.Reserve(*this, num_entries);
   scratch.entry_slot.Reserve(*this, num_entries);
-  scratch.unsorted_slot.Reserve(*this, num_entries);
-  scratch.slot_visible.Reserve(*this, num_entries);
-  scratch.tile_keys.Reserve(*this, 2 * num_entries);
+  scratch.cuda.unsorted_slot.Reserve(*this, num_entries);
+  scratch.cuda.slot_visible.Reserve(*this, num_entries);
+  scratch.cuda.tile_keys.Reserve(*this, 2 * num_entries);
   scratch.tile_first_entry.Reserve(*this, num_tiles + 1);
-  scratch.tile_first_bucket.Reserve(*this, num_tiles + 1);
+  scratch.cuda.tile_first_bucket.Reserve(*this, num_tiles + 1);
   const int64_t num_buckets = MaxBuckets(num_entries, num_tiles);
-  scratch.bucket_tile.Reserve(*this, num_buckets);
-  scratch.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
-  scratch.pixel_color.Reserve(*this, num_tiles * kTilePixels * 4);
+  scratch.cuda.bucket_tile.Reserve(*this, num_buckets);
+  scratch.cuda.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
+  scratch.cuda.pixel_color.Reserve(*this, num_tiles * kTilePixels * 4);
   if (args.depth.empty()) return;
-  scratch.bucket_depth.Reserve(*this, num_buckets * kTilePixels);
-  scratch.pixel_depth.Reserve(*this, num_tiles * kTilePixels);
+  scratch.cuda.bucket_depth.Reserve(*this, num_buckets * kTilePixels);
+  scratch.cuda.pixel_depth.Reserve(*this, num_tiles * kTilePixels);
 }
 
 void CudaBackend::Render(const RenderArgs& args) {
@@ -204,20 +204,20 @@ void CudaBackend::Render(const RenderArgs& args) {
       TilesOf(scratch),
       RoomOf(scratch),
       scratch.entry_slot.span().data,
-      scratch.slot_visible.span().data,
-      scratch.tile_first_bucket.span().data,
+      scratch.cuda.slot_visible.span().data,
+      scratch.cuda.tile_first_bucket.span().data,
       {args.background[0], args.background[1], args.background[2]},
       args.color.data,
       args.alpha.data,
       args.depth.data,
       scratch.entry_visible.span().data,
-      reinterpret_cast<float4*>(scratch.pixel_color.span().data),
-      scratch.pixel_depth.span().data,
+      reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data),
+      scratch.cuda.pixel_depth.span().data,
       scratch.pixel_transmittance.span().data,
       scratch.pixel_last_entry.span().data,
-      scratch.bucket_tile.span().data,
-      reinterpret_cast<float4*>(scratch.bucket_color.span().data),
-      scratch.bucket_depth.span().data,
+      scratch.cuda.bucket_tile.span().data,
+      reinterpret_cast<float4*>(scratch.cuda.bucket_color.span().data),
+      scratch.cuda.bucket_depth.span().data,
       scratch.counters.span().data + kNumVoidRenders};
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
   if (args.depth.empty()) {

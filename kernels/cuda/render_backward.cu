@@ -215,7 +215,7 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   if (!turn) return;
   RenderScratch& scratch = *args.scratch;
   const int64_t num_visible = scratch.visible_splat.size();
-  scratch.slot_sums.Reserve(*this, scratch.entry_slot.size() * kNumSlotSums);
+  scratch.cuda.slot_sums.Reserve(*this, scratch.entry_slot.size() * kNumSlotSums);
   scratch.visible_grad.Reserve(*this, num_visible);
   if (!error_.empty() || num_visible == 0) return;
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
@@ -225,18 +225,18 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
       num_tiles,
       scratch.entry_slot.span().data,
       scratch.entry_visible.span().data,
-      scratch.tile_first_bucket.span().data,
-      scratch.bucket_tile.span().data,
+      scratch.cuda.tile_first_bucket.span().data,
+      scratch.cuda.bucket_tile.span().data,
       scratch.pixel_last_entry.span().data,
-      reinterpret_cast<const float4*>(scratch.pixel_color.span().data),
-      scratch.pixel_depth.span().data,
-      reinterpret_cast<const float4*>(scratch.bucket_color.span().data),
-      scratch.bucket_depth.span().data,
+      reinterpret_cast<const float4*>(scratch.cuda.pixel_color.span().data),
+      scratch.cuda.pixel_depth.span().data,
+      reinterpret_cast<const float4*>(scratch.cuda.bucket_color.span().data),
+      scratch.cuda.bucket_depth.span().data,
       {args.background[0], args.background[1], args.background[2]},
       args.color_grad.data,
       args.alpha_grad.data,
       args.depth_grad.data,
-      scratch.slot_sums.span().data};
+      scratch.cuda.slot_sums.span().data};
   const int64_t num_buckets = MaxBuckets(scratch.entry_slot.size(), num_tiles);
   const int num_blocks = NumBlocks(num_buckets, kBackwardWarps);
   if (args.depth_grad.empty()) {
@@ -247,7 +247,7 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   Launched("blend backward");
   SumSlotsKernel<<<NumBlocks(num_visible, 256), 256, 0, stream_>>>(
       {RoomOf(scratch), scratch.visible_first_slot.span().data, scratch.visible_splat.span().data,
-       scratch.slot_sums.span().data, scratch.visible_grad.span().data});
+       scratch.cuda.slot_sums.span().data, scratch.visible_grad.span().data});
   Launched("sum slots");
 }
 

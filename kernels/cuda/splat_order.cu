@@ -56,14 +56,13 @@ __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
   const int32_t num_tiles = active ? p.first_slot[visible + 1] - slot : 0;
   if (num_tiles > 0 && num_tiles < kManyTiles) {
     int32_t next = 0;
-    ForEachTileRow(ToSplat(LoadSplat(p.splats, visible)), p.grid,
-                   [&](int tile_y, int first_x, int end_x) {
-                     for (int x = first_x; x < end_x; ++x, ++next) {
-                       p.tile_keys[entry + next] = tile_y * p.grid.num_x + x;
-                       p.unsorted_slot[entry + next] = slot + next;
-                       p.slot_visible[slot + next] = visible;
-                     }
-                   });
+    ForEachTileRun(ToSplat(LoadSplat(p.splats, visible)), p.grid, [&](const TileRun& run) {
+      for (int i = 0; i < run.count; ++i, ++next) {
+        p.tile_keys[entry + next] = static_cast<uint32_t>(run.first_tile + i);
+        p.unsorted_slot[entry + next] = slot + next;
+        p.slot_visible[slot + next] = visible;
+      }
+    });
   }
   uint32_t many = __ballot_sync(0xffffffffu, num_tiles >= kManyTiles);
   for (; many != 0; many &= many - 1) {
@@ -72,16 +71,14 @@ __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
     const int32_t its_entry = __shfl_sync(0xffffffffu, entry, source);
     const int32_t its_slot = __shfl_sync(0xffffffffu, slot, source);
     int32_t next = 0;
-    ForEachTileRow(ToSplat(LoadSplat(p.splats, its_visible)), p.grid,
-                   [&](int tile_y, int first_x, int end_x) {
-                     for (int x = first_x + lane; x < end_x; x += 32) {
-                       const int32_t at = next + x - first_x;
-                       p.tile_keys[its_entry + at] = tile_y * p.grid.num_x + x;
-                       p.unsorted_slot[its_entry + at] = its_slot + at;
-                       p.slot_visible[its_slot + at] = its_visible;
-                     }
-                     next += end_x - first_x;
-                   });
+    ForEachTileRun(ToSplat(LoadSplat(p.splats, its_visible)), p.grid, [&](const TileRun& run) {
+      for (int i = lane; i < run.count; i += 32) {
+        p.tile_keys[its_entry + next + i] = static_cast<uint32_t>(run.first_tile + i);
+        p.unsorted_slot[its_entry + next + i] = its_slot + next + i;
+        p.slot_visible[its_slot + next + i] = its_visible;
+      }
+      next += run.count;
+    });
   }
 }
 
@@ -129,14 +126,14 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
   const int64_t num_visible = scratch.visible_splat.size();  // bounds when the room was kept
   const int64_t num_entries = scratch.entry_visible.size();
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
-  uint32_t* depth_keys = scratch.depth_keys.span().data;
-  int32_t* depth_order = scratch.depth_order.span().data;
-  const int64_t spare = scratch.depth_keys.size() / 2;
+  uint32_t* depth_keys = scratch.cuda.depth_keys.span().data;
+  int32_t* depth_order = scratch.cuda.depth_order.span().data;
+  const int64_t spare = scratch.cuda.depth_keys.size() / 2;
   cub::DoubleBuffer<uint32_t> depths(depth_keys, depth_keys + spare);
   cub::DoubleBuffer<int32_t> order(depth_order, depth_order + spare);
-  uint32_t* tile_keys = scratch.tile_keys.span().data;
+  uint32_t* tile_keys = scratch.cuda.tile_keys.span().data;
   cub::DoubleBuffer<uint32_t> tiles(tile_keys, tile_keys + num_entries);
-  cub::DoubleBuffer<int32_t> slots(scratch.unsorted_slot.span().data,
+  cub::DoubleBuffer<int32_t> slots(scratch.cuda.unsorted_slot.span().data,
                                    scratch.entry_slot.span().data);
   const int tile_bits = std::bit_width(static_cast<unsigned>(std::max(num_tiles - 1, 1)));
   const Room room = RoomOf(scratch);
@@ -149,7 +146,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
         EntriesInOrder{by_depth, scratch.visible_first_slot.span().data, room.counters});
   };
   cub::DeviceScan::ExclusiveSum(nullptr, bytes[1], entries_in_order(nullptr),
-                                scratch.order_first.span().data, num_visible, stream_);
+                                scratch.cuda.order_first.span().data, num_visible, stream_);
   cub::DeviceRadixSort::SortPairs(nullptr, bytes[2], tiles, slots, num_entries, 0, tile_bits,
                                   stream_);
   void* temporary = Temporary(std::max({bytes[0], bytes[1], bytes[2]}));
@@ -161,7 +158,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
          "sorting by depth");
     Launched("sort by depth");
     Keep(cub::DeviceScan::ExclusiveSum(temporary, bytes[1], entries_in_order(order.Current()),
-                                       scratch.order_first.span().data, num_visible, stream_),
+                                       scratch.cuda.order_first.span().data, num_visible, stream_),
          "summing the entries");
     Launched("sum entries");
     if (args.keep_room) {  // keys beyond the entries sort last
@@ -172,18 +169,18 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
         {room,
          {scratch.num_tiles_x, scratch.num_tiles_y},
          order.Current(),
-         scratch.order_first.span().data,
+         scratch.cuda.order_first.span().data,
          scratch.visible_splat.span().data,
          scratch.visible_first_slot.span().data,
          tile_keys,
-         scratch.unsorted_slot.span().data,
-         scratch.slot_visible.span().data});
+         scratch.cuda.unsorted_slot.span().data,
+         scratch.cuda.slot_visible.span().data});
     Launched("list entries");
     Keep(cub::DeviceRadixSort::SortPairs(temporary, bytes[2], tiles, slots, num_entries, 0,
                                          tile_bits, stream_),
          "sorting by tile");
     if (slots.Current() != scratch.entry_slot.span().data) {
-      std::swap(scratch.entry_slot, scratch.unsorted_slot);
+      std::swap(scratch.entry_slot, scratch.cuda.unsorted_slot);
     }
     Launched("sort by tile");
   }
@@ -191,7 +188,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
       {room, num_tiles, tiles.Current(), scratch.tile_first_entry.span().data});
   Launched("tile ranges");
   BucketKernel<<<1, kScanBlock, 0, stream_>>>(scratch.tile_first_entry.span().data, num_tiles,
-                                              scratch.tile_first_bucket.span().data);
+                                              scratch.cuda.tile_first_bucket.span().data);
   Launched("tile buckets");
 }
 

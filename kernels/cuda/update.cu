@@ -141,7 +141,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                 args.min_log_scale,
                 args.max_log_scale,
                 args.max_log_scale > args.min_log_scale,
-                scratch.gaussian_visible.span().data,
+                scratch.cuda.gaussian_visible.span().data,
                 scratch.visible_splat.span().data,
                 scratch.visible_grad.span().data,
                 RoomOf(scratch),

@@ -63,10 +63,10 @@ PEPESEG_HD int ClampToTiles(float tile, int end) {
   return static_cast<int>(Min(Max(tile, 0.0f), static_cast<float>(end)));
 }
 
-// Calls fn(tile_y, first_tile_x, end_tile_x) for the tiles that hold a pixel centre in reach of the
-// splat, row by row: exact for the ellipse against the rectangle of a tile's pixel centres.
+// Calls fn(run) for the tiles that hold a pixel centre in reach of the splat, row by row: exact for
+// the ellipse against the rectangle of a tile's pixel centres.
 template <class Fn>
-PEPESEG_HD void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn) {
+PEPESEG_HD void ForEachTileRun(const Splat& splat, const TileGrid& grid, Fn&& fn) {
   constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
   const SplatExtent extent = MakeSplatExtent(splat);
   const float half_height = extent.half_height;
@@ -81,14 +81,8 @@ PEPESEG_HD void ForEachTileRow(const Splat& splat, const TileGrid& grid, Fn&& fn
         ClampToTiles(::ceilf((splat.x + cover.left - kLast) * kInvSize), grid.num_x);
     const int end_x =
         ClampToTiles(::floorf((splat.x + cover.right - kFirst) * kInvSize) + 1, grid.num_x);
-    if (first_x < end_x) fn(tile_y, first_x, end_x);
+    if (first_x < end_x) fn(TileRun{tile_y * grid.num_x + first_x, end_x - first_x});
   }
-}
-
-PEPESEG_HD int NumTiles(const Splat& splat, const TileGrid& grid) {
-  int num_tiles = 0;
-  ForEachTileRow(splat, grid, [&](int, int first_x, int end_x) { num_tiles += end_x - first_x; });
-  return num_tiles;
 }
 
 }  // namespace pepeseg

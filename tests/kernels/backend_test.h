@@ -13,17 +13,37 @@ namespace pepeseg {
 // A test that runs on every backend: TEST_P(RenderTest, Fact) with
 // INSTANTIATE_TEST_SUITE_P(Backends, RenderTest, AllBackends(), BackendName).
 struct BackendCase {
-  std::string name;
-  std::function<std::unique_ptr<Backend>()> make;
+  const char* name;
+  std::unique_ptr<Backend> (*make)();  // nullptr where this machine lacks the device
 };
+
+// The CPU with each of its instruction sets.
+std::unique_ptr<Backend> MakeCpuAvx3();
+std::unique_ptr<Backend> MakeCpuAvx2();
+std::unique_ptr<Backend> MakeCpuSse4();
+// nullptr without a device; with PEPESEG_REQUIRE_CUDA=1 in the environment that is a failure.
+std::unique_ptr<Backend> MakeCuda();
 
 class BackendTest : public testing::TestWithParam<BackendCase> {
  protected:
-  std::unique_ptr<Backend> backend_ = GetParam().make();
+  void SetUp() override {
+    backend_ = GetParam().make();
+    if (testing::Test::HasFatalFailure()) return;
+    if (backend_ == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
+  }
+
+  void TearDown() override {
+    if (backend_ == nullptr) return;
+    backend_->Sync();
+    EXPECT_EQ(backend_->error(), "");
+  }
+
+  std::unique_ptr<Backend> backend_;
 };
 
 inline auto AllBackends() {
-  return testing::Values(BackendCase{"Cpu", [] { return MakeCpuBackend(2); }});
+  return testing::Values(BackendCase{"CpuAvx3", MakeCpuAvx3}, BackendCase{"CpuAvx2", MakeCpuAvx2},
+                         BackendCase{"CpuSse4", MakeCpuSse4}, BackendCase{"Cuda", MakeCuda});
 }
 
 inline std::string BackendName(const testing::TestParamInfo<BackendCase>& info) {

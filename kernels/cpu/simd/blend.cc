@@ -26,6 +26,16 @@ struct TileColors {
   alignas(64) float last[kTilePixels];  // the pixel has seen the entries before this one
 };
 
+// In a row of pixels in which some have ended before entry k, and not before.
+PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
+  for (int pixel = row; pixel < row + kTileSize; pixel += kLanes) {
+    const Lanes last = Lanes::Load(out.last + pixel);
+    const LaneMask ended =
+        (Lanes::Load(out.transmittance + pixel) < Lanes(0.0f)) & (Lanes(count) <= last);
+    Select(ended, Lanes(static_cast<float>(k)), last).Store(out.last + pixel);
+  }
+}
+
 template <bool kWithDepth>
 PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
   for (int i = 0; i < kTilePixels; ++i) {
@@ -42,9 +52,10 @@ PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
         AddTo(out.b + pixel, weight, Lanes(s.b));
         if (kWithDepth) AddTo(out.depth + pixel, weight, Lanes(s.depth));
       },
-      [&](int32_t k, int pixel, LaneMask stops) {
-        const Lanes last = Lanes::Load(out.last + pixel);
-        Select(stops, Lanes(static_cast<float>(k)), last).Store(out.last + pixel);
+      [&](int32_t k, uint32_t rows) __attribute__((always_inline)) {
+        for (; rows != 0; rows &= rows - 1) {
+          NoteStops(k, __builtin_ctz(rows) * kTileSize, static_cast<float>(tile.count), out);
+        }
       });
 }
 
@@ -100,7 +111,7 @@ void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
         weight.Store(lanes);
         weights[k] = lanes[x % kLanes];
       },
-      [](int32_t, int, LaneMask) {});
+      [](int32_t, uint32_t) {});
 }
 
 void BlendFeatures(const TileSplats& tile, const float* features, const int32_t* visible_gaussian,
@@ -122,7 +133,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const int32_t*
           }
         }
       },
-      [](int32_t, int, LaneMask) {});
+      [](int32_t, uint32_t) {});
 }
 
 }  // namespace HWY_NAMESPACE

@@ -106,8 +106,11 @@ PEPESEG_HD Lanes FastInverse(Lanes a) {
 PEPESEG_HD Lanes Exp2(Lanes x) {
   const FloatTag d;
   const IntTag di;
-  const auto whole = hn::NearestInt(x.v);
-  const auto f = hn::Sub(x.v, hn::ConvertTo(d, whole));
+  // Adding 1.5 * 2^23 rounds to an integer, which then stands in the low bits.
+  const auto magic = hn::Set(d, 12582912.0f);
+  const auto shifted = hn::Add(x.v, magic);
+  const auto whole = hn::BitCast(di, shifted);
+  const auto f = hn::Sub(x.v, hn::Sub(shifted, magic));
   auto p = hn::MulAdd(hn::Set(d, 1.3276472e-3f), f, hn::Set(d, 9.6755413e-3f));
   p = hn::MulAdd(p, f, hn::Set(d, 5.5507133e-2f));
   p = hn::MulAdd(p, f, hn::Set(d, 2.4022120e-1f));

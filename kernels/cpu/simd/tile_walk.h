@@ -49,49 +49,50 @@ struct WalkWindow {
   int first_vector, end_vector;
 };
 
-PEPESEG_HD int CountLivePixels(const WalkWindow& window, const float* transmittance) {
-  int count = 0;
+PEPESEG_HD bool AnyLivePixel(const WalkWindow& window, const float* transmittance) {
+  Lanes most(0.0f);
   for (int y = window.first_row; y < window.end_row; ++y) {
     for (int i = window.first_vector; i < window.end_vector; ++i) {
-      count += Count(Lanes(0.0f) < Lanes::Load(transmittance + y * kTileSize + i * kLanes));
+      most = Max(most, Lanes::Load(transmittance + y * kTileSize + i * kLanes));
     }
   }
-  return count;
+  return !None(Lanes(0.0f) < most);
 }
 
 // Blends front to back: calls visit(k, pixel, live, weight) for vectors of pixels that entry k
 // hits, `pixel` the index of the first of them in the tile, weight = a_i T_i and 0 where not live;
-// and stop(k, pixel, stops) where pixels end before entry k. A transmittance of 0 or less marks a
-// pixel out of play: one that has stopped keeps its own, negative.
+// then stop(k, rows) with a bit for each row in which pixels ended before entry k. A transmittance
+// of 0 or less marks a pixel out of play: one that has stopped keeps its own, negative.
 template <class Visit, class Stop>
 PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float* transmittance,
                          Visit&& visit, Stop&& stop) {
-  int num_live = CountLivePixels(window, transmittance);
-  for (int32_t k = 0; k < tile.count && num_live > 0; ++k) {
+  bool any_live = AnyLivePixel(window, transmittance);
+  for (int32_t k = 0; k < tile.count && any_live; ++k) {
     const Splat& splat = tile.splats[tile.entries[k]];
     const RowRange reach = RowsInReach(splat, tile.y);
     const WalkedSplat s = PrepareSplat(splat, tile.x);
     const int end = Min(reach.end, window.end_row);
+    uint32_t stop_rows = 0;
     for (int y = Max(reach.first, window.first_row); y < end; ++y) {
       const auto row = PowerAtRow(s.root, tile.y + static_cast<float>(y) + 0.5f - splat.y);
       for (int i = window.first_vector; i < window.end_vector; ++i) {
         const int pixel = y * kTileSize + i * kLanes;
         const Lanes power = PowerOf(s, row, i);
         const Lanes before = Lanes::Load(transmittance + pixel);
-        LaneMask live = (s.min_power <= power) & (Lanes(0.0f) < before);
-        if (None(live)) continue;
+        const LaneMask hit = (s.min_power <= power) & (Lanes(0.0f) < before);
+        if (None(hit)) continue;
         const Blended<Lanes> step = BlendStep(Alpha(s.opacity, Exp2(power)), before);
-        const LaneMask stops = live & (step.transmittance < Lanes(kMinTransmittance));
-        Lanes kept = before;
-        if (HWY_UNLIKELY(!None(stops))) {
-          live = AndNot(stops, live);
-          kept = Select(stops, Lanes(0.0f) - before, before);
-          num_live -= Count(stops);
-          stop(k, pixel, stops);
-        }
+        const LaneMask stops = hit & (step.transmittance < Lanes(kMinTransmittance));
+        const LaneMask live = AndNot(stops, hit);
+        stop_rows |= static_cast<uint32_t>(!None(stops)) << y;
+        const Lanes kept = Select(stops, Lanes(0.0f) - before, before);
         Select(live, step.transmittance, kept).Store(transmittance + pixel);
         visit(k, pixel, live, Select(live, step.weight, Lanes(0.0f)));
       }
+    }
+    if (HWY_UNLIKELY(stop_rows != 0)) {
+      stop(k, stop_rows);
+      any_live = AnyLivePixel(window, transmittance);
     }
   }
 }

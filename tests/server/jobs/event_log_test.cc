@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "server/jobs/crc32c.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -54,7 +54,7 @@ class EventLogTest : public ::testing::Test {
     file.put(byte);
   }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   std::filesystem::path path_;
 };
 

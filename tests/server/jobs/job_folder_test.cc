@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "server/jobs/durable_file.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -18,7 +18,7 @@ class JobFolderTest : public ::testing::Test {
  protected:
   JobFolderTest() : job_(folder_.path()) {}
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   JobFolder job_;
 };
 
@@ -73,7 +73,7 @@ TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
 }
 
 TEST(DurableFile, ReplacesAndLeavesNothingBeside) {
-  const ScratchFolder folder;
+  const testing::TempFolder folder;
   const auto path = folder.path() / "file";
   ASSERT_TRUE(WriteFileDurably(path, "old").ok());
   ASSERT_TRUE(WriteFileDurably(path, "new").ok());
@@ -84,7 +84,7 @@ TEST(DurableFile, ReplacesAndLeavesNothingBeside) {
 }
 
 TEST(DurableFile, ReadsNoMoreThanAllowed) {
-  const ScratchFolder folder;
+  const testing::TempFolder folder;
   const auto path = folder.path() / "file";
   ASSERT_TRUE(WriteFileDurably(path, "first line\nsecond line\n").ok());
   EXPECT_EQ(ReadWholeFile(path, 22).status().code(), absl::StatusCode::kResourceExhausted);

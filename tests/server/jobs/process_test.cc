@@ -10,7 +10,7 @@
 
 #include "absl/time/clock.h"
 #include "server/jobs/durable_file.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -40,7 +40,7 @@ class WorkerProcessTest : public ::testing::Test {
 
   std::string Log() { return ReadFileTail(log_, 100000); }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   std::filesystem::path log_;
 };
 

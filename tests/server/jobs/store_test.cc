@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -47,7 +47,7 @@ class StoreTest : public ::testing::Test {
     return store_->CreateJob(job);
   }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   std::string url_;
   std::unique_ptr<Store> store_;
 };

@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/job_folder.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -85,7 +85,7 @@ class SupervisorTest : public ::testing::Test {
     return {};
   }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<Supervisor> supervisor_;
   int num_scenes_ = 0;
@@ -264,7 +264,7 @@ TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
 }
 
 TEST(Supervisor, NeedsItsWorker) {
-  const ScratchFolder folder;
+  const testing::TempFolder folder;
   const auto store = Store::Open("sqlite:" + (folder.path() / "store.db").string()).value();
   SupervisorOptions options;
   options.data_folder = folder.path();

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -35,7 +35,7 @@ class WorkerProgressTest : public ::testing::Test {
     return told;
   }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   std::filesystem::path path_;
   std::unique_ptr<EventLogWriter> log_;
 };

@@ -16,30 +16,13 @@
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 #include "server/jobs/process.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/server/file_kind.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
 
 using ::testing::HasSubstr;
-
-v1::FileKind ToProto(FileKind kind) {
-  switch (kind) {
-    case FileKind::kImage:
-      return v1::FILE_KIND_IMAGE;
-    case FileKind::kPoses:
-      return v1::FILE_KIND_POSES;
-    case FileKind::kMask:
-      return v1::FILE_KIND_MASK;
-    case FileKind::kIgnoreMask:
-      return v1::FILE_KIND_IGNORE_MASK;
-    case FileKind::kDepth:
-      return v1::FILE_KIND_DEPTH;
-    case FileKind::kPoints:
-      return v1::FILE_KIND_POINTS;
-  }
-  return v1::FILE_KIND_UNSPECIFIED;
-}
 
 class WorkerTest : public ::testing::Test {
  protected:
@@ -48,7 +31,7 @@ class WorkerTest : public ::testing::Test {
     const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
     EXPECT_TRUE(files.ok()) << files.status();
     for (const DatasetFile& file : *files) {
-      spec_.files.push_back({file.name, ToProto(file.kind), file.path.string()});
+      spec_.files.push_back({file.name, testing::ToProto(file.kind), file.path.string()});
     }
     spec_.job = "j1";
     spec_.fence = 1;
@@ -119,7 +102,7 @@ class WorkerTest : public ::testing::Test {
     return reader.Read(100000).value_or(std::vector<v1::JobEvent>());
   }
 
-  ScratchFolder folder_;
+  testing::TempFolder folder_;
   JobFolder job_;
   JobSpec spec_;
 };

@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "kernels/cpu/half.h"
+#include "tests/kernels/backend_test.h"
+#include "tests/kernels/rendered.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kWidth = 53, kHeight = 39, kNumPixels = kWidth * kHeight;
+
+struct Rows {
+  Buffer<int32_t> first, gaussian;
+  Buffer<float> weight;
+  Buffer<float> alpha, depth;
+};
+
+class RowsTest : public BackendTest {
+ protected:
+  void Capture(Rendered& scene, const std::vector<int32_t>& pixels, Rows& rows) {
+    const Buffer<int32_t> wanted(*backend_, std::span<const int32_t>(pixels));
+    rows.alpha = Buffer<float>(*backend_, wanted.size());
+    rows.depth = Buffer<float>(*backend_, wanted.size());
+    CaptureRowsArgs args;
+    args.pixels = wanted.span();
+    args.scratch = &scene.scratch;
+    args.row_first = &rows.first;
+    args.entry_gaussian = &rows.gaussian;
+    args.entry_weight = &rows.weight;
+    args.pixel_alpha = rows.alpha.span();
+    args.pixel_depth = rows.depth.span();
+    backend_->CaptureRows(args);
+  }
+  Rendered Render() {
+    Rendered scene(*backend_, RandomScene({.count = 400, .max_opacity_logit = 6}),
+                   TestView(kWidth, kHeight));
+    scene.Render();
+    return scene;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Backends, RowsTest, AllBackends(), BackendName);
+
+std::vector<int32_t> EveryPixelBackwards() {
+  std::vector<int32_t> pixels(kNumPixels);
+  std::iota(pixels.rbegin(), pixels.rend(), 0);
+  return pixels;
+}
+
+TEST_P(RowsTest, GiveTheColourOfTheRender) {
+  Rendered scene = Render();
+  const std::vector<int32_t> pixels = EveryPixelBackwards();
+  Rows rows;
+  Capture(scene, pixels, rows);
+  const auto first = Download(rows.first), gaussian = Download(rows.gaussian);
+  const auto weight = Download(rows.weight), alpha = Download(rows.alpha);
+  const auto depth = Download(rows.depth), color = Download(scene.color);
+  const auto rendered_alpha = Download(scene.alpha), rendered_depth = Download(scene.depth);
+  std::vector<float> red(400);
+  const auto visible = Download(scene.scratch.visible_gaussian);
+  const auto splats = Download(scene.scratch.visible_splat);
+  for (size_t v = 0; v < visible.size(); ++v) red[visible[v]] = splats[v].r;
+  ASSERT_EQ(first.size(), pixels.size() + 1);
+  ASSERT_GT(rows.weight.size(), kNumPixels);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    float sum = (1 - alpha[i]) * scene.background[0];
+    for (int32_t k = first[i]; k < first[i + 1]; ++k) {
+      ASSERT_GT(weight[k], 0);
+      sum += weight[k] * red[gaussian[k]];
+    }
+    ASSERT_NEAR(sum, color[pixels[i]], 2e-6f) << i;
+    ASSERT_NEAR(alpha[i], rendered_alpha[pixels[i]], 2e-6f) << i;
+    ASSERT_NEAR(depth[i], rendered_depth[pixels[i]], 1e-5f) << i;
+  }
+}
+
+TEST_P(RowsTest, OfNoPixelsAreEmpty) {
+  Rendered scene = Render();
+  Rows rows;
+  Capture(scene, {}, rows);
+  EXPECT_EQ(Download(rows.first), std::vector<int32_t>{0});
+  EXPECT_EQ(rows.weight.size(), 0);
+}
+
+TEST_P(RowsTest, GiveTheRenderedFeatures) {
+  Rendered scene = Render();
+  const std::vector<int32_t> pixels = EveryPixelBackwards();
+  Rows rows;
+  Capture(scene, pixels, rows);
+  const std::vector<float> features = RandomValues(400 * kFeatureSize, 3);
+  const Buffer<float> features_in = Upload(*backend_, features);
+  Buffer<Half> map(*backend_, kNumPixels * kFeatureSize);
+  backend_->RenderFeatures({features_in.span(), &scene.scratch, map.span()});
+  const auto first = Download(rows.first), gaussian = Download(rows.gaussian);
+  const auto weight = Download(rows.weight);
+  const std::vector<Half> got = Download(map);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    for (int c = 0; c < kFeatureSize; ++c) {
+      float want = 0;
+      for (int32_t k = first[i]; k < first[i + 1]; ++k) {
+        want += weight[k] * features[gaussian[k] * kFeatureSize + c];
+      }
+      // Half precision has 11 bits.
+      ASSERT_NEAR(FloatFromHalf(got[pixels[i] * kFeatureSize + c]), want,
+                  1e-5f + std::abs(want) / 2048);
+    }
+  }
+}
+
+TEST(Half, RoundTripsEveryFiniteValue) {
+  for (uint32_t bits = 0; bits < 0x10000; ++bits) {
+    const Half half = {static_cast<uint16_t>(bits)};
+    if ((bits & 0x7c00) == 0x7c00 && (bits & 0x3ff) != 0) {
+      EXPECT_TRUE(std::isnan(FloatFromHalf(half)));
+    } else {
+      ASSERT_EQ(HalfFromFloat(FloatFromHalf(half)).bits, bits);
+    }
+  }
+}
+
+TEST(Half, RoundsToNearestEven) {
+  EXPECT_EQ(FloatFromHalf(HalfFromFloat(1 + 0x1p-11f)), 1);
+  EXPECT_EQ(FloatFromHalf(HalfFromFloat(1 + 0x1.8p-10f)), 1 + 0x1p-9f);
+  EXPECT_EQ(FloatFromHalf(HalfFromFloat(65504.0f)), 65504.0f);
+  EXPECT_TRUE(std::isinf(FloatFromHalf(HalfFromFloat(65520.0f))));
+  EXPECT_EQ(FloatFromHalf(HalfFromFloat(0x1p-24f)), 0x1p-24f);
+  EXPECT_EQ(FloatFromHalf(HalfFromFloat(-0x1p-26f)), 0);
+}
+
+}  // namespace
+}  // namespace pepeseg

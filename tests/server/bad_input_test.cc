@@ -1,0 +1,160 @@
+// Files that no client should send, through the server program: each a clear error that names the
+// file, nothing of a model written, and the server up and serving.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+
+#include "tests/server/pepesegd_process.h"
+#include "tests/server/png_bytes.h"
+#include "tests/server/service_client.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using testing::ClientFile;
+using testing::FileOf;
+using ::testing::HasSubstr;
+using testing::PepesegdProcess;
+using testing::ServiceClient;
+
+constexpr char kPhoto[] = "images/frame-000003.jpg";
+constexpr char kPoses[] = "sparse/0/images.bin";
+
+class BadInputTest : public ::testing::Test {
+ protected:
+  BadInputTest()
+      : server_(folder_ / "data"),
+        client_(server_.channel()),
+        files_(testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf")) {
+    EXPECT_OK(client_.CreateScene("shelf"));
+  }
+
+  // The stages of the import are enough to find what is wrong, and to see that the server lives.
+  static v1::TrainingOptions ShortestOptions() {
+    v1::TrainingOptions options;
+    options.mutable_import()->set_image_scale(0.125);
+    options.mutable_reconstruct()->set_num_steps(5);
+    options.mutable_features()->set_num_steps(5);
+    options.mutable_features()->set_num_pixels(50);
+    return options;
+  }
+
+  v1::Job Train(const std::vector<ClientFile>& files) {
+    const auto dataset = client_.Upload("shelf", files);
+    EXPECT_OK(dataset);
+    const auto job = client_.Train("shelf", dataset.value_or(""), ShortestOptions());
+    EXPECT_OK(job);
+    const auto ended = client_.WaitForJob(job.ok() ? job->name() : "");
+    EXPECT_OK(ended);
+    return ended.value_or(v1::Job());
+  }
+
+  void ExpectServing() {
+    EXPECT_TRUE(server_.alive()) << server_.Log();
+    const v1::Job job = Train(testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf"));
+    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.error().message();
+  }
+
+  // Trains `files_`, and wants its job to fail because of the file named.
+  void ExpectBadFile(const std::string& name) {
+    const v1::Job job = Train(files_);
+    EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+    EXPECT_EQ(job.error().code(), static_cast<int>(absl::StatusCode::kInvalidArgument));
+    EXPECT_THAT(job.error().message(), HasSubstr(name));
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "data" / job.name())) {
+      EXPECT_THAT(entry.path().filename().string(), ::testing::Not(HasSubstr("attempt")));
+    }
+    EXPECT_STATUS(client_.GetModel("scenes/shelf/models/live"),
+                  absl::StatusCode::kFailedPrecondition, "no model");
+    ExpectServing();
+  }
+
+  void ExpectUploadRefused(const std::string& words) {
+    EXPECT_STATUS(client_.CreateUpload("shelf", files_), absl::StatusCode::kInvalidArgument, words);
+    ExpectServing();
+  }
+
+  testing::TempFolder folder_;
+  PepesegdProcess server_;
+  ServiceClient client_;
+  std::vector<ClientFile> files_;
+};
+
+TEST_F(BadInputTest, TruncatedJpeg) {
+  std::string& bytes = FileOf(files_, kPhoto).bytes;
+  bytes.resize(bytes.size() / 2);
+  ExpectBadFile(kPhoto);
+}
+
+TEST_F(BadInputTest, PosesThatDeclareABillionImages) {
+  const uint64_t count = 1'000'000'000;
+  std::memcpy(FileOf(files_, kPoses).bytes.data(), &count, sizeof(count));
+  ExpectBadFile(kPoses);
+}
+
+TEST_F(BadInputTest, NanPose) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  // Behind the number of images (u64) and the first one's id (u32): its quaternion.
+  std::memcpy(FileOf(files_, kPoses).bytes.data() + 12, &nan, sizeof(nan));
+  ExpectBadFile(kPoses);
+}
+
+TEST_F(BadInputTest, MaskOfAnotherSize) {
+  ClientFile& mask = FileOf(files_, "masks/frame-000003.json");
+  mask.path = "masks/frame-000003.png";
+  mask.bytes = testing::BlackPng(320, 240, 8);
+  ExpectBadFile("masks/frame-000003.png");
+}
+
+TEST_F(BadInputTest, HugeOneBitPng) {
+  std::string& bytes = FileOf(files_, kPhoto).bytes;
+  bytes = testing::BlackPng(32000, 32000, 1);
+  EXPECT_LT(bytes.size(), 200'000u);  // small to send, 1 G pixels to decode
+  ExpectBadFile(kPhoto);
+}
+
+TEST_F(BadInputTest, NameThatClimbsOutOfItsFolder) {
+  FileOf(files_, kPhoto).path = "../../x";
+  ExpectUploadRefused("../../x");
+}
+
+TEST_F(BadInputTest, EmptyFolder) {
+  files_.clear();
+  ExpectUploadRefused("files");
+}
+
+TEST_F(BadInputTest, FolderWithoutPhotographs) {
+  std::erase_if(files_, [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; });
+  const v1::Job job = Train(files_);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(job.error().code(), static_cast<int>(absl::StatusCode::kInvalidArgument))
+      << job.error().message();
+  ExpectServing();
+}
+
+TEST_F(BadInputTest, UploadCutInTheMiddle) {
+  const auto is_photo = [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; };
+  std::stable_partition(files_.begin(), files_.end(), is_photo);
+  ASSERT_OK_AND_ASSIGN(const v1::Upload upload, client_.CreateUpload("shelf", files_));
+  ASSERT_EQ(upload.missing_files_size(), static_cast<int>(files_.size()));
+  // In the middle of the third photograph.
+  const size_t sent = files_[0].bytes.size() + files_[1].bytes.size() + 1;
+  EXPECT_FALSE(client_.WriteFiles(upload, files_, sent).ok());
+  EXPECT_STATUS(client_.SealUpload(upload.name()), absl::StatusCode::kFailedPrecondition,
+                files_[2].path);
+  ASSERT_OK_AND_ASSIGN(const v1::Upload now, client_.GetUpload(upload.name()));
+  EXPECT_GE(now.missing_files_size(), upload.missing_files_size() - 2);
+  EXPECT_STATUS(client_.Train("shelf", "scenes/shelf/datasets/1", ShortestOptions()),
+                absl::StatusCode::kFailedPrecondition, "not sealed");
+  ExpectServing();
+}
+
+}  // namespace
+}  // namespace pepeseg

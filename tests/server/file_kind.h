@@ -1,0 +1,27 @@
+#pragma once
+
+#include "core/io/import.h"
+#include "pepeseg/v1/dataset_service.pb.h"
+
+namespace pepeseg::testing {
+
+// What a client declares a file of core's ListDataset as.
+inline v1::FileKind ToProto(FileKind kind) {
+  switch (kind) {
+    case FileKind::kImage:
+      return v1::FILE_KIND_IMAGE;
+    case FileKind::kPoses:
+      return v1::FILE_KIND_POSES;
+    case FileKind::kMask:
+      return v1::FILE_KIND_MASK;
+    case FileKind::kIgnoreMask:
+      return v1::FILE_KIND_IGNORE_MASK;
+    case FileKind::kDepth:
+      return v1::FILE_KIND_DEPTH;
+    case FileKind::kPoints:
+      return v1::FILE_KIND_POINTS;
+  }
+  return v1::FILE_KIND_UNSPECIFIED;
+}
+
+}  // namespace pepeseg::testing

@@ -1,0 +1,73 @@
+#include "tests/server/pepesegd_process.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/jobs/durable_file.h"
+
+namespace pepeseg::testing {
+namespace {
+
+constexpr absl::Duration kPatience = absl::Seconds(30);
+constexpr absl::Duration kPause = absl::Milliseconds(10);
+
+}  // namespace
+
+PepesegdProcess::PepesegdProcess(const std::filesystem::path& data) : log_(data) {
+  log_ += ".log";
+  std::filesystem::path port_file = data;
+  port_file += ".port";
+  std::filesystem::remove(port_file);
+  auto process =
+      WorkerProcess::Launch({PEPESEG_PEPESEGD,
+                             {absl::StrCat("--data=", data.string()), "--listen=127.0.0.1:0",
+                              "--threads=2", "--grace=5", absl::StrCat("--worker=", PEPESEG_WORKER),
+                              absl::StrCat("--port-file=", port_file.string())},
+                             log_});
+  EXPECT_TRUE(process.ok()) << process.status();
+  if (!process.ok()) return;
+  process_ = std::move(process).value();
+  const absl::Time deadline = absl::Now() + kPatience;
+  while (!std::filesystem::exists(port_file) && alive() && absl::Now() < deadline) {
+    absl::SleepFor(kPause);
+  }
+  int port = 0;
+  std::ifstream(port_file) >> port;
+  channel_ =
+      grpc::CreateChannel(absl::StrCat("127.0.0.1:", port), grpc::InsecureChannelCredentials());
+  EXPECT_TRUE(
+      channel_->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(10)))
+      << Log();
+}
+
+std::string PepesegdProcess::Log() const { return ReadFileTail(log_, 5000); }
+
+std::optional<WorkerProcess::End> PepesegdProcess::Terminate() {
+  process_->Signal(SIGTERM);
+  const absl::Time deadline = absl::Now() + kPatience;
+  while (absl::Now() < deadline) {
+    if (const auto end = process_->Poll()) return end;
+    absl::SleepFor(kPause);
+  }
+  return std::nullopt;
+}
+
+void PepesegdProcess::Kill() { process_.reset(); }
+
+pid_t FindProcess(const std::string& word) {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream file(entry.path() / "cmdline");
+    const std::string words((std::istreambuf_iterator<char>(file)), {});
+    if (words.find(word) != std::string::npos) return std::stoi(entry.path().filename());
+  }
+  return 0;
+}
+
+}  // namespace pepeseg::testing

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <zlib.h>
+
+#include <cstdint>
+#include <string>
+
+namespace pepeseg::testing {
+
+inline void AppendBigEndian(uint32_t value, std::string* bytes) {
+  for (int shift = 24; shift >= 0; shift -= 8) {
+    bytes->push_back(static_cast<char>((value >> shift) & 0xff));
+  }
+}
+
+inline void AppendPngChunk(const std::string& type, const std::string& body, std::string* png) {
+  AppendBigEndian(static_cast<uint32_t>(body.size()), png);
+  const std::string checked = type + body;
+  *png += checked;
+  const uLong crc =
+      crc32(0, reinterpret_cast<const Bytef*>(checked.data()), static_cast<uInt>(checked.size()));
+  AppendBigEndian(static_cast<uint32_t>(crc), png);
+}
+
+// A black grey-scale PNG of `bit_depth` bits a pixel, whole and valid however large.
+inline std::string BlackPng(uint32_t width, uint32_t height, int bit_depth) {
+  // A row: its filter, then its pixels.
+  const size_t row_bytes =
+      1 + (static_cast<size_t>(width) * static_cast<size_t>(bit_depth) + 7) / 8;
+  const std::string rows(row_bytes * height, '\0');
+  uLongf size = compressBound(static_cast<uLong>(rows.size()));
+  std::string packed(size, '\0');
+  compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
+            reinterpret_cast<const Bytef*>(rows.data()), static_cast<uLong>(rows.size()), 9);
+  packed.resize(size);
+  std::string header;
+  AppendBigEndian(width, &header);
+  AppendBigEndian(height, &header);
+  header += static_cast<char>(bit_depth);
+  header += std::string(4, '\0');  // grey, deflate, no filter, not interlaced
+  std::string png = "\x89PNG\r\n\x1a\n";
+  AppendPngChunk("IHDR", header, &png);
+  AppendPngChunk("IDAT", packed, &png);
+  AppendPngChunk("IEND", "", &png);
+  return png;
+}
+
+}  // namespace pepeseg::testing

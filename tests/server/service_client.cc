@@ -1,0 +1,239 @@
+#include "tests/server/service_client.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/io/digest.h"
+#include "core/io/import.h"
+#include "core/status_macros.h"
+#include "server/jobs/crc32c.h"
+#include "server/jobs/durable_file.h"
+#include "tests/server/file_kind.h"
+
+namespace pepeseg::testing {
+namespace {
+
+constexpr size_t kChunkBytes = 256 << 10;
+constexpr size_t kMaxFileBytes = size_t{1} << 30;
+constexpr std::chrono::minutes kPatience(4);
+
+absl::Status ToStatus(const grpc::Status& status) {
+  return {static_cast<absl::StatusCode>(status.error_code()), status.error_message()};
+}
+
+// A call that gives up in the end, so that a server that hangs fails the test.
+struct Call {
+  Call() { context.set_deadline(std::chrono::system_clock::now() + kPatience); }
+  grpc::ClientContext context;
+};
+
+// One unary call of a stub.
+template <typename Stub, typename Request, typename Response>
+absl::StatusOr<Response> Ask(Stub& stub,
+                             grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+                                                          Response*),
+                             const Request& request) {
+  Call call;
+  Response response;
+  const grpc::Status status = (stub.*method)(&call.context, request, &response);
+  if (!status.ok()) return ToStatus(status);
+  return response;
+}
+
+template <typename Request>
+Request Named(const std::string& name) {
+  Request request;
+  request.set_name(name);
+  return request;
+}
+
+}  // namespace
+
+std::vector<ClientFile> ReadDataset(const std::filesystem::path& folder) {
+  const auto listed = ListDataset(folder);
+  EXPECT_TRUE(listed.ok()) << listed.status();
+  std::vector<ClientFile> files;
+  if (!listed.ok()) return files;
+  for (const DatasetFile& file : *listed) {
+    files.push_back(
+        {file.name, ToProto(file.kind), ReadWholeFile(file.path, kMaxFileBytes).value_or("")});
+  }
+  return files;
+}
+
+ClientFile& FileOf(std::vector<ClientFile>& files, const std::string& path) {
+  const auto found = std::find_if(files.begin(), files.end(),
+                                  [&](const ClientFile& file) { return file.path == path; });
+  EXPECT_NE(found, files.end()) << path;
+  return found == files.end() ? files.front() : *found;
+}
+
+ServiceClient::ServiceClient(const std::shared_ptr<grpc::Channel>& channel)
+    : scenes_(v1::SceneService::NewStub(channel)),
+      datasets_(v1::DatasetService::NewStub(channel)),
+      jobs_(v1::JobService::NewStub(channel)),
+      segmentation_(v1::SegmentationService::NewStub(channel)) {}
+
+absl::Status ServiceClient::CreateScene(const std::string& id) {
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  return Ask(*scenes_, &v1::SceneService::Stub::CreateScene, request).status();
+}
+
+absl::StatusOr<v1::Upload> ServiceClient::CreateUpload(const std::string& scene,
+                                                       const std::vector<ClientFile>& files) {
+  v1::CreateUploadRequest request;
+  request.set_parent("scenes/" + scene);
+  for (const ClientFile& file : files) {
+    v1::FileDeclaration& declared = *request.add_files();
+    declared.set_path(file.path);
+    declared.set_kind(file.kind);
+    declared.set_size(static_cast<int64_t>(file.bytes.size()));
+    declared.set_sha256(Sha256Hex(file.bytes));
+  }
+  return Ask(*datasets_, &v1::DatasetService::Stub::CreateUpload, request);
+}
+
+absl::Status ServiceClient::WriteFiles(const v1::Upload& upload,
+                                       const std::vector<ClientFile>& files, size_t max_bytes) {
+  Call call;
+  v1::WriteFilesResponse response;
+  const auto stream = datasets_->WriteFiles(&call.context, &response);
+  size_t sent = 0;
+  for (const ClientFile& file : files) {
+    v1::WriteFilesRequest request;
+    request.mutable_header()->set_upload(upload.name());
+    request.mutable_header()->set_path(file.path);
+    stream->Write(request);
+    for (size_t offset = 0; offset < file.bytes.size(); offset += kChunkBytes) {
+      const std::string data = file.bytes.substr(offset, kChunkBytes);
+      request.mutable_chunk()->set_data(data);
+      request.mutable_chunk()->set_crc32c(Crc32c(data));
+      stream->Write(request);
+      sent += data.size();
+      if (sent < max_bytes) continue;
+      call.context.TryCancel();
+      return ToStatus(stream->Finish());
+    }
+    request.mutable_end();
+    if (!stream->Write(request)) break;
+  }
+  stream->WritesDone();
+  return ToStatus(stream->Finish());
+}
+
+absl::StatusOr<v1::Upload> ServiceClient::GetUpload(const std::string& name) {
+  return Ask(*datasets_, &v1::DatasetService::Stub::GetUpload, Named<v1::GetUploadRequest>(name));
+}
+
+absl::StatusOr<v1::Dataset> ServiceClient::SealUpload(const std::string& name) {
+  return Ask(*datasets_, &v1::DatasetService::Stub::SealUpload, Named<v1::SealUploadRequest>(name));
+}
+
+absl::StatusOr<std::string> ServiceClient::Upload(const std::string& scene,
+                                                  const std::vector<ClientFile>& files) {
+  ASSIGN_OR_RETURN(const v1::Upload upload, CreateUpload(scene, files));
+  std::vector<ClientFile> missing;
+  for (const ClientFile& file : files) {
+    const auto& paths = upload.missing_files();
+    if (std::find(paths.begin(), paths.end(), file.path) != paths.end()) missing.push_back(file);
+  }
+  if (!missing.empty()) RETURN_IF_ERROR(WriteFiles(upload, missing));
+  ASSIGN_OR_RETURN(const v1::Dataset dataset, SealUpload(upload.name()));
+  return dataset.name();
+}
+
+absl::StatusOr<v1::Job> ServiceClient::Train(const std::string& scene, const std::string& dataset,
+                                             const v1::TrainingOptions& options) {
+  v1::TrainSceneRequest request;
+  request.set_scene("scenes/" + scene);
+  request.set_dataset(dataset);
+  *request.mutable_options() = options;
+  return Ask(*jobs_, &v1::JobService::Stub::TrainScene, request);
+}
+
+absl::StatusOr<v1::Job> ServiceClient::GetJob(const std::string& name) {
+  return Ask(*jobs_, &v1::JobService::Stub::GetJob, Named<v1::GetJobRequest>(name));
+}
+
+absl::StatusOr<v1::Job> ServiceClient::CancelJob(const std::string& name) {
+  return Ask(*jobs_, &v1::JobService::Stub::CancelJob, Named<v1::CancelJobRequest>(name));
+}
+
+absl::StatusOr<std::vector<v1::JobEvent>> ServiceClient::Watch(const std::string& name) {
+  Call call;
+  auto request = Named<v1::WatchJobRequest>(name);
+  request.set_after_sequence(0);
+  const auto stream = jobs_->WatchJob(&call.context, request);
+  std::vector<v1::JobEvent> events;
+  v1::JobEvent event;
+  while (stream->Read(&event)) events.push_back(event);
+  const grpc::Status status = stream->Finish();
+  if (!status.ok()) return ToStatus(status);
+  return events;
+}
+
+absl::StatusOr<v1::Job> ServiceClient::WaitForJob(const std::string& name) {
+  RETURN_IF_ERROR(Watch(name).status());
+  return GetJob(name);
+}
+
+absl::StatusOr<v1::Job> ServiceClient::WaitForStep(const std::string& name) {
+  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  while (absl::Now() < deadline) {
+    ASSIGN_OR_RETURN(v1::Job job, GetJob(name));
+    if (job.progress().step() > 0) return job;
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  return absl::DeadlineExceededError(name + " told of no step within 60 s");
+}
+
+absl::StatusOr<v1::Model> ServiceClient::GetModel(const std::string& name) {
+  return Ask(*scenes_, &v1::SceneService::Stub::GetModel, Named<v1::GetModelRequest>(name));
+}
+
+absl::StatusOr<std::vector<v1::View>> ServiceClient::ListViews(const std::string& model) {
+  v1::ListViewsRequest request;
+  request.set_parent(model);
+  request.set_page_size(1000);
+  ASSIGN_OR_RETURN(const v1::ListViewsResponse response,
+                   Ask(*scenes_, &v1::SceneService::Stub::ListViews, request));
+  return std::vector<v1::View>(response.views().begin(), response.views().end());
+}
+
+absl::StatusOr<v1::SegmentResponse> ServiceClient::Segment(const v1::SegmentRequest& request) {
+  return Ask(*segmentation_, &v1::SegmentationService::Stub::Segment, request);
+}
+
+absl::StatusOr<v1::RenderResponse> ServiceClient::Render(const std::string& model,
+                                                         const std::string& view) {
+  v1::RenderRequest request;
+  request.set_model(model);
+  request.mutable_viewpoint()->set_view(view);
+  return Ask(*segmentation_, &v1::SegmentationService::Stub::Render, request);
+}
+
+absl::StatusOr<std::string> ServiceClient::Export(const std::string& model) {
+  Call call;
+  v1::ExportSelectionRequest request;
+  request.set_model(model);
+  const auto stream = segmentation_->ExportSelection(&call.context, request);
+  v1::ExportSelectionResponse::Header header;
+  std::string ply;
+  v1::ExportSelectionResponse part;
+  while (stream->Read(&part)) {
+    if (part.has_header()) header = part.header();
+    if (part.has_chunk()) ply += part.chunk().data();
+  }
+  const grpc::Status status = stream->Finish();
+  if (!status.ok()) return ToStatus(status);
+  if (header.sha256() != Sha256Hex(ply)) return absl::DataLossError("the PLY is not as announced");
+  return ply;
+}
+
+}  // namespace pepeseg::testing
