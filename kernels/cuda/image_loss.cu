@@ -20,13 +20,19 @@ struct LossParams {
   const float* color;
   const uint8_t* target;
   const uint8_t* ignore;      // may be null
-  const int64_t* num_counted;  // pixels that are not ignored
+  const int64_t* num_counted;  // pixels that are not ignored; null: all
   float l1_weight, ssim_weight;
   float taps[kSsimRadius + 1];
   float* maps;       // [kNumMaps, 3, H, W]; null: evaluate only
   double* partials;  // [blocks, kNumImageLossSums]
   float* color_grad;
 };
+
+__device__ float PixelChannels(const LossParams& p) {
+  const int64_t num_counted =
+      p.num_counted != nullptr ? *p.num_counted : int64_t{p.width} * p.height;
+  return static_cast<float>(max(int64_t{1}, 3 * num_counted));
+}
 
 struct PixelPair {
   float x, y;
@@ -124,7 +130,7 @@ __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
   for (int m = 0; m < kNumMoments; ++m) {
     FilterRun(p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, moments[m]);
   }
-  const float weight = -p.ssim_weight / static_cast<float>(max(int64_t{1}, 3 * *p.num_counted));
+  const float weight = -p.ssim_weight / PixelChannels(p);
   const int64_t num_pixels = int64_t{p.width} * p.height;
   float sums[3] = {};
 #pragma unroll
@@ -193,7 +199,7 @@ __global__ void __launch_bounds__(kBlock) LossGradKernel(LossParams p) {
   for (int m = 0; m < kNumMaps; ++m) {
     FilterRun(p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, gathered[m]);
   }
-  const float l1_weight = p.l1_weight / static_cast<float>(max(int64_t{1}, 3 * *p.num_counted));
+  const float l1_weight = p.l1_weight / PixelChannels(p);
 #pragma unroll
   for (int i = 0; i < kRun; ++i) {
     const int x = first_x + column, y = first_y + first_row + i;
@@ -209,10 +215,6 @@ __global__ void __launch_bounds__(kBlock) LossGradKernel(LossParams p) {
 __global__ void __launch_bounds__(kBlock)
     CountPixelsKernel(const uint8_t* ignore, int64_t num_pixels, int64_t* num_counted) {
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
-  if (ignore == nullptr) {
-    if (i == 0) *num_counted = num_pixels;
-    return;
-  }
   const int count = __syncthreads_count(i < num_pixels && ignore[i] == 0);
   if (threadIdx.x == 0 && count > 0) {
     atomicAdd(reinterpret_cast<unsigned long long*>(num_counted),
@@ -222,12 +224,11 @@ __global__ void __launch_bounds__(kBlock)
 
 // One block: the partial sums in a fixed order.
 __global__ void __launch_bounds__(kBlock)
-    SumPartialsKernel(const double* partials, int num_partials, const int64_t* num_counted,
-                      double* sums) {
+    SumPartialsKernel(LossParams p, int num_partials, double* sums) {
   __shared__ double threads[3][kBlock];
   double own[3] = {};
   for (int i = static_cast<int>(threadIdx.x); i < num_partials; i += kBlock) {
-    for (int k = 0; k < 3; ++k) own[k] += partials[3 * i + k];
+    for (int k = 0; k < 3; ++k) own[k] += p.partials[3 * i + k];
   }
   for (int k = 0; k < 3; ++k) threads[k][threadIdx.x] = own[k];
   for (int half = kBlock / 2; half > 0; half /= 2) {
@@ -239,7 +240,9 @@ __global__ void __launch_bounds__(kBlock)
   sums[kSumL1] = threads[kSumL1][0];
   sums[kSumSsim] = threads[kSumSsim][0];
   sums[kSumSquared] = threads[kSumSquared][0];
-  sums[kSumPixelChannels] = static_cast<double>(3 * *num_counted);
+  const int64_t num_counted =
+      p.num_counted != nullptr ? *p.num_counted : int64_t{p.width} * p.height;
+  sums[kSumPixelChannels] = static_cast<double>(3 * num_counted);
 }
 
 }  // namespace
@@ -263,7 +266,7 @@ void CudaBackend::ImageLoss(const ImageLossArgs& args) {
                        args.color.data,
                        args.target.data,
                        args.ignore.data,
-                       num_counted,
+                       nullptr,
                        1 - args.ssim_weight,
                        args.ssim_weight,
                        {},
@@ -274,15 +277,16 @@ void CudaBackend::ImageLoss(const ImageLossArgs& args) {
   if (want_grad) {
     params.maps = reinterpret_cast<float*>(memory + sizeof(int64_t) + partial_bytes);
   }
-  Zero(num_counted, sizeof(int64_t));
-  const int count_blocks = args.ignore.empty() ? 1 : NumBlocks(num_pixels, kBlock);
-  CountPixelsKernel<<<count_blocks, kBlock, 0, stream_>>>(args.ignore.data, num_pixels,
-                                                          num_counted);
-  Launched("count pixels");
+  if (!args.ignore.empty()) {
+    params.num_counted = num_counted;
+    Zero(num_counted, sizeof(int64_t));
+    CountPixelsKernel<<<NumBlocks(num_pixels, kBlock), kBlock, 0, stream_>>>(
+        args.ignore.data, num_pixels, num_counted);
+    Launched("count pixels");
+  }
   MomentKernel<<<grid, kBlock, 0, stream_>>>(params);
   Launched("loss moments");
-  SumPartialsKernel<<<1, kBlock, 0, stream_>>>(partials, num_partials, num_counted,
-                                               args.sums.data);
+  SumPartialsKernel<<<1, kBlock, 0, stream_>>>(params, num_partials, args.sums.data);
   Launched("loss sums");
   if (!want_grad) return;
   LossGradKernel<<<grid, kBlock, 0, stream_>>>(params);

@@ -11,13 +11,11 @@ namespace {
 struct BlendParams {
   TileView tiles;
   Room room;
-  const int32_t* entry_slot;
-  const int32_t* slot_visible;
+  const int32_t* entry_visible;
   const int32_t* tile_first_bucket;
   float background[3];
   // Outputs; alpha and depth may be null.
   float *color, *alpha, *depth;
-  int32_t* entry_visible;
   float4* pixel_color;
   float* pixel_depth;
   float* pixel_transmittance;
@@ -40,13 +38,12 @@ struct PixelSum {
   bool done;
 };
 
-// Loads the next 256 entries of the tile, one a thread.
-__device__ void LoadBatch(const BlendParams& p, int32_t first, int32_t end, Batch& batch) {
+// Entry `first + threadIdx.x`, on its way while the batch before is blended.
+__device__ SplatWords LoadEntry(const BlendParams& p, int32_t first, int32_t end) {
   const int32_t entry = first + static_cast<int32_t>(threadIdx.x);
-  if (entry >= end) return;
-  const int32_t visible = p.slot_visible[p.entry_slot[entry]];
-  p.entry_visible[entry] = visible;
-  const SplatWords s = LoadSplat(p.tiles.splats, visible);
+  return entry < end ? LoadSplat(p.tiles.splats, p.entry_visible[entry]) : SplatWords{};
+}
+__device__ void StoreEntry(const SplatWords& s, Batch& batch) {
   batch.a[threadIdx.x] = s.a;
   batch.b[threadIdx.x] = s.b;
   batch.c[threadIdx.x] = s.c;
@@ -114,10 +111,11 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
   if (tile == 0 && threadIdx.x == 0 && p.room.IsVoid()) ++*p.num_void_renders;
 
   PixelSum sum = {{0, 0, 0, 1}, 0, 0, x >= p.tiles.width || y >= p.tiles.height};
+  SplatWords loaded = LoadEntry(p, first, end);
   for (int32_t base = first; base < end; base += kTilePixels) {
-    // All entries pass here, also where all pixels are done: others read entry_visible.
-    __syncthreads();
-    LoadBatch(p, base, end, batch);
+    if (__syncthreads_and(sum.done)) break;
+    StoreEntry(loaded, batch);
+    loaded = LoadEntry(p, base + kTilePixels, end);
     __syncthreads();
     for (int group = 0; group < kTilePixels && base + group < end; group += 32) {
       if (__all_sync(kAllLanes, sum.done)) break;
@@ -165,7 +163,7 @@ void CudaBackend::MakeRoom(const RenderArgs& args) {
     scratch.visible_splat.Resize(num_visible);
     scratch.visible_first_slot.Resize(num_visible + 1);
   }
-  scratch.cuda.order_first.Reserve(*this, scratch.visible_splat.size());
+  scratch.cuda.order_first.Reserve(*this, scratch.visible_splat.size() + 1);
   scratch.entry_visible.Reserve(*this, num_entries);
   scratch.entry_slot.Reserve(*this, num_entries);
   scratch.cuda.unsorted_slot.Reserve(*this, num_entries);
@@ -203,14 +201,12 @@ void CudaBackend::Render(const RenderArgs& args) {
   const BlendParams params = {
       TilesOf(scratch),
       RoomOf(scratch),
-      scratch.entry_slot.span().data,
-      scratch.cuda.slot_visible.span().data,
+      scratch.entry_visible.span().data,
       scratch.cuda.tile_first_bucket.span().data,
       {args.background[0], args.background[1], args.background[2]},
       args.color.data,
       args.alpha.data,
       args.depth.data,
-      scratch.entry_visible.span().data,
       reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data),
       scratch.cuda.pixel_depth.span().data,
       scratch.pixel_transmittance.span().data,

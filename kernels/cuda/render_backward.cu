@@ -99,6 +99,12 @@ __device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float 
   if constexpr (kDepth) sums[kSumDepth] += weight * s.depth_grad;
 }
 
+__device__ void ZeroSlot(const BackwardParams& p, int32_t slot) {
+  float2* out = reinterpret_cast<float2*>(p.slot_sums + int64_t{slot} * kNumSlotSums);
+#pragma unroll
+  for (int k = 0; k < kNumSlotSums / 2; ++k) out[k] = {0, 0};
+}
+
 constexpr int kBackwardWarps = 2;  // a block
 
 struct WarpBatch {
@@ -148,6 +154,10 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
       own_cells = ReachedCells(MakeSplatExtent(ToSplat(w)), tile_x - w.a.x, tile_y - w.a.y);
     }
     __syncwarp();
+    if (group >= last) {
+      if (slot >= 0) ZeroSlot(p, slot);
+      continue;
+    }
     for (int k = min(31, num_entries - 1 - group); k >= 0; --k) {
       const uint32_t cells = __shfl_sync(kAllLanes, own_cells, k);
       const int32_t its_slot = __shfl_sync(kAllLanes, slot, k);
@@ -176,28 +186,41 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
   }
 }
 
+constexpr int kSumParts = kNumSlotSums / 2;  // threads a splat, two sums each
+constexpr int kSplatsABlock = 64;
+
 struct SumParams {
   Room room;
-  const int32_t* first_slot;
+  const int32_t* depth_order;
+  const int32_t* order_first;
   const Splat* splats;
   const float* slot_sums;
   SplatGrad* visible_grad;
 };
 
-// Over the tiles of a splat, in their order.
-__global__ void __launch_bounds__(256) SumSlotsKernel(SumParams p) {
-  const int64_t visible = int64_t{blockIdx.x} * 256 + threadIdx.x;
-  if (p.room.IsVoid() || visible >= p.room.counters[kNumVisible]) return;
-  float sums[kNumSlotSums] = {};
-  for (int32_t slot = p.first_slot[visible]; slot < p.first_slot[visible + 1]; ++slot) {
-    const float2* from = reinterpret_cast<const float2*>(p.slot_sums + int64_t{slot} * kNumSlotSums);
-#pragma unroll
-    for (int i = 0; i < kNumSlotSums / 2; ++i) {
-      const float2 two = from[i];
-      sums[2 * i] += two.x;
-      sums[2 * i + 1] += two.y;
+// Over the tiles of a splat, in their order. Slots are in the order of depth.
+__global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumParams p) {
+  __shared__ float2 shared[kSplatsABlock][kSumParts];
+  if (p.room.IsVoid()) return;
+  const int64_t num_visible = p.room.counters[kNumVisible];
+  const int64_t block_first = int64_t{blockIdx.x} * kSplatsABlock;
+  const int thread = static_cast<int>(threadIdx.x);
+  const int64_t own = block_first + thread / kSumParts;
+  const int part = thread % kSumParts;
+  float2 sum = {0, 0};
+  if (own < num_visible) {
+    const float2* slots = reinterpret_cast<const float2*>(p.slot_sums) + part;
+    for (int64_t slot = p.order_first[own]; slot < p.order_first[own + 1]; ++slot) {
+      const float2 two = slots[slot * kSumParts];
+      sum.x += two.x;
+      sum.y += two.y;
     }
   }
+  shared[thread / kSumParts][part] = sum;
+  __syncthreads();
+  if (thread >= kSplatsABlock || block_first + thread >= num_visible) return;
+  const int32_t visible = p.depth_order[block_first + thread];
+  const float* sums = &shared[thread][0].x;
   const Splat& splat = p.splats[visible];
   const PowerMoments<float> moments = {sums[kSum],   sums[kSumX],  sums[kSumY],
                                        sums[kSumXX], sums[kSumXY], sums[kSumYY]};
@@ -245,9 +268,10 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
     BackwardKernel<true><<<num_blocks, 32 * kBackwardWarps, 0, stream_>>>(params);
   }
   Launched("blend backward");
-  SumSlotsKernel<<<NumBlocks(num_visible, 256), 256, 0, stream_>>>(
-      {RoomOf(scratch), scratch.visible_first_slot.span().data, scratch.visible_splat.span().data,
-       scratch.cuda.slot_sums.span().data, scratch.visible_grad.span().data});
+  SumSlotsKernel<<<NumBlocks(num_visible, kSplatsABlock), kSplatsABlock * kSumParts, 0, stream_>>>(
+      {RoomOf(scratch), scratch.cuda.depth_order.span().data, scratch.cuda.order_first.span().data,
+       scratch.visible_splat.span().data, scratch.cuda.slot_sums.span().data,
+       scratch.visible_grad.span().data});
   Launched("sum slots");
 }
 

@@ -37,11 +37,16 @@ struct ListParams {
   const int32_t* depth_order;
   const int32_t* order_first;
   const Splat* splats;
-  const int32_t* first_slot;
   uint32_t* tile_keys;
   int32_t* unsorted_slot;
   int32_t* slot_visible;
 };
+
+__device__ void ListEntry(const ListParams& p, int32_t at, int32_t tile, int32_t visible) {
+  p.tile_keys[at] = static_cast<uint32_t>(tile);
+  p.unsorted_slot[at] = at;
+  p.slot_visible[at] = visible;
+}
 
 // Lists the tiles of the visible in the order of depth. Splats with many tiles are left for the
 // whole warp, each row of tiles spread over the lanes.
@@ -51,48 +56,44 @@ __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   const bool active = i < p.room.counters[kNumVisible];
   const int32_t visible = active ? p.depth_order[i] : 0;
-  const int32_t entry = active ? p.order_first[i] : 0;
-  const int32_t slot = active ? p.first_slot[visible] : 0;
-  const int32_t num_tiles = active ? p.first_slot[visible + 1] - slot : 0;
+  const int32_t first = active ? p.order_first[i] : 0;
+  const int32_t num_tiles = active ? p.order_first[i + 1] - first : 0;
   if (num_tiles > 0 && num_tiles < kManyTiles) {
-    int32_t next = 0;
+    int32_t next = first;
     ForEachTileRun(ToSplat(LoadSplat(p.splats, visible)), p.grid, [&](const TileRun& run) {
-      for (int i = 0; i < run.count; ++i, ++next) {
-        p.tile_keys[entry + next] = static_cast<uint32_t>(run.first_tile + i);
-        p.unsorted_slot[entry + next] = slot + next;
-        p.slot_visible[slot + next] = visible;
-      }
+      for (int k = 0; k < run.count; ++k) ListEntry(p, next + k, run.first_tile + k, visible);
+      next += run.count;
     });
   }
   uint32_t many = __ballot_sync(0xffffffffu, num_tiles >= kManyTiles);
   for (; many != 0; many &= many - 1) {
     const int source = __ffs(many) - 1;
     const int32_t its_visible = __shfl_sync(0xffffffffu, visible, source);
-    const int32_t its_entry = __shfl_sync(0xffffffffu, entry, source);
-    const int32_t its_slot = __shfl_sync(0xffffffffu, slot, source);
-    int32_t next = 0;
+    int32_t next = __shfl_sync(0xffffffffu, first, source);
     ForEachTileRun(ToSplat(LoadSplat(p.splats, its_visible)), p.grid, [&](const TileRun& run) {
-      for (int i = lane; i < run.count; i += 32) {
-        p.tile_keys[its_entry + next + i] = static_cast<uint32_t>(run.first_tile + i);
-        p.unsorted_slot[its_entry + next + i] = its_slot + next + i;
-        p.slot_visible[its_slot + next + i] = its_visible;
+      for (int k = lane; k < run.count; k += 32) {
+        ListEntry(p, next + k, run.first_tile + k, its_visible);
       }
       next += run.count;
     });
   }
 }
 
-// tile_first_entry from the sorted keys; a void render has no entries.
+// From the sorted keys and slots: tile_first_entry and entry_visible; a void render has no entries.
 struct RangeParams {
   Room room;
   int num_tiles;
   const uint32_t* tile_keys;
+  const int32_t* entry_slot;
+  const int32_t* slot_visible;
   int32_t* tile_first_entry;
+  int32_t* entry_visible;
 };
 __global__ void __launch_bounds__(kBlock) RangeKernel(RangeParams p) {
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   const int64_t num_entries = p.room.IsVoid() ? 0 : p.room.counters[kNumTileEntries];
   if (i > num_entries) return;
+  if (i < num_entries) p.entry_visible[i] = p.slot_visible[p.entry_slot[i]];
   // Tiles that begin at entry i: those after the tile of the entry before.
   const int first = i == 0 ? 0 : static_cast<int>(p.tile_keys[i - 1]) + 1;
   const int end = i == num_entries ? p.num_tiles : static_cast<int>(p.tile_keys[i]);
@@ -146,7 +147,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
         EntriesInOrder{by_depth, scratch.visible_first_slot.span().data, room.counters});
   };
   cub::DeviceScan::ExclusiveSum(nullptr, bytes[1], entries_in_order(nullptr),
-                                scratch.cuda.order_first.span().data, num_visible, stream_);
+                                scratch.cuda.order_first.span().data, num_visible + 1, stream_);
   cub::DeviceRadixSort::SortPairs(nullptr, bytes[2], tiles, slots, num_entries, 0, tile_bits,
                                   stream_);
   void* temporary = Temporary(std::max({bytes[0], bytes[1], bytes[2]}));
@@ -158,7 +159,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
          "sorting by depth");
     Launched("sort by depth");
     Keep(cub::DeviceScan::ExclusiveSum(temporary, bytes[1], entries_in_order(order.Current()),
-                                       scratch.cuda.order_first.span().data, num_visible, stream_),
+                                       scratch.cuda.order_first.span().data, num_visible + 1, stream_),
          "summing the entries");
     Launched("sum entries");
     if (args.keep_room) {  // keys beyond the entries sort last
@@ -171,7 +172,6 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
          order.Current(),
          scratch.cuda.order_first.span().data,
          scratch.visible_splat.span().data,
-         scratch.visible_first_slot.span().data,
          tile_keys,
          scratch.cuda.unsorted_slot.span().data,
          scratch.cuda.slot_visible.span().data});
@@ -179,13 +179,18 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
     Keep(cub::DeviceRadixSort::SortPairs(temporary, bytes[2], tiles, slots, num_entries, 0,
                                          tile_bits, stream_),
          "sorting by tile");
+    if (order.Current() != depth_order) {
+      Copy(depth_order, order.Current(), num_visible * sizeof(int32_t));
+    }
     if (slots.Current() != scratch.entry_slot.span().data) {
       std::swap(scratch.entry_slot, scratch.cuda.unsorted_slot);
     }
     Launched("sort by tile");
   }
   RangeKernel<<<NumBlocks(num_entries + 1, kBlock), kBlock, 0, stream_>>>(
-      {room, num_tiles, tiles.Current(), scratch.tile_first_entry.span().data});
+      {room, num_tiles, tiles.Current(), scratch.entry_slot.span().data,
+       scratch.cuda.slot_visible.span().data, scratch.tile_first_entry.span().data,
+       scratch.entry_visible.span().data});
   Launched("tile ranges");
   BucketKernel<<<1, kScanBlock, 0, stream_>>>(scratch.tile_first_entry.span().data, num_tiles,
                                               scratch.cuda.tile_first_bucket.span().data);

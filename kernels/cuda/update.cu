@@ -15,7 +15,7 @@ constexpr int kBlock = 128;
 struct UpdateParams {
   DevicePlanes<float> gaussians, moment1, moment2;
   int64_t count;
-  int num_coefficients;  // stored
+  int num_planes;
   ProjectionCamera<float> camera;
   int width, height;
   LearningRates rates;
@@ -61,22 +61,63 @@ __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
   p.max_radius[i] = max(p.max_radius[i], 3 * LongAxis(root));
 }
 
-__device__ void UpdateValue(const UpdateParams& p, const AdamRates<float>& rates, int plane,
-                            int64_t i, float grad) {
-  float m1 = p.moment1.At(plane, i), m2 = p.moment2.At(plane, i);
-  float value = p.gaussians.At(plane, i);
-  value += AdamStep(rates, RateOf(p.rates, plane), grad, m1, m2);
-  if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
-    value = min(max(value, p.min_log_scale), p.max_log_scale);
+// A block's gradients while its planes stream by: each thread reads back what it wrote, so that the
+// loop over the planes needs few registers and no copy of its body for each plane.
+struct BlockGradients {
+  float shape[kShPlane][kBlock];
+  float basis[NumShCoefficients(kMaxShDegree)][kBlock];
+  float color[3][kBlock];
+};
+
+__device__ void Store(const GaussianBackward& vjp, BlockGradients& out) {
+#pragma unroll
+  for (int k = 0; k < kShPlane; ++k) out.shape[k][threadIdx.x] = vjp.shape[k];
+#pragma unroll
+  for (int k = 0; k < NumShCoefficients(kMaxShDegree); ++k) {
+    out.basis[k][threadIdx.x] = vjp.basis[k];
   }
-  p.gaussians.At(plane, i) = value;
-  p.moment1.At(plane, i) = m1;
-  p.moment2.At(plane, i) = m2;
+#pragma unroll
+  for (int c = 0; c < 3; ++c) out.color[c][threadIdx.x] = vjp.color[c];
+}
+
+__device__ float GradientOf(const BlockGradients& gradients, int plane) {
+  if (plane < kShPlane) return gradients.shape[plane][threadIdx.x];
+  const int k = (plane - kShPlane) / 3, c = (plane - kShPlane) % 3;
+  return gradients.basis[k][threadIdx.x] * gradients.color[c][threadIdx.x];
+}
+
+// Adam on some planes. All is loaded before anything is stored: the compiler must assume that a
+// store changes what the next load reads, and many loads have to be on their way.
+constexpr int kPlanesAtOnce = 8;
+__device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rates,
+                             const BlockGradients& gradients, int first, int64_t i) {
+  float value[kPlanesAtOnce], moment1[kPlanesAtOnce], moment2[kPlanesAtOnce];
+#pragma unroll
+  for (int k = 0; k < kPlanesAtOnce; ++k) {
+    if (first + k >= p.num_planes) break;
+    value[k] = p.gaussians.At(first + k, i);
+    moment1[k] = p.moment1.At(first + k, i);
+    moment2[k] = p.moment2.At(first + k, i);
+  }
+#pragma unroll
+  for (int k = 0; k < kPlanesAtOnce; ++k) {
+    const int plane = first + k;
+    if (plane >= p.num_planes) break;
+    value[k] += AdamStep(rates, RateOf(p.rates, plane), GradientOf(gradients, plane), moment1[k],
+                         moment2[k]);
+    if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
+      value[k] = min(max(value[k], p.min_log_scale), p.max_log_scale);
+    }
+    p.gaussians.At(plane, i) = value[k];
+    p.moment1.At(plane, i) = moment1[k];
+    p.moment2.At(plane, i) = moment2[k];
+  }
 }
 
 // Projection backward and Adam in one pass over the planes.
 template <int kActiveDegree>
-__global__ void __launch_bounds__(kBlock) UpdateKernel(UpdateParams p) {
+__global__ void __launch_bounds__(kBlock, 5) UpdateKernel(UpdateParams p) {
+  __shared__ BlockGradients gradients;
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   if (i >= p.count || p.room.IsVoid()) return;
   const int32_t visible = p.gaussian_visible[i];
@@ -92,17 +133,12 @@ __global__ void __launch_bounds__(kBlock) UpdateKernel(UpdateParams p) {
     }
     AddStats(p, i, ToSplat(LoadSplat(p.visible_splat, visible)), grad);
   }
+  Store(vjp, gradients);
   const int step = ++p.num_steps[i];
   const AdamRates<float> rates = RatesAt(p, step);
-#pragma unroll
-  for (int k = 0; k < kShPlane; ++k) UpdateValue(p, rates, k, i, vjp.shape[k]);
-#pragma unroll
-  for (int k = 0; k < NumShCoefficients(kMaxShDegree); ++k) {
-    if (k >= p.num_coefficients) break;
-#pragma unroll
-    for (int c = 0; c < 3; ++c) {
-      UpdateValue(p, rates, kShPlane + 3 * k + c, i, vjp.basis[k] * vjp.color[c]);
-    }
+#pragma unroll 1
+  for (int first = 0; first < p.num_planes; first += kPlanesAtOnce) {
+    UpdatePlanes(p, rates, gradients, first, i);
   }
 }
 
@@ -128,7 +164,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                 ToDevice(args.moment1),
                 ToDevice(args.moment2),
                 args.gaussians.count,
-                NumShCoefficients(args.gaussians.sh_degree),
+                NumPlanes(args.gaussians.sh_degree),
                 MakeProjectionCamera<float>(args.view),
                 args.view.width,
                 args.view.height,

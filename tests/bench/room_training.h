@@ -1,0 +1,52 @@
+#pragma once
+
+#include <vector>
+
+#include "kernels/backend.h"
+#include "tests/bench/room_scene.h"
+
+namespace pepeseg {
+
+// A room in training on one backend, against photographs of another room: steps of stage one with
+// no depth, SH of degree 3.
+class RoomTraining {
+ public:
+  static constexpr int kNumViews = 8;
+
+  RoomTraining(Backend& backend, int64_t count, int width, int height);
+
+  void Step(int view);
+  void Render(int view);
+  void ImageLoss(int view);
+  void RenderBackward(int view);
+  void Update(int view);
+
+  // On the CUDA backend: see RenderArgs.
+  void set_keep_room(bool keep_room) { keep_room_ = keep_room; }
+  std::vector<int64_t> Counters() const;
+  std::vector<double> Sums() const;       // of the last ImageLoss
+  std::vector<float> Gaussians() const;
+  const RenderScratch& scratch() const { return scratch_; }
+
+ private:
+  GaussianPlanes Planes(Buffer<float>& buffer) const {
+    return {buffer.span().data, count_, count_, kMaxShDegree};
+  }
+  void TakePhotographs();
+
+  Backend& backend_;
+  int64_t count_;
+  int width_, height_;
+  bool keep_room_ = false;
+  Buffer<float> gaussians_, moment1_, moment2_;
+  Buffer<int32_t> num_steps_;
+  Buffer<float> mean2d_grad_;
+  Buffer<int32_t> num_visible_;
+  Buffer<float> max_radius_;
+  Buffer<float> color_, color_grad_;
+  Buffer<double> sums_;
+  std::vector<Buffer<uint8_t>> photographs_;
+  RenderScratch scratch_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,234 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tests/kernels/backend_test.h"
+#include "tests/kernels/central_differences.h"
+#include "tests/kernels/rendered.h"
+
+// The CUDA backend against the CPU's on scenes too large for the reference, and what only it does.
+
+namespace pepeseg {
+namespace {
+
+class CudaAgainstCpuTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    cuda_ = MakeCuda();
+    if (cuda_ == nullptr) GTEST_SKIP() << "this machine has no Cuda";
+    cpu_ = MakeCpuBackend(0);
+  }
+  void TearDown() override {
+    if (cuda_ == nullptr) return;
+    cuda_->Sync();
+    EXPECT_EQ(cuda_->error(), "");
+  }
+
+  std::unique_ptr<Backend> cpu_, cuda_;
+};
+
+// A splat at the very edge of its reach, or a pixel at the very end of its transmittance, may go
+// either way: few pixels, by no more than what such a splat carries, and to both sides.
+struct Band {
+  double inside;     // largest difference outside the band
+  double share;      // of pixels that may be in the band
+  double in_band;    // largest difference there
+  double mean;       // largest signed mean
+};
+
+void ExpectClose(const std::vector<float>& got, const std::vector<float>& want, const Band& band) {
+  ASSERT_EQ(got.size(), want.size());
+  double mean = 0, largest = 0, largest_in_band = 0;
+  size_t num_in_band = 0;
+  for (size_t i = 0; i < want.size(); ++i) {
+    const double difference = double{got[i]} - want[i];
+    ASSERT_TRUE(std::isfinite(got[i])) << i;
+    mean += difference / static_cast<double>(want.size());
+    if (std::abs(difference) > band.inside) {
+      ++num_in_band;
+      largest_in_band = std::max(largest_in_band, std::abs(difference));
+    } else {
+      largest = std::max(largest, std::abs(difference));
+    }
+  }
+  EXPECT_LE(static_cast<double>(num_in_band), band.share * static_cast<double>(want.size()));
+  EXPECT_LE(largest_in_band, band.in_band);
+  EXPECT_LE(std::abs(mean), band.mean);
+}
+
+HostGaussians WithDegenerateOnes(HostGaussians scene) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  for (int64_t i = 0; i + 16 <= scene.count; i += 16) {
+    for (int k = 0; k < 4; ++k) scene.At(kRotationPlane + k, i) = 0;
+    scene.At(kMeanPlane, i + 1) = kNan;
+    scene.At(kLogScalePlane, i + 2) = 85;
+    scene.At(kLogScalePlane + 1, i + 3) = -60;
+    scene.At(kOpacityPlane, i + 4) = -30;
+    scene.At(kMeanPlane + 2, i + 5) = -8;
+    scene.At(kShPlane + 7, i + 6) = std::numeric_limits<float>::infinity();
+    scene.At(kLogScalePlane + 2, i + 7) = 3;  // fills the image
+    scene.At(kOpacityPlane, i + 7) = -4;
+    scene.At(kLogScalePlane, i + 8) = 0;  // a needle
+    scene.At(kLogScalePlane + 1, i + 8) = scene.At(kLogScalePlane + 2, i + 8) = -12;
+  }
+  return scene;
+}
+
+// Those that fill the image and the needles a scene unit long: their gradients are differences of
+// sums far larger, and those of the CPU's own instruction sets differ by up to their size.
+bool IsHugeOrNeedle(int64_t i) { return i % 16 == 7 || i % 16 == 8; }
+
+struct Case {
+  const char* name;
+  HostGaussians scene;
+  PinholeView view;
+  bool (*is_ill_conditioned)(int64_t) = nullptr;  // by float: only finite gradients are asked for
+};
+
+std::vector<Case> Cases() {
+  return {{"small", RandomScene({.count = 20'000, .min_scale = 0.004f, .max_scale = 0.03f}),
+           TestView(323, 217)},
+          {"large", RandomScene({.count = 3'000, .max_scale = 0.3f, .seed = 5}),
+           TestView(200, 150)},
+          {"opaque", RandomScene({.count = 6'000, .min_opacity_logit = 2, .max_opacity_logit = 7,
+                                  .seed = 6}),
+           TestView(160, 171)},
+          {"degenerate", WithDegenerateOnes(RandomScene({.count = 4'000, .seed = 7})),
+           TestView(190, 130), IsHugeOrNeedle}};
+}
+
+TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
+  for (const Case& c : Cases()) {
+    SCOPED_TRACE(c.name);
+    Rendered cpu(*cpu_, c.scene, c.view), cuda(*cuda_, c.scene, c.view);
+    cpu.Render();
+    cuda.Render();
+    EXPECT_EQ(cuda.Counter(kNumVisible), cpu.Counter(kNumVisible));
+    EXPECT_EQ(cuda.Counter(kNumCulledDegenerate), cpu.Counter(kNumCulledDegenerate));
+    // The slack of the extent rounds differently.
+    EXPECT_NEAR(static_cast<double>(cuda.Counter(kNumTileEntries)),
+                static_cast<double>(cpu.Counter(kNumTileEntries)),
+                1e-4 * static_cast<double>(cpu.Counter(kNumTileEntries)) + 2);
+    ExpectClose(Download(cuda.color), Download(cpu.color), {2e-5, 2e-3, 3.0 / 255, 2e-6});
+    ExpectClose(Download(cuda.alpha), Download(cpu.alpha), {1e-5, 2e-3, 1.5 / 255, 2e-6});
+    ExpectClose(Download(cuda.depth), Download(cpu.depth), {6e-5, 2e-3, 6.0 / 255, 6e-6});
+
+    const int64_t num_pixels = cpu.alpha.size();
+    const auto color_grad = RandomValues(3 * num_pixels, 1), alpha_grad = RandomValues(num_pixels, 2);
+    const auto depth_grad = RandomValues(num_pixels, 3);
+    cpu.Backward(color_grad, alpha_grad, depth_grad);
+    cuda.Backward(color_grad, alpha_grad, depth_grad);
+    const auto want = cpu.ParameterGradient(), got = cuda.ParameterGradient();
+    for (int plane = 0; plane < NumPlanes(c.scene.sh_degree); ++plane) {
+      std::vector<double> got_rows, want_rows;
+      for (int64_t i = 0; i < c.scene.count; ++i) {
+        const float row = got[plane * c.scene.count + i];
+        ASSERT_TRUE(std::isfinite(row));
+        if (c.is_ill_conditioned != nullptr && c.is_ill_conditioned(i)) continue;
+        got_rows.push_back(row);
+        want_rows.push_back(want[plane * c.scene.count + i]);
+      }
+      EXPECT_LT(RelativeError(got_rows, want_rows), 2e-3) << "plane " << plane;
+    }
+  }
+}
+
+TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
+  for (const Case& c : Cases()) {
+    SCOPED_TRACE(c.name);
+    Rendered cpu(*cpu_, c.scene, c.view), cuda(*cuda_, c.scene, c.view);
+    cpu.Render();
+    cuda.Render();
+    if (cuda.Counter(kNumTileEntries) != cpu.Counter(kNumTileEntries)) continue;
+    EXPECT_EQ(Download(cuda.scratch.visible_gaussian), Download(cpu.scratch.visible_gaussian));
+    EXPECT_EQ(Download(cuda.scratch.tile_first_entry), Download(cpu.scratch.tile_first_entry));
+    const auto got = Download(cuda.scratch.entry_visible), want = Download(cpu.scratch.entry_visible);
+    // Depths that are equal but for rounding may change places.
+    size_t num_moved = 0;
+    for (size_t i = 0; i < want.size(); ++i) num_moved += got[i] != want[i];
+    EXPECT_LT(static_cast<double>(num_moved), 1e-3 * static_cast<double>(want.size()));
+  }
+}
+
+struct Bytes {
+  std::vector<float> color, gaussians, moment2;
+};
+Bytes Train(Backend& backend, const HostGaussians& host, bool keep_room) {
+  Rendered scene(backend, host, TestView(200, 150));
+  for (int step = 0; step < 5; ++step) {
+    scene.keep_room = keep_room && step > 0;
+    scene.Render();
+    scene.Backward(RandomValues(3 * 200 * 150, step));
+    backend.Update(scene.MakeUpdateArgs());
+  }
+  return {Download(scene.color), Download(scene.gaussians), Download(scene.moment2)};
+}
+
+TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndWhenItsRoomIsKept) {
+  const HostGaussians host = RandomScene({.count = 5'000, .max_scale = 0.1f});
+  const Bytes once = Train(*cuda_, host, false), again = Train(*cuda_, host, false);
+  EXPECT_EQ(once.color, again.color);
+  EXPECT_EQ(once.gaussians, again.gaussians);
+  EXPECT_EQ(once.moment2, again.moment2);
+  const Bytes kept = Train(*cuda_, host, true);
+  EXPECT_EQ(once.color, kept.color);
+  EXPECT_EQ(once.gaussians, kept.gaussians);
+}
+
+TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
+  HostGaussians host = RandomScene({.count = 500, .min_scale = 0.01f, .max_scale = 0.02f});
+  Rendered scene(*cuda_, host, TestView(200, 150));
+  scene.Render();
+  const int64_t num_entries = scene.Counter(kNumTileEntries);
+  for (int64_t i = 0; i < host.count; ++i) {
+    for (int k = 0; k < 3; ++k) host.At(kLogScalePlane + k, i) = std::log(0.3f);
+  }
+  scene.gaussians.Upload(host.planes);
+  scene.keep_room = true;
+  scene.Render();
+  EXPECT_GT(scene.Counter(kNumTileEntries), 4 * num_entries);
+  EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
+  for (const float alpha : Download(scene.alpha)) ASSERT_EQ(alpha, 0);
+  scene.Backward(RandomValues(3 * 200 * 150, 1));
+  cuda_->Update(scene.MakeUpdateArgs());
+  EXPECT_EQ(Download(scene.gaussians), host.planes);
+  EXPECT_EQ(Download(scene.num_steps), std::vector<int32_t>(500));
+
+  scene.keep_room = false;
+  scene.Render();
+  scene.keep_room = true;
+  scene.Render();
+  EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
+  scene.Backward(RandomValues(3 * 200 * 150, 1));
+  cuda_->Update(scene.MakeUpdateArgs());
+  EXPECT_NE(Download(scene.gaussians), host.planes);
+}
+
+TEST_F(CudaAgainstCpuTest, GathersRows) {
+  const HostGaussians host = RandomScene({.count = 50, .sh_degree = 1});
+  const std::vector<int32_t> source = {3, -1, 49, 0, 3};
+  for (Backend* backend : {cpu_.get(), cuda_.get()}) {
+    Buffer<float> from = Upload(*backend, host.planes);
+    Buffer<float> to(*backend, 5 * NumPlanes(1));
+    const Buffer<int32_t> rows(*backend, std::span<const int32_t>(source));
+    backend->GatherRows({rows.span(), PlanesIn(from, host), {to.span().data, 5, 5, 1}});
+    const auto got = Download(to);
+    for (int plane = 0; plane < NumPlanes(1); ++plane) {
+      for (int i = 0; i < 5; ++i) {
+        ASSERT_EQ(got[plane * 5 + i], source[i] < 0 ? 0 : host.At(plane, source[i]));
+      }
+    }
+  }
+}
+
+TEST(CudaBackend, SaysWhyItIsNotThere) {
+  std::string error;
+  const auto backend = MakeCudaBackend({.device = 1000}, &error);
+  EXPECT_EQ(backend, nullptr);
+  EXPECT_NE(error.find("CUDA"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace pepeseg
