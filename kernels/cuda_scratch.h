@@ -18,6 +18,7 @@ struct CudaScratch {
   Buffer<float> pixel_color;          // [tiles, 256, 4]
   Buffer<float> pixel_depth;          // [tiles, 256]
   Buffer<int32_t> tile_first_bucket;  // [tiles + 1]
+  Buffer<int32_t> tile_order;         // [tiles] those with the most entries first
   Buffer<int32_t> bucket_tile;        // [buckets] -> tile
   Buffer<float> bucket_color;         // [buckets, 256, 4]
   Buffer<float> bucket_depth;         // [buckets, 256]

@@ -12,7 +12,10 @@ template <class T>
 struct DevicePlanes {
   T* data;
   int64_t stride;
-  __device__ T& At(int plane, int64_t i) const { return data[plane * stride + i]; }
+  // The plane is the same for a whole warp: its address stays in uniform registers.
+  __device__ T& At(int plane, int64_t i) const {
+    return (data + plane * stride)[static_cast<uint32_t>(i)];
+  }
 };
 inline DevicePlanes<const float> ToDevice(const ConstGaussianPlanes& planes) {
   return {planes.data, planes.stride};

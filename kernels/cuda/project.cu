@@ -79,11 +79,15 @@ __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
   return ShadeSplat<kDegree>(p, i, shape.mean, splat) ? Fate::kVisible : Fate::kDegenerate;
 }
 
+// More than an int holds is refused or void later, by the counters.
+__device__ int32_t ToSlot(uint64_t slot) {
+  return static_cast<int32_t>(min(slot, uint64_t{INT32_MAX}));
+}
+
 struct Counts {
   uint32_t visible, entries;
 };
 
-// Exclusive sums over the threads of the block; the last warp's total is the block's.
 struct BlockSums {
   Counts warp[kNumWarps];
   uint64_t visible_before, entries_before;
@@ -105,29 +109,21 @@ __device__ Counts WarpExclusiveSum(Counts own, Counts& total) {
   return {sum.visible - own.visible, sum.entries - own.entries};
 }
 
+// By the first two warps: one sums the visible, the other the entries.
 __device__ void SumOverBlocks(const ProjectParams& p, BlockSums& sums) {
   const int num_blocks = static_cast<int>(gridDim.x);
-  if (threadIdx.x >= 32) return;
-  uint64_t visible = 0, entries = 0;
+  const int warp = static_cast<int>(threadIdx.x) / 32;
+  if (warp >= 2) return;
+  uint64_t own = 0;
   for (int w = 0; w < kNumWarps; ++w) {
-    const Counts before = {static_cast<uint32_t>(visible), static_cast<uint32_t>(entries)};
-    visible += sums.warp[w].visible;
-    entries += sums.warp[w].entries;
-    __syncwarp();
-    if (threadIdx.x == 0) sums.warp[w] = before;
-    __syncwarp();
+    own += warp == 0 ? sums.warp[w].visible : sums.warp[w].entries;
   }
-  const uint64_t visible_before = SumOfBlocksBefore(p.progress + 1, sums.block, visible);
-  const uint64_t entries_before =
-      SumOfBlocksBefore(p.progress + 1 + num_blocks, sums.block, entries);
-  if (threadIdx.x != 0) return;
-  sums.visible_before = visible_before;
-  sums.entries_before = entries_before;
+  const uint64_t before =
+      SumOfBlocksBefore(p.progress + 1 + warp * num_blocks, sums.block, own);
+  if (threadIdx.x % 32 != 0) return;
+  (warp == 0 ? sums.visible_before : sums.entries_before) = before;
   if (sums.block != num_blocks - 1) return;
-  p.counters[kNumVisible] = static_cast<int64_t>(visible_before + visible);
-  p.counters[kNumTileEntries] = static_cast<int64_t>(entries_before + entries);
-  p.visible_first_slot[visible_before + visible] =
-      static_cast<int32_t>(min(entries_before + entries, uint64_t{INT32_MAX}));
+  p.counters[warp == 0 ? kNumVisible : kNumTileEntries] = static_cast<int64_t>(before + own);
 }
 
 // Projects, and compacts in the order of the Gaussians.
@@ -163,19 +159,25 @@ __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   __syncthreads();
   SumOverBlocks(p, sums);
   __syncthreads();
+  uint64_t visible = sums.visible_before + in_warp.visible;
+  uint64_t slot = sums.entries_before + in_warp.entries;
+  for (int w = 0; w < warp; ++w) {
+    visible += sums.warp[w].visible;
+    slot += sums.warp[w].entries;
+  }
+  if (i == p.count - 1) {
+    p.visible_first_slot[visible + own.visible] = ToSlot(slot + own.entries);
+  }
   if (i >= p.count) return;
-  const int64_t visible =
-      static_cast<int64_t>(sums.visible_before) + sums.warp[warp].visible + in_warp.visible;
   const bool kept = own.visible != 0;
   p.gaussian_visible[i] = kept ? static_cast<int32_t>(visible) : -1;
   if (!kept) return;
-  const uint64_t slot = sums.entries_before + sums.warp[warp].entries + in_warp.entries;
   p.visible_gaussian[visible] = static_cast<int32_t>(i);
   float4* words = reinterpret_cast<float4*>(p.visible_splat + visible);
   words[0] = {splat.x, splat.y, splat.root_xx, splat.root_xy};
   words[1] = {splat.root_yy, splat.opacity, splat.r, splat.g};
   words[2] = {splat.b, splat.depth, splat.min_power, splat.half_height};
-  p.visible_first_slot[visible] = static_cast<int32_t>(min(slot, uint64_t{INT32_MAX}));
+  p.visible_first_slot[visible] = ToSlot(slot);
   p.depth_keys[visible] = __float_as_uint(splat.depth);
   p.depth_order[visible] = static_cast<int32_t>(visible);
 }

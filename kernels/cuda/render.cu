@@ -13,6 +13,7 @@ struct BlendParams {
   Room room;
   const int32_t* entry_visible;
   const int32_t* tile_first_bucket;
+  const int32_t* tile_order;
   float background[3];
   // Outputs; alpha and depth may be null.
   float *color, *alpha, *depth;
@@ -76,8 +77,8 @@ __device__ void StoreBucket(const BlendParams& p, int32_t bucket, const PixelSum
 }
 
 template <bool kDepth>
-__device__ void StorePixel(const BlendParams& p, int x, int y, const PixelSum& sum) {
-  const int64_t in_tiles = int64_t{blockIdx.x} * kTilePixels + threadIdx.x;
+__device__ void StorePixel(const BlendParams& p, int tile, int x, int y, const PixelSum& sum) {
+  const int64_t in_tiles = int64_t{tile} * kTilePixels + threadIdx.x;
   p.pixel_color[in_tiles] = sum.color;
   if constexpr (kDepth) p.pixel_depth[in_tiles] = sum.depth;
   if (x >= p.tiles.width || y >= p.tiles.height) return;
@@ -97,7 +98,7 @@ template <bool kDepth>
 __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
   __shared__ Batch batch;
   const int lane = static_cast<int>(threadIdx.x) % 32, cell = static_cast<int>(threadIdx.x) / 32;
-  const int tile = static_cast<int>(blockIdx.x);
+  const int tile = p.tile_order[blockIdx.x];
   const int cell_x = tile % p.tiles.num_tiles_x * kTileSize + CellX(cell);
   const int cell_y = tile / p.tiles.num_tiles_x * kTileSize + CellY(cell);
   const int x = cell_x + lane % kCellWidth, y = cell_y + lane / kCellWidth;
@@ -135,7 +136,7 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
       }
     }
   }
-  StorePixel<kDepth>(p, x, y, sum);
+  StorePixel<kDepth>(p, tile, x, y, sum);
 }
 
 }  // namespace
@@ -171,6 +172,7 @@ void CudaBackend::MakeRoom(const RenderArgs& args) {
   scratch.cuda.tile_keys.Reserve(*this, 2 * num_entries);
   scratch.tile_first_entry.Reserve(*this, num_tiles + 1);
   scratch.cuda.tile_first_bucket.Reserve(*this, num_tiles + 1);
+  scratch.cuda.tile_order.Reserve(*this, num_tiles);
   const int64_t num_buckets = MaxBuckets(num_entries, num_tiles);
   scratch.cuda.bucket_tile.Reserve(*this, num_buckets);
   scratch.cuda.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
@@ -203,6 +205,7 @@ void CudaBackend::Render(const RenderArgs& args) {
       RoomOf(scratch),
       scratch.entry_visible.span().data,
       scratch.cuda.tile_first_bucket.span().data,
+      scratch.cuda.tile_order.span().data,
       {args.background[0], args.background[1], args.background[2]},
       args.color.data,
       args.alpha.data,

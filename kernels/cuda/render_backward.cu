@@ -105,7 +105,7 @@ __device__ void ZeroSlot(const BackwardParams& p, int32_t slot) {
   for (int k = 0; k < kNumSlotSums / 2; ++k) out[k] = {0, 0};
 }
 
-constexpr int kBackwardWarps = 2;  // a block
+constexpr int kBackwardWarps = 1;  // a block
 
 struct WarpBatch {
   float4 a[32], b[32], c[32];
@@ -188,6 +188,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
 
 constexpr int kSumParts = kNumSlotSums / 2;  // threads a splat, two sums each
 constexpr int kSplatsABlock = 64;
+constexpr int kSlotsAtOnce = 4;
 
 struct SumParams {
   Room room;
@@ -210,10 +211,18 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
   float2 sum = {0, 0};
   if (own < num_visible) {
     const float2* slots = reinterpret_cast<const float2*>(p.slot_sums) + part;
-    for (int64_t slot = p.order_first[own]; slot < p.order_first[own + 1]; ++slot) {
-      const float2 two = slots[slot * kSumParts];
-      sum.x += two.x;
-      sum.y += two.y;
+    const int64_t end = p.order_first[own + 1];
+    for (int64_t slot = p.order_first[own]; slot < end; slot += kSlotsAtOnce) {
+      float2 some[kSlotsAtOnce];
+#pragma unroll
+      for (int k = 0; k < kSlotsAtOnce; ++k) {
+        some[k] = slot + k < end ? slots[(slot + k) * kSumParts] : float2{0, 0};
+      }
+#pragma unroll
+      for (int k = 0; k < kSlotsAtOnce; ++k) {
+        sum.x += some[k].x;
+        sum.y += some[k].y;
+      }
     }
   }
   shared[thread / kSumParts][part] = sum;

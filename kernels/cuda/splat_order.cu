@@ -100,24 +100,48 @@ __global__ void __launch_bounds__(kBlock) RangeKernel(RangeParams p) {
   for (int tile = first; tile <= end; ++tile) p.tile_first_entry[tile] = static_cast<int32_t>(i);
 }
 
-// One block: tile_first_bucket, the sum of the buckets of the tiles before.
+// One block: tile_first_bucket, the sum of the buckets of the tiles before; and tile_order, those
+// with the most buckets first, so that no long tile begins when the others are done.
 constexpr int kScanBlock = 1024;
+constexpr int kNumLoads = 64;  // tiles with more buckets count as if they had as many
+__device__ int LoadOf(int32_t num_buckets) { return kNumLoads - 1 - min(num_buckets, kNumLoads - 1); }
+
 __global__ void __launch_bounds__(kScanBlock)
-    BucketKernel(const int32_t* tile_first_entry, int num_tiles, int32_t* tile_first_bucket) {
+    BucketKernel(const int32_t* tile_first_entry, int num_tiles, int32_t* tile_first_bucket,
+                 int32_t* tile_order) {
   using Scan = cub::BlockScan<int32_t, kScanBlock>;
   __shared__ typename Scan::TempStorage storage;
+  __shared__ int32_t next_of_load[kNumLoads];
+  if (threadIdx.x < kNumLoads) next_of_load[threadIdx.x] = 0;
+  __syncthreads();
   int32_t before = 0;
   for (int base = 0; base < num_tiles; base += kScanBlock) {
     const int tile = base + static_cast<int>(threadIdx.x);
     int32_t own = 0;
-    if (tile < num_tiles) own = NumBuckets(tile_first_entry[tile + 1] - tile_first_entry[tile]);
+    if (tile < num_tiles) {
+      own = NumBuckets(tile_first_entry[tile + 1] - tile_first_entry[tile]);
+      atomicAdd(&next_of_load[LoadOf(own)], 1);
+    }
     int32_t first, total;
     Scan(storage).ExclusiveSum(own, first, total);
     if (tile < num_tiles) tile_first_bucket[tile] = before + first;
     before += total;
     __syncthreads();
   }
-  if (threadIdx.x == 0) tile_first_bucket[num_tiles] = before;
+  if (threadIdx.x == 0) {
+    tile_first_bucket[num_tiles] = before;
+    int32_t next = 0;
+    for (int32_t& load : next_of_load) {
+      const int32_t count = load;
+      load = next;
+      next += count;
+    }
+  }
+  __syncthreads();
+  for (int tile = static_cast<int>(threadIdx.x); tile < num_tiles; tile += kScanBlock) {
+    const int32_t own = NumBuckets(tile_first_entry[tile + 1] - tile_first_entry[tile]);
+    tile_order[atomicAdd(&next_of_load[LoadOf(own)], 1)] = tile;
+  }
 }
 
 }  // namespace
@@ -193,7 +217,8 @@ void CudaBackend::ListTileEntries(const RenderArgs& args) {
        scratch.entry_visible.span().data});
   Launched("tile ranges");
   BucketKernel<<<1, kScanBlock, 0, stream_>>>(scratch.tile_first_entry.span().data, num_tiles,
-                                              scratch.cuda.tile_first_bucket.span().data);
+                                              scratch.cuda.tile_first_bucket.span().data,
+                                              scratch.cuda.tile_order.span().data);
   Launched("tile buckets");
 }
 

@@ -18,7 +18,7 @@ struct UpdateParams {
   int num_planes;
   ProjectionCamera<float> camera;
   int width, height;
-  LearningRates rates;
+  float rates[NumPlanes(kMaxShDegree)];
   float beta1, beta2, epsilon;
   float log_beta1, log_beta2;
   float min_log_scale, max_log_scale;
@@ -34,7 +34,7 @@ struct UpdateParams {
   int64_t* num_skipped;
 };
 
-__device__ float RateOf(const LearningRates& rates, int plane) {
+float RateOf(const LearningRates& rates, int plane) {
   if (plane < kLogScalePlane) return rates.mean;
   if (plane < kRotationPlane) return rates.log_scale;
   if (plane < kOpacityPlane) return rates.rotation;
@@ -103,7 +103,7 @@ __device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rate
   for (int k = 0; k < kPlanesAtOnce; ++k) {
     const int plane = first + k;
     if (plane >= p.num_planes) break;
-    value[k] += AdamStep(rates, RateOf(p.rates, plane), GradientOf(gradients, plane), moment1[k],
+    value[k] += AdamStep(rates, p.rates[plane], GradientOf(gradients, plane), moment1[k],
                          moment2[k]);
     if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
       value[k] = min(max(value[k], p.min_log_scale), p.max_log_scale);
@@ -160,7 +160,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
   RenderScratch& scratch = *args.scratch;
   int64_t* num_skipped = scratch.counters.span().data + kNumSkippedGradientRows;
   Zero(num_skipped, sizeof(int64_t));
-  LaunchUpdate({ToDevice(args.gaussians),
+  UpdateParams params = {ToDevice(args.gaussians),
                 ToDevice(args.moment1),
                 ToDevice(args.moment2),
                 args.gaussians.count,
@@ -168,7 +168,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                 MakeProjectionCamera<float>(args.view),
                 args.view.width,
                 args.view.height,
-                args.learning_rates,
+                {},
                 args.beta1,
                 args.beta2,
                 args.epsilon,
@@ -185,8 +185,11 @@ void CudaBackend::Update(const UpdateArgs& args) {
                 args.stats.mean2d_grad_sum.data,
                 args.stats.num_visible.data,
                 args.stats.max_radius.data,
-                num_skipped},
-               args.active_sh_degree, stream_);
+                num_skipped};
+  for (int k = 0; k < NumPlanes(args.gaussians.sh_degree); ++k) {
+    params.rates[k] = RateOf(args.learning_rates, k);
+  }
+  LaunchUpdate(params, args.active_sh_degree, stream_);
   Launched("update");
 }
 
