@@ -24,10 +24,7 @@ struct CudaScratch {
   Buffer<float> bucket_depth;         // [buckets, 256]
 
   // Only within one render.
-  Buffer<uint32_t> depth_keys;    // [2, visible]
-  Buffer<int32_t> depth_order;    // [2, visible]
-  Buffer<int32_t> order_first;    // [visible] entries of those before, in the order of depth
-  Buffer<uint32_t> tile_keys;     // [2, entries]
+  Buffer<uint64_t> sort_keys;     // [2, entries] by tile, then by depth
   Buffer<int32_t> unsorted_slot;  // [entries]
 };
 

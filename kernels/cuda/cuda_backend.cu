@@ -1,9 +1,9 @@
-#include "kernels/cuda/cuda_backend.h"
-
 #include <cuda_runtime.h>
 
 #include <algorithm>
 #include <utility>
+
+#include "kernels/cuda/cuda_backend.h"
 
 namespace pepeseg {
 
@@ -14,7 +14,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   device_name_ = properties.name;
   Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
   Keep(cudaMallocHost(reinterpret_cast<void**>(&pinned_counters_),
-                      kNumRenderCounters * sizeof(int64_t)),
+                      kNumCudaCounters * sizeof(int64_t)),
        "allocating pinned memory");
   // Freed memory stays with the process: a scene that grows and shrinks would else go to the
   // driver each time.

@@ -13,6 +13,17 @@
 
 namespace pepeseg {
 
+// An entry sorts by its tile, above `depth` bits of its depth: the bits of a positive float order
+// as it does, and all are at least `nearest`.
+struct SortKeyBits {
+  uint32_t nearest;
+  int depth;
+};
+
+// Behind the counters of RenderScratch stands the largest depth as its bits.
+inline constexpr int kLargestDepth = kNumRenderCounters;
+inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
+
 // The CUDA implementation on one device and one stream: each op stands in the file of its name
 // beside this one. Memory comes from the device's stream-ordered pool, so that freeing and growing
 // wait for nothing.
@@ -70,8 +81,8 @@ class CudaBackend final : public Backend {
 
   // Parts of Render.
   void ProjectGaussians(const RenderArgs& args);
-  void MakeRoom(const RenderArgs& args);
-  void ListTileEntries(const RenderArgs& args);
+  SortKeyBits MakeRoom(const RenderArgs& args);
+  void ListTileEntries(const RenderArgs& args, const SortKeyBits& bits);
 
   CudaOptions options_;
   std::string device_name_;
@@ -80,7 +91,7 @@ class CudaBackend final : public Backend {
   std::string error_;
   std::unordered_map<void*, size_t> blocks_;  // sizes
   size_t bytes_in_use_ = 0;
-  int64_t* pinned_counters_ = nullptr;  // [kNumRenderCounters] on the host
+  int64_t* pinned_counters_ = nullptr;  // [kNumCudaCounters] on the host
   Buffer<std::byte> temporary_;
   struct KernelMark {
     const char* kernel;  // nullptr: an op begins

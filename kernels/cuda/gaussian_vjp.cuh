@@ -8,7 +8,7 @@ namespace pepeseg {
 // The gradient of all the parameters of one Gaussian, those of its SH coefficients as the products
 // they are: coefficient k of channel c gets basis[k] * color[c].
 struct GaussianBackward {
-  float shape[kShPlane];  // in the order of the planes
+  float shape[kShPlane];                         // in the order of the planes
   float basis[NumShCoefficients(kMaxShDegree)];  // 0 beyond the active degree
   float color[3];
 
@@ -55,10 +55,17 @@ __device__ inline void BackwardGaussian(const DevicePlanes<const float>& planes,
   GaussianShape<float> g = ProjectVjp(camera, shape, projection_grad);
   g.mean = g.mean + NormalizeVjp(offset, ShBasisVjp(dir, kActiveDegree, basis_grad));
   const float opacity = Sigmoid(planes.At(kOpacityPlane, i));
-  const float in_order[kShPlane] = {
-      g.mean.x,      g.mean.y,     g.mean.z,     g.log_scale.x,
-      g.log_scale.y, g.log_scale.z, g.rotation.w, g.rotation.x,
-      g.rotation.y,  g.rotation.z, SigmoidVjp(opacity, grad.opacity)};
+  const float in_order[kShPlane] = {g.mean.x,
+                                    g.mean.y,
+                                    g.mean.z,
+                                    g.log_scale.x,
+                                    g.log_scale.y,
+                                    g.log_scale.z,
+                                    g.rotation.w,
+                                    g.rotation.x,
+                                    g.rotation.y,
+                                    g.rotation.z,
+                                    SigmoidVjp(opacity, grad.opacity)};
 #pragma unroll
   for (int k = 0; k < kShPlane; ++k) out.shape[k] = in_order[k];
 }

@@ -19,7 +19,7 @@ struct LossParams {
   int width, height;
   const float* color;
   const uint8_t* target;
-  const uint8_t* ignore;      // may be null
+  const uint8_t* ignore;       // may be null
   const int64_t* num_counted;  // pixels that are not ignored; null: all
   float l1_weight, ssim_weight;
   float taps[kSsimRadius + 1];
@@ -75,10 +75,14 @@ __device__ void FilterAcross(const LossParams& p, MomentTile& tile) {
     const int row = item / kRuns, first = item % kRuns * kRun;
     const float *x = &tile.x[row][first], *y = &tile.y[row][first];
     float out[kNumMoments][kRun];
-    FilterRun(p, [&](int k) { return x[k]; }, out[0]);
-    FilterRun(p, [&](int k) { return y[k]; }, out[1]);
-    FilterRun(p, [&](int k) { return x[k] * x[k] + y[k] * y[k]; }, out[2]);
-    FilterRun(p, [&](int k) { return x[k] * y[k]; }, out[3]);
+    FilterRun(
+        p, [&](int k) { return x[k]; }, out[0]);
+    FilterRun(
+        p, [&](int k) { return y[k]; }, out[1]);
+    FilterRun(
+        p, [&](int k) { return x[k] * x[k] + y[k] * y[k]; }, out[2]);
+    FilterRun(
+        p, [&](int k) { return x[k] * y[k]; }, out[3]);
 #pragma unroll
     for (int m = 0; m < kNumMoments; ++m) {
       *reinterpret_cast<float4*>(&tile.filtered[m][row][first]) = {out[m][0], out[m][1], out[m][2],
@@ -101,8 +105,7 @@ __device__ void StorePartials(const LossParams& p, const float (&own)[3]) {
   if (threadIdx.x >= 3) return;
   double sum = 0;
   for (int w = 0; w < kBlock / 32; ++w) sum += warps[threadIdx.x][w];
-  const int64_t block =
-      (int64_t{blockIdx.z} * gridDim.y + blockIdx.y) * gridDim.x + blockIdx.x;
+  const int64_t block = (int64_t{blockIdx.z} * gridDim.y + blockIdx.y) * gridDim.x + blockIdx.x;
   p.partials[block * 3 + threadIdx.x] = sum;
 }
 
@@ -114,8 +117,8 @@ __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
   const int first_y = static_cast<int>(blockIdx.y) * kTile;
   for (int item = static_cast<int>(threadIdx.x); item < kWide * kWide; item += kBlock) {
     const int row = item / kWide, column = item % kWide;
-    const PixelPair pixel = LoadPixel(p, channel, first_x + column - kSsimRadius,
-                                      first_y + row - kSsimRadius);
+    const PixelPair pixel =
+        LoadPixel(p, channel, first_x + column - kSsimRadius, first_y + row - kSsimRadius);
     tile.x[row][column] = pixel.x;
     tile.y[row][column] = pixel.y;
   }
@@ -128,7 +131,8 @@ __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
   float moments[kNumMoments][kRun];
 #pragma unroll
   for (int m = 0; m < kNumMoments; ++m) {
-    FilterRun(p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, moments[m]);
+    FilterRun(
+        p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, moments[m]);
   }
   const float weight = -p.ssim_weight / PixelChannels(p);
   const int64_t num_pixels = int64_t{p.width} * p.height;
@@ -186,7 +190,8 @@ __global__ void __launch_bounds__(kBlock) LossGradKernel(LossParams p) {
 #pragma unroll
     for (int m = 0; m < kNumMaps; ++m) {
       float out[kRun];
-      FilterRun(p, [&](int k) { return tile.map[m][row][first + k]; }, out);
+      FilterRun(
+          p, [&](int k) { return tile.map[m][row][first + k]; }, out);
       *reinterpret_cast<float4*>(&tile.filtered[m][row][first]) = {out[0], out[1], out[2], out[3]};
     }
   }
@@ -197,7 +202,8 @@ __global__ void __launch_bounds__(kBlock) LossGradKernel(LossParams p) {
   float gathered[kNumMaps][kRun];
 #pragma unroll
   for (int m = 0; m < kNumMaps; ++m) {
-    FilterRun(p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, gathered[m]);
+    FilterRun(
+        p, [&](int k) { return tile.filtered[m][first_row + k][column]; }, gathered[m]);
   }
   const float l1_weight = p.l1_weight / PixelChannels(p);
 #pragma unroll

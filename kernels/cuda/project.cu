@@ -25,8 +25,6 @@ struct ProjectParams {
   int32_t* visible_gaussian;
   Splat* visible_splat;
   int32_t* visible_first_slot;
-  uint32_t* depth_keys;
-  int32_t* depth_order;
   int64_t* counters;
   // Of the launch: a ticket, then the words of two running sums.
   uint64_t* progress;
@@ -74,8 +72,8 @@ __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
       projection.y + half.height <= 0 || projection.y - half.height >= p.height) {
     return Fate::kOutside;
   }
-  splat = {projection.x, projection.y, root.xx, root.xy, root.yy,   opacity,
-           0,            0,            0,       depth,   min_power, half.height};
+  splat = {projection.x, projection.y, root.xx,    root.xy, root.yy, opacity, 0, 0, 0,
+           depth,        min_power,    half.height};
   return ShadeSplat<kDegree>(p, i, shape.mean, splat) ? Fate::kVisible : Fate::kDegenerate;
 }
 
@@ -91,6 +89,7 @@ struct Counts {
 struct BlockSums {
   Counts warp[kNumWarps];
   uint64_t visible_before, entries_before;
+  uint32_t largest_depth;  // as its bits
   int block;
 };
 
@@ -118,8 +117,7 @@ __device__ void SumOverBlocks(const ProjectParams& p, BlockSums& sums) {
   for (int w = 0; w < kNumWarps; ++w) {
     own += warp == 0 ? sums.warp[w].visible : sums.warp[w].entries;
   }
-  const uint64_t before =
-      SumOfBlocksBefore(p.progress + 1 + warp * num_blocks, sums.block, own);
+  const uint64_t before = SumOfBlocksBefore(p.progress + 1 + warp * num_blocks, sums.block, own);
   if (threadIdx.x % 32 != 0) return;
   (warp == 0 ? sums.visible_before : sums.entries_before) = before;
   if (sums.block != num_blocks - 1) return;
@@ -131,8 +129,9 @@ template <int kDegree>
 __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   __shared__ BlockSums sums;
   if (threadIdx.x == 0) {
-    sums.block = static_cast<int>(
-        atomicAdd(reinterpret_cast<unsigned long long*>(p.progress), 1ull));
+    sums.largest_depth = 0;
+    sums.block =
+        static_cast<int>(atomicAdd(reinterpret_cast<unsigned long long*>(p.progress), 1ull));
   }
   __syncthreads();
   const int64_t i = int64_t{sums.block} * kBlock + threadIdx.x;
@@ -153,9 +152,14 @@ __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
               static_cast<unsigned long long>(num_degenerate));
   }
   const int warp = static_cast<int>(threadIdx.x) / 32;
+  const uint32_t largest =
+      __reduce_max_sync(0xffffffffu, own.visible != 0 ? __float_as_uint(splat.depth) : 0u);
   Counts total;
   const Counts in_warp = WarpExclusiveSum(own, total);
-  if (threadIdx.x % 32 == 0) sums.warp[warp] = total;
+  if (threadIdx.x % 32 == 0) {
+    sums.warp[warp] = total;
+    atomicMax(&sums.largest_depth, largest);
+  }
   __syncthreads();
   SumOverBlocks(p, sums);
   __syncthreads();
@@ -168,6 +172,10 @@ __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   if (i == p.count - 1) {
     p.visible_first_slot[visible + own.visible] = ToSlot(slot + own.entries);
   }
+  if (threadIdx.x == 0 && sums.largest_depth > 0) {
+    atomicMax(reinterpret_cast<unsigned long long*>(p.counters + kLargestDepth),
+              static_cast<unsigned long long>(sums.largest_depth));
+  }
   if (i >= p.count) return;
   const bool kept = own.visible != 0;
   p.gaussian_visible[i] = kept ? static_cast<int32_t>(visible) : -1;
@@ -178,16 +186,18 @@ __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   words[1] = {splat.root_yy, splat.opacity, splat.r, splat.g};
   words[2] = {splat.b, splat.depth, splat.min_power, splat.half_height};
   p.visible_first_slot[visible] = ToSlot(slot);
-  p.depth_keys[visible] = __float_as_uint(splat.depth);
-  p.depth_order[visible] = static_cast<int32_t>(visible);
 }
 
 void LaunchProject(const ProjectParams& p, int num_blocks, cudaStream_t stream) {
   switch (p.sh_degree) {
-    case 0: return ProjectKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 1: return ProjectKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 2: return ProjectKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
-    default: return ProjectKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 0:
+      return ProjectKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 1:
+      return ProjectKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 2:
+      return ProjectKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+    default:
+      return ProjectKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
   }
 }
 
@@ -200,19 +210,14 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
   scratch.visible_gaussian.Reserve(*this, count);
   scratch.visible_splat.Reserve(*this, count);
   scratch.visible_first_slot.Reserve(*this, count + 1);
-  scratch.cuda.depth_keys.Reserve(*this, 2 * count);
-  scratch.cuda.depth_order.Reserve(*this, 2 * count);
   const int num_blocks = static_cast<int>((count + kBlock - 1) / kBlock);
   const size_t progress_bytes = (1 + 2 * size_t{static_cast<unsigned>(num_blocks)}) * 8;
   auto* progress = static_cast<uint64_t*>(Temporary(progress_bytes));
   if (!error_.empty()) return;
   // All but the count of void renders.
   Zero(scratch.counters.span().data, kNumVoidRenders * sizeof(int64_t));
+  Zero(scratch.counters.span().data + kLargestDepth, sizeof(int64_t));
   Zero(progress, progress_bytes);
-  // What the sort sees beyond the visible sorts last.
-  Keep(cudaMemsetAsync(scratch.cuda.depth_keys.span().data, 0xff,
-                       count * sizeof(uint32_t), stream_),
-       "filling the depth keys");
   if (num_blocks == 0) {
     scratch.visible_first_slot.Zero();
     return;
@@ -229,8 +234,6 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
                  scratch.visible_gaussian.span().data,
                  scratch.visible_splat.span().data,
                  scratch.visible_first_slot.span().data,
-                 scratch.cuda.depth_keys.span().data,
-                 scratch.cuda.depth_order.span().data,
                  scratch.counters.span().data,
                  progress},
                 num_blocks, stream_);

@@ -42,10 +42,14 @@ __global__ void __launch_bounds__(kBlock) ProjectBackwardKernel(ProjectBackwardP
 void LaunchProjectBackward(const ProjectBackwardParams& p, int active_degree, cudaStream_t stream) {
   const int num_blocks = NumBlocks(p.count, kBlock);
   switch (active_degree) {
-    case 0: return ProjectBackwardKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 1: return ProjectBackwardKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 2: return ProjectBackwardKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
-    default: return ProjectBackwardKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 0:
+      return ProjectBackwardKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 1:
+      return ProjectBackwardKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 2:
+      return ProjectBackwardKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+    default:
+      return ProjectBackwardKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
   }
 }
 
@@ -55,12 +59,12 @@ void CudaBackend::ProjectBackward(const ProjectBackwardArgs& args) {
   const Turn turn(*this);
   if (!turn || args.gaussians.count == 0) return;
   const RenderScratch& scratch = *args.scratch;
-  LaunchProjectBackward({ToDevice(args.gaussians), ToDevice(args.grad), args.gaussians.count,
-                         NumShCoefficients(args.grad.sh_degree),
-                         MakeProjectionCamera<float>(args.view),
-                         scratch.cuda.gaussian_visible.span().data, scratch.visible_grad.span().data,
-                         RoomOf(scratch)},
-                        args.active_sh_degree, stream_);
+  LaunchProjectBackward(
+      {ToDevice(args.gaussians), ToDevice(args.grad), args.gaussians.count,
+       NumShCoefficients(args.grad.sh_degree), MakeProjectionCamera<float>(args.view),
+       scratch.cuda.gaussian_visible.span().data, scratch.visible_grad.span().data,
+       RoomOf(scratch)},
+      args.active_sh_degree, stream_);
   Launched("project backward");
 }
 

@@ -1,6 +1,7 @@
 #include <cuda_runtime.h>
 
 #include <algorithm>
+#include <bit>
 
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
@@ -122,9 +123,8 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
       if (__all_sync(kAllLanes, sum.done)) break;
       const int mine = group + lane;
       const bool reached =
-          base + mine < end &&
-          ReachesCell(batch.extent[mine], cell_x + 0.5f - batch.a[mine].x,
-                      cell_y + 0.5f - batch.a[mine].y);
+          base + mine < end && ReachesCell(batch.extent[mine], cell_x + 0.5f - batch.a[mine].x,
+                                           cell_y + 0.5f - batch.a[mine].y);
       for (uint32_t left = __ballot_sync(kAllLanes, reached); left != 0; left &= left - 1) {
         const int k = group + __ffs(left) - 1;
         const SplatWords s = {batch.a[k], batch.b[k], batch.c[k]};
@@ -142,34 +142,37 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
 }  // namespace
 
 // Sizes what is counted by entries, tiles and pixels.
-void CudaBackend::MakeRoom(const RenderArgs& args) {
+SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   const int64_t num_tiles = int64_t{scratch.num_tiles_x} * scratch.num_tiles_y;
+  const uint32_t nearest = std::bit_cast<uint32_t>(std::max(args.near_plane, 0.0f));
+  SortKeyBits bits = {nearest, 31};
   int64_t num_entries = scratch.entry_visible.capacity();
   if (!args.keep_room || num_entries == 0) {
     Keep(cudaMemcpyAsync(pinned_counters_, scratch.counters.span().data,
-                         kNumRenderCounters * sizeof(int64_t), cudaMemcpyDeviceToHost, stream_),
+                         kNumCudaCounters * sizeof(int64_t), cudaMemcpyDeviceToHost, stream_),
          "copying the counters");
     Keep(cudaStreamSynchronize(stream_), "waiting for the counters");
-    if (!error_.empty()) return;
+    if (!error_.empty()) return bits;
     num_entries = pinned_counters_[kNumTileEntries];
     if (num_entries > INT32_MAX) {
-      return Fail("rendering " + std::to_string(scratch.width) + "x" +
-                  std::to_string(scratch.height) + " pixels takes " +
-                  std::to_string(num_entries) +
-                  " pairs of a Gaussian and a tile; the limit is 2147483647");
+      Fail("rendering " + std::to_string(scratch.width) + "x" + std::to_string(scratch.height) +
+           " pixels takes " + std::to_string(num_entries) +
+           " pairs of a Gaussian and a tile; the limit is 2147483647");
+      return bits;
     }
+    const auto largest = static_cast<uint32_t>(pinned_counters_[kLargestDepth]);
+    bits.depth = std::bit_width(std::max(largest, nearest + 1) - nearest);
     const int64_t num_visible = pinned_counters_[kNumVisible];
     scratch.visible_gaussian.Resize(num_visible);
     scratch.visible_splat.Resize(num_visible);
     scratch.visible_first_slot.Resize(num_visible + 1);
   }
-  scratch.cuda.order_first.Reserve(*this, scratch.visible_splat.size() + 1);
   scratch.entry_visible.Reserve(*this, num_entries);
   scratch.entry_slot.Reserve(*this, num_entries);
   scratch.cuda.unsorted_slot.Reserve(*this, num_entries);
   scratch.cuda.slot_visible.Reserve(*this, num_entries);
-  scratch.cuda.tile_keys.Reserve(*this, 2 * num_entries);
+  scratch.cuda.sort_keys.Reserve(*this, 2 * num_entries);
   scratch.tile_first_entry.Reserve(*this, num_tiles + 1);
   scratch.cuda.tile_first_bucket.Reserve(*this, num_tiles + 1);
   scratch.cuda.tile_order.Reserve(*this, num_tiles);
@@ -177,9 +180,10 @@ void CudaBackend::MakeRoom(const RenderArgs& args) {
   scratch.cuda.bucket_tile.Reserve(*this, num_buckets);
   scratch.cuda.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
   scratch.cuda.pixel_color.Reserve(*this, num_tiles * kTilePixels * 4);
-  if (args.depth.empty()) return;
+  if (args.depth.empty()) return bits;
   scratch.cuda.bucket_depth.Reserve(*this, num_buckets * kTilePixels);
   scratch.cuda.pixel_depth.Reserve(*this, num_tiles * kTilePixels);
+  return bits;
 }
 
 void CudaBackend::Render(const RenderArgs& args) {
@@ -190,34 +194,33 @@ void CudaBackend::Render(const RenderArgs& args) {
   scratch.height = args.view.height;
   scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
   scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
-  scratch.counters.Reserve(*this, kNumRenderCounters);
+  scratch.counters.Reserve(*this, kNumCudaCounters);
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
   scratch.pixel_transmittance.Reserve(*this, num_pixels);
   scratch.pixel_last_entry.Reserve(*this, num_pixels);
   if (!error_.empty()) return;
   ProjectGaussians(args);
-  MakeRoom(args);
+  const SortKeyBits bits = MakeRoom(args);
   if (!error_.empty()) return;
-  ListTileEntries(args);
+  ListTileEntries(args, bits);
   if (!error_.empty()) return;
-  const BlendParams params = {
-      TilesOf(scratch),
-      RoomOf(scratch),
-      scratch.entry_visible.span().data,
-      scratch.cuda.tile_first_bucket.span().data,
-      scratch.cuda.tile_order.span().data,
-      {args.background[0], args.background[1], args.background[2]},
-      args.color.data,
-      args.alpha.data,
-      args.depth.data,
-      reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data),
-      scratch.cuda.pixel_depth.span().data,
-      scratch.pixel_transmittance.span().data,
-      scratch.pixel_last_entry.span().data,
-      scratch.cuda.bucket_tile.span().data,
-      reinterpret_cast<float4*>(scratch.cuda.bucket_color.span().data),
-      scratch.cuda.bucket_depth.span().data,
-      scratch.counters.span().data + kNumVoidRenders};
+  const BlendParams params = {TilesOf(scratch),
+                              RoomOf(scratch),
+                              scratch.entry_visible.span().data,
+                              scratch.cuda.tile_first_bucket.span().data,
+                              scratch.cuda.tile_order.span().data,
+                              {args.background[0], args.background[1], args.background[2]},
+                              args.color.data,
+                              args.alpha.data,
+                              args.depth.data,
+                              reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data),
+                              scratch.cuda.pixel_depth.span().data,
+                              scratch.pixel_transmittance.span().data,
+                              scratch.pixel_last_entry.span().data,
+                              scratch.cuda.bucket_tile.span().data,
+                              reinterpret_cast<float4*>(scratch.cuda.bucket_color.span().data),
+                              scratch.cuda.bucket_depth.span().data,
+                              scratch.counters.span().data + kNumVoidRenders};
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
   if (args.depth.empty()) {
     BlendKernel<false><<<num_tiles, kTilePixels, 0, stream_>>>(params);

@@ -67,8 +67,8 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   s.end = first + kBucketSize;
   const int64_t in_buckets = int64_t{bucket} * kTilePixels + cell * 32 + lane;
   const float4 before = p.bucket_color[in_buckets];
-  float gathered = s.r_grad * (all.x - before.x) + s.g_grad * (all.y - before.y) +
-                   s.b_grad * (all.z - before.z);
+  float gathered =
+      s.r_grad * (all.x - before.x) + s.g_grad * (all.y - before.y) + s.b_grad * (all.z - before.z);
   if constexpr (kDepth) {
     gathered += s.depth_grad * (p.pixel_depth[in_tiles] - p.bucket_depth[in_buckets]);
   }
@@ -192,14 +192,13 @@ constexpr int kSlotsAtOnce = 4;
 
 struct SumParams {
   Room room;
-  const int32_t* depth_order;
-  const int32_t* order_first;
+  const int32_t* first_slot;
   const Splat* splats;
   const float* slot_sums;
   SplatGrad* visible_grad;
 };
 
-// Over the tiles of a splat, in their order. Slots are in the order of depth.
+// Over the tiles of a splat, in their order.
 __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumParams p) {
   __shared__ float2 shared[kSplatsABlock][kSumParts];
   if (p.room.IsVoid()) return;
@@ -211,8 +210,8 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
   float2 sum = {0, 0};
   if (own < num_visible) {
     const float2* slots = reinterpret_cast<const float2*>(p.slot_sums) + part;
-    const int64_t end = p.order_first[own + 1];
-    for (int64_t slot = p.order_first[own]; slot < end; slot += kSlotsAtOnce) {
+    const int64_t end = p.first_slot[own + 1];
+    for (int64_t slot = p.first_slot[own]; slot < end; slot += kSlotsAtOnce) {
       float2 some[kSlotsAtOnce];
 #pragma unroll
       for (int k = 0; k < kSlotsAtOnce; ++k) {
@@ -228,7 +227,7 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
   shared[thread / kSumParts][part] = sum;
   __syncthreads();
   if (thread >= kSplatsABlock || block_first + thread >= num_visible) return;
-  const int32_t visible = p.depth_order[block_first + thread];
+  const int64_t visible = block_first + thread;
   const float* sums = &shared[thread][0].x;
   const Splat& splat = p.splats[visible];
   const PowerMoments<float> moments = {sums[kSum],   sums[kSumX],  sums[kSumY],
@@ -278,9 +277,8 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   }
   Launched("blend backward");
   SumSlotsKernel<<<NumBlocks(num_visible, kSplatsABlock), kSplatsABlock * kSumParts, 0, stream_>>>(
-      {RoomOf(scratch), scratch.cuda.depth_order.span().data, scratch.cuda.order_first.span().data,
-       scratch.visible_splat.span().data, scratch.cuda.slot_sums.span().data,
-       scratch.visible_grad.span().data});
+      {RoomOf(scratch), scratch.visible_first_slot.span().data, scratch.visible_splat.span().data,
+       scratch.cuda.slot_sums.span().data, scratch.visible_grad.span().data});
   Launched("sum slots");
 }
 

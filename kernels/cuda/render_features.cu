@@ -48,8 +48,8 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
       batch.b[lane] = s.b;
       batch.c[lane] = s.c;
       gaussian = p.visible_gaussian[visible];
-      reached = ReachesCell(MakeSplatExtent(ToSplat(s)), cell_x + 0.5f - s.a.x,
-                            cell_y + 0.5f - s.a.y);
+      reached =
+          ReachesCell(MakeSplatExtent(ToSplat(s)), cell_x + 0.5f - s.a.x, cell_y + 0.5f - s.a.y);
     }
     const uint32_t all = __ballot_sync(kAllLanes, reached);
     for (uint32_t left = all; left != 0; left &= left - 1) {  // a Gaussian's 32 floats at once

@@ -103,8 +103,8 @@ __device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rate
   for (int k = 0; k < kPlanesAtOnce; ++k) {
     const int plane = first + k;
     if (plane >= p.num_planes) break;
-    value[k] += AdamStep(rates, p.rates[plane], GradientOf(gradients, plane), moment1[k],
-                         moment2[k]);
+    value[k] +=
+        AdamStep(rates, p.rates[plane], GradientOf(gradients, plane), moment1[k], moment2[k]);
     if (plane >= kLogScalePlane && plane < kRotationPlane && p.bounds_scale) {
       value[k] = min(max(value[k], p.min_log_scale), p.max_log_scale);
     }
@@ -145,10 +145,14 @@ __global__ void __launch_bounds__(kBlock, 5) UpdateKernel(UpdateParams p) {
 void LaunchUpdate(const UpdateParams& p, int active_degree, cudaStream_t stream) {
   const int num_blocks = NumBlocks(p.count, kBlock);
   switch (active_degree) {
-    case 0: return UpdateKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 1: return UpdateKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
-    case 2: return UpdateKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
-    default: return UpdateKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 0:
+      return UpdateKernel<0><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 1:
+      return UpdateKernel<1><<<num_blocks, kBlock, 0, stream>>>(p);
+    case 2:
+      return UpdateKernel<2><<<num_blocks, kBlock, 0, stream>>>(p);
+    default:
+      return UpdateKernel<3><<<num_blocks, kBlock, 0, stream>>>(p);
   }
 }
 
@@ -161,31 +165,31 @@ void CudaBackend::Update(const UpdateArgs& args) {
   int64_t* num_skipped = scratch.counters.span().data + kNumSkippedGradientRows;
   Zero(num_skipped, sizeof(int64_t));
   UpdateParams params = {ToDevice(args.gaussians),
-                ToDevice(args.moment1),
-                ToDevice(args.moment2),
-                args.gaussians.count,
-                NumPlanes(args.gaussians.sh_degree),
-                MakeProjectionCamera<float>(args.view),
-                args.view.width,
-                args.view.height,
-                {},
-                args.beta1,
-                args.beta2,
-                args.epsilon,
-                static_cast<float>(std::log(static_cast<double>(args.beta1))),
-                static_cast<float>(std::log(static_cast<double>(args.beta2))),
-                args.min_log_scale,
-                args.max_log_scale,
-                args.max_log_scale > args.min_log_scale,
-                scratch.cuda.gaussian_visible.span().data,
-                scratch.visible_splat.span().data,
-                scratch.visible_grad.span().data,
-                RoomOf(scratch),
-                args.num_steps.data,
-                args.stats.mean2d_grad_sum.data,
-                args.stats.num_visible.data,
-                args.stats.max_radius.data,
-                num_skipped};
+                         ToDevice(args.moment1),
+                         ToDevice(args.moment2),
+                         args.gaussians.count,
+                         NumPlanes(args.gaussians.sh_degree),
+                         MakeProjectionCamera<float>(args.view),
+                         args.view.width,
+                         args.view.height,
+                         {},
+                         args.beta1,
+                         args.beta2,
+                         args.epsilon,
+                         static_cast<float>(std::log(static_cast<double>(args.beta1))),
+                         static_cast<float>(std::log(static_cast<double>(args.beta2))),
+                         args.min_log_scale,
+                         args.max_log_scale,
+                         args.max_log_scale > args.min_log_scale,
+                         scratch.cuda.gaussian_visible.span().data,
+                         scratch.visible_splat.span().data,
+                         scratch.visible_grad.span().data,
+                         RoomOf(scratch),
+                         args.num_steps.data,
+                         args.stats.mean2d_grad_sum.data,
+                         args.stats.num_visible.data,
+                         args.stats.max_radius.data,
+                         num_skipped};
   for (int k = 0; k < NumPlanes(args.gaussians.sh_degree); ++k) {
     params.rates[k] = RateOf(args.learning_rates, k);
   }

@@ -70,8 +70,7 @@ PEPESEG_HD void ForEachTileRun(const Splat& splat, const TileGrid& grid, Fn&& fn
   constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
   const SplatExtent extent = MakeSplatExtent(splat);
   const float half_height = extent.half_height;
-  const int first_y =
-      ClampToTiles(::ceilf((splat.y - half_height - kLast) * kInvSize), grid.num_y);
+  const int first_y = ClampToTiles(::ceilf((splat.y - half_height - kLast) * kInvSize), grid.num_y);
   const int end_y =
       ClampToTiles(::floorf((splat.y + half_height - kFirst) * kInvSize) + 1, grid.num_y);
   for (int tile_y = first_y; tile_y < end_y; ++tile_y) {

@@ -58,13 +58,11 @@ Workload Measure(RoomTraining& training, int64_t count, int width, int height) {
 double LeastMegabytes(const std::string& kernel, const Workload& w) {
   const double mega = 1e-6;
   if (kernel == "project") {
-    return mega * (w.gaussians * (11 * 4 + 4) + w.visible * (48 * 4 + 48 + 16));
+    return mega * (w.gaussians * (11 * 4 + 4) + w.visible * (48 * 4 + 48 + 8));
   }
-  if (kernel == "sort by depth") return mega * w.visible * 4 * 16;
-  if (kernel == "sum entries") return mega * w.visible * 16;
-  if (kernel == "list entries") return mega * (w.visible * 64 + w.entries * 12);
-  if (kernel == "sort by tile") return mega * w.entries * 2 * 16;
-  if (kernel == "tile ranges") return mega * w.entries * 4;
+  if (kernel == "list entries") return mega * (w.visible * 52 + w.entries * 16);
+  if (kernel == "sort entries") return mega * w.entries * 5 * 24;  // five passes of 8 bits
+  if (kernel == "tile ranges") return mega * w.entries * 20;
   if (kernel == "blend") return mega * (w.entries * (48 + 12 + 32) + w.pixels * 36);
   if (kernel == "blend backward") return mega * (w.entries * (48 + 8 + 40 + 32) + w.pixels * 32);
   if (kernel == "sum slots") return mega * (w.entries * 40 + w.visible * (48 + 40));

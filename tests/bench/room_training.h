@@ -24,7 +24,7 @@ class RoomTraining {
   // On the CUDA backend: see RenderArgs.
   void set_keep_room(bool keep_room) { keep_room_ = keep_room; }
   std::vector<int64_t> Counters() const;
-  std::vector<double> Sums() const;       // of the last ImageLoss
+  std::vector<double> Sums() const;  // of the last ImageLoss
   std::vector<float> Gaussians() const;
   const RenderScratch& scratch() const { return scratch_; }
 

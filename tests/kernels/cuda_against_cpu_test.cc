@@ -32,10 +32,10 @@ class CudaAgainstCpuTest : public testing::Test {
 // A splat at the very edge of its reach, or a pixel at the very end of its transmittance, may go
 // either way: few pixels, by no more than what such a splat carries, and to both sides.
 struct Band {
-  double inside;     // largest difference outside the band
-  double share;      // of pixels that may be in the band
-  double in_band;    // largest difference there
-  double mean;       // largest signed mean
+  double inside;   // largest difference outside the band
+  double share;    // of pixels that may be in the band
+  double in_band;  // largest difference there
+  double mean;     // largest signed mean
 };
 
 void ExpectClose(const std::vector<float>& got, const std::vector<float>& want, const Band& band) {
@@ -88,15 +88,15 @@ struct Case {
 };
 
 std::vector<Case> Cases() {
-  return {{"small", RandomScene({.count = 20'000, .min_scale = 0.004f, .max_scale = 0.03f}),
-           TestView(323, 217)},
-          {"large", RandomScene({.count = 3'000, .max_scale = 0.3f, .seed = 5}),
-           TestView(200, 150)},
-          {"opaque", RandomScene({.count = 6'000, .min_opacity_logit = 2, .max_opacity_logit = 7,
-                                  .seed = 6}),
-           TestView(160, 171)},
-          {"degenerate", WithDegenerateOnes(RandomScene({.count = 4'000, .seed = 7})),
-           TestView(190, 130), IsHugeOrNeedle}};
+  return {
+      {"small", RandomScene({.count = 20'000, .min_scale = 0.004f, .max_scale = 0.03f}),
+       TestView(323, 217)},
+      {"large", RandomScene({.count = 3'000, .max_scale = 0.3f, .seed = 5}), TestView(200, 150)},
+      {"opaque",
+       RandomScene({.count = 6'000, .min_opacity_logit = 2, .max_opacity_logit = 7, .seed = 6}),
+       TestView(160, 171)},
+      {"degenerate", WithDegenerateOnes(RandomScene({.count = 4'000, .seed = 7})),
+       TestView(190, 130), IsHugeOrNeedle}};
 }
 
 TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
@@ -116,7 +116,8 @@ TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
     ExpectClose(Download(cuda.depth), Download(cpu.depth), {6e-5, 2e-3, 6.0 / 255, 6e-6});
 
     const int64_t num_pixels = cpu.alpha.size();
-    const auto color_grad = RandomValues(3 * num_pixels, 1), alpha_grad = RandomValues(num_pixels, 2);
+    const auto color_grad = RandomValues(3 * num_pixels, 1),
+               alpha_grad = RandomValues(num_pixels, 2);
     const auto depth_grad = RandomValues(num_pixels, 3);
     cpu.Backward(color_grad, alpha_grad, depth_grad);
     cuda.Backward(color_grad, alpha_grad, depth_grad);
@@ -144,7 +145,8 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
     if (cuda.Counter(kNumTileEntries) != cpu.Counter(kNumTileEntries)) continue;
     EXPECT_EQ(Download(cuda.scratch.visible_gaussian), Download(cpu.scratch.visible_gaussian));
     EXPECT_EQ(Download(cuda.scratch.tile_first_entry), Download(cpu.scratch.tile_first_entry));
-    const auto got = Download(cuda.scratch.entry_visible), want = Download(cpu.scratch.entry_visible);
+    const auto got = Download(cuda.scratch.entry_visible),
+               want = Download(cpu.scratch.entry_visible);
     // Depths that are equal but for rounding may change places.
     size_t num_moved = 0;
     for (size_t i = 0; i < want.size(); ++i) num_moved += got[i] != want[i];
