@@ -28,9 +28,9 @@ struct RenderArgs {
   int active_sh_degree = 0;  // <= gaussians.sh_degree
   float background[3] = {0, 0, 0};
   RenderScratch* scratch = nullptr;
-  DeviceSpan<float> color;  // [3, H, W]
-  DeviceSpan<float> alpha;  // [H, W] accumulated alpha, 1 - T; may be empty
-  DeviceSpan<float> depth;  // [H, W] sum of weight * z, not normalised; may be empty
+  DeviceSpan<float> color;       // [3, H, W]
+  DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
+  DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
 };
 
 // Loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), means over the pixels that
@@ -39,12 +39,12 @@ struct RenderArgs {
 struct ImageLossArgs {
   int width = 0;
   int height = 0;
-  DeviceSpan<const float> color;     // [3, H, W] rendered
-  DeviceSpan<const uint8_t> target;  // [H, W, 3] photograph
-  DeviceSpan<const uint8_t> ignore;  // [H, W] non-zero: leave the pixel out; may be empty
+  DeviceSpan<const float> color;          // [3, H, W] rendered
+  DeviceSpan<const uint8_t> target;       // [H, W, 3] photograph
+  DeviceSpan<const uint8_t> ignore = {};  // [H, W] non-zero: leave the pixel out; may be empty
   float ssim_weight = 0.2f;
-  DeviceSpan<float> color_grad;  // [3, H, W]; may be empty: evaluate only
-  DeviceSpan<double> sums;       // [kNumImageLossSums]
+  DeviceSpan<float> color_grad = {};  // [3, H, W]; may be empty: evaluate only
+  DeviceSpan<double> sums;            // [kNumImageLossSums]
 };
 enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageLossSums };
 // So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel shows the
@@ -55,9 +55,9 @@ enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageL
 struct RenderBackwardArgs {
   PinholeView view;
   float background[3] = {0, 0, 0};
-  DeviceSpan<const float> color_grad;  // [3, H, W]
-  DeviceSpan<const float> alpha_grad;  // [H, W]; may be empty
-  DeviceSpan<const float> depth_grad;  // [H, W]; may be empty
+  DeviceSpan<const float> color_grad;       // [3, H, W]
+  DeviceSpan<const float> alpha_grad = {};  // [H, W]; may be empty
+  DeviceSpan<const float> depth_grad = {};  // [H, W]; may be empty
   RenderScratch* scratch = nullptr;
 };
 
@@ -114,8 +114,8 @@ struct CaptureRowsArgs {
   Buffer<int32_t>* row_first = nullptr;       // [S + 1], sized by the op
   Buffer<int32_t>* entry_gaussian = nullptr;  // [entries], sized by the op
   Buffer<float>* entry_weight = nullptr;      // [entries], a_i T_i, sized by the op
-  DeviceSpan<float> pixel_alpha;              // [S] sum of the row; may be empty
-  DeviceSpan<float> pixel_depth;              // [S] sum of weight * z, not normalised; may be empty
+  DeviceSpan<float> pixel_alpha = {};         // [S] sum of the row; may be empty
+  DeviceSpan<float> pixel_depth = {};         // [S] sum of weight * z, not normalised; may be empty
 };
 
 inline constexpr int kFeatureSize = 32;
