@@ -5,8 +5,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "tests/testing/temp_folder.h"
 #include "server/layout.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
