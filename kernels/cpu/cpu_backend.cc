@@ -38,9 +38,22 @@ std::string CpuBackend::name() const {
          simd_.name + ")";
 }
 
+std::string CpuBackend::error() const {
+  const std::lock_guard lock(error_mutex_);
+  return error_;
+}
+
+void CpuBackend::Fail(const std::string& error) {
+  const std::lock_guard lock(error_mutex_);
+  if (error_.empty()) error_ = error;
+}
+
 void* CpuBackend::Allocate(size_t num_bytes) {
   std::byte* block = AllocateZeros(kHeaderBytes + (num_bytes + 63) / 64 * 64);
-  if (block == nullptr) return nullptr;
+  if (block == nullptr) {
+    Fail("out of memory: no " + std::to_string(num_bytes) + " bytes");
+    return nullptr;
+  }
   std::memcpy(block, &num_bytes, sizeof(num_bytes));
   bytes_in_use_ += num_bytes;
   return block + kHeaderBytes;
