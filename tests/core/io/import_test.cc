@@ -122,7 +122,7 @@ TEST(ImportCapture, ShrinksPhotographsCamerasAndMasksAlike) {
     const double mean = (at(8, 12) + at(9, 12) + at(8, 13) + at(9, 13)) / 4.0;
     EXPECT_NEAR(view.photo.pixels[3 * (20 * 6 + 4) + i], mean, 0.51);
   }
-  EXPECT_EQ(capture.views[0].masks.mask_area, (std::vector<int64_t>{30, 16}));
+  EXPECT_EQ(capture.views[0].masks.mask_area, (std::vector<int64_t>{30, 14}));
   EXPECT_EQ(view.ignore[2], 1);
 }
 
