@@ -38,8 +38,8 @@ test: build
 	cd $(BUILD) && $(CTEST)
 
 bench: $(BUILD)/CMakeCache.txt packages
-	cmake --build $(BUILD) -j $(JOBS) --target benches
-	for bench in $(BUILD)/tests/bench/*_bench; do "$$bench"; done
+	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench
+	$(BUILD)/bin/pepeseg_step_bench
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt

@@ -45,9 +45,10 @@ class Backend {
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
   // Stage two and queries (feature_ops.h).
+  virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
+  virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
   virtual void PairLoss(const PairLossArgs& args) = 0;
-  virtual void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) = 0;
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
 };

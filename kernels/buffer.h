@@ -27,6 +27,7 @@ struct DeviceSpan {
 
   bool empty() const { return size == 0; }
   T& operator[](int64_t i) const { return data[i]; }
+  // Implicit as T* to const T* is.  NOLINTNEXTLINE(google-explicit-constructor)
   operator DeviceSpan<const T>() const { return {data, size}; }
   DeviceSpan Subspan(int64_t first, int64_t count) const {
     assert(first >= 0 && count >= 0 && first + count <= size);

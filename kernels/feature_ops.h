@@ -20,6 +20,50 @@ struct RowSpan {
   DeviceSpan<const float> weight;      // [entries]
 };
 
+// The same entries by Gaussian: what a Gaussian's gradient is gathered from.
+struct ColumnSpan {
+  DeviceSpan<const int32_t> gaussian;  // [touched] ascending: those with an entry
+  DeviceSpan<const int32_t> first;     // [touched + 1]
+  DeviceSpan<const int32_t> pixel;     // [entries] ascending within a Gaussian
+  DeviceSpan<const float> weight;      // [entries]
+};
+
+struct TransposeRowsArgs {
+  RowSpan rows;
+  int64_t num_gaussians = 0;
+  Buffer<int32_t>* gaussian = nullptr;  // ColumnSpan's, sized by the op
+  Buffer<int32_t>* first = nullptr;
+  Buffer<int32_t>* pixel = nullptr;
+  Buffer<float>* weight = nullptr;
+};
+
+// Features with their optimiser. Adam is lazy and exact: a row that no sample touches for k steps
+// is left alone, and moved by what its moments would have done when it is next read. With epsilon
+// far below sqrt(moment2), k steps of zero gradient move a parameter by
+//   -rate * moment1 / (sqrt(moment2) + epsilon) * sum_{j=1..k} (beta1 / sqrt(beta2))^j c(t + j),
+//   c(t) = sqrt(1 - beta2^t) / (1 - beta1^t),
+// where the sum is one number for a whole row. It is cut where its terms fall below float's
+// resolution, after kMaxReplay steps.
+struct FeatureState {
+  DeviceSpan<float> features;          // [N, 32] in and out
+  DeviceSpan<float> moment1, moment2;  // [N, 32] in and out
+  DeviceSpan<int32_t> last_step;       // [N] in and out: the step a row is up to date with
+};
+struct FeatureRates {
+  float learning_rate = 2.5e-3f;
+  float beta1 = 0.9f, beta2 = 0.999f, epsilon = 1e-15f;
+  DeviceSpan<const float> correction;  // [steps + 1] c(t) above; c(0) is not read
+};
+inline constexpr int kMaxReplay = 256;
+
+// Brings rows up to date with `step`.
+struct FeatureCatchUpArgs {
+  DeviceSpan<const int32_t> gaussian;  // ascending; empty: every row
+  FeatureRates rates;
+  int step = 0;  // updates done so far
+  FeatureState state;
+};
+
 // F(p) = sum over the row of weight * feature.
 struct FeatureRowsArgs {
   RowSpan rows;
@@ -27,49 +71,58 @@ struct FeatureRowsArgs {
   DeviceSpan<float> pixel_features;  // [S, 32]
 };
 
-// The scale-aware contrastive loss over pairs of sampled pixels at several scales at once.
-// G^s_pq = 1 iff the label bitsets of p and q at scale s intersect; C^s_pq is the cosine of
-// psi(s) * F(p) and psi(s) * F(q). L_m = mean over positives of (-w C) + mean over negatives of
-// (w max(C, 0)), over the chosen pairs and all scales.
+// The losses on a batch of sampled pixels, at several scales at once.
+//
+// L_m: G^s_pq = 1 iff the label bitsets of p and q at scale s intersect; C^s_pq is the cosine of
+// psi(s) * F(p) and psi(s) * F(q). Pairs p < q count with all their scales: those whose G is not
+// the same at all scales ("hard"); for each of them easy_share constant-positive and easy_share
+// constant-negative ones, drawn at random; and every pair with G = 1 and C < min_positive or G = 0
+// and C > max_negative at some scale. L_m = mean over their positives of (-w C) + mean over their
+// negatives of (w max(C, 0)); w_pq is the product of the two pixels' weights, min-max normalised
+// over all pairs of the batch to [1, 10], or 1 when all are equal.
+//
+// The norm of pixels: mean of (|F(p)| - 1)^2 over pixels with alpha > min_norm_alpha.
 struct PairLossArgs {
   DeviceSpan<const float> pixel_features;  // [S, 32]
-  DeviceSpan<const float> gate;            // [kGateSize]
-  DeviceSpan<const float> scales;          // [num_scales], in [0, 2]: quantile scales
-  DeviceSpan<const uint64_t> labels;       // [num_scales, S, label_words]
+  DeviceSpan<const float> pixel_weight;    // [S] 1 / A(p)
+  DeviceSpan<const float> pixel_alpha;     // [S] accumulated alpha
+  DeviceSpan<const int32_t> pixel_patch;   // [S] -> patch: pixels with the same labels
+  DeviceSpan<const uint64_t> labels;       // [num_scales, num_patches, label_words]
+  int num_patches = 0;
   int label_words = 1;
-  DeviceSpan<const float> pixel_weight;  // [S] 1 / A(p); w_pq from the product of two
-  float min_pair_product = 0;            // of pixel_weight products over the batch: w_pq is their
-  float max_pair_product = 0;            // min-max normalisation to [1, 10]; equal: w = 1
-  uint64_t pair_seed = 0;                // counter-based draw of the "easy" pairs
-  float easy_positive_share = 0;         // probability that a constant-positive pair is drawn
-  float easy_negative_share = 0;         // likewise, constant-negative
-  DeviceSpan<float> pixel_grad;          // [S, 32]
-  DeviceSpan<float> gate_grad;           // [kGateSize]
-  DeviceSpan<double> sums;               // [kNumPairLossSums]
+  DeviceSpan<const float> scales;  // [num_scales] quantile scales, in [0, 2]; at most kMaxScales
+  DeviceSpan<const float> gate;    // [kGateSize]
+  float min_positive = 0.75f;
+  float max_negative = 0.5f;
+  float easy_share = 0.5f;
+  float min_norm_alpha = 0.9f;
+  uint32_t pair_seed = 0;        // counter-based draw of the easy pairs
+  DeviceSpan<float> pixel_grad;  // [S, 32]
+  DeviceSpan<float> gate_grad;   // [kGateSize]
+  DeviceSpan<double> sums;       // [kNumPairLossSums]
 };
-enum PairLossSum { kPositiveLoss, kNegativeLoss, kNumPositives, kNumNegatives, kNumPairLossSums };
-
-// feature_grad[g] = sum over the entries of g of weight * pixel_grad: by the transposed rows, in a
-// fixed order.
-struct FeatureRowsBackwardArgs {
-  RowSpan rows;
-  DeviceSpan<const float> pixel_grad;           // [S, 32]
-  Buffer<int32_t>* touched_gaussian = nullptr;  // [touched], ascending, sized by the op
-  Buffer<float>* touched_grad = nullptr;        // [touched, 32], sized by the op
+enum PairLossSum {
+  kPositiveLoss,  // sums, to be divided by the counts
+  kNegativeLoss,
+  kNumPositives,  // (pair, scale)
+  kNumNegatives,
+  kNormLoss,
+  kNumNormPixels,
+  kNumPairLossSums
 };
 
+// Backward through the rows, the norm of Gaussians and Adam, in one pass over the Gaussians that
+// the batch touches. Their mean of (|f| - 1)^2 stands for the mean over all: the same in
+// expectation where Gaussians are touched equally often, and it leaves alone those never seen.
 struct FeatureUpdateArgs {
-  DeviceSpan<const int32_t> touched_gaussian;  // [touched]
-  DeviceSpan<const float> touched_grad;        // [touched, 32]
-  DeviceSpan<const float> gate_grad;           // [kGateSize]
-  float learning_rate = 2.5e-3f;
-  float beta1 = 0.9f, beta2 = 0.999f, epsilon = 1e-15f;
-  int step = 1;                        // of this update, from 1
-  DeviceSpan<float> features;          // [N, 32] in and out
-  DeviceSpan<float> moment1, moment2;  // [N, 32] in and out
-  DeviceSpan<int32_t> last_step;       // [N] in and out: the step a row is up to date with
-  DeviceSpan<float> gate;              // [kGateSize] in and out
-  DeviceSpan<float> gate_moment1, gate_moment2;
+  ColumnSpan columns;
+  DeviceSpan<const float> pixel_grad;  // [S, 32]
+  DeviceSpan<const float> gate_grad;   // [kGateSize]
+  FeatureRates rates;
+  float norm_weight = 1;
+  int step = 1;        // of this update, from 1; the touched rows are up to date with step - 1
+  FeatureState state;  // in and out
+  DeviceSpan<float> gate, gate_moment1, gate_moment2;  // [kGateSize] in and out
 };
 
 // cos(psi * F(p), psi * q_k) for a cached feature map and query vectors; 0 where F is 0.

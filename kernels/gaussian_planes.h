@@ -29,6 +29,7 @@ struct BasicGaussianPlanes {
     assert(k >= 0 && k < NumPlanes(sh_degree));
     return data + k * stride;
   }
+  // Implicit as T* to const T* is.  NOLINTNEXTLINE(google-explicit-constructor)
   operator BasicGaussianPlanes<const T>() const requires(!std::is_const_v<T>) {
     return {data, count, stride, sh_degree};
   }

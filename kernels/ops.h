@@ -28,9 +28,9 @@ struct RenderArgs {
   int active_sh_degree = 0;  // <= gaussians.sh_degree
   float background[3] = {0, 0, 0};
   RenderScratch* scratch = nullptr;
-  DeviceSpan<float> color;  // [3, H, W]
-  DeviceSpan<float> alpha;  // [H, W] accumulated alpha, 1 - T; may be empty
-  DeviceSpan<float> depth;  // [H, W] sum of weight * z, not normalised; may be empty
+  DeviceSpan<float> color;       // [3, H, W]
+  DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
+  DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
   // false: the host waits until the entries are counted and makes room for them. true: it waits
   // for nothing (so that a step can be a graph) and the render takes the room for entries that the
   // scratch has. Where that is too small the render is void: the images are background,
@@ -47,12 +47,12 @@ struct RenderArgs {
 struct ImageLossArgs {
   int width = 0;
   int height = 0;
-  DeviceSpan<const float> color;     // [3, H, W] rendered
-  DeviceSpan<const uint8_t> target;  // [H, W, 3] photograph
-  DeviceSpan<const uint8_t> ignore;  // [H, W] non-zero: leave the pixel out; may be empty
+  DeviceSpan<const float> color;          // [3, H, W] rendered
+  DeviceSpan<const uint8_t> target;       // [H, W, 3] photograph
+  DeviceSpan<const uint8_t> ignore = {};  // [H, W] non-zero: leave the pixel out; may be empty
   float ssim_weight = 0.2f;
-  DeviceSpan<float> color_grad;  // [3, H, W]; may be empty: evaluate only
-  DeviceSpan<double> sums;       // [kNumImageLossSums]
+  DeviceSpan<float> color_grad = {};  // [3, H, W]; may be empty: evaluate only
+  DeviceSpan<double> sums;            // [kNumImageLossSums]
 };
 enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageLossSums };
 // So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel shows the
@@ -63,9 +63,9 @@ enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageL
 struct RenderBackwardArgs {
   PinholeView view;
   float background[3] = {0, 0, 0};
-  DeviceSpan<const float> color_grad;  // [3, H, W]
-  DeviceSpan<const float> alpha_grad;  // [H, W]; may be empty
-  DeviceSpan<const float> depth_grad;  // [H, W]; may be empty
+  DeviceSpan<const float> color_grad;       // [3, H, W]
+  DeviceSpan<const float> alpha_grad = {};  // [H, W]; may be empty
+  DeviceSpan<const float> depth_grad = {};  // [H, W]; may be empty
   RenderScratch* scratch = nullptr;
 };
 
@@ -91,7 +91,8 @@ struct DensityStats {
 
 // Projection backward fused with Adam (Kingma & Ba 2015), one pass over the Gaussians. A Gaussian
 // that is not visible gets the gradient 0 and still moves by its moments, as dense Adam does. The
-// step count is per Gaussian. Rows with a non-finite gradient are skipped and counted.
+// step count is per Gaussian. Rows with a non-finite gradient are skipped and counted. SH coefficients
+// beyond the active degree are left alone.
 struct UpdateArgs {
   PinholeView view;
   int active_sh_degree = 0;
@@ -122,8 +123,8 @@ struct CaptureRowsArgs {
   Buffer<int32_t>* row_first = nullptr;       // [S + 1], sized by the op
   Buffer<int32_t>* entry_gaussian = nullptr;  // [entries], sized by the op
   Buffer<float>* entry_weight = nullptr;      // [entries], a_i T_i, sized by the op
-  DeviceSpan<float> pixel_alpha;              // [S] sum of the row; may be empty
-  DeviceSpan<float> pixel_depth;              // [S] sum of weight * z, not normalised; may be empty
+  DeviceSpan<float> pixel_alpha = {};         // [S] sum of the row; may be empty
+  DeviceSpan<float> pixel_depth = {};         // [S] sum of weight * z, not normalised; may be empty
 };
 
 inline constexpr int kFeatureSize = 32;

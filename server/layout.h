@@ -10,7 +10,7 @@
 //
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the store
-//   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256; blobs/incoming: not yet whole
+//   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   jobs/JOB/...              of server/jobs
 namespace pepeseg {
@@ -21,13 +21,13 @@ inline std::filesystem::path DatabasePath(const std::filesystem::path& data) {
   return data / "pepeseg.db";
 }
 
-// `sha256`: 64 lower-case hex digits, checked by the caller.
-inline std::filesystem::path BlobPath(const std::filesystem::path& data, std::string_view sha256) {
-  return data / "blobs" / std::string(sha256.substr(0, 2)) / std::string(sha256);
+inline std::filesystem::path BlobFolder(const std::filesystem::path& data) {
+  return data / "blobs";
 }
 
-inline std::filesystem::path IncomingFolder(const std::filesystem::path& data) {
-  return data / "blobs" / "incoming";
+// `sha256`: 64 lower-case hex digits, checked by the caller.
+inline std::filesystem::path BlobPath(const std::filesystem::path& data, std::string_view sha256) {
+  return BlobFolder(data) / std::string(sha256.substr(0, 2)) / std::string(sha256);
 }
 
 inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,

@@ -99,5 +99,7 @@ int main(int argc, char** argv) {
   spdlog::set_level(spdlog::level::from_str(flags.log_level));
   const sigset_t stop_signals = BlockStopSignals();
   flags.server.data = std::filesystem::absolute(flags.server.data);
+  flags.server.worker = std::filesystem::absolute(flags.server.worker);
+  if (!flags.port_file.empty()) flags.port_file = std::filesystem::absolute(flags.port_file);
   return Serve(flags, stop_signals);
 }

@@ -14,17 +14,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool EndsIn(std::string_view name, std::initializer_list<std::string_view> extensions) {
+bool EndsIn(absl::string_view name, std::initializer_list<absl::string_view> extensions) {
   const std::string lower = absl::AsciiStrToLower(name);
   return std::any_of(extensions.begin(), extensions.end(),
-                     [&](std::string_view extension) { return absl::EndsWith(lower, extension); });
+                     [&](absl::string_view extension) { return absl::EndsWith(lower, extension); });
 }
 
 // Of sparse/0/NAME or sparse/NAME.
-std::optional<v1::FileKind> ColmapKind(std::string_view name) {
-  name.remove_prefix(std::string_view("sparse/").size());
+std::optional<v1::FileKind> ColmapKind(absl::string_view name) {
+  name.remove_prefix(absl::string_view("sparse/").size());
   if (absl::StartsWith(name, "0/")) name.remove_prefix(2);
-  for (const std::string_view extension : {".bin", ".txt"}) {
+  for (const absl::string_view extension : {".bin", ".txt"}) {
     if (name == absl::StrCat("cameras", extension) || name == absl::StrCat("images", extension)) {
       return v1::FILE_KIND_POSES;
     }
@@ -40,8 +40,8 @@ bool Has(const DatasetFolder& folder, v1::FileKind kind) {
 
 }  // namespace
 
-std::optional<v1::FileKind> KindOf(std::string_view name) {
-  const auto in = [&](std::string_view folder) { return absl::StartsWith(name, folder); };
+std::optional<v1::FileKind> KindOf(absl::string_view name) {
+  const auto in = [&](absl::string_view folder) { return absl::StartsWith(name, folder); };
   if (in("images/") && EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"})) {
     return v1::FILE_KIND_IMAGE;
   }

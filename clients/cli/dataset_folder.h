@@ -3,10 +3,10 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg::cli {
@@ -17,7 +17,7 @@ namespace pepeseg::cli {
 //   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
 //   ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
 //   depth/...                           .png .npy .pfm
-std::optional<v1::FileKind> KindOf(std::string_view name);
+std::optional<v1::FileKind> KindOf(absl::string_view name);
 
 struct FolderFile {
   std::string name;  // relative, with '/'

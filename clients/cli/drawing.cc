@@ -73,7 +73,7 @@ void DrawClick(Picture& picture, double x, double y, Rgb color) {
   }
 }
 
-void DrawText(Picture& picture, int x, int y, std::string_view text, Rgb color) {
+void DrawText(Picture& picture, int x, int y, absl::string_view text, Rgb color) {
   struct Vertex {  // stb_easy_font's layout
     float x, y, z;
     uint8_t rgba[4];

@@ -5,6 +5,7 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "absl/types/optional.h"
 #include "pepeseg/v1/errors.pb.h"
 
 namespace pepeseg::cli {
@@ -20,7 +21,7 @@ absl::Status WithExitCode(const std::string& message, ExitCode code) {
 }
 
 std::optional<v1::ErrorDetail> DetailOf(const absl::Status& status) {
-  const std::optional<absl::Cord> payload = status.GetPayload(kDetailUrl);
+  const absl::optional<absl::Cord> payload = status.GetPayload(kDetailUrl);
   v1::ErrorDetail detail;
   if (!payload || !detail.ParseFromString(std::string(*payload))) return std::nullopt;
   return detail;
@@ -71,7 +72,7 @@ absl::Status JobCancelled(const std::string& message) {
 }
 
 ExitCode ExitCodeOf(const absl::Status& status) {
-  if (const std::optional<absl::Cord> code = status.GetPayload(kExitCodeUrl)) {
+  if (const absl::optional<absl::Cord> code = status.GetPayload(kExitCodeUrl)) {
     return static_cast<ExitCode>(std::stoi(std::string(*code)));
   }
   switch (status.code()) {

@@ -15,7 +15,7 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
   return bytes;
 }
 
-absl::Status WriteFile(const std::filesystem::path& path, std::string_view bytes) {
+absl::Status WriteFile(const std::filesystem::path& path, absl::string_view bytes) {
   std::error_code error;
   if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path(), error);
   std::filesystem::path beside = path;

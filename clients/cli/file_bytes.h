@@ -2,10 +2,10 @@
 
 #include <filesystem>
 #include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 
 namespace pepeseg::cli {
 
@@ -13,6 +13,6 @@ namespace pepeseg::cli {
 absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path);
 
 // Makes the folder too; written beside and renamed, so that nobody reads half of it.
-absl::Status WriteFile(const std::filesystem::path& path, std::string_view bytes);
+absl::Status WriteFile(const std::filesystem::path& path, absl::string_view bytes);
 
 }  // namespace pepeseg::cli

@@ -28,7 +28,7 @@ void AppendNames(const Descriptor& type, const std::string& prefix,
 }
 
 template <typename T, typename Parse, typename Set>
-bool ParseAndSet(std::string_view text, Parse parse, Set set) {
+bool ParseAndSet(absl::string_view text, Parse parse, Set set) {
   T value{};
   if (!parse(text, &value)) return false;
   set(value);
@@ -36,7 +36,7 @@ bool ParseAndSet(std::string_view text, Parse parse, Set set) {
 }
 
 // False when the text is no value of the field's type.
-bool SetField(std::string_view text, const FieldDescriptor& field, Message& message) {
+bool SetField(absl::string_view text, const FieldDescriptor& field, Message& message) {
   const auto& reflection = *message.GetReflection();
   const auto with = [&](auto setter) {
     return [&, setter](auto value) { (reflection.*setter)(&message, &field, value); };
@@ -62,17 +62,17 @@ bool SetField(std::string_view text, const FieldDescriptor& field, Message& mess
 
 }  // namespace
 
-absl::Status SetOption(std::string_view setting, Message& options) {
+absl::Status SetOption(absl::string_view setting, Message& options) {
   const size_t equals = setting.find('=');
-  if (equals == std::string_view::npos) {
+  if (equals == absl::string_view::npos) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--option ", setting, ": NAME=VALUE is wanted, as reconstruct.num_steps=3000"));
   }
-  const std::string_view name = setting.substr(0, equals);
-  const std::string_view value = setting.substr(equals + 1);
+  const absl::string_view name = setting.substr(0, equals);
+  const absl::string_view value = setting.substr(equals + 1);
   Message* message = &options;
   const FieldDescriptor* field = nullptr;
-  for (const std::string_view part : absl::StrSplit(name, '.')) {
+  for (const absl::string_view part : absl::StrSplit(name, '.')) {
     if (field != nullptr && field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
       message = message->GetReflection()->MutableMessage(message, field);
     } else if (field != nullptr) {

@@ -3,17 +3,17 @@
 #include <google/protobuf/message.h>
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 
 namespace pepeseg::cli {
 
 // Sets a field of nested messages from text: "reconstruct.num_steps=3000". The contract is the only
 // list of options there is. INVALID_ARGUMENT names an unknown option, with those that there are, or
 // a value that is no number of the field's type.
-absl::Status SetOption(std::string_view setting, google::protobuf::Message& options);
+absl::Status SetOption(absl::string_view setting, google::protobuf::Message& options);
 
 // "features.learning_rate (float)", ...: every option of a message, in its order.
 std::vector<std::string> OptionNames(const google::protobuf::Message& options);

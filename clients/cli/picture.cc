@@ -27,7 +27,7 @@ struct Decoded {
 };
 
 // `channels` is 1 or 3, whatever the file has.
-absl::StatusOr<Decoded> Decode(std::string_view bytes, std::string_view name, int channels) {
+absl::StatusOr<Decoded> Decode(absl::string_view bytes, absl::string_view name, int channels) {
   const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
   const int size = static_cast<int>(std::min<size_t>(bytes.size(), INT32_MAX));
   Decoded image;
@@ -78,7 +78,7 @@ Picture Picture::Filled(int width, int height, Rgb color) {
   return picture;
 }
 
-absl::StatusOr<Picture> DecodePicture(std::string_view bytes, std::string_view name) {
+absl::StatusOr<Picture> DecodePicture(absl::string_view bytes, absl::string_view name) {
   ASSIGN_OR_RETURN(Decoded image, Decode(bytes, name, 3));
   return Picture{image.width, image.height, std::move(image.pixels)};
 }

@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 
 namespace pepeseg::cli {
 
@@ -39,7 +39,7 @@ struct GreyPicture {
 // JPEG and PNG. NOT_FOUND or INVALID_ARGUMENT naming the file.
 absl::StatusOr<Picture> ReadPicture(const std::filesystem::path& path);
 absl::StatusOr<GreyPicture> ReadGreyPicture(const std::filesystem::path& path);
-absl::StatusOr<Picture> DecodePicture(std::string_view bytes, std::string_view name);
+absl::StatusOr<Picture> DecodePicture(absl::string_view bytes, absl::string_view name);
 
 absl::Status WritePng(const std::filesystem::path& path, const Picture& picture);
 absl::Status WritePng(const std::filesystem::path& path, const GreyPicture& picture);
@@ -54,7 +54,7 @@ void DrawMask(Picture& picture, std::span<const uint8_t> mask, Rgb color);
 void DrawOutline(Picture& picture, std::span<const uint8_t> mask, Rgb color);
 // A ring around a pixel.
 void DrawClick(Picture& picture, double x, double y, Rgb color);
-void DrawText(Picture& picture, int x, int y, std::string_view text, Rgb color);
+void DrawText(Picture& picture, int x, int y, absl::string_view text, Rgb color);
 
 struct Panel {
   std::string caption;

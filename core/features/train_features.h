@@ -12,13 +12,16 @@
 
 namespace pepeseg {
 
-// Stage two (method.md sections 2 and 3): geometry frozen.
+// Stage two (method.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
+// gate from the scale-aware loss on sparse rows and the norms of pixels and Gaussians.
 struct FeatureOptions {
   int num_steps = 10000;  // one view each
-  int num_pixels = 1000;  // samples a step, each with at least one mask
-  int num_scales = 10;
+  int num_pixels = 1000;  // samples a step, each under a mask that has a scale
+  int num_scales = 10;    // a step, 1..kMaxScales; two of them beyond the masks' own
   float learning_rate = 2.5e-3f;
-  int steps_per_chunk = 1000;  // samples drawn ahead: each view is rasterised once a chunk
+  // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
+  // 0.3 MB a step.
+  int steps_per_chunk = 250;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);

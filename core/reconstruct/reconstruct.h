@@ -23,6 +23,9 @@ struct ReconstructOptions {
   float rotation_learning_rate = 1e-3f;
   float opacity_learning_rate = 5e-2f;
   float sh_learning_rate = 2.5e-3f;  // degree 0; higher bands get 1/20 of it
+  // Coarse to fine: photographs at a quarter of their size for the first half of this share of
+  // num_steps, at half of it for the second half. 0: full size throughout.
+  double coarse_until = 0;
   // Adaptive density control.
   double densify_from = 1.0 / 60;  // share of num_steps (500 of 30,000)
   double densify_until = 0.5;      // share of num_steps
@@ -30,7 +33,7 @@ struct ReconstructOptions {
   float densify_gradient = 2e-4f;  // mean |d loss / d mean2d|, NDC units
   float densify_size = 0.01f;      // of the scene radius: clone below, split above
   float prune_opacity = 0.005f;
-  int opacity_reset_every = 3000;  // steps
+  int opacity_reset_every = 3000;  // steps; runs shorter than twice this have none
   int64_t max_gaussians = 1'000'000;
   // What to start from when the capture has no points, drawn inside the cameras' reach.
   int64_t num_random_points = 20'000;

@@ -38,8 +38,7 @@ std::vector<uint32_t> SetPixels(const BinaryMask& mask) {
 
 std::span<const uint64_t> MaskSet::BitsAt(int x, int y) const {
   assert(x >= 0 && x < width && y >= 0 && y < height);
-  if (pixel_patch.empty()) return {};
-  const size_t patch = pixel_patch[static_cast<size_t>(y) * width + x];
+  const size_t patch = pixel_patch.empty() ? 0 : pixel_patch[static_cast<size_t>(y) * width + x];
   return {patch_bits.data() + patch * words, static_cast<size_t>(words)};
 }
 

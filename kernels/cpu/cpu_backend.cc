@@ -1,5 +1,7 @@
 #include "kernels/cpu/cpu_backend.h"
 
+#include <sys/mman.h>
+
 #include <cstdlib>
 #include <cstring>
 #include <string>
@@ -9,6 +11,22 @@ namespace {
 
 // Ahead of every block stands its size, in a cache line of its own.
 constexpr size_t kHeaderBytes = 64;
+// Blocks from a few of these up ask for huge pages: planes of Gaussians are walked a hundred at a
+// time, more than the address cache has entries for small pages.
+constexpr size_t kHugePage = size_t{1} << 21;
+
+std::byte* AllocateZeros(size_t num_bytes) {
+  const bool huge = num_bytes >= 2 * kHugePage;
+  const size_t align = huge ? kHugePage : kHeaderBytes;
+  const size_t total = (num_bytes + align - 1) / align * align;
+  void* block = std::aligned_alloc(align, total);
+  if (block == nullptr) return nullptr;
+#ifdef MADV_HUGEPAGE
+  if (huge) madvise(block, total, MADV_HUGEPAGE);  // advice: no matter if it is not taken
+#endif
+  std::memset(block, 0, num_bytes);
+  return static_cast<std::byte*>(block);
+}
 
 }  // namespace
 
@@ -20,11 +38,22 @@ std::string CpuBackend::name() const {
          simd_.name + ")";
 }
 
+std::string CpuBackend::error() const {
+  const std::lock_guard lock(error_mutex_);
+  return error_;
+}
+
+void CpuBackend::Fail(const std::string& error) {
+  const std::lock_guard lock(error_mutex_);
+  if (error_.empty()) error_ = error;
+}
+
 void* CpuBackend::Allocate(size_t num_bytes) {
-  const size_t total = kHeaderBytes + (num_bytes + 63) / 64 * 64;
-  auto* block = static_cast<std::byte*>(std::aligned_alloc(64, total));
-  if (block == nullptr) return nullptr;
-  std::memset(block, 0, total);
+  std::byte* block = AllocateZeros(kHeaderBytes + (num_bytes + 63) / 64 * 64);
+  if (block == nullptr) {
+    Fail("out of memory: no " + std::to_string(num_bytes) + " bytes");
+    return nullptr;
+  }
   std::memcpy(block, &num_bytes, sizeof(num_bytes));
   bytes_in_use_ += num_bytes;
   return block + kHeaderBytes;

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "kernels/backend.h"
@@ -16,7 +17,7 @@ class CpuBackend final : public Backend {
   explicit CpuBackend(int num_threads);
 
   std::string name() const override;
-  std::string error() const override { return {}; }
+  std::string error() const override;
   void Sync() override {}
 
   void* Allocate(size_t num_bytes) override;
@@ -35,16 +36,21 @@ class CpuBackend final : public Backend {
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;
+  void TransposeRows(const TransposeRowsArgs& args) override;
+  void FeatureCatchUp(const FeatureCatchUpArgs& args) override;
   void FeatureRows(const FeatureRowsArgs& args) override;
   void PairLoss(const PairLossArgs& args) override;
-  void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
 
  private:
+  void Fail(const std::string& error);  // the first one is kept
+
   ThreadPool pool_;
   const SimdKernels& simd_;
   std::atomic<size_t> bytes_in_use_ = 0;
+  mutable std::mutex error_mutex_;
+  std::string error_;
 };
 
 }  // namespace pepeseg

@@ -1,7 +1,19 @@
+#include <algorithm>
+
 #include "kernels/cpu/cpu_backend.h"
 
 namespace pepeseg {
+namespace {
 
-void CpuBackend::FeatureRows(const FeatureRowsArgs& args) { (void)args; }
+constexpr int64_t kChunk = 64;  // rows a task
+
+}  // namespace
+
+void CpuBackend::FeatureRows(const FeatureRowsArgs& args) {
+  const int64_t count = args.rows.first.size - 1;
+  pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
+    simd_.feature_rows(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});
+  });
+}
 
 }  // namespace pepeseg

@@ -1,7 +1,34 @@
+#include <algorithm>
+
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/math/adam.h"
 
 namespace pepeseg {
+namespace {
 
-void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) { (void)args; }
+constexpr int64_t kChunk = 256;  // rows a task
+
+}  // namespace
+
+void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
+  const int64_t count =
+      args.gaussian.empty() ? args.state.last_step.size : int64_t{args.gaussian.size};
+  pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
+    simd_.feature_catch_up(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});
+  });
+}
+
+void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
+  const int64_t count = args.columns.gaussian.size;
+  pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
+    simd_.feature_update(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});
+  });
+  const FeatureRates& r = args.rates;
+  const AdamRates<float> rates = {r.beta1, r.beta2, r.epsilon, r.correction[args.step], 1};
+  for (int k = 0; k < kGateSize; ++k) {
+    args.gate[k] += AdamStep(rates, r.learning_rate, args.gate_grad[k], args.gate_moment1[k],
+                             args.gate_moment2[k]);
+  }
+}
 
 }  // namespace pepeseg

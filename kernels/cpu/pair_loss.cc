@@ -1,7 +1,67 @@
+#include <algorithm>
+#include <vector>
+
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/cpu/pair_plan.h"
+#include "kernels/math/gate.h"
 
 namespace pepeseg {
+namespace {
 
-void CpuBackend::PairLoss(const PairLossArgs& args) { (void)args; }
+void AddSums(const std::vector<PairBlock>& blocks, PairLossSum first, PairLossSum last,
+             double share, DeviceSpan<double> sums) {
+  for (int k = first; k <= last; ++k) {
+    sums[k] = 0;
+    for (const PairBlock& block : blocks) sums[k] += share * block.sums[k];
+  }
+}
+
+float Inverse(double count) { return count == 0 ? 0.0f : static_cast<float>(1 / count); }
+
+void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
+  const PairLossArgs& args = *job.args;
+  std::fill_n(args.gate_grad.data, kGateSize, 0.0f);
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    for (int k = 0; k < kFeatureSize; ++k) {
+      float psi_grad = 0;
+      for (const PairBlock& block : blocks) psi_grad += block.psi_grad[scale * kFeatureSize + k];
+      const float bias_grad = GateVjp(job.psi[scale * kFeatureSize + k], psi_grad);
+      args.gate_grad[k] += args.scales[scale] * bias_grad;
+      args.gate_grad[kFeatureSize + k] += bias_grad;
+    }
+  }
+}
+
+}  // namespace
+
+// Correlations in blocks of pixels p against all q; each block writes its own gradients, so the
+// order of all sums is fixed. Positives and negatives are gathered apart because their means need
+// counts that are known only at the end.
+void CpuBackend::PairLoss(const PairLossArgs& args) {
+  PairPlan plan(args);
+  PairJob& job = plan.job;
+  std::vector<PairBlock> blocks(job.padded / kPairRows);
+  const auto for_each_block = [&](auto&& body) {
+    pool_.ParallelFor(static_cast<int64_t>(blocks.size()),
+                      [&](int64_t i, int) { body(blocks[i]); });
+  };
+  for (size_t i = 0; i < blocks.size(); ++i) {
+    blocks[i].first = static_cast<int>(i) * kPairRows;
+    blocks[i].end = std::min(job.num_pixels, blocks[i].first + kPairRows);
+  }
+  for_each_block([&](PairBlock& block) { simd_.gate_pixels(job, block.first, block.end); });
+  for_each_block([&](PairBlock& block) { simd_.pair_rows(job, block); });
+
+  AddSums(blocks, kPositiveLoss, kNumNegatives, 0.5, args.sums);
+  args.sums[kNumNormPixels] = static_cast<double>(
+      std::count_if(args.pixel_alpha.data, args.pixel_alpha.data + job.num_pixels,
+                    [&](float alpha) { return alpha > args.min_norm_alpha; }));
+  job.positive_scale = Inverse(args.sums[kNumPositives]);
+  job.negative_scale = Inverse(args.sums[kNumNegatives]);
+  job.norm_scale = Inverse(args.sums[kNumNormPixels]);
+  for_each_block([&](PairBlock& block) { simd_.pair_rows_vjp(job, block); });
+  AddSums(blocks, kNormLoss, kNormLoss, 1, args.sums);
+  GateGradient(job, blocks);
+}
 
 }  // namespace pepeseg

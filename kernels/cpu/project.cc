@@ -82,7 +82,7 @@ void MoveChunk(RenderScratch& scratch, int64_t first, const ChunkCount& before,
 
 }  // namespace
 
-void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
+bool ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
                       const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   const int64_t count = args.gaussians.count;
@@ -99,6 +99,15 @@ void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& sim
   for (int64_t chunk = 0; chunk < num_chunks; ++chunk) {
     ends[chunk + 1] = ends[chunk] + ends[chunk + 1];
   }
+  int64_t* counters = scratch.counters.span().data;
+  counters[kNumVisible] = ends[num_chunks].num_visible;
+  counters[kNumCulledDegenerate] = ends[num_chunks].num_degenerate;
+  counters[kNumTileEntries] = ends[num_chunks].num_entries;
+  const bool fits = ends[num_chunks].num_entries <= kMaxTileEntries;
+  if (!fits) {
+    ends.assign(num_chunks + 1, {});
+    runs.assign(num_chunks, {});
+  }
   const ChunkCount& sum = ends[num_chunks];
   scratch.visible_gaussian.Reserve(backend, sum.num_visible);
   scratch.visible_splat.Reserve(backend, sum.num_visible);
@@ -111,10 +120,7 @@ void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& sim
     std::copy(runs[chunk].begin(), runs[chunk].end(),
               scratch.runs.span().data + ends[chunk].num_runs);
   }
-  int64_t* counters = scratch.counters.span().data;
-  counters[kNumVisible] = sum.num_visible;
-  counters[kNumCulledDegenerate] = sum.num_degenerate;
-  counters[kNumTileEntries] = sum.num_entries;
+  return fits;
 }
 
 }  // namespace pepeseg

@@ -5,12 +5,16 @@
 
 namespace pepeseg {
 
+// Entries are counted in 32 bits.
+inline constexpr int64_t kMaxTileEntries = 2'000'000'000;
+
 class Backend;
 struct SimdKernels;
 
 // Projects the Gaussians and fills visible_gaussian, visible_splat and visible_first_slot of
-// args.scratch, whose sizes in tiles are set, and the counters.
-void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
+// args.scratch, whose sizes in tiles are set, and the counters. False, and nothing is visible,
+// when there are more than kMaxTileEntries.
+bool ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
                       const RenderArgs& args);
 
 }  // namespace pepeseg

@@ -1,3 +1,5 @@
+#include <string>
+
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/cpu/project.h"
 #include "kernels/cpu/splat_order.h"
@@ -16,7 +18,11 @@ void CpuBackend::Render(const RenderArgs& args) {
   scratch.pixel_transmittance.Reserve(*this, num_pixels);
   scratch.pixel_last_entry.Reserve(*this, num_pixels);
 
-  ProjectGaussians(*this, pool_, simd_, args);
+  if (!ProjectGaussians(*this, pool_, simd_, args)) {
+    Fail("render: " + std::to_string(scratch.counters.span()[kNumTileEntries]) +
+         " pairs of Gaussian and tile, at most " + std::to_string(kMaxTileEntries) +
+         " are possible");
+  }
   ListTileEntries(*this, scratch);
   ImageColors image = {};
   image.stride = scratch.width;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "kernels/cpu/feature_jobs.h"
 #include "kernels/cpu/image_loss_band.h"
 #include "kernels/ops.h"
 
@@ -78,6 +79,15 @@ struct SimdKernels {
   void (*project)(ProjectJob& job);
   void (*update)(ParameterJob& job);
   void (*image_loss_band)(LossBand& band);
+  void (*feature_catch_up)(const FeatureCatchUpArgs& args, FeatureRange rows);
+  void (*feature_rows)(const FeatureRowsArgs& args, FeatureRange pixels);
+  void (*feature_update)(const FeatureUpdateArgs& args, FeatureRange touched);
+  // The passes of PairLoss over pixels: units, pairs, and back.
+  void (*gate_pixels)(const PairJob& job, int first, int end);
+  void (*pair_rows)(const PairJob& job, PairBlock& block);
+  void (*pair_rows_vjp)(const PairJob& job, PairBlock& block);
+  // query_units: [num_queries, 32] gated and normalised.
+  void (*similarity)(const SimilarityArgs& args, const float* query_units, FeatureRange pixels);
 };
 
 // Of the best instruction set that this machine has.

@@ -52,9 +52,10 @@ class CudaBackend final : public Backend {
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;
+  void TransposeRows(const TransposeRowsArgs& args) override;
+  void FeatureCatchUp(const FeatureCatchUpArgs& args) override;
   void FeatureRows(const FeatureRowsArgs& args) override;
   void PairLoss(const PairLossArgs& args) override;
-  void FeatureRowsBackward(const FeatureRowsBackwardArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
 

@@ -15,7 +15,7 @@ constexpr int kBlock = 128;
 struct UpdateParams {
   DevicePlanes<float> gaussians, moment1, moment2;
   int64_t count;
-  int num_planes;
+  int num_planes;  // of the active degree
   ProjectionCamera<float> camera;
   int width, height;
   float rates[NumPlanes(kMaxShDegree)];
@@ -168,7 +168,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                          ToDevice(args.moment1),
                          ToDevice(args.moment2),
                          args.gaussians.count,
-                         NumPlanes(args.gaussians.sh_degree),
+                         NumPlanes(args.active_sh_degree),
                          MakeProjectionCamera<float>(args.view),
                          args.view.width,
                          args.view.height,
@@ -190,7 +190,7 @@ void CudaBackend::Update(const UpdateArgs& args) {
                          args.stats.num_visible.data,
                          args.stats.max_radius.data,
                          num_skipped};
-  for (int k = 0; k < NumPlanes(args.gaussians.sh_degree); ++k) {
+  for (int k = 0; k < NumPlanes(args.active_sh_degree); ++k) {
     params.rates[k] = RateOf(args.learning_rates, k);
   }
   LaunchUpdate(params, args.active_sh_degree, stream_);

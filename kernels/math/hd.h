@@ -1,6 +1,6 @@
 #pragma once
 
-#include <math.h>
+#include <cmath>
 
 // The headers of this folder are templates on the scalar: float on the host and in CUDA kernels,
 // vector lanes on the CPU (kernels/cpu/simd/lanes.h), double in the gradient tests. So they branch

@@ -5,10 +5,12 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/rpc/sha256.h"
+#include "core/io/atomic_file.h"
+#include "core/io/digest.h"
 
 namespace pepeseg {
 
@@ -16,7 +18,7 @@ namespace pepeseg {
 // power cut, and never changes. Thread safe; a Writer is for one thread at a time. Calls block.
 class BlobStore {
  public:
-  // Makes the folders, and clears what writers of an earlier process left behind.
+  // Makes the folder, and clears what writers of an earlier process left behind.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::filesystem::path& data);
 
   // `sha256`: 64 lower-case hex digits.
@@ -26,10 +28,6 @@ class BlobStore {
   // A blob on its way. Destroyed without Commit() it leaves nothing.
   class Writer {
    public:
-    ~Writer();
-    Writer(const Writer&) = delete;
-    Writer& operator=(const Writer&) = delete;
-
     // INVALID_ARGUMENT when it is more than was declared; RESOURCE_EXHAUSTED: the disk is full.
     absl::Status Append(std::string_view bytes);
     // INVALID_ARGUMENT when it is less than declared; DATA_LOSS when the digest is another.
@@ -37,15 +35,14 @@ class BlobStore {
 
    private:
     friend class BlobStore;
-    Writer() = default;
+    Writer(AtomicFile file, std::string sha256, int64_t size)
+        : file_(std::move(file)), sha256_(std::move(sha256)), size_(size) {}
 
-    std::filesystem::path incoming_;
-    std::filesystem::path target_;
-    std::string sha256_;
-    int64_t size_ = 0;
-    int64_t written_ = 0;
-    int descriptor_ = -1;
+    AtomicFile file_;
     Sha256 digest_;
+    std::string sha256_;
+    int64_t size_;
+    int64_t written_ = 0;
   };
   absl::StatusOr<std::unique_ptr<Writer>> Begin(const std::string& sha256, int64_t size);
 

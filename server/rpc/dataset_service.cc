@@ -15,8 +15,8 @@ namespace pepeseg {
 namespace {
 
 // So that the data directory can be read without the store.
-absl::Status WriteManifest(const ServiceContext& context, const DatasetRow& row,
-                           const std::vector<DatasetFileRow>& files) {
+absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRow& row,
+                                  const std::vector<DatasetFileRow>& files) {
   nlohmann::json manifest = {{"version", 1},
                              {"dataset", ChildName(row.scene, "datasets", row.number)},
                              {"files", nlohmann::json::array()}};
@@ -96,7 +96,7 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
         RETURN_IF_ERROR(store.MarkFileStored(upload.scene, upload.number, file.path));
       }
     }
-    if (complete) RETURN_IF_ERROR(WriteManifest(context_, row, files));
+    if (complete) RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
     const auto sealed = store.SealDataset(upload.scene, upload.number);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
     row = *sealed;

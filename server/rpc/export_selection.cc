@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <string>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/manifest.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
-#include "server/rpc/sha256.h"
 
 namespace pepeseg {
 namespace {
@@ -22,17 +21,24 @@ constexpr char kPlyName[] = "gaussians.ply";
 }  // namespace
 
 absl::Status ExportSelectionStream::Open() {
+  opened_ = true;
   ASSIGN_OR_RETURN(const ModelRow model, FindModel(context_, request_.model(), "model"));
-  path_ = context_.data_folder / model.folder / kPlyName;
-  std::error_code error;
-  num_bytes_left_ = static_cast<int64_t>(std::filesystem::file_size(path_, error));
-  if (error) return absl::DataLossError(absl::StrCat(kPlyName, ": ", error.message()));
+  const std::filesystem::path folder = context_.data_folder / model.folder;
+  ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
+  const auto entry =
+      std::find_if(manifest.files.begin(), manifest.files.end(),
+                   [](const ManifestEntry& listed) { return listed.name == kPlyName; });
+  if (entry == manifest.files.end()) {
+    return absl::DataLossError(absl::StrCat(kPlyName, ": not in the model's manifest"));
+  }
+  sha256_ = entry->sha256;
+  num_bytes_left_ = entry->size;
+  file_.open(folder / kPlyName, std::ios::binary);
   v1::ExportSelectionResponse::Header& header = *message_.mutable_header();
-  ASSIGN_OR_RETURN(*header.mutable_sha256(), Sha256OfFile(path_));
   header.set_model(ChildName(model.scene, "models", model.number));
   header.set_num_gaussians(model.num_gaussians);
-  header.set_num_bytes(num_bytes_left_);
-  file_.open(path_, std::ios::binary);
+  header.set_num_bytes(entry->size);
+  header.set_sha256(entry->sha256);
   return absl::OkStatus();
 }
 
@@ -45,12 +51,16 @@ absl::Status ExportSelectionStream::FillChunk() {
   }
   chunk.set_crc32c(Crc32c(chunk.data()));
   num_bytes_left_ -= size;
+  digest_.Add(chunk.data());
+  if (num_bytes_left_ == 0 && digest_.Hex() != sha256_) {
+    return absl::DataLossError(absl::StrCat(kPlyName, ": fails its checksum"));
+  }
   return absl::OkStatus();
 }
 
 Stream::Step ExportSelectionStream::Work(bool) {
   absl::Status status;
-  if (path_.empty()) {
+  if (!opened_) {
     status = Open();
   } else if (num_bytes_left_ == 0) {
     return {Next::kEnd, absl::OkStatus()};

@@ -12,7 +12,6 @@ namespace pepeseg {
 namespace {
 
 constexpr int64_t kFeatureFloats = 32;
-constexpr int kMaxShDegree = 3;
 
 // Gaussians and features, once on the host and once on the backend, as if of the highest degree.
 int64_t ResidentBytes(const ModelRow& model) {

@@ -33,11 +33,12 @@ absl::Status OfFile(const std::string& path, const absl::Status& status) {
 Stream::Step WriteFilesStream::Work(bool io_ok) {
   if (!io_ok) {
     if (!in_file_) return {Next::kEnd, absl::OkStatus()};
+    writer_.reset();  // clears the file away here, not in a reaction
     return {Next::kEnd, OutOfOrder(absl::StrCat(file_.path, ": the stream ended before its end"))};
   }
   absl::Status status = Take(message_);
   if (!status.ok()) {
-    writer_.reset();  // clears the file away here, not in a reaction
+    writer_.reset();
     return {Next::kEnd, std::move(status)};
   }
   return {Next::kIo, absl::OkStatus()};

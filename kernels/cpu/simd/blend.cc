@@ -5,8 +5,6 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-constexpr WalkWindow kWholeTile = {0, kTileSize, 0, kVectorsPerRow};
-
 PEPESEG_HD void AddTo(float* sum, Lanes weight, Lanes value) {
   MulAdd(weight, value, Lanes::Load(sum)).Store(sum);
 }
@@ -96,20 +94,20 @@ void BlendTile(const TileSplats& tile, const ImageColors& image) {
 }
 
 void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
-  alignas(64) float transmittance[kTilePixels];
-  ClearTransmittance(tile, transmittance);
-  const int vector = x / kLanes;
+  // All but the pixel asked for are out of play: the walk ends with it.
+  alignas(64) float transmittance[kTilePixels] = {};
+  const int pixel_asked = y * kTileSize + x;
+  transmittance[pixel_asked] = 1;
   for (int32_t k = 0; k < tile.count; ++k) weights[k] = 0;
-  // Neighbours in the vector go out of play, so that the walk ends with the pixel asked for.
-  for (int i = 0; i < kTileSize; ++i) {
-    if (i != x) transmittance[y * kTileSize + i] = 0;
-  }
+  const int row = y & -kBlockRows, column = x / kLanes & -kBlockColumns;
+  const WalkWindow window = {row, row + kBlockRows, column, column + kBlockColumns};
   WalkTile(
-      tile, {y, y + 1, vector, vector + 1}, transmittance,
-      [&](int32_t k, int, LaneMask, Lanes weight) __attribute__((always_inline)) {
+      tile, window, transmittance,
+      [&](int32_t k, int pixel, LaneMask, Lanes weight) __attribute__((always_inline)) {
+        if (pixel_asked < pixel || pixel_asked >= pixel + kLanes) return;
         alignas(64) float lanes[kLanes];
         weight.Store(lanes);
-        weights[k] = lanes[x % kLanes];
+        weights[k] = lanes[pixel_asked - pixel];
       },
       [](int32_t, uint32_t) {});
 }

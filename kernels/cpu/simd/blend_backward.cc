@@ -24,13 +24,13 @@ PEPESEG_HD SplatSums ZeroSums() {
   return {{zero, zero, zero, zero, zero, zero}, zero, zero, zero, zero};
 }
 
+// One vector of pixels, given its alphas.
 template <bool kWithDepth>
-PEPESEG_HD void AddPixels(const Splat& splat, const WalkedSplat& s, Lanes power, LaneMask live,
-                          TileGrads& pixels, int pixel, Lanes dx, float dy, SplatSums& sums) {
+PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes dx, float dy,
+                          TileGrads& pixels, int pixel, SplatSums& sums) {
   const Lanes zero(0.0f);
   const Lanes gr = Lanes::Load(pixels.r + pixel), gg = Lanes::Load(pixels.g + pixel);
   const Lanes gb = Lanes::Load(pixels.b + pixel);
-  const Lanes alpha = Alpha(s.opacity, Exp2(power));
   const Lanes after = Lanes::Load(pixels.transmittance + pixel);
   const Lanes before = after * FastInverse(Lanes(1.0f) - alpha);
   const Lanes behind = Lanes::Load(pixels.behind + pixel);
@@ -54,6 +54,25 @@ PEPESEG_HD void AddPixels(const Splat& splat, const WalkedSplat& s, Lanes power,
   sums.moments.yy = MulAdd(grad, Lanes(dy * dy), sums.moments.yy);
   Select(live, before, after).Store(pixels.transmittance + pixel);
   Select(live, BehindStep(alpha, value, behind), behind).Store(pixels.behind + pixel);
+}
+
+// One entry at the two vectors of a block; returns whether it is blended there.
+template <bool kWithDepth>
+PEPESEG_HD bool AddBlock(const Splat& splat, const WalkedSplat& s, Lanes index, const Block& block,
+                         const float* dy, TileGrads& pixels, SplatSums& sums) {
+  Lanes power[2], alpha[2];
+  LaneMask live[2];
+  for (int b = 0; b < 2; ++b) {
+    power[b] = PowerOf(s, dy[b], s.dx[block.ColumnOf(b)]);
+    live[b] = (s.min_power <= power[b]) & (index < Lanes::Load(pixels.last + block.PixelOf(b)));
+  }
+  if (None(live[0] | live[1])) return false;
+  for (int b = 0; b < 2; ++b) alpha[b] = Alpha(s.opacity, Exp2(power[b]));
+  for (int b = 0; b < 2; ++b) {
+    AddPixels<kWithDepth>(splat, alpha[b], live[b], s.dx[block.ColumnOf(b)], dy[b], pixels,
+                          block.PixelOf(b), sums);
+  }
+  return true;
 }
 
 PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
@@ -105,22 +124,20 @@ PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads&
   const int32_t* const entry_slot = tile.entry_slot;
   for (int32_t k = num_blended; k < tile.count; ++k) slot_grad[entry_slot[k]] = {};
   for (int32_t k = num_blended; k-- > 0;) {
+    PrefetchSplat(tile, k - kPrefetchAhead);
+    if (k >= kPrefetchAhead) __builtin_prefetch(slot_grad + entry_slot[k - kPrefetchAhead], 1);
     const Splat& splat = tile.splats[tile.entries[k]];
     const RowRange reach = RowsInReach(splat, tile.y);
     const WalkedSplat s = PrepareSplat(splat, tile.x);
     const Lanes index(static_cast<float>(k));
     SplatSums sums = ZeroSums();
     bool touched = false;
-    for (int y = reach.first; y < reach.end; ++y) {
-      const float dy = tile.y + static_cast<float>(y) + 0.5f - splat.y;
-      const auto row = PowerAtRow(s.root, dy);
-      for (int i = 0; i < kVectorsPerRow; ++i) {
-        const int pixel = y * kTileSize + i * kLanes;
-        const Lanes power = PowerOf(s, row, i);
-        const LaneMask live = (s.min_power <= power) & (index < Lanes::Load(pixels.last + pixel));
-        if (None(live)) continue;
-        AddPixels<kWithDepth>(splat, s, power, live, pixels, pixel, s.dx[i], dy, sums);
-        touched = true;
+    const float y_offset = tile.y + 0.5f - splat.y;
+    for (int y = reach.first & -kBlockRows; y < reach.end; y += kBlockRows) {
+      const float dy[2] = {y_offset + static_cast<float>(y),
+                           y_offset + static_cast<float>(y + kBlockRows - 1)};
+      for (int i = 0; i < kVectorsPerRow; i += kBlockColumns) {
+        touched |= AddBlock<kWithDepth>(splat, s, index, {y, i}, dy, pixels, sums);
       }
     }
     slot_grad[entry_slot[k]] = touched ? Reduced(splat, sums) : SplatGrad{};

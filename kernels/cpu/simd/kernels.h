@@ -18,6 +18,13 @@ void BlendFeatures(const TileSplats& tile, const float* features, const int32_t*
 void ProjectGaussians(ProjectJob& job);
 void UpdateParameters(ParameterJob& job);
 void ImageLossBand(LossBand& band);
+void FeatureCatchUpRange(const FeatureCatchUpArgs& args, FeatureRange range);
+void FeatureRowsRange(const FeatureRowsArgs& args, FeatureRange range);
+void FeatureUpdateRange(const FeatureUpdateArgs& args, FeatureRange range);
+void GatePixels(const PairJob& job, int first, int end);
+void PairRows(const PairJob& job, PairBlock& block);
+void PairRowsVjp(const PairJob& job, PairBlock& block);
+void SimilarityRange(const SimilarityArgs& args, const float* query_units, FeatureRange range);
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg

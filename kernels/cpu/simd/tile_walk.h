@@ -7,7 +7,11 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-inline constexpr int kVectorsPerRow = 16 / kLanes;
+inline constexpr int kVectorsPerRow = kTileSize / kLanes;
+// The walks work on two vectors at a time, one below or beside the other: two chains of operations
+// that do not wait for each other.
+inline constexpr int kBlockRows = kVectorsPerRow == 1 ? 2 : 1;
+inline constexpr int kBlockColumns = 2 / kBlockRows;  // in vectors
 
 // Rows of the tile that a splat can reach.
 struct RowRange {
@@ -20,6 +24,15 @@ PEPESEG_HD RowRange RowsInReach(const Splat& s, float tile_y) {
   const float end = Min(Max(center + s.half_height, -1.0f), 15.0f);
   const int first_row = static_cast<int>(first);
   return {first_row + (static_cast<float>(first_row) < first), static_cast<int>(end + 1.0f)};
+}
+
+// The splats of a tile lie anywhere in memory: each is asked for some entries ahead of its turn.
+inline constexpr int32_t kPrefetchAhead = 6;
+PEPESEG_HD void PrefetchSplat(const TileSplats& tile, int32_t k) {
+  if (k < 0 || k >= tile.count) return;
+  const char* splat = reinterpret_cast<const char*>(tile.splats + tile.entries[k]);
+  __builtin_prefetch(splat);
+  __builtin_prefetch(splat + sizeof(Splat) - 1);
 }
 
 // A splat as the loop over its pixels wants it.
@@ -39,24 +52,62 @@ PEPESEG_HD WalkedSplat PrepareSplat(const Splat& s, float tile_x) {
   }
   return out;
 }
-PEPESEG_HD Lanes PowerOf(const WalkedSplat& s, const PowerRow<float>& row, int i) {
-  return Power(s.root_xx, PowerRow<Lanes>{Lanes(row.shift), Lanes(row.drop)}, s.dx[i]);
+
+// Two vectors of pixels of a tile, the first of them in row `row` and vector `column`.
+struct Block {
+  int row, column;
+
+  PEPESEG_HD int RowOf(int b) const { return row + (kBlockRows == 2 ? b : 0); }
+  PEPESEG_HD int ColumnOf(int b) const { return column + (kBlockRows == 2 ? 0 : b); }
+  PEPESEG_HD int PixelOf(int b) const { return RowOf(b) * kTileSize + ColumnOf(b) * kLanes; }
+};
+PEPESEG_HD Lanes PowerOf(const WalkedSplat& s, float dy, Lanes dx) {
+  const PowerRow<float> row = PowerAtRow(s.root, dy);
+  return Power(s.root_xx, PowerRow<Lanes>{Lanes(row.shift), Lanes(row.drop)}, dx);
 }
 
-// The pixels that a walk visits, within the tile.
+// The pixels that a walk visits, in whole blocks.
 struct WalkWindow {
   int first_row, end_row;
-  int first_vector, end_vector;
+  int first_column, end_column;  // in vectors
 };
+inline constexpr WalkWindow kWholeTile = {0, kTileSize, 0, kVectorsPerRow};
 
 PEPESEG_HD bool AnyLivePixel(const WalkWindow& window, const float* transmittance) {
   Lanes most(0.0f);
   for (int y = window.first_row; y < window.end_row; ++y) {
-    for (int i = window.first_vector; i < window.end_vector; ++i) {
+    for (int i = window.first_column; i < window.end_column; ++i) {
       most = Max(most, Lanes::Load(transmittance + y * kTileSize + i * kLanes));
     }
   }
   return !None(Lanes(0.0f) < most);
+}
+
+// One entry at the two vectors of a block; returns a bit for each row with pixels that end.
+template <class Visit>
+PEPESEG_HD uint32_t BlendBlock(const WalkedSplat& s, const Block& block, const float* dy,
+                               float* transmittance, Visit&& visit) {
+  Lanes power[2], before[2];
+  LaneMask hit[2];
+  for (int b = 0; b < 2; ++b) {
+    power[b] = PowerOf(s, dy[b], s.dx[block.ColumnOf(b)]);
+    before[b] = Lanes::Load(transmittance + block.PixelOf(b));
+    hit[b] = (s.min_power <= power[b]) & (Lanes(0.0f) < before[b]);
+  }
+  if (None(hit[0] | hit[1])) return 0;
+  Lanes alpha[2];
+  for (int b = 0; b < 2; ++b) alpha[b] = Alpha(s.opacity, Exp2(power[b]));
+  uint32_t stop_rows = 0;
+  for (int b = 0; b < 2; ++b) {
+    const Blended<Lanes> step = BlendStep(alpha[b], before[b]);
+    const LaneMask stops = hit[b] & (step.transmittance < Lanes(kMinTransmittance));
+    const LaneMask live = AndNot(stops, hit[b]);
+    stop_rows |= static_cast<uint32_t>(!None(stops)) << block.RowOf(b);
+    const Lanes kept = Select(stops, Lanes(0.0f) - before[b], before[b]);
+    Select(live, step.transmittance, kept).Store(transmittance + block.PixelOf(b));
+    visit(block.PixelOf(b), live, Select(live, step.weight, Lanes(0.0f)));
+  }
+  return stop_rows;
 }
 
 // Blends front to back: calls visit(k, pixel, live, weight) for vectors of pixels that entry k
@@ -68,26 +119,21 @@ PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float
                          Visit&& visit, Stop&& stop) {
   bool any_live = AnyLivePixel(window, transmittance);
   for (int32_t k = 0; k < tile.count && any_live; ++k) {
+    PrefetchSplat(tile, k + kPrefetchAhead);
     const Splat& splat = tile.splats[tile.entries[k]];
     const RowRange reach = RowsInReach(splat, tile.y);
     const WalkedSplat s = PrepareSplat(splat, tile.x);
     const int end = Min(reach.end, window.end_row);
+    const float y_offset = tile.y + 0.5f - splat.y;
     uint32_t stop_rows = 0;
-    for (int y = Max(reach.first, window.first_row); y < end; ++y) {
-      const auto row = PowerAtRow(s.root, tile.y + static_cast<float>(y) + 0.5f - splat.y);
-      for (int i = window.first_vector; i < window.end_vector; ++i) {
-        const int pixel = y * kTileSize + i * kLanes;
-        const Lanes power = PowerOf(s, row, i);
-        const Lanes before = Lanes::Load(transmittance + pixel);
-        const LaneMask hit = (s.min_power <= power) & (Lanes(0.0f) < before);
-        if (None(hit)) continue;
-        const Blended<Lanes> step = BlendStep(Alpha(s.opacity, Exp2(power)), before);
-        const LaneMask stops = hit & (step.transmittance < Lanes(kMinTransmittance));
-        const LaneMask live = AndNot(stops, hit);
-        stop_rows |= static_cast<uint32_t>(!None(stops)) << y;
-        const Lanes kept = Select(stops, Lanes(0.0f) - before, before);
-        Select(live, step.transmittance, kept).Store(transmittance + pixel);
-        visit(k, pixel, live, Select(live, step.weight, Lanes(0.0f)));
+    for (int y = Max(reach.first & -kBlockRows, window.first_row); y < end; y += kBlockRows) {
+      const float dy[2] = {y_offset + static_cast<float>(y),
+                           y_offset + static_cast<float>(y + kBlockRows - 1)};
+      for (int i = window.first_column; i < window.end_column; i += kBlockColumns) {
+        stop_rows |= BlendBlock(
+            s, {y, i}, dy, transmittance,
+            [&](int pixel, LaneMask live, Lanes weight)
+                __attribute__((always_inline)) { visit(k, pixel, live, weight); });
       }
     }
     if (HWY_UNLIKELY(stop_rows != 0)) {

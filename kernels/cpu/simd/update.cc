@@ -93,42 +93,53 @@ PEPESEG_HD float RateOf(const LearningRates& rates, int plane) {
   return plane < kShPlane + 3 ? rates.sh_dc : rates.sh_rest;
 }
 
-// Counts the steps of the lanes that are updated and looks up their bias corrections.
-PEPESEG_HD AdamRates<Lanes> CountSteps(const ParameterJob& job, int32_t* num_steps, int count,
-                                       uint32_t updated) {
-  float correction1[kLanes] = {}, correction2[kLanes] = {};
-  for (int i = 0; i < count; ++i) {
-    num_steps[i] += static_cast<int32_t>(updated >> i & 1u);
-    const int32_t step = Min(Max(num_steps[i], 1), job.num_corrections - 1);
-    correction1[i] = job.correction1[step];
-    correction2[i] = job.correction2[step];
+// Gaussians that are worked on together: all their gradients first, then Adam plane by plane, so
+// that memory is walked in long strides of few streams.
+constexpr int kBlock = 256;
+struct BlockGrads {
+  alignas(64) float values[kMaxPlanes][kBlock];
+  alignas(64) float correction1[kBlock], correction2[kBlock];
+  uint32_t updated[kBlock / kLanes];  // a bit for each lane of a group
+};
+
+// Counts the steps of the Gaussians that are updated and looks up their bias corrections.
+PEPESEG_HD void CountSteps(const ParameterJob& job, int64_t first, int count, BlockGrads& block) {
+  int32_t* const num_steps = job.update->num_steps.data + first;
+  for (int i = 0; i < kBlock; ++i) {
+    int32_t step = 1;
+    if (i < count) {
+      num_steps[i] += static_cast<int32_t>(block.updated[i / kLanes] >> (i % kLanes) & 1u);
+      step = Min(Max(num_steps[i], 1), job.num_corrections - 1);
+    }
+    block.correction1[i] = job.correction1[step];
+    block.correction2[i] = job.correction2[step];
   }
-  const UpdateArgs& args = *job.update;
-  return {Lanes(args.beta1), Lanes(args.beta2), Lanes(args.epsilon), Lanes::Load(correction1),
-          Lanes::Load(correction2)};
 }
 
-PEPESEG_HD void AdamGroup(const ParameterJob& job, int num_planes, int64_t first, int count,
-                          const Lanes* grad, uint32_t updated) {
-  const UpdateArgs& args = *job.update;
-  const LaneMask mask = MaskOf(updated);
-  const AdamRates<Lanes> rates = CountSteps(job, args.num_steps.data + first, count, updated);
-  const bool bounded = args.max_log_scale > args.min_log_scale;
-  for (int k = 0; k < num_planes; ++k) {
-    float* const value_at = args.gaussians.data + k * args.gaussians.stride + first;
-    float* const moment1_at = args.moment1.data + k * args.moment1.stride + first;
-    float* const moment2_at = args.moment2.data + k * args.moment2.stride + first;
-    const Lanes old = LoadSome(value_at, count);
-    const Lanes old1 = LoadSome(moment1_at, count), old2 = LoadSome(moment2_at, count);
+// Adam on one plane of a block.
+PEPESEG_HD void AdamPlane(const UpdateArgs& args, int plane, int64_t first, int count,
+                          const BlockGrads& block) {
+  const Lanes learning_rate(RateOf(args.learning_rates, plane));
+  const bool bounded =
+      args.max_log_scale > args.min_log_scale && plane >= kLogScalePlane && plane < kRotationPlane;
+  float* const value_at = args.gaussians.data + plane * args.gaussians.stride + first;
+  float* const moment1_at = args.moment1.data + plane * args.moment1.stride + first;
+  float* const moment2_at = args.moment2.data + plane * args.moment2.stride + first;
+  for (int i = 0; i < count; i += kLanes) {
+    const int left = count - i;
+    const AdamRates<Lanes> rates = {Lanes(args.beta1), Lanes(args.beta2), Lanes(args.epsilon),
+                                    Lanes::Load(block.correction1 + i),
+                                    Lanes::Load(block.correction2 + i)};
+    const Lanes old = LoadSome(value_at + i, left);
+    const Lanes old1 = LoadSome(moment1_at + i, left), old2 = LoadSome(moment2_at + i, left);
     Lanes moment1 = old1, moment2 = old2;
-    const Lanes rate(RateOf(args.learning_rates, k));
-    Lanes value = old + AdamStep(rates, rate, grad[k], moment1, moment2);
-    if (bounded && k >= kLogScalePlane && k < kRotationPlane) {
-      value = Min(Max(value, Lanes(args.min_log_scale)), Lanes(args.max_log_scale));
-    }
-    StoreSome(Select(mask, value, old), value_at, count);
-    StoreSome(Select(mask, moment1, old1), moment1_at, count);
-    StoreSome(Select(mask, moment2, old2), moment2_at, count);
+    const Lanes grad = Lanes::Load(block.values[plane] + i);
+    Lanes value = old + AdamStep(rates, learning_rate, grad, moment1, moment2);
+    if (bounded) value = Min(Max(value, Lanes(args.min_log_scale)), Lanes(args.max_log_scale));
+    const LaneMask mask = MaskOf(block.updated[i / kLanes]);
+    StoreSome(Select(mask, value, old), value_at + i, left);
+    StoreSome(Select(mask, moment1, old1), moment1_at + i, left);
+    StoreSome(Select(mask, moment2, old2), moment2_at + i, left);
   }
 }
 
@@ -146,28 +157,40 @@ PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& 
   radius = Max(radius, 3 * LongAxis(PowerRoot<float>{splat.root_xx, splat.root_xy, splat.root_yy}));
 }
 
-PEPESEG_HD void UpdateGroup(ParameterJob& job, const Group& group, int64_t first, int count,
-                            const int32_t* visible) {
+// The gradients and statistics of one group, `at` of the block.
+PEPESEG_HD void FillGroup(ParameterJob& job, const Group& group, int64_t first, int count,
+                          const int32_t* visible, int at, BlockGrads& block) {
   const UpdateArgs& args = *job.update;
-  const uint32_t all = (1u << count) - 1u;
-  Lanes grad[kMaxPlanes];
   SplatGradLanes splat_grad;
   const uint32_t seen = Transpose(group.grads, visible, count, splat_grad);
-  uint32_t skipped = 0;
-  if (seen != 0) {
-    const GaussianGroup values = {args.gaussians.data + first, args.gaussians.stride, count};
-    skipped = seen & ~ParameterVjp(group, values, splat_grad, grad);
-    const LaneMask mask = MaskOf(seen & ~skipped);
-    for (int k = 0; k < group.num_planes; ++k) grad[k] = Select(mask, grad[k], Lanes(0.0f));
-    for (uint32_t bits = seen & ~skipped; bits != 0; bits &= bits - 1) {
-      const int i = __builtin_ctz(bits);
-      AddStats(args, first + i, group.splats[visible[i]], group.grads[visible[i]]);
-    }
-  } else {
-    for (int k = 0; k < group.num_planes; ++k) grad[k] = Lanes(0.0f);
+  block.updated[at / kLanes] = (1u << count) - 1u;
+  if (seen == 0) {
+    for (int k = 0; k < group.num_planes; ++k) Lanes(0.0f).Store(block.values[k] + at);
+    return;
   }
-  job.num_skipped += __builtin_popcount(skipped);
-  AdamGroup(job, group.num_planes, first, count, grad, all & ~skipped);
+  Lanes grad[kMaxPlanes];
+  const GaussianGroup values = {args.gaussians.data + first, args.gaussians.stride, count};
+  const uint32_t used = seen & ParameterVjp(group, values, splat_grad, grad);
+  const LaneMask mask = MaskOf(used);
+  for (int k = 0; k < group.num_planes; ++k) {
+    Select(mask, grad[k], Lanes(0.0f)).Store(block.values[k] + at);
+  }
+  for (uint32_t bits = used; bits != 0; bits &= bits - 1) {
+    const int i = __builtin_ctz(bits);
+    AddStats(args, first + i, group.splats[visible[i]], group.grads[visible[i]]);
+  }
+  block.updated[at / kLanes] &= ~(seen & ~used);
+  job.num_skipped += __builtin_popcount(seen & ~used);
+}
+
+PEPESEG_HD void UpdateBlock(ParameterJob& job, const Group& group, int64_t first, int count,
+                            const int32_t* visible) {
+  BlockGrads block;
+  for (int i = 0; i < count; i += kLanes) {
+    FillGroup(job, group, first + i, Min(count - i, kLanes), visible + i, i, block);
+  }
+  CountSteps(job, first, count, block);
+  for (int k = 0; k < group.num_planes; ++k) AdamPlane(*job.update, k, first, count, block);
 }
 
 PEPESEG_HD void StoreGradients(const ParameterJob& job, const Group& group, int64_t first,
@@ -201,10 +224,11 @@ void UpdateParameters(ParameterJob& job) {
   group.degree = degree;
   group.num_planes = kShPlane + 3 * (degree + 1) * (degree + 1);
   job.num_skipped = 0;
-  for (int64_t i = 0; i < job.count; i += kLanes) {
-    const int count = job.count - i < kLanes ? static_cast<int>(job.count - i) : kLanes;
+  const int size = updates ? kBlock : kLanes;
+  for (int64_t i = 0; i < job.count; i += size) {
+    const int count = job.count - i < size ? static_cast<int>(job.count - i) : size;
     if (updates) {
-      UpdateGroup(job, group, job.first + i, count, job.visible + i);
+      UpdateBlock(job, group, job.first + i, count, job.visible + i);
     } else {
       StoreGradients(job, group, job.first + i, count, job.visible + i);
     }

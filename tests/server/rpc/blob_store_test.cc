@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "server/layout.h"
-#include "tests/server/jobs/scratch_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -29,17 +29,8 @@ std::string ReadFile(const fs::path& path) {
   return bytes.str();
 }
 
-TEST(Sha256, MatchesThePublishedVectors) {
-  Sha256 empty;
-  EXPECT_EQ(empty.Finish(), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
-  Sha256 parts;
-  parts.Update("a");
-  parts.Update("bc");
-  EXPECT_EQ(parts.Finish(), kAbc);
-}
-
 TEST(BlobStore, KeepsABlobAsAWhole) {
-  const ScratchFolder data;
+  const testing::TempFolder data;
   const auto store = BlobStore::Open(data.path());
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_FALSE((*store)->Has(kAbc, 3));
@@ -56,7 +47,7 @@ TEST(BlobStore, KeepsABlobAsAWhole) {
 }
 
 TEST(BlobStore, WrongBytesLeaveNothing) {
-  const ScratchFolder data;
+  const testing::TempFolder data;
   const auto store = BlobStore::Open(data.path());
   ASSERT_TRUE(store.ok());
   {
@@ -78,7 +69,7 @@ TEST(BlobStore, WrongBytesLeaveNothing) {
 }
 
 TEST(BlobStore, TwoWritersOfOneBlobAgree) {
-  const ScratchFolder data;
+  const testing::TempFolder data;
   const auto store = BlobStore::Open(data.path());
   auto one = *(*store)->Begin(kAbc, 3);
   auto two = *(*store)->Begin(kAbc, 3);
@@ -91,12 +82,14 @@ TEST(BlobStore, TwoWritersOfOneBlobAgree) {
 }
 
 TEST(BlobStore, ClearsWhatACrashLeft) {
-  const ScratchFolder data;
-  fs::create_directories(IncomingFolder(data.path()));
-  std::ofstream(IncomingFolder(data.path()) / "0.part") << "half";
+  const testing::TempFolder data;
+  fs::create_directories(BlobPath(data.path(), kAbc).parent_path());
+  std::ofstream(BlobPath(data.path(), kAbc)) << "abc";
+  std::ofstream(BlobPath(data.path(), kAbc).string() + ".x8QbZ1") << "half";
   const auto store = BlobStore::Open(data.path());
   ASSERT_TRUE(store.ok());
-  EXPECT_EQ(CountFiles(data.path()), 0);
+  EXPECT_EQ(CountFiles(data.path()), 1);
+  EXPECT_TRUE((*store)->Has(kAbc, 3));
 }
 
 }  // namespace

@@ -1,0 +1,134 @@
+// The verb that goes all the way: photographs in, segments out, scored.
+#include <chrono>
+#include <filesystem>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "clients/cli/dataset_folder.h"
+#include "clients/cli/demo_report.h"
+#include "clients/cli/demo_score.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/file_bytes.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+#include "clients/cli/training.h"
+#include "clients/cli/upload.h"
+#include "clients/cli/watch.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What two cores do in about two and a half minutes. The rest is the server's default.
+const std::vector<std::string>& DemoSettings() {
+  static const std::vector<std::string> settings = {"reconstruct.num_steps=2000",
+                                                    "features.num_steps=1500"};
+  return settings;
+}
+
+struct DemoFlags {
+  std::string data;
+  std::string out;
+  std::string scene;
+  std::vector<std::string> settings;
+  FixedQuestion question{0.5, 0.75};
+};
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+absl::Status Upload(const Connection& connection, const DemoFlags& flags, const std::string& scene,
+                    DemoResult& result, std::string& dataset) {
+  const Stopwatch watch;
+  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.data));
+  RETURN_IF_ERROR(EnsureScene(connection, scene));
+  ASSIGN_OR_RETURN(const v1::Dataset sealed, UploadFolder(connection, scene, folder));
+  dataset = sealed.name();
+  result.stage_seconds["upload"] = watch.Seconds();
+  return absl::OkStatus();
+}
+
+absl::Status Train(const Connection& connection, const DemoFlags& flags, const std::string& scene,
+                   const std::string& dataset, DemoResult& result) {
+  const Stopwatch watch;
+  std::vector<std::string> settings = DemoSettings();
+  settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
+  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(connection, scene, dataset, settings));
+  ASSIGN_OR_RETURN(result.job, WatchJob(connection, job.name(), [&](const v1::JobEvent& event) {
+                     if (event.event_case() != v1::JobEvent::kStageEnded) return;
+                     const auto& ended = event.stage_ended();
+                     result.stage_seconds[ended.stage()] =
+                         static_cast<double>(ended.elapsed().seconds()) +
+                         static_cast<double>(ended.elapsed().nanos()) * 1e-9;
+                   }));
+  v1::GetModelRequest request;
+  request.set_name(result.job.model());
+  Call call(scene, kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.scenes->GetModel(call, request, &result.model)));
+  result.stage_seconds["train"] = watch.Seconds();
+  return absl::OkStatus();
+}
+
+absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
+  const Connection connection(shell.server);
+  const std::string scene = SceneName(
+      flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
+  DemoResult result;
+  result.question = flags.question;
+  std::string dataset;
+  RETURN_IF_ERROR(Upload(connection, flags, scene, result, dataset));
+  RETURN_IF_ERROR(Train(connection, flags, scene, dataset, result));
+
+  const Stopwatch watch;
+  ASSIGN_OR_RETURN(const std::vector<v1::View> model_views,
+                   AllViews(connection, result.model.name()));
+  ASSIGN_OR_RETURN(const std::vector<DemoView> views, ReadHeldOut(flags.data, model_views));
+  for (const Product& product : DemoProducts()) {
+    ASSIGN_OR_RETURN(ProductScore score,
+                     ScoreProduct(connection, result.model.name(), views, product, flags.question));
+    result.products.push_back(std::move(score));
+  }
+  result.stage_seconds["questions"] = watch.Seconds();
+  const std::string report = ReportJson(result);
+  RETURN_IF_ERROR(WriteFile(fs::path(flags.out) / "report.json", report));
+  RETURN_IF_ERROR(WritePictures(flags.out, connection, views, result));
+  Print(shell.json ? report : ReportText(result));
+  Note(absl::StrCat("report.json and the pictures are in ", flags.out));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddDemo(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<DemoFlags>();
+  CLI::App* verb = app.add_subcommand(
+      "demo", "The scene that ships with pepeseg, from photographs to scored segments");
+  verb->add_option("--data", flags->data, "Folder of the scene")
+      ->default_val("tests/data/apc_shelf");
+  verb->add_option("--out", flags->out, "Folder for report.json and pictures")
+      ->default_val("build/demo");
+  verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
+  verb->add_option("-o,--option", flags->settings, "NAME=VALUE, over the demo's own settings")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  verb->add_option("--scale", flags->question.scale, "Scale of the questions")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  verb->add_option("--threshold", flags->question.threshold, "Threshold of the questions")
+      ->check(CLI::Range(-1.0, 1.0))
+      ->capture_default_str();
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunDemo(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,225 @@
+// Verbs that ask a model: segment, render.
+#include "clients/cli/questions.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/mask.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Rgb kMaskColor{255, 120, 0};
+constexpr Rgb kPositive{60, 255, 60};
+constexpr Rgb kNegative{255, 40, 40};
+
+struct SegmentFlags {
+  std::string scene;
+  std::string model = "live";
+  std::string view;
+  std::vector<std::string> positive;
+  std::vector<std::string> negative;
+  double scale = -1;      // below 0: the server's default
+  double threshold = -2;  // below -1: the server's default
+  std::vector<std::string> targets;
+  std::string out;
+};
+
+struct RenderFlags {
+  std::string scene;
+  std::string model = "live";
+  std::vector<std::string> views;
+  std::string out = ".";
+};
+
+std::string ModelName(const std::string& scene, const std::string& model) {
+  return absl::StrCat(SceneName(scene), "/models/", model);
+}
+
+// "120,88.5".
+absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  v1::PointsPrompt::Point point;
+  double x = 0;
+  double y = 0;
+  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("point \"", text, "\": x,y in pixels is wanted, as 320,240"));
+  }
+  point.set_x(x);
+  point.set_y(y);
+  point.set_negative(negative);
+  return point;
+}
+
+void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
+  using Targets = v1::SegmentRequest::Targets;
+  for (const std::string& name : names) {
+    if (name == "all") {
+      request.mutable_targets()->set_group(Targets::GROUP_ALL);
+    } else if (name == "held-out") {
+      request.mutable_targets()->set_group(Targets::GROUP_HELD_OUT);
+    } else {
+      request.mutable_targets()->add_views(name);
+    }
+  }
+}
+
+absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
+  v1::SegmentRequest request;
+  request.set_model(ModelName(flags.scene, flags.model));
+  request.mutable_prompt_view()->set_view(flags.view);
+  for (const std::string& text : flags.positive) {
+    ASSIGN_OR_RETURN(*request.mutable_points()->add_points(), ParsePoint(text, false));
+  }
+  for (const std::string& text : flags.negative) {
+    ASSIGN_OR_RETURN(*request.mutable_points()->add_points(), ParsePoint(text, true));
+  }
+  if (flags.scale >= 0) request.set_scale_quantile(flags.scale);
+  if (flags.threshold >= -1) request.set_threshold(flags.threshold);
+  SetTargets(flags.targets, request);
+  request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+  return request;
+}
+
+// STEM_mask.png, and STEM_overlay.png over the rendering.
+absl::Status WriteMask(const Connection& connection, const SegmentFlags& flags,
+                       const v1::SegmentRequest& request, const v1::SegmentResponse& answer,
+                       const v1::SegmentResponse::ViewMask& view) {
+  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
+  const fs::path stem = fs::path(flags.out) / Stem(view.view());
+  GreyPicture grey{view.rle().width(), view.rle().height(), mask};
+  for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
+  RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
+  ASSIGN_OR_RETURN(Picture overlay, AskRender(connection, answer.model(), view.view()));
+  if (overlay.width != grey.width || overlay.height != grey.height) {
+    return absl::InternalError(absl::StrCat(view.view(), ": mask and rendering differ in size"));
+  }
+  DrawMask(overlay, mask, kMaskColor);
+  if (view.view() == request.prompt_view().view()) {
+    for (const auto& point : request.points().points()) {
+      DrawClick(overlay, point.x(), point.y(), point.negative() ? kNegative : kPositive);
+    }
+  }
+  return WritePng(stem.string() + "_overlay.png", overlay);
+}
+
+void PrintAnswer(const v1::SegmentResponse& answer) {
+  Print(absl::StrFormat("%s  scale %.3f (%.4g scene units)  threshold %.3f", answer.model(),
+                        answer.scale_quantile(), answer.scale_units(), answer.threshold()));
+  for (const auto& mask : answer.masks()) {
+    Print(absl::StrFormat("  %-28s %8d px  score %.3f  box %d,%d %dx%d", mask.view(), mask.area(),
+                          mask.score(), mask.box().x(), mask.box().y(), mask.box().width(),
+                          mask.box().height()));
+  }
+}
+
+absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
+  ASSIGN_OR_RETURN(const v1::SegmentRequest request, BuildRequest(flags));
+  const Connection connection(shell.server);
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
+  for (const auto& mask : answer.masks()) {
+    if (!flags.out.empty()) {
+      RETURN_IF_ERROR(WriteMask(connection, flags, request, answer, mask));
+    }
+  }
+  shell.json ? PrintJson(answer) : PrintAnswer(answer);
+  if (!flags.out.empty()) Note(absl::StrCat("masks and overlays are in ", flags.out));
+  return absl::OkStatus();
+}
+
+absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
+  const Connection connection(shell.server);
+  const std::string model = ModelName(flags.scene, flags.model);
+  std::vector<std::string> names = flags.views;
+  if (names.empty()) {
+    ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, model));
+    for (const v1::View& view : views) names.push_back(view.view());
+  }
+  for (const std::string& view : names) {
+    ASSIGN_OR_RETURN(const Picture picture, AskRender(connection, model, view));
+    const fs::path path = fs::path(flags.out) / (Stem(view) + ".png");
+    RETURN_IF_ERROR(WritePng(path, picture));
+    if (shell.json) {
+      Print(nlohmann::ordered_json{{"view", view}, {"file", path.string()}}.dump());
+    } else {
+      Print(path.string());
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
+                                               const v1::SegmentRequest& request) {
+  v1::SegmentResponse answer;
+  Call call(SceneOf(request.model()), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Segment(call, request, &answer)));
+  return answer;
+}
+
+absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
+                                  const std::string& view) {
+  v1::RenderRequest request;
+  request.set_model(model);
+  request.mutable_viewpoint()->set_view(view);
+  v1::RenderResponse answer;
+  Call call(SceneOf(model), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Render(call, request, &answer)));
+  return DecodePicture(answer.png(), view);
+}
+
+std::string Stem(const std::string& view) {
+  std::string stem = fs::path(view).replace_extension().generic_string();
+  std::replace(stem.begin(), stem.end(), '/', '-');
+  // A name comes from the server: it must not leave the folder it is written to.
+  return stem.empty() || stem.front() == '.' ? "view" + stem : stem;
+}
+
+void AddSegment(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<SegmentFlags>();
+  CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("--view", flags->view, "The view that is clicked in")->required();
+  verb->add_option("-p,--point", flags->positive, "A pixel of what is meant; may be repeated")
+      ->type_name("X,Y")
+      ->allow_extra_args(false)
+      ->required();
+  verb->add_option("-n,--negative", flags->negative, "A pixel of what is not meant")
+      ->type_name("X,Y")
+      ->allow_extra_args(false);
+  verb->add_option("--scale", flags->scale, "How large a thing: 0 a small part, 1 the largest")
+      ->check(CLI::Range(0.0, 1.0));
+  verb->add_option("--threshold", flags->threshold, "Cosine over which a pixel is in")
+      ->check(CLI::Range(-1.0, 1.0));
+  verb->add_option("--views", flags->targets,
+                   "Where masks are wanted: names, all or held-out; by default where the click is");
+  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });
+}
+
+void AddRender(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<RenderFlags>();
+  CLI::App* verb = app.add_subcommand("render", "Pictures of a model from its views");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("--views", flags->views, "Names of views; all by default");
+  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  verb->add_option("--out", flags->out, "Folder for STEM.png")->capture_default_str();
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunRender(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/picture.h"
+#include "pepeseg/v1/segmentation_service.pb.h"
+
+namespace pepeseg::cli {
+
+absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
+                                               const v1::SegmentRequest& request);
+
+// A view of a model in the model's colours.
+absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
+                                  const std::string& view);
+
+// "frame-000000.jpg" -> "frame-000000"; folders become dashes: a file name for what is about a
+// view.
+std::string Stem(const std::string& view);
+
+}  // namespace pepeseg::cli

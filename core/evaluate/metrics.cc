@@ -1,0 +1,117 @@
+#include "core/evaluate/metrics.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "core/scene/pinhole_view.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kNearPlane = 0.01f;  // of the scene radius, as in training
+constexpr double kMinMse = 1e-10;    // so that equal images score 100 dB
+
+absl::Status CheckView(const View& view) {
+  const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
+  if (view.photo.pixels.size() != 3 * num_pixels) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("view ", view.name, ": the photograph is not of its camera's size"));
+  }
+  if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("view ", view.name, ": the ignore mask is not of the photograph's size"));
+  }
+  return absl::OkStatus();
+}
+
+class ViewScorer {
+ public:
+  ViewScorer(Backend& backend, const Gaussians& gaussians, double scene_radius)
+      : backend_(backend),
+        gaussians_(gaussians),
+        near_plane_(static_cast<float>(kNearPlane * scene_radius)),
+        planes_(backend, std::span<const float>(gaussians.planes)),
+        sums_(backend, kNumImageLossSums) {}
+
+  absl::StatusOr<ImageScores> Score(const View& view) {
+    RETURN_IF_ERROR(CheckView(view));
+    const int width = view.camera.width, height = view.camera.height;
+    Buffer<float> color(backend_, int64_t{3} * width * height);
+    const Buffer<uint8_t> photo(backend_, std::span<const uint8_t>(view.photo.pixels));
+    const Buffer<uint8_t> ignore(backend_, std::span<const uint8_t>(view.ignore));
+    backend_.Render({.gaussians = {planes_.span().data, gaussians_.count, gaussians_.count,
+                                   gaussians_.sh_degree},
+                     .view = ToPinholeView(view.camera, view.cam_from_world),
+                     .near_plane = near_plane_,
+                     .active_sh_degree = gaussians_.sh_degree,
+                     .scratch = &scratch_,
+                     .color = color.span()});
+    backend_.ImageLoss({.width = width,
+                        .height = height,
+                        .color = color.span(),
+                        .target = photo.span(),
+                        .ignore = ignore.span(),
+                        .sums = sums_.span()});
+    double sums[kNumImageLossSums];
+    sums_.Download(sums);
+    if (const std::string error = backend_.error(); !error.empty()) {
+      return absl::InternalError(absl::StrCat("view ", view.name, ": ", error));
+    }
+    if (sums[kSumPixelChannels] == 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the ignore mask leaves no pixel to score"));
+    }
+    const double mse = std::max(kMinMse, sums[kSumSquared] / sums[kSumPixelChannels]);
+    return ImageScores{-10 * std::log10(mse), sums[kSumSsim] / sums[kSumPixelChannels]};
+  }
+
+ private:
+  Backend& backend_;
+  const Gaussians& gaussians_;
+  const float near_plane_;
+  Buffer<float> planes_;
+  Buffer<double> sums_;
+  RenderScratch scratch_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Capture& capture,
+                                                     const Gaussians& gaussians) {
+  ViewScorer scorer(backend, gaussians, SceneRadius(capture));
+  std::vector<ViewScores> scores;
+  for (const View& view : capture.views) {
+    if (!view.held_out) continue;
+    ASSIGN_OR_RETURN(const ImageScores score, scorer.Score(view));
+    scores.push_back({view.name, score});
+  }
+  return scores;
+}
+
+ImageScores Mean(std::span<const ViewScores> scores) {
+  ImageScores mean;
+  for (const ViewScores& view : scores) {
+    mean.psnr += view.scores.psnr;
+    mean.ssim += view.scores.ssim;
+  }
+  const auto count = static_cast<double>(std::max<size_t>(1, scores.size()));
+  return {mean.psnr / count, mean.ssim / count};
+}
+
+double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,
+           std::span<const uint8_t> ignore) {
+  assert(prediction.size() == truth.size());
+  assert(ignore.empty() || ignore.size() == truth.size());
+  int64_t both = 0, either = 0;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    if (!ignore.empty() && ignore[i] != 0) continue;
+    both += prediction[i] != 0 && truth[i] != 0;
+    either += prediction[i] != 0 || truth[i] != 0;
+  }
+  return either == 0 ? 1.0 : static_cast<double>(both) / static_cast<double>(either);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,147 @@
+#include "core/features/batch_drawer.h"
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+#include <unordered_map>
+#include <utility>
+
+#include "core/features/mask_scales.h"
+#include "core/features/scale_labels.h"
+
+namespace pepeseg {
+namespace {
+
+// Uniform in (low, high]; the standard's distributions differ between libraries.
+float DrawBetween(float low, float high, std::mt19937_64& random) {
+  const double share = (static_cast<double>(random() >> 11) + 1) * 0x1p-53;
+  return static_cast<float>(low + share * (double{high} - low));
+}
+size_t DrawIndex(size_t count, std::mt19937_64& random) {
+  return static_cast<size_t>((random() >> 32) * count >> 32);
+}
+
+std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mask_scales) {
+  std::vector<float> weights;
+  for (int patch = 0; patch < masks.num_patches(); ++patch) {
+    double area = 0;
+    int count = 0;
+    for (int word = 0; word < masks.words; ++word) {
+      uint64_t left = masks.patch_bits[static_cast<size_t>(patch) * masks.words + word];
+      for (; left != 0; left &= left - 1) {
+        const int mask = 64 * word + std::countr_zero(left);
+        if (mask_scales[mask] <= kNoScale) continue;
+        area += static_cast<double>(masks.mask_area[mask]);
+        ++count;
+      }
+    }
+    weights.push_back(count == 0 ? 0.0f : static_cast<float>(count / area));
+  }
+  return weights;
+}
+
+}  // namespace
+
+std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
+                                            std::span<const std::vector<float>> mask_scales) {
+  std::vector<DrawableView> views;
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    const View& view = capture.views[i];
+    if (view.held_out || view.masks.empty()) continue;
+    DrawableView drawable = {static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}};
+    std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
+    std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
+    drawable.patch_weight = PatchWeights(view.masks, mask_scales[i]);
+    for (size_t pixel = 0; pixel < view.masks.pixel_patch.size(); ++pixel) {
+      if (drawable.patch_weight[view.masks.pixel_patch[pixel]] <= 0) continue;
+      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
+      drawable.pixels.push_back(static_cast<int32_t>(pixel));
+    }
+    if (!drawable.pixels.empty()) views.push_back(std::move(drawable));
+  }
+  return views;
+}
+
+BatchDrawer::BatchDrawer(const Capture& capture, const FeatureField& field,
+                         std::vector<DrawableView> views, const FeatureOptions& options)
+    : capture_(capture),
+      field_(field),
+      views_(std::move(views)),
+      options_(options),
+      random_(options.seed) {}
+
+PixelBatch BatchDrawer::Next() {
+  const DrawableView& view = NextView();
+  PixelBatch batch;
+  batch.view = view.view;
+  const std::vector<float> scales = DrawScales(view);
+  DrawPixels(view, batch);
+  Label(view, scales, batch);
+  for (const float scale : scales) {
+    batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
+  }
+  batch.pair_seed = static_cast<uint32_t>(random_() >> 32);
+  return batch;
+}
+
+const DrawableView& BatchDrawer::NextView() {
+  if (views_left_.empty()) {
+    views_left_.resize(views_.size());
+    std::iota(views_left_.begin(), views_left_.end(), 0);
+  }
+  std::swap(views_left_[DrawIndex(views_left_.size(), random_)], views_left_.back());
+  const int next = views_left_.back();
+  views_left_.pop_back();
+  return views_[next];
+}
+
+// Scene units: masks at random, each jittered down towards the next smaller one; one scale at which
+// only the largest mask may still hold things apart; one below the smallest.
+std::vector<float> BatchDrawer::DrawScales(const DrawableView& view) {
+  const std::vector<float>& sorted = view.sorted_scales;
+  std::vector<float> scales;
+  for (int k = 0; k + 2 < options_.num_scales; ++k) {
+    const size_t mask = DrawIndex(sorted.size(), random_);
+    scales.push_back(DrawBetween(mask == 0 ? 0 : sorted[mask - 1], sorted[mask], random_));
+  }
+  if (options_.num_scales >= 2) {
+    const float second = sorted.size() < 2 ? 0 : sorted[sorted.size() - 2];
+    scales.push_back(DrawBetween(second, 2 * field_.scale_quantiles.back(), random_));
+  }
+  scales.push_back(DrawBetween(0, sorted.front(), random_));
+  return scales;
+}
+
+void BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch) {
+  const MaskSet& masks = capture_.views[view.view].masks;
+  std::unordered_map<uint32_t, int32_t> number;
+  batch_patch_.clear();
+  for (int i = 0; i < options_.num_pixels; ++i) {
+    const int32_t pixel = view.pixels[DrawIndex(view.pixels.size(), random_)];
+    const uint32_t patch = masks.pixel_patch[pixel];
+    const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(batch_patch_.size()));
+    if (is_new) batch_patch_.push_back(patch);
+    batch.pixels.push_back(pixel);
+    batch.patch.push_back(at->second);
+    batch.weight.push_back(view.patch_weight[patch]);
+  }
+  batch.num_patches = static_cast<int>(batch_patch_.size());
+}
+
+void BatchDrawer::Label(const DrawableView& view, std::span<const float> scales,
+                        PixelBatch& batch) const {
+  const MaskSet& masks = capture_.views[view.view].masks;
+  const auto words = static_cast<size_t>(masks.words);
+  batch.label_words = masks.words;
+  batch.labels.resize(scales.size() * batch_patch_.size() * words);
+  std::span<uint64_t> out = batch.labels;
+  for (const float scale : scales) {
+    for (const uint32_t patch : batch_patch_) {
+      const std::span<const uint64_t> bits(masks.patch_bits.data() + patch * words, words);
+      ScaleLabels(bits, view.mask_scales, scale, out.first(words));
+      out = out.subspan(words);
+    }
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/features/train_features.h"
+#include "core/scene/capture.h"
+#include "core/scene/model.h"
+
+namespace pepeseg {
+
+// The samples of one step: nothing here depends on a feature.
+struct PixelBatch {
+  int view = 0;                 // index in the capture
+  std::vector<int32_t> pixels;  // [S] y * width + x, each under a mask that has a scale
+  std::vector<float> weight;    // [S] 1 / mean area of the masks over the pixel
+  std::vector<int32_t> patch;   // [S] -> patches of this batch
+  int num_patches = 0;
+  int label_words = 1;
+  std::vector<uint64_t> labels;  // [num_scales, num_patches, label_words]
+  std::vector<float> scales;     // [num_scales] quantiles
+  uint32_t pair_seed = 0;
+};
+
+// A training view as the drawer sees it.
+struct DrawableView {
+  int view = 0;
+  std::vector<float> mask_scales;    // [num_masks] scene units, or kNoScale
+  std::vector<float> sorted_scales;  // those over 0, ascending
+  std::vector<int32_t> pixels;       // under a mask that has a scale, not ignored
+  std::vector<float> patch_weight;   // [num_patches] 1 / mean area of the masks with a scale
+};
+
+// Views without a pixel to draw are left out.
+std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
+                                            std::span<const std::vector<float>> mask_scales);
+
+// Draws batches, view after view shuffled without replacement, all from one seed.
+class BatchDrawer {
+ public:
+  // The capture, the views and the field (for its quantiles) must outlive it.
+  BatchDrawer(const Capture& capture, const FeatureField& field, std::vector<DrawableView> views,
+              const FeatureOptions& options);
+
+  PixelBatch Next();
+
+ private:
+  const DrawableView& NextView();
+  std::vector<float> DrawScales(const DrawableView& view);
+  void DrawPixels(const DrawableView& view, PixelBatch& batch);
+  void Label(const DrawableView& view, std::span<const float> scales, PixelBatch& batch) const;
+
+  const Capture& capture_;
+  const FeatureField& field_;
+  std::vector<DrawableView> views_;
+  FeatureOptions options_;
+  std::mt19937_64 random_;
+  std::vector<int> views_left_;        // of this round
+  std::vector<uint32_t> batch_patch_;  // the patches of the batch, by their number in it
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,61 @@
+#include "core/features/frozen_scene.h"
+
+#include "core/scene/pinhole_view.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kMinDepthAlpha = 0.5f;
+constexpr double kNearPlane = 0.01;  // of the scene radius, as in stage one
+
+}  // namespace
+
+FrozenScene::FrozenScene(Backend& backend, const Gaussians& gaussians, double scene_radius)
+    : backend_(backend),
+      count_(gaussians.count),
+      sh_degree_(gaussians.sh_degree),
+      near_plane_(static_cast<float>(kNearPlane * scene_radius)),
+      planes_(backend, std::span<const float>(gaussians.planes)) {}
+
+void FrozenScene::Render(const View& view) {
+  const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+  color_.Reserve(backend_, 3 * num_pixels);
+  alpha_.Reserve(backend_, num_pixels);
+  depth_.Reserve(backend_, num_pixels);
+  backend_.Render({.gaussians = {planes_.span().data, count_, count_, sh_degree_},
+                   .view = ToPinholeView(view.camera, view.cam_from_world),
+                   .near_plane = near_plane_,
+                   .scratch = &scratch_,
+                   .color = color_.span(),
+                   .alpha = alpha_.span(),
+                   .depth = depth_.span()});
+}
+
+std::vector<float> FrozenScene::Depth(const View& view) {
+  Render(view);
+  std::vector<float> alpha(alpha_.size()), depth(depth_.size());
+  alpha_.Download(std::span<float>(alpha));
+  depth_.Download(std::span<float>(depth));
+  for (size_t i = 0; i < depth.size(); ++i) {
+    depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0.0f;
+  }
+  return depth;
+}
+
+CapturedRows FrozenScene::Capture(const View& view, std::span<const int32_t> pixels) {
+  Render(view);
+  CapturedRows rows;
+  const Buffer<int32_t> pixel_buffer(backend_, pixels);
+  rows.alpha = Buffer<float>(backend_, static_cast<int64_t>(pixels.size()));
+  backend_.CaptureRows({.pixels = pixel_buffer.span(),
+                        .scratch = &scratch_,
+                        .row_first = &rows.first,
+                        .entry_gaussian = &rows.gaussian,
+                        .entry_weight = &rows.weight,
+                        .pixel_alpha = rows.alpha.span(),
+                        .pixel_depth = {}});
+  backend_.Sync();  // before the pixels' memory goes
+  return rows;
+}
+
+}  // namespace pepeseg

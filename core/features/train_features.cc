@@ -1,0 +1,91 @@
+#include "core/features/train_features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/features/batch_drawer.h"
+#include "core/features/feature_trainer.h"
+#include "core/features/frozen_scene.h"
+#include "core/features/mask_scales.h"
+#include "core/features/row_chunk.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+template <class T>
+absl::Status CheckRange(const char* name, T value, T low, T high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("features: ", name, " is ", value, ", must be in [", low, ", ", high, "]"));
+}
+
+// Scales of all masks of each view that is trained on; none for the others.
+std::vector<std::vector<float>> MeasureMasks(const Capture& capture, FrozenScene& scene) {
+  std::vector<std::vector<float>> scales(capture.views.size());
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    const View& view = capture.views[i];
+    if (!view.held_out && !view.masks.empty()) scales[i] = MaskScales(view, scene.Depth(view));
+  }
+  return scales;
+}
+
+std::vector<float> AllScales(const std::vector<std::vector<float>>& scales) {
+  std::vector<float> all;
+  for (const std::vector<float>& of_view : scales) {
+    all.insert(all.end(), of_view.begin(), of_view.end());
+  }
+  return all;
+}
+
+}  // namespace
+
+absl::Status Validate(const FeatureOptions& options) {
+  RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
+  RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
+  RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
+  RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
+  return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
+}
+
+absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capture,
+                                           const Gaussians& gaussians,
+                                           const FeatureOptions& options, ProgressFn progress) {
+  RETURN_IF_ERROR(Validate(options));
+  FrozenScene scene(backend, gaussians, SceneRadius(capture));
+  const std::vector<std::vector<float>> scales = MeasureMasks(capture, scene);
+  FeatureField field;
+  field.scale_quantiles = ScaleQuantiles(AllScales(scales));
+  std::vector<DrawableView> views = MakeDrawableViews(capture, scales);
+  if (views.empty()) {
+    return absl::FailedPreconditionError(
+        "features: no training view has a mask of at least 8 pixels on which something is "
+        "rendered");
+  }
+  BatchDrawer drawer(capture, field, std::move(views), options);
+  RowChunk chunk;
+  FeatureTrainer trainer(backend, gaussians.count, options);
+  for (int step = 0; step < options.num_steps; ++step) {
+    if (chunk.Exhausted()) {
+      const int num_batches = std::min(options.steps_per_chunk, options.num_steps - step);
+      RETURN_IF_ERROR(chunk.Refill(drawer, num_batches, capture, scene));
+    }
+    const double loss = trainer.Train(chunk.Next());
+    if (!backend.error().empty() || !std::isfinite(loss)) {
+      return absl::InternalError(
+          absl::StrCat("features: step ", step + 1, ": loss ", loss, " ", backend.error()));
+    }
+    RETURN_IF_ERROR(progress({.stage = "features",
+                              .step = step + 1,
+                              .num_steps = options.num_steps,
+                              .loss = loss,
+                              .num_gaussians = gaussians.count}));
+  }
+  trainer.Export(field);
+  return field;
+}
+
+}  // namespace pepeseg

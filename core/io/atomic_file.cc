@@ -1,0 +1,100 @@
+#include "core/io/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr mode_t kFileMode = 0644;
+
+absl::Status Failed(absl::string_view action, const std::filesystem::path& path) {
+  return absl::ErrnoToStatus(errno, absl::StrCat(action, " ", path.string()));
+}
+
+std::filesystem::path FolderOf(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+}
+
+}  // namespace
+
+absl::StatusOr<AtomicFile> AtomicFile::Create(const std::filesystem::path& path) {
+  std::string temporary = path.string() + ".tmp-XXXXXX";
+  const int descriptor = ::mkostemp(temporary.data(), O_CLOEXEC);
+  if (descriptor < 0) return Failed("cannot create", path);
+  AtomicFile file(path, std::move(temporary), descriptor);
+  if (::fchmod(descriptor, kFileMode) != 0) return Failed("cannot set the mode of", path);
+  return file;
+}
+
+AtomicFile::AtomicFile(std::filesystem::path path, std::string temporary, int descriptor)
+    : path_(std::move(path)), temporary_(std::move(temporary)), descriptor_(descriptor) {}
+
+AtomicFile::AtomicFile(AtomicFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      temporary_(std::exchange(other.temporary_, {})),
+      descriptor_(std::exchange(other.descriptor_, -1)) {}
+
+AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
+  if (this != &other) {
+    Discard();
+    path_ = std::move(other.path_);
+    temporary_ = std::exchange(other.temporary_, {});
+    descriptor_ = std::exchange(other.descriptor_, -1);
+  }
+  return *this;
+}
+
+AtomicFile::~AtomicFile() { Discard(); }
+
+void AtomicFile::Discard() {
+  if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+  if (!temporary_.empty()) ::unlink(std::exchange(temporary_, {}).c_str());
+}
+
+absl::Status AtomicFile::Append(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return Failed("cannot write", path_);
+    bytes.remove_prefix(static_cast<size_t>(written));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status AtomicFile::Append(std::span<const uint8_t> bytes) {
+  return Append(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+absl::Status AtomicFile::Commit() {
+  if (::fsync(descriptor_) != 0) return Failed("cannot sync", path_);
+  // Network file systems report a failed write as late as here.
+  if (::close(std::exchange(descriptor_, -1)) != 0) return Failed("cannot close", path_);
+  if (::rename(temporary_.c_str(), path_.c_str()) != 0) return Failed("cannot rename to", path_);
+  temporary_.clear();
+  return SyncFolder(FolderOf(path_));
+}
+
+absl::Status WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes) {
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  RETURN_IF_ERROR(file.Append(bytes));
+  return file.Commit();
+}
+
+absl::Status SyncFolder(const std::filesystem::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return Failed("cannot open folder", folder);
+  const int synced = ::fsync(descriptor);
+  const absl::Status status = synced == 0 ? absl::OkStatus() : Failed("cannot sync folder", folder);
+  ::close(descriptor);
+  return status;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,133 @@
+#include "core/io/colmap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/colmap_records.h"
+#include "core/io/file_bytes.h"
+#include "core/io/file_name.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// images.bin also holds every 2D point: 24 bytes each, thousands a view.
+constexpr int64_t kMaxFileBytes = int64_t{16} << 30;
+
+absl::Status Refused(const std::string& where, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
+}
+
+bool AllFinite(const double* values, int count) {
+  return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
+}
+
+// Calls the parser of the form that the suffix of `name` says.
+template <class Result>
+absl::StatusOr<Result> ReadEither(const std::filesystem::path& path, const std::string& name,
+                                  absl::StatusOr<Result> (*binary)(absl::string_view,
+                                                                   const std::string&),
+                                  absl::StatusOr<Result> (*text)(absl::string_view,
+                                                                 const std::string&)) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxFileBytes));
+  return Suffix(name) == ".txt" ? text(bytes, name) : binary(bytes, name);
+}
+
+}  // namespace
+
+absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& where) {
+  // COLMAP writes unit quaternions; a norm this far off is another quantity or damage.
+  constexpr double kLeastNorm = 0.5;
+  constexpr double kMostNorm = 2;
+  constexpr double kMostDistance = 1e12;
+  if (!AllFinite(pose.rotation, 4) || !AllFinite(pose.translation, 3)) {
+    return Refused(where, "the pose is not finite");
+  }
+  const Eigen::Quaterniond rotation(pose.rotation[0], pose.rotation[1], pose.rotation[2],
+                                    pose.rotation[3]);
+  const double norm = rotation.norm();
+  if (!(norm >= kLeastNorm && norm <= kMostNorm)) {
+    return Refused(where, absl::StrCat("the rotation's quaternion has the norm ", norm));
+  }
+  const Eigen::Vector3d translation(pose.translation);
+  if (!(translation.norm() <= kMostDistance)) {
+    return Refused(where, absl::StrCat("the translation is longer than ", kMostDistance));
+  }
+  return Pose{rotation.normalized(), translation};
+}
+
+absl::Status AddCamera(uint32_t id, const Lens& lens, const std::string& where,
+                       ColmapCameras& cameras) {
+  const absl::Status valid = Validate(lens);
+  if (!valid.ok()) return Refused(where, valid.message());
+  if (!cameras.by_id.try_emplace(id, lens).second) {
+    return Refused(where, absl::StrCat("the camera id ", id, " occurs twice"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status AddImage(ColmapImage image, const ColmapPose& pose, const std::string& where,
+                      std::vector<ColmapImage>& images) {
+  const absl::Status valid = ValidateName(image.name);
+  if (!valid.ok()) return Refused(where, valid.message());
+  const std::string named = absl::StrCat(where, " (", image.name, ")");
+  ASSIGN_OR_RETURN(image.cam_from_world, CheckedPose(pose, named));
+  images.push_back(std::move(image));
+  return absl::OkStatus();
+}
+
+absl::Status AddPoint(const double (&xyz)[3], const int (&rgb)[3],
+                      std::vector<ScenePoint>& points) {
+  constexpr double kMostDistance = 1e12;
+  ScenePoint point;
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::abs(xyz[i]) <= kMostDistance)) {
+      return absl::InvalidArgumentError("the position is not finite, or beyond 1e12");
+    }
+    if (rgb[i] < 0 || rgb[i] > 255) {
+      return absl::InvalidArgumentError("the colour is not in 0 to 255");
+    }
+    point.position[i] = static_cast<float>(xyz[i]);
+    point.rgb[i] = static_cast<uint8_t>(rgb[i]);
+  }
+  points.push_back(point);
+  return absl::OkStatus();
+}
+
+absl::Status CheckUnique(const std::vector<ColmapImage>& images, const std::string& name) {
+  std::set<uint32_t> ids;
+  std::set<absl::string_view> names;
+  for (const ColmapImage& image : images) {
+    if (!ids.insert(image.id).second) {
+      return Refused(name, absl::StrCat("the image id ", image.id, " occurs twice"));
+    }
+    if (!names.insert(image.name).second) {
+      return Refused(name, absl::StrCat("the image ", image.name, " occurs twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ColmapCameras> ReadColmapCameras(const std::filesystem::path& path,
+                                                const std::string& name) {
+  return ReadEither<ColmapCameras>(path, name, ParseCamerasBinary, ParseCamerasText);
+}
+
+absl::StatusOr<std::vector<ColmapImage>> ReadColmapImages(const std::filesystem::path& path,
+                                                          const std::string& name) {
+  ASSIGN_OR_RETURN(
+      std::vector<ColmapImage> images,
+      ReadEither<std::vector<ColmapImage>>(path, name, ParseImagesBinary, ParseImagesText));
+  RETURN_IF_ERROR(CheckUnique(images, name));
+  return images;
+}
+
+absl::StatusOr<std::vector<ScenePoint>> ReadColmapPoints(const std::filesystem::path& path,
+                                                         const std::string& name) {
+  return ReadEither<std::vector<ScenePoint>>(path, name, ParsePointsBinary, ParsePointsText);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,165 @@
+#include <array>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "core/io/colmap_records.h"
+#include "core/status_macros.h"
+
+// COLMAP's text files: a record a line (two for an image), '#' before comments.
+namespace pepeseg {
+namespace {
+
+absl::Status Refused(const std::string& where, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
+}
+
+class Lines {
+ public:
+  explicit Lines(absl::string_view text) : rest_(text) {}
+
+  int number() const { return number_; }
+
+  // The next line without its end; nothing behind the last one.
+  std::optional<absl::string_view> Next() {
+    if (rest_.empty()) return std::nullopt;
+    const size_t end = rest_.find('\n');
+    const absl::string_view line = rest_.substr(0, end);
+    rest_.remove_prefix(end == absl::string_view::npos ? rest_.size() : end + 1);
+    ++number_;
+    return absl::StripAsciiWhitespace(line);
+  }
+
+  // The next line that holds a record.
+  std::optional<absl::string_view> NextRecord() {
+    std::optional<absl::string_view> line = Next();
+    while (line && (line->empty() || line->front() == '#')) line = Next();
+    return line;
+  }
+
+ private:
+  absl::string_view rest_;
+  int number_ = 0;
+};
+
+// Takes fields off the front of a line. Behind its end, and on what is no number, ok() turns false.
+class Fields {
+ public:
+  explicit Fields(absl::string_view line) : rest_(line) {}
+
+  bool ok() const { return ok_; }
+  bool empty() const { return rest_.empty(); }
+  absl::string_view rest() const { return rest_; }
+
+  absl::string_view Word() {
+    const size_t end = rest_.find_first_of(" \t");
+    const absl::string_view word = rest_.substr(0, end);
+    rest_.remove_prefix(word.size());
+    rest_ = absl::StripLeadingAsciiWhitespace(rest_);
+    ok_ = ok_ && !word.empty();
+    return word;
+  }
+  template <class T>
+  T Integer() {
+    T value{};
+    ok_ = absl::SimpleAtoi(Word(), &value) && ok_;
+    return value;
+  }
+  double Number() {
+    double value = 0;
+    ok_ = absl::SimpleAtod(Word(), &value) && ok_;
+    return value;
+  }
+
+ private:
+  absl::string_view rest_;
+  bool ok_ = true;
+};
+
+std::string LineOf(const std::string& name, const Lines& lines) {
+  return absl::StrCat(name, ": line ", lines.number());
+}
+
+absl::Status CheckLimit(size_t count, int64_t most, const std::string& name) {
+  if (count < static_cast<size_t>(most)) return absl::OkStatus();
+  return Refused(name, absl::StrCat("has more than ", most, " records"));
+}
+
+}  // namespace
+
+absl::StatusOr<ColmapCameras> ParseCamerasText(absl::string_view text, const std::string& name) {
+  ColmapCameras cameras;
+  Lines lines(text);
+  while (const auto line = lines.NextRecord()) {
+    RETURN_IF_ERROR(CheckLimit(cameras.by_id.size(), kMaxViews, name));
+    const std::string where = LineOf(name, lines);
+    Fields fields(*line);
+    const auto id = fields.Integer<uint32_t>();
+    const absl::string_view model_name = fields.Word();
+    const auto width = fields.Integer<int>();
+    const auto height = fields.Integer<int>();
+    if (!fields.ok()) return Refused(where, "not a camera: id, model, width, height, parameters");
+    const std::optional<LensModel> model = LensModelByName(model_name);
+    if (!model) return Refused(where, absl::StrCat("unknown camera model ", model_name));
+    std::array<double, kMaxLensParameters> parameters{};
+    for (int i = 0; i < NumParameters(*model); ++i) parameters[i] = fields.Number();
+    if (!fields.ok() || !fields.empty()) {
+      return Refused(where, absl::StrCat(model_name, " needs ", NumParameters(*model),
+                                         " parameters, all of them numbers"));
+    }
+    const Lens lens = MakeLens(*model, width, height, parameters.data());
+    RETURN_IF_ERROR(AddCamera(id, lens, where, cameras));
+  }
+  return cameras;
+}
+
+absl::StatusOr<std::vector<ColmapImage>> ParseImagesText(absl::string_view text,
+                                                         const std::string& name) {
+  std::vector<ColmapImage> images;
+  Lines lines(text);
+  while (const auto line = lines.NextRecord()) {
+    RETURN_IF_ERROR(CheckLimit(images.size(), kMaxViews, name));
+    const std::string where = LineOf(name, lines);
+    Fields fields(*line);
+    ColmapImage image;
+    ColmapPose pose;
+    image.id = fields.Integer<uint32_t>();
+    for (double& value : pose.rotation) value = fields.Number();
+    for (double& value : pose.translation) value = fields.Number();
+    image.camera_id = fields.Integer<uint32_t>();
+    image.name = std::string(fields.rest());  // a name may have spaces
+    if (!fields.ok() || image.name.empty()) {
+      return Refused(where, "not an image: id, qw, qx, qy, qz, tx, ty, tz, camera id, name");
+    }
+    RETURN_IF_ERROR(AddImage(std::move(image), pose, where, images));
+    lines.Next();  // its 2D points, on a line that may be empty
+  }
+  return images;
+}
+
+absl::StatusOr<std::vector<ScenePoint>> ParsePointsText(absl::string_view text,
+                                                        const std::string& name) {
+  std::vector<ScenePoint> points;
+  Lines lines(text);
+  while (const auto line = lines.NextRecord()) {
+    RETURN_IF_ERROR(CheckLimit(points.size(), kMaxPoints, name));
+    Fields fields(*line);
+    fields.Integer<uint64_t>();  // id
+    double xyz[3];
+    for (double& value : xyz) value = fields.Number();
+    int rgb[3];
+    for (int& value : rgb) value = fields.Integer<int>();
+    fields.Number();  // reprojection error; the track behind it is passed over
+    if (!fields.ok()) {
+      return Refused(LineOf(name, lines), "not a point: id, x, y, z, r, g, b, error, track");
+    }
+    const absl::Status added = AddPoint(xyz, rgb, points);
+    if (!added.ok()) return Refused(LineOf(name, lines), added.message());
+  }
+  return points;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,111 @@
+#include "core/io/dataset_index.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/file_name.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+absl::Status TwoFor(const std::string& what, const DatasetFile& a, const DatasetFile& b) {
+  return absl::InvalidArgumentError(absl::StrCat("two ", what, ": ", a.name, " and ", b.name));
+}
+
+absl::Status Put(const DatasetFile& file, std::string key, const std::string& what,
+                 std::map<std::string, const DatasetFile*>& index) {
+  const auto [entry, added] = index.try_emplace(key, &file);
+  return added ? absl::OkStatus() : TwoFor(absl::StrCat(what, key), *entry->second, file);
+}
+
+std::string StemBelow(const std::string& name, absl::string_view folder) {
+  return std::string(WithoutSuffix(WithoutFolder(name, folder)));
+}
+
+absl::Status PutIgnoreMask(const DatasetFile& file, DatasetIndex& index) {
+  if (WithoutFolder(file.name, "ignore") != "ignore_mask.png") {
+    return Put(file, StemBelow(file.name, "ignore"), "ignore masks for ", index.ignore);
+  }
+  if (index.ignore_all != nullptr) return TwoFor("ignore masks for all", *index.ignore_all, file);
+  index.ignore_all = &file;
+  return absl::OkStatus();
+}
+
+// The files of a COLMAP model stand in one folder; an upload may hold several models.
+struct ColmapModel {
+  std::map<std::string, const DatasetFile*> files;  // by name below the folder
+
+  // The binary form goes first, as in COLMAP.
+  const DatasetFile* Find(const std::string& stem) const {
+    for (const char* suffix : {".bin", ".txt"}) {
+      const auto found = files.find(stem + suffix);
+      if (found != files.end()) return found->second;
+    }
+    return nullptr;
+  }
+};
+
+absl::Status ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
+  int num_models = 0;
+  for (const auto& [folder, model] : models) {
+    const DatasetFile* cameras = model.Find("cameras");
+    const DatasetFile* images = model.Find("images");
+    if (cameras == nullptr || images == nullptr || num_models++ > 0) continue;
+    index.cameras = cameras;
+    index.images = images;
+    index.colmap_points = model.Find("points3D");
+  }
+  if (num_models == 0) {
+    return absl::InvalidArgumentError(
+        "no COLMAP poses among the files: cameras and images, .bin or .txt, in one folder");
+  }
+  if (num_models > 1) {
+    index.warnings.push_back(absl::StrCat(num_models, " COLMAP models among the files; that of ",
+                                          index.images->name, " is used"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
+                     DatasetIndex& index) {
+  switch (file.kind) {
+    case FileKind::kImage:
+      return Put(file, PhotoKey(file.name), "photographs ", index.photos);
+    case FileKind::kMask:
+      return Put(file, StemBelow(file.name, "masks"), "mask files for ", index.masks);
+    case FileKind::kIgnoreMask:
+      return PutIgnoreMask(file, index);
+    case FileKind::kPoses: {
+      const size_t slash = file.name.rfind('/');
+      const size_t start = slash == std::string::npos ? 0 : slash + 1;
+      return Put(file, file.name.substr(start), "files ", models[file.name.substr(0, start)].files);
+    }
+    case FileKind::kPoints:
+      if (index.ply_points != nullptr) return TwoFor("point clouds", *index.ply_points, file);
+      index.ply_points = &file;
+      return absl::OkStatus();
+    case FileKind::kDepth:
+      return absl::OkStatus();
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
+
+absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
+  DatasetIndex index;
+  std::map<std::string, ColmapModel> models;
+  for (const DatasetFile& file : files) {
+    RETURN_IF_ERROR(ValidateName(file.name));
+    RETURN_IF_ERROR(PutFile(file, models, index));
+  }
+  if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
+  RETURN_IF_ERROR(ChooseModel(models, index));
+  return index;
+}
+
+}  // namespace pepeseg

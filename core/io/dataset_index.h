@@ -1,0 +1,37 @@
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "core/io/import.h"
+
+namespace pepeseg {
+
+// The files of a dataset by what they belong to. Borrows the files.
+struct DatasetIndex {
+  // By name below images/: "cam0/0001.jpg". As COLMAP's names, which may have "images/" or not.
+  std::map<std::string, const DatasetFile*> photos;
+  // By photograph without suffix: "cam0/0001".
+  std::map<std::string, const DatasetFile*> masks;
+  std::map<std::string, const DatasetFile*> ignore;
+  const DatasetFile* ignore_all = nullptr;
+  // One COLMAP model; points may be missing.
+  const DatasetFile* cameras = nullptr;
+  const DatasetFile* images = nullptr;
+  const DatasetFile* colmap_points = nullptr;
+  const DatasetFile* ply_points = nullptr;
+  std::vector<std::string> warnings;
+};
+
+// INVALID_ARGUMENT: a name that ValidateName refuses; two files for one thing; no photograph; no
+// COLMAP poses.
+absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
+
+// A photograph's name as the index and the views have it.
+std::string PhotoKey(absl::string_view name);
+
+}  // namespace pepeseg

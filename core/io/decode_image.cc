@@ -1,0 +1,97 @@
+#include "core/io/decode_image.h"
+
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/file_bytes.h"
+#include "core/io/image_header.h"
+#include "core/status_macros.h"
+#include "opencv2/imgcodecs.hpp"
+#include "opencv2/imgproc.hpp"
+
+namespace pepeseg {
+namespace {
+
+absl::Status Refused(absl::string_view name, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
+}
+
+struct Decoded {
+  ImageHeader header;
+  cv::Mat pixels;
+};
+
+// `flags`: cv::ImreadModes.
+absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_view name,
+                               int flags) {
+  ASSIGN_OR_RETURN(std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  Decoded decoded;
+  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+  ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, {data, bytes.size()}));
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
+    decoded.pixels = cv::imdecode(encoded, flags);
+  } catch (const cv::Exception& error) {
+    return Refused(name, absl::StrCat("does not decode: ", error.what()));
+  }
+  if (decoded.pixels.empty()) return Refused(name, "does not decode");
+  if (decoded.pixels.cols != decoded.header.width || decoded.pixels.rows != decoded.header.height) {
+    return Refused(
+        name, absl::StrCat("its header says ", decoded.header.width, "x", decoded.header.height,
+                           ", it decodes to ", decoded.pixels.cols, "x", decoded.pixels.rows));
+  }
+  return decoded;
+}
+
+template <class T>
+uint32_t LabelOf(const T* channels, int num_channels) {
+  if (num_channels < 3) return channels[0];
+  // 16-bit colours are told apart by their upper halves: palettes have no others.
+  constexpr int kDrop = sizeof(T) * 8 - 8;
+  return static_cast<uint32_t>(channels[0] >> kDrop) |
+         static_cast<uint32_t>(channels[1] >> kDrop) << 8 |
+         static_cast<uint32_t>(channels[2] >> kDrop) << 16;
+}
+
+template <class T>
+void AppendLabels(const cv::Mat& pixels, std::vector<uint32_t>& labels) {
+  for (int y = 0; y < pixels.rows; ++y) {
+    const T* row = pixels.ptr<T>(y);
+    for (int x = 0; x < pixels.cols; ++x) {
+      labels.push_back(
+          LabelOf(row + static_cast<ptrdiff_t>(x) * pixels.channels(), pixels.channels()));
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name) {
+  ASSIGN_OR_RETURN(const Decoded decoded,
+                   Decode(path, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
+  if (decoded.pixels.type() != CV_8UC3) return Refused(name, "does not decode to 8-bit colour");
+  Image image{decoded.header.width, decoded.header.height, 3, {}};
+  image.pixels.resize(static_cast<size_t>(image.width) * image.height * 3);
+  cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
+  cv::cvtColor(decoded.pixels, rgb, cv::COLOR_BGR2RGB);
+  return image;
+}
+
+absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name) {
+  ASSIGN_OR_RETURN(const Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  if (decoded.header.format != ImageFormat::kPng) {
+    return Refused(name, "labels must be a PNG: other formats change them");
+  }
+  LabelImage image{decoded.header.width, decoded.header.height, {}};
+  image.labels.reserve(decoded.pixels.total());
+  if (decoded.pixels.depth() == CV_8U) {
+    AppendLabels<uint8_t>(decoded.pixels, image.labels);
+  } else if (decoded.pixels.depth() == CV_16U) {
+    AppendLabels<uint16_t>(decoded.pixels, image.labels);
+  } else {
+    return Refused(name, "labels must have 8 or 16 bits");
+  }
+  return image;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+
+namespace pepeseg {
+
+// SHA-256 of bytes that come piece by piece.
+class Sha256 {
+ public:
+  Sha256();
+  Sha256(Sha256&&) noexcept;
+  Sha256& operator=(Sha256&&) noexcept;
+  ~Sha256();
+
+  void Add(std::string_view bytes);
+  void Add(std::span<const uint8_t> bytes);
+  // 64 lower-case hexadecimal digits. Nothing may be added afterwards.
+  std::string Hex();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+std::string Sha256Hex(std::string_view bytes);
+absl::StatusOr<std::string> Sha256OfFile(const std::filesystem::path& path);
+
+}  // namespace pepeseg

@@ -1,0 +1,51 @@
+#include "core/io/encode_png.h"
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "opencv2/imgcodecs.hpp"
+#include "opencv2/imgproc.hpp"
+
+namespace pepeseg {
+namespace {
+
+absl::Status Validate(const Image& image) {
+  const size_t size = static_cast<size_t>(image.width) * image.height * image.channels;
+  if (image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3) &&
+      image.pixels.size() == size) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("cannot encode an image of ", image.width, "x",
+                                                 image.height, "x", image.channels, " with ",
+                                                 image.pixels.size(), " bytes"));
+}
+
+absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
+                                   const std::vector<int>& parameters) {
+  RETURN_IF_ERROR(Validate(image));
+  try {
+    // OpenCV only reads it, but has no const view of pixels.
+    cv::Mat pixels(image.height, image.width, CV_8UC(image.channels),
+                   const_cast<uint8_t*>(image.pixels.data()));
+    cv::Mat bgr;
+    if (image.channels == 3) cv::cvtColor(pixels, bgr, cv::COLOR_RGB2BGR);
+    std::vector<uint8_t> bytes;
+    if (cv::imencode(suffix, image.channels == 3 ? bgr : pixels, bytes, parameters)) {
+      return std::string(bytes.begin(), bytes.end());
+    }
+  } catch (const cv::Exception& error) {
+    return absl::InternalError(absl::StrCat("cannot encode an image: ", error.what()));
+  }
+  return absl::InternalError("cannot encode an image");
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
+
+absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality) {
+  return Encode(image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
+}
+
+}  // namespace pepeseg

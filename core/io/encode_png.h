@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/scene/capture.h"
+
+namespace pepeseg {
+
+// A PNG or JPEG file in memory, of an image with 1 (grey) or 3 (RGB) channels. INVALID_ARGUMENT:
+// an empty image, or pixels that do not fit its size.
+absl::StatusOr<std::string> EncodePng(const Image& image);
+// `quality`: 1..100.
+absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality = 90);
+
+}  // namespace pepeseg

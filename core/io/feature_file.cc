@@ -1,0 +1,108 @@
+#include "core/io/feature_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/byte_reader.h"
+#include "core/io/file_bytes.h"
+#include "core/io/half.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::string_view kMagic = "PPSGFEAT";
+constexpr uint32_t kVersion = 1;
+constexpr uint64_t kMaxGaussians = 50'000'000;
+constexpr uint32_t kMaxQuantiles = 1'000'000;
+constexpr int64_t kMaxFileBytes = int64_t{4} << 30;
+
+absl::Status Refused(absl::string_view name, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
+}
+
+template <class T>
+std::string_view BytesOf(const T& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0])};
+}
+
+bool AllFinite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+absl::Status CheckField(const FeatureField& field, absl::string_view name) {
+  if (field.features.size() % kFeatureDim != 0) return Refused(name, "features are not whole rows");
+  if (!AllFinite(field.gate)) return Refused(name, "the gate is not finite");
+  if (!AllFinite(field.scale_quantiles)) return Refused(name, "a scale quantile is not finite");
+  if (!std::is_sorted(field.scale_quantiles.begin(), field.scale_quantiles.end())) {
+    return Refused(name, "the scale quantiles descend");
+  }
+  const auto bad = std::find_if(field.features.begin(), field.features.end(),
+                                [](float v) { return !std::isfinite(v); });
+  if (bad == field.features.end()) return absl::OkStatus();
+  return Refused(
+      name, absl::StrCat("the feature of Gaussian ", (bad - field.features.begin()) / kFeatureDim,
+                         " is not finite"));
+}
+
+}  // namespace
+
+absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field) {
+  RETURN_IF_ERROR(CheckField(field, path.string()));
+  const std::vector<uint32_t> head = {kVersion, kFeatureDim};
+  const std::vector<uint64_t> count = {field.features.size() / kFeatureDim};
+  const std::vector<uint32_t> tail = {static_cast<uint32_t>(field.scale_quantiles.size()), 0};
+  std::vector<uint16_t> halves;
+  halves.reserve(field.features.size());
+  for (const float value : field.features) halves.push_back(HalfFromFloat(value));
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  RETURN_IF_ERROR(file.Append(std::string_view(kMagic.data(), kMagic.size())));
+  for (const std::string_view part :
+       {BytesOf(head), BytesOf(count), BytesOf(tail), BytesOf(field.gate),
+        BytesOf(field.scale_quantiles), BytesOf(halves)}) {
+    RETURN_IF_ERROR(file.Append(part));
+  }
+  return file.Commit();
+}
+
+absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
+                                             const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxFileBytes));
+  if (bytes.compare(0, kMagic.size(), kMagic.data(), kMagic.size()) != 0) {
+    return Refused(name, "is not a feature file");
+  }
+  ByteReader reader(bytes);
+  reader.Skip(kMagic.size());
+  const auto version = reader.Take<uint32_t>();
+  const auto dim = reader.Take<uint32_t>();
+  const auto count = reader.Take<uint64_t>();
+  const auto num_quantiles = reader.Take<uint32_t>();
+  reader.Take<uint32_t>();
+  if (!reader.ok()) return Refused(name, "is cut short");
+  if (version != kVersion || dim != kFeatureDim) {
+    return Refused(
+        name, absl::StrCat("has version ", version, " and ", dim, " dimensions; version ", kVersion,
+                           " and ", kFeatureDim, " are read"));
+  }
+  FeatureField field;
+  if (count > kMaxGaussians || num_quantiles > kMaxQuantiles ||
+      reader.remaining() != sizeof(field.gate) + num_quantiles * sizeof(float) +
+                                count * kFeatureDim * sizeof(uint16_t)) {
+    return Refused(name,
+                   absl::StrCat("declares ", count, " Gaussians and ", num_quantiles,
+                                " quantiles, which ", reader.remaining(), " bytes do not hold"));
+  }
+  reader.TakeAll(std::span<float>(field.gate));
+  field.scale_quantiles.resize(num_quantiles);
+  reader.TakeAll(std::span<float>(field.scale_quantiles));
+  field.features.resize(count * kFeatureDim);
+  for (float& value : field.features) value = FloatFromHalf(reader.Take<uint16_t>());
+  RETURN_IF_ERROR(CheckField(field, name));
+  return field;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,41 @@
+#include "core/io/file_bytes.h"
+
+#include <fstream>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+
+absl::StatusOr<int64_t> FileSize(const std::filesystem::path& path, absl::string_view name) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) {
+    return absl::NotFoundError(absl::StrCat(name, ": no such file"));
+  }
+  if (!std::filesystem::is_regular_file(status)) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": not a regular file"));
+  }
+  const auto size = std::filesystem::file_size(path, error);
+  if (error) return absl::InternalError(absl::StrCat(name, ": ", error.message()));
+  return static_cast<int64_t>(size);
+}
+
+absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path, absl::string_view name,
+                                     int64_t max_bytes) {
+  ASSIGN_OR_RETURN(const int64_t size, FileSize(path, name));
+  if (size > max_bytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(name, ": ", size, " bytes, the limit is ", max_bytes));
+  }
+  std::ifstream file(path, std::ios::binary);
+  std::string bytes(static_cast<size_t>(size), '\0');
+  file.read(bytes.data(), size);
+  if (!file || file.gcount() != size) {
+    return absl::InternalError(absl::StrCat(name, ": cannot be read"));
+  }
+  return bytes;
+}
+
+}  // namespace pepeseg

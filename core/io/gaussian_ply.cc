@@ -1,0 +1,117 @@
+#include "core/io/gaussian_ply.h"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/ply.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxGaussians = 50'000'000;
+constexpr int kNoPlane = -1;  // a property that is written as 0
+
+// A property of the file and the plane that holds it.
+struct Field {
+  std::string name;
+  int plane = kNoPlane;
+};
+
+// In the order in which 3DGS writes them.
+std::vector<Field> FieldsOf(int sh_degree) {
+  const int num_rest = NumShCoefficients(sh_degree) - 1;
+  std::vector<Field> fields;
+  const auto add = [&fields](const char* prefix, int count, int first_plane) {
+    for (int i = 0; i < count; ++i) fields.push_back({absl::StrCat(prefix, i), first_plane + i});
+  };
+  for (int i = 0; i < 3; ++i) fields.push_back({std::string(1, "xyz"[i]), kMeanPlane + i});
+  for (const char* normal : {"nx", "ny", "nz"}) fields.push_back({normal, kNoPlane});
+  add("f_dc_", 3, kShPlane);
+  for (int i = 0; i < 3 * num_rest; ++i) {
+    const int channel = i / num_rest;
+    const int coefficient = 1 + i % num_rest;
+    fields.push_back({absl::StrCat("f_rest_", i), kShPlane + 3 * coefficient + channel});
+  }
+  fields.push_back({"opacity", kOpacityPlane});
+  add("scale_", 3, kLogScalePlane);
+  add("rot_", 4, kRotationPlane);
+  return fields;
+}
+
+std::string HeaderOf(const std::vector<Field>& fields, int64_t count) {
+  std::string header =
+      absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+  for (const Field& field : fields) absl::StrAppend(&header, "property float ", field.name, "\n");
+  return header + "end_header\n";
+}
+
+absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
+  int num_rest = 0;
+  while (vertices.Find(absl::StrCat("f_rest_", num_rest)) >= 0) ++num_rest;
+  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
+    if (num_rest == 3 * (NumShCoefficients(degree) - 1)) return degree;
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      vertices.name, ": has ", num_rest, " properties f_rest; 0, 9, 24 or 45 are possible"));
+}
+
+absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name) {
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    bool zero = true;
+    for (int k = 0; k < 4; ++k) zero = zero && gaussians.Plane(kRotationPlane + k)[i] == 0;
+    if (zero) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": vertex ", i, ": rot is zero"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians) {
+  constexpr int64_t kBlockRows = 4096;
+  const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  RETURN_IF_ERROR(file.Append(HeaderOf(fields, gaussians.count)));
+  for (int64_t first = 0; first < gaussians.count; first += kBlockRows) {
+    const int64_t rows = std::min(kBlockRows, gaussians.count - first);
+    std::vector<float> block(static_cast<size_t>(rows) * fields.size(), 0.0f);
+    for (size_t f = 0; f < fields.size(); ++f) {
+      if (fields[f].plane == kNoPlane) continue;
+      const std::span<const float> plane = gaussians.Plane(fields[f].plane);
+      for (int64_t row = 0; row < rows; ++row) block[row * fields.size() + f] = plane[first + row];
+    }
+    RETURN_IF_ERROR(file.Append(std::string_view(reinterpret_cast<const char*>(block.data()),
+                                                 block.size() * sizeof(float))));
+  }
+  return file.Commit();
+}
+
+absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
+                                          const std::string& name) {
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
+  ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
+  std::vector<int> properties;
+  const std::vector<Field> fields = FieldsOf(sh_degree);
+  for (const Field& field : fields) {
+    properties.push_back(vertices.Find(field.name));
+    if (properties.back() < 0 && field.plane != kNoPlane) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", field.name));
+    }
+  }
+  Gaussians gaussians = Gaussians::Zero(vertices.count, sh_degree);
+  std::vector<PlyColumn> columns;
+  for (size_t f = 0; f < fields.size(); ++f) {
+    if (fields[f].plane == kNoPlane) continue;
+    columns.push_back({properties[f], gaussians.Plane(fields[f].plane)});
+  }
+  RETURN_IF_ERROR(ReadColumns(vertices, columns));
+  RETURN_IF_ERROR(CheckRotations(gaussians, name));
+  return gaussians;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,248 @@
+#include "core/io/import.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/colmap.h"
+#include "core/io/dataset_index.h"
+#include "core/io/decode_image.h"
+#include "core/io/file_name.h"
+#include "core/io/mask_files.h"
+#include "core/io/ply_points.h"
+#include "core/io/view_warp.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// "3 photographs have no pose and are left out: a.jpg, b.jpg, c.jpg"
+std::string LeftOut(const std::vector<std::string>& names, absl::string_view what) {
+  constexpr size_t kNamed = 5;
+  std::string text = absl::StrCat(names.size(), " ", what, " and are left out: ");
+  for (size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
+    absl::StrAppend(&text, i == 0 ? "" : ", ", names[i]);
+  }
+  if (names.size() > kNamed) absl::StrAppend(&text, ", ...");
+  return text;
+}
+
+// A photograph with its pose.
+struct Match {
+  std::string key;
+  const DatasetFile* photo = nullptr;
+  ColmapImage image;
+};
+
+absl::StatusOr<std::vector<Match>> MatchPoses(const std::vector<ColmapImage>& images,
+                                              DatasetIndex& index) {
+  std::vector<Match> matches;
+  std::vector<std::string> without_photo;
+  std::set<std::string> posed;
+  for (const ColmapImage& image : images) {
+    std::string key = PhotoKey(image.name);
+    if (!posed.insert(key).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(index.images->name, ": two poses for the photograph ", key));
+    }
+    const auto photo = index.photos.find(key);
+    if (photo == index.photos.end()) {
+      without_photo.push_back(image.name);
+    } else {
+      matches.push_back({std::move(key), photo->second, image});
+    }
+  }
+  std::vector<std::string> without_pose;
+  for (const auto& [key, photo] : index.photos) {
+    if (!posed.contains(key)) without_pose.push_back(photo->name);
+  }
+  if (!without_pose.empty()) {
+    index.warnings.push_back(LeftOut(without_pose, "photographs have no pose"));
+  }
+  if (!without_photo.empty()) {
+    index.warnings.push_back(LeftOut(without_photo, "poses have no photograph"));
+  }
+  std::sort(matches.begin(), matches.end(),
+            [](const Match& a, const Match& b) { return a.key < b.key; });
+  return matches;
+}
+
+// Masks belong to a photograph by its name without the suffix, so two that differ in nothing else
+// cannot both have them. What belongs to no view is only worth a warning.
+absl::Status CheckCompanions(const std::vector<Match>& matches,
+                             const std::map<std::string, const DatasetFile*>& companions,
+                             absl::string_view what, std::vector<std::string>& warnings) {
+  std::map<std::string, const Match*> by_stem;
+  for (const Match& match : matches) {
+    const std::string stem(WithoutSuffix(match.key));
+    const auto [other, added] = by_stem.try_emplace(stem, &match);
+    const auto companion = companions.find(stem);
+    if (added || companion == companions.end()) continue;
+    return absl::InvalidArgumentError(absl::StrCat(companion->second->name, " could belong to ",
+                                                   other->second->key, " and to ", match.key));
+  }
+  std::vector<std::string> lonely;
+  for (const auto& [stem, file] : companions) {
+    if (!by_stem.contains(stem)) lonely.push_back(file->name);
+  }
+  if (!lonely.empty()) {
+    warnings.push_back(LeftOut(lonely, absl::StrCat(what, " belong to no view")));
+  }
+  return absl::OkStatus();
+}
+
+// The lens at the photograph's size. Datasets are often shrunk after their poses were found: the
+// same photograph at another size has the same lens at another scale.
+absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::string& name) {
+  if (photo.width == lens.width && photo.height == lens.height) return lens;
+  const double expected_height = static_cast<double>(photo.width) * lens.height / lens.width;
+  const double expected_width = static_cast<double>(photo.height) * lens.width / lens.height;
+  if (std::abs(photo.height - expected_height) > 1 && std::abs(photo.width - expected_width) > 1) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": ", photo.width, "x", photo.height,
+                                                   " pixels, its COLMAP camera has ", lens.width,
+                                                   "x", lens.height));
+  }
+  return Resized(lens, photo.width, photo.height);
+}
+
+// Makes the views, one after the other.
+class ViewReader {
+ public:
+  ViewReader(const DatasetIndex& index, const ColmapCameras& cameras, double image_scale)
+      : index_(index), cameras_(cameras), image_scale_(image_scale) {}
+
+  absl::StatusOr<View> Read(const Match& match) {
+    const std::string& name = match.photo->name;
+    const auto camera = cameras_.by_id.find(match.image.camera_id);
+    if (camera == cameras_.by_id.end()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(index_.images->name, ": image ", match.image.name, " has the camera ",
+                       match.image.camera_id, ", which ", index_.cameras->name, " does not list"));
+    }
+    ASSIGN_OR_RETURN(const Image photo, DecodePhoto(match.photo->path, name));
+    ASSIGN_OR_RETURN(const Lens lens, FitLens(camera->second, photo, name));
+    num_resized_ += lens.width != camera->second.width ? 1 : 0;
+    RETURN_IF_ERROR(PrepareWarp(match.image.camera_id, lens));
+    View view;
+    view.name = match.key;
+    view.camera = warp_->camera();
+    view.cam_from_world = match.image.cam_from_world;
+    view.photo = warp_->Photo(photo);
+    RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
+    return view;
+  }
+
+  int num_resized() const { return num_resized_; }
+
+ private:
+  // Views of one camera mostly follow each other: the last warp is kept, not all of them, as each
+  // is as large as a photograph.
+  absl::Status PrepareWarp(uint32_t camera_id, const Lens& lens) {
+    if (warp_ && warp_camera_ == camera_id && warp_lens_.width == lens.width &&
+        warp_lens_.height == lens.height) {
+      return absl::OkStatus();
+    }
+    absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale_);
+    if (!warp.ok()) {
+      return absl::InvalidArgumentError(absl::StrCat(index_.cameras->name, ": camera ", camera_id,
+                                                     ": ", warp.status().message()));
+    }
+    warp_ = std::move(warp).value();
+    warp_camera_ = camera_id;
+    warp_lens_ = lens;
+    return absl::OkStatus();
+  }
+
+  absl::Status ReadCompanions(const Match& match, const PhotoSize& photo, View& view) {
+    const std::string stem(WithoutSuffix(match.key));
+    if (const auto masks = index_.masks.find(stem); masks != index_.masks.end()) {
+      ASSIGN_OR_RETURN(const MaskSet set,
+                       ReadMasks(masks->second->path, masks->second->name, photo));
+      view.masks = warp_->Masks(set);
+    }
+    const auto own = index_.ignore.find(stem);
+    std::vector<const DatasetFile*> ignore;
+    if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
+    if (own != index_.ignore.end()) ignore.push_back(own->second);
+    for (const DatasetFile* file : ignore) {
+      ASSIGN_OR_RETURN(const std::vector<uint8_t> mask,
+                       ReadIgnoreMask(file->path, file->name, photo));
+      const std::vector<uint8_t> warped = warp_->Ignore(mask);
+      view.ignore.resize(warped.size(), 0);
+      for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
+    }
+    return absl::OkStatus();
+  }
+
+  const DatasetIndex& index_;
+  const ColmapCameras& cameras_;
+  double image_scale_;
+  int num_resized_ = 0;
+  std::optional<ViewWarp> warp_;
+  uint32_t warp_camera_ = 0;
+  Lens warp_lens_;
+};
+
+// A point cloud that was given as such goes before COLMAP's.
+absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index) {
+  if (index.ply_points != nullptr) {
+    return ReadPlyPoints(index.ply_points->path, index.ply_points->name);
+  }
+  if (index.colmap_points != nullptr) {
+    return ReadColmapPoints(index.colmap_points->path, index.colmap_points->name);
+  }
+  return std::vector<ScenePoint>();
+}
+
+}  // namespace
+
+absl::Status Validate(const ImportOptions& options) {
+  if (!(options.image_scale > 0 && options.image_scale <= 1)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("image_scale is ", options.image_scale, ", it must be in (0, 1]"));
+  }
+  if (options.held_out_every < 0 || options.held_out_every == 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("held_out_every is ", options.held_out_every, ", it must be 0, or 2 or more"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
+                                      const ImportOptions& options) {
+  RETURN_IF_ERROR(Validate(options));
+  ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
+  ASSIGN_OR_RETURN(const ColmapCameras cameras,
+                   ReadColmapCameras(index.cameras->path, index.cameras->name));
+  ASSIGN_OR_RETURN(const std::vector<ColmapImage> images,
+                   ReadColmapImages(index.images->path, index.images->name));
+  ASSIGN_OR_RETURN(const std::vector<Match> matches, MatchPoses(images, index));
+  if (matches.size() < 2) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
+                     index.images->name, " (", images.size(), " poses); at least 2 are needed"));
+  }
+  RETURN_IF_ERROR(CheckCompanions(matches, index.masks, "mask files", index.warnings));
+  RETURN_IF_ERROR(CheckCompanions(matches, index.ignore, "ignore masks", index.warnings));
+  Capture capture;
+  ASSIGN_OR_RETURN(capture.points, ReadPoints(index));
+  ViewReader reader(index, cameras, options.image_scale);
+  for (const Match& match : matches) {
+    ASSIGN_OR_RETURN(View view, reader.Read(match));
+    view.held_out = options.held_out_every > 0 &&
+                    capture.views.size() % static_cast<size_t>(options.held_out_every) == 0;
+    capture.views.push_back(std::move(view));
+  }
+  capture.warnings = std::move(index.warnings);
+  if (reader.num_resized() > 0) {
+    capture.warnings.push_back(absl::StrCat(
+        reader.num_resized(), " photographs have another size than their COLMAP cameras, which ",
+        "were scaled to fit"));
+  }
+  return capture;
+}
+
+}  // namespace pepeseg

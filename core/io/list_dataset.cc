@@ -1,0 +1,76 @@
+#include <algorithm>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/io/colmap.h"
+#include "core/io/file_name.h"
+#include "core/io/import.h"
+
+namespace pepeseg {
+namespace {
+
+bool IsUnder(absl::string_view name, absl::string_view folder) {
+  return WithoutFolder(name, folder).size() < name.size();
+}
+
+bool IsColmapFile(absl::string_view name) {
+  absl::string_view rest = WithoutFolder(name, "sparse");
+  if (rest.size() == name.size()) return false;
+  rest = WithoutFolder(rest, "0");
+  const std::string suffix = Suffix(rest);
+  const absl::string_view stem = WithoutSuffix(rest);
+  return (suffix == ".bin" || suffix == ".txt") &&
+         (stem == "cameras" || stem == "images" || stem == "points3D");
+}
+
+// What a file is by its name, if it belongs to a dataset.
+std::optional<FileKind> KindOf(absl::string_view name) {
+  const std::string suffix = Suffix(name);
+  const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" || suffix == ".webp";
+  if (IsUnder(name, "images") && photo) return FileKind::kImage;
+  if (IsColmapFile(name)) return FileKind::kPoses;
+  if (IsUnder(name, "masks") && (suffix == ".json" || suffix == ".png")) return FileKind::kMask;
+  if (name == "ignore_mask.png") return FileKind::kIgnoreMask;
+  if (IsUnder(name, "ignore") && suffix == ".png") return FileKind::kIgnoreMask;
+  if (IsUnder(name, "depth")) return FileKind::kDepth;
+  if (name == "points.ply") return FileKind::kPoints;
+  return std::nullopt;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    return absl::NotFoundError(absl::StrCat(folder.string(), " is not a folder"));
+  }
+  std::vector<DatasetFile> files;
+  bool any_photo = false;
+  fs::recursive_directory_iterator entry(folder, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    std::error_code unreadable;
+    if (!entry->is_regular_file(unreadable)) continue;
+    std::string name = entry->path().lexically_relative(folder).generic_string();
+    const std::optional<FileKind> kind = KindOf(name);
+    if (!kind) continue;
+    any_photo = any_photo || *kind == FileKind::kImage;
+    files.push_back({*kind, std::move(name), entry->path()});
+  }
+  if (error) {
+    return absl::InternalError(
+        absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
+  }
+  if (!any_photo) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(), " has no photographs: no JPEG, PNG or WebP below images/"));
+  }
+  std::sort(files.begin(), files.end(),
+            [](const DatasetFile& a, const DatasetFile& b) { return a.name < b.name; });
+  return files;
+}
+
+}  // namespace pepeseg

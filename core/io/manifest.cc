@@ -1,0 +1,113 @@
+#include "core/io/manifest.h"
+
+#include <algorithm>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/digest.h"
+#include "core/io/file_bytes.h"
+#include "core/status_macros.h"
+#include "nlohmann/json.hpp"
+
+namespace pepeseg {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kVersion = 1;
+constexpr int64_t kMaxManifestBytes = int64_t{16} << 20;
+constexpr size_t kHexDigits = 64;
+
+bool IsPlainName(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos &&
+         name.find('\0') == std::string::npos;
+}
+
+bool ParseEntry(const json& value, ManifestEntry& entry) {
+  if (!value.is_object()) return false;
+  const auto name = value.find("name");
+  const auto size = value.find("size");
+  const auto sha256 = value.find("sha256");
+  if (name == value.end() || size == value.end() || sha256 == value.end()) return false;
+  if (!name->is_string() || !size->is_number_unsigned() || !sha256->is_string()) return false;
+  entry = {name->get<std::string>(), size->get<int64_t>(), sha256->get<std::string>()};
+  return IsPlainName(entry.name) && entry.size >= 0 && entry.sha256.size() == kHexDigits;
+}
+
+absl::Status Damaged(const std::filesystem::path& path, absl::string_view why) {
+  return absl::DataLossError(absl::StrCat(path.string(), ": ", why));
+}
+
+}  // namespace
+
+bool Manifest::Lists(absl::string_view name) const {
+  return std::any_of(files.begin(), files.end(),
+                     [name](const ManifestEntry& entry) { return entry.name == name; });
+}
+
+int64_t Manifest::TotalBytes() const {
+  int64_t total = 0;
+  for (const ManifestEntry& entry : files) total += entry.size;
+  return total;
+}
+
+absl::StatusOr<Manifest> BuildManifest(const std::filesystem::path& folder,
+                                       std::span<const std::string> names) {
+  Manifest manifest;
+  for (const std::string& name : names) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(folder / name, error);
+    if (error) return absl::NotFoundError(absl::StrCat((folder / name).string(), " is not there"));
+    ASSIGN_OR_RETURN(std::string sha256, Sha256OfFile(folder / name));
+    manifest.files.push_back({name, static_cast<int64_t>(size), std::move(sha256)});
+  }
+  return manifest;
+}
+
+absl::Status WriteManifest(const std::filesystem::path& folder, const Manifest& manifest) {
+  json files = json::array();
+  for (const ManifestEntry& entry : manifest.files) {
+    files.push_back({{"name", entry.name}, {"size", entry.size}, {"sha256", entry.sha256}});
+  }
+  const json document = {{"version", kVersion}, {"files", std::move(files)}};
+  return WriteFileAtomically(folder / kManifestName, document.dump(1) + "\n");
+}
+
+absl::StatusOr<Manifest> ReadManifest(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / kManifestName;
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxManifestBytes));
+  const json document = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!document.is_object()) return Damaged(path, "not a JSON object");
+  const auto version = document.find("version");
+  if (version == document.end() || *version != kVersion) return Damaged(path, "not version 1");
+  const auto files = document.find("files");
+  if (files == document.end() || !files->is_array()) return Damaged(path, "no list of files");
+  Manifest manifest;
+  for (const json& value : *files) {
+    ManifestEntry entry;
+    if (!ParseEntry(value, entry)) {
+      return Damaged(path, absl::StrCat("file ", manifest.files.size(), " is malformed"));
+    }
+    manifest.files.push_back(std::move(entry));
+  }
+  return manifest;
+}
+
+absl::Status VerifyManifest(const std::filesystem::path& folder, const Manifest& manifest) {
+  for (const ManifestEntry& entry : manifest.files) {
+    const std::filesystem::path path = folder / entry.name;
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path, error);
+    if (error) return Damaged(path, "the manifest lists it, but it is not there");
+    if (static_cast<int64_t>(size) != entry.size) {
+      return Damaged(path, absl::StrCat("has ", size, " bytes, its manifest says ", entry.size));
+    }
+    ASSIGN_OR_RETURN(const std::string sha256, Sha256OfFile(path));
+    if (sha256 != entry.sha256) return Damaged(path, "its checksum differs from its manifest's");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

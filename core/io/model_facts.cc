@@ -1,0 +1,137 @@
+#include "core/io/model_facts.h"
+
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "nlohmann/json.hpp"
+
+namespace pepeseg {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kVersion = 1;
+
+json FormatView(const ModelView& view) {
+  const Eigen::Quaterniond& q = view.cam_from_world.rotation;
+  const Eigen::Vector3d& t = view.cam_from_world.translation;
+  return {{"name", view.name},
+          {"width", view.camera.width},
+          {"height", view.camera.height},
+          {"focal", {view.camera.fx, view.camera.fy}},
+          {"principal_point", {view.camera.cx, view.camera.cy}},
+          {"rotation", {q.w(), q.x(), q.y(), q.z()}},
+          {"translation", {t.x(), t.y(), t.z()}},
+          {"held_out", view.held_out}};
+}
+
+absl::Status Malformed(absl::string_view what) {
+  return absl::DataLossError(absl::StrCat(what, " is malformed"));
+}
+
+bool TakeInt(const json& object, const char* key, int& value) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_number_integer()) return false;
+  const auto wide = found->get<int64_t>();
+  value = static_cast<int>(wide);
+  return value == wide;
+}
+
+template <size_t n>
+bool TakeNumbers(const json& object, const char* key, double (&values)[n]) {
+  const auto found = object.find(key);
+  if (found == object.end() || !found->is_array() || found->size() != n) return false;
+  for (size_t i = 0; i < n; ++i) {
+    if (!(*found)[i].is_number()) return false;
+    values[i] = (*found)[i].get<double>();
+    if (!std::isfinite(values[i])) return false;
+  }
+  return true;
+}
+
+bool ParseView(const json& value, ModelView& view) {
+  if (!value.is_object()) return false;
+  const auto name = value.find("name");
+  const auto held_out = value.find("held_out");
+  if (name == value.end() || !name->is_string()) return false;
+  if (held_out == value.end() || !held_out->is_boolean()) return false;
+  view.name = name->get<std::string>();
+  view.held_out = held_out->get<bool>();
+  double focal[2], center[2], q[4], t[3];
+  if (!TakeInt(value, "width", view.camera.width) ||
+      !TakeInt(value, "height", view.camera.height) || !TakeNumbers(value, "focal", focal) ||
+      !TakeNumbers(value, "principal_point", center) || !TakeNumbers(value, "rotation", q) ||
+      !TakeNumbers(value, "translation", t)) {
+    return false;
+  }
+  const int width = view.camera.width, height = view.camera.height;
+  view.camera = {width, height, focal[0], focal[1], center[0], center[1]};
+  view.cam_from_world.rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+  view.cam_from_world.translation = Eigen::Vector3d(t);
+  return width > 0 && height > 0 && focal[0] > 0 && focal[1] > 0 &&
+         std::abs(view.cam_from_world.rotation.norm() - 1) < 1e-3;
+}
+
+absl::Status ParseViews(const json& document, Model& model) {
+  const auto views = document.find("views");
+  if (views == document.end() || !views->is_array()) return Malformed("\"views\"");
+  for (const json& value : *views) {
+    ModelView view;
+    if (!ParseView(value, view)) return Malformed(absl::StrCat("view ", model.views.size()));
+    model.views.push_back(std::move(view));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ParseMaps(const json& document, Model& model) {
+  const auto metrics = document.find("metrics");
+  const auto facts = document.find("facts");
+  if (metrics == document.end() || !metrics->is_object()) return Malformed("\"metrics\"");
+  if (facts == document.end() || !facts->is_object()) return Malformed("\"facts\"");
+  for (const auto& [key, value] : metrics->items()) {
+    if (!value.is_number()) return Malformed(absl::StrCat("metric ", key));
+    model.metrics[key] = value.get<double>();
+  }
+  for (const auto& [key, value] : facts->items()) {
+    if (!value.is_string()) return Malformed(absl::StrCat("fact ", key));
+    model.facts[key] = value.get<std::string>();
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string FormatModelFacts(const Model& model) {
+  json views = json::array();
+  for (const ModelView& view : model.views) views.push_back(FormatView(view));
+  json metrics = json::object();
+  for (const auto& [key, value] : model.metrics) {
+    if (std::isfinite(value)) metrics[key] = value;
+  }
+  const json document = {{"version", kVersion},
+                         {"scene_radius", model.scene_radius},
+                         {"metrics", std::move(metrics)},
+                         {"facts", model.facts},
+                         {"views", std::move(views)}};
+  // What is not UTF-8 is replaced: an exception must not come out of here.
+  return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+absl::Status ParseModelFacts(absl::string_view text, Model& model) {
+  const json document = json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
+  if (!document.is_object()) return absl::DataLossError("is not a JSON object");
+  const auto version = document.find("version");
+  if (version == document.end() || *version != kVersion) {
+    return absl::DataLossError(absl::StrCat("is not of version ", kVersion));
+  }
+  const auto radius = document.find("scene_radius");
+  if (radius == document.end() || !radius->is_number()) return Malformed("\"scene_radius\"");
+  model.scene_radius = radius->get<double>();
+  if (!(model.scene_radius > 0)) return Malformed("\"scene_radius\"");
+  RETURN_IF_ERROR(ParseMaps(document, model));
+  return ParseViews(document, model);
+}
+
+}  // namespace pepeseg

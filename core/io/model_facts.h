@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/strings/string_view.h"
+#include "core/scene/model.h"
+
+namespace pepeseg {
+
+// What of a model is neither Gaussians nor features, as JSON (model.json):
+//   {"version": 1, "scene_radius": 1.5, "metrics": {...}, "facts": {...},
+//    "views": [{"name": "...", "width": 640, "height": 480, "focal": [fx, fy],
+//               "principal_point": [cx, cy], "rotation": [w, x, y, z],
+//               "translation": [x, y, z], "held_out": false}]}
+// Rotation and translation are cam_from_world. A metric that is not finite is left out.
+std::string FormatModelFacts(const Model& model);
+
+// Fills the same parts of `model`. DATA_LOSS names what is malformed.
+absl::Status ParseModelFacts(absl::string_view text, Model& model);
+
+}  // namespace pepeseg

@@ -1,0 +1,78 @@
+#include "core/io/model_file.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/feature_file.h"
+#include "core/io/file_bytes.h"
+#include "core/io/gaussian_ply.h"
+#include "core/io/manifest.h"
+#include "core/io/model_facts.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr char kGaussiansName[] = "gaussians.ply";
+constexpr char kFeaturesName[] = "features.bin";
+constexpr char kFactsName[] = "model.json";
+constexpr int64_t kMaxFactsBytes = int64_t{256} << 20;
+
+absl::Status CheckWhole(const Model& model) {
+  const auto expected = static_cast<size_t>(model.gaussians.count) * kFeatureDim;
+  if (model.field.empty() || model.field.features.size() == expected) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("a model of ", model.gaussians.count, " Gaussians has ",
+                   model.field.features.size() / kFeatureDim, " features"));
+}
+
+// The manifest vouches for the bytes: what is wrong behind it is no user's fault.
+absl::Status AsDataLoss(const absl::Status& status, const std::filesystem::path& folder) {
+  return absl::DataLossError(absl::StrCat(folder.string(), ": ", status.message()));
+}
+
+absl::StatusOr<Model> ReadParts(const std::filesystem::path& folder, bool has_features) {
+  Model model;
+  ASSIGN_OR_RETURN(const std::string facts,
+                   ReadFile(folder / kFactsName, kFactsName, kMaxFactsBytes));
+  RETURN_IF_ERROR(ParseModelFacts(facts, model));
+  ASSIGN_OR_RETURN(model.gaussians, ReadGaussianPly(folder / kGaussiansName, kGaussiansName));
+  if (has_features) {
+    ASSIGN_OR_RETURN(model.field, ReadFeatureFile(folder / kFeaturesName, kFeaturesName));
+  }
+  RETURN_IF_ERROR(CheckWhole(model));
+  return model;
+}
+
+}  // namespace
+
+absl::Status WriteModel(const std::filesystem::path& folder, const Model& model) {
+  RETURN_IF_ERROR(CheckWhole(model));
+  std::vector<std::string> names = {kGaussiansName, kFactsName};
+  RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians));
+  if (!model.field.empty()) {
+    RETURN_IF_ERROR(WriteFeatureFile(folder / kFeaturesName, model.field));
+    names.insert(names.begin() + 1, kFeaturesName);
+  }
+  RETURN_IF_ERROR(WriteFileAtomically(folder / kFactsName, FormatModelFacts(model)));
+  ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(folder, names));
+  return WriteManifest(folder, manifest);
+}
+
+absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder) {
+  ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
+  for (const char* name : {kGaussiansName, kFactsName}) {
+    if (!manifest.Lists(name)) {
+      return absl::DataLossError(absl::StrCat(folder.string(), ": its manifest has no ", name));
+    }
+  }
+  RETURN_IF_ERROR(VerifyManifest(folder, manifest));
+  absl::StatusOr<Model> model = ReadParts(folder, manifest.Lists(kFeaturesName));
+  if (!model.ok()) return AsDataLoss(model.status(), folder);
+  return model;
+}
+
+}  // namespace pepeseg

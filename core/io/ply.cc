@@ -1,0 +1,230 @@
+#include "core/io/ply.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <optional>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/io/file_bytes.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxHeaderBytes = 64 << 10;
+constexpr size_t kMaxProperties = 512;
+
+struct TypeName {
+  const char* name;
+  PlyType type;
+};
+constexpr std::array<TypeName, 16> kTypeNames = {{{"char", PlyType::kInt8},
+                                                  {"int8", PlyType::kInt8},
+                                                  {"uchar", PlyType::kUint8},
+                                                  {"uint8", PlyType::kUint8},
+                                                  {"short", PlyType::kInt16},
+                                                  {"int16", PlyType::kInt16},
+                                                  {"ushort", PlyType::kUint16},
+                                                  {"uint16", PlyType::kUint16},
+                                                  {"int", PlyType::kInt32},
+                                                  {"int32", PlyType::kInt32},
+                                                  {"uint", PlyType::kUint32},
+                                                  {"uint32", PlyType::kUint32},
+                                                  {"float", PlyType::kFloat32},
+                                                  {"float32", PlyType::kFloat32},
+                                                  {"double", PlyType::kFloat64},
+                                                  {"float64", PlyType::kFloat64}}};
+
+std::optional<PlyType> TypeByName(absl::string_view name) {
+  for (const TypeName& entry : kTypeNames) {
+    if (name == entry.name) return entry.type;
+  }
+  return std::nullopt;
+}
+
+int SizeOf(PlyType type) {
+  constexpr std::array<int, 8> kSizes = {1, 1, 2, 2, 4, 4, 4, 8};
+  return kSizes[static_cast<size_t>(type)];
+}
+
+template <class T>
+float Load(const char* from) {
+  T value;
+  std::memcpy(&value, from, sizeof(T));
+  return static_cast<float>(value);
+}
+
+float LoadAs(PlyType type, const char* from) {
+  switch (type) {
+    case PlyType::kInt8:
+      return Load<int8_t>(from);
+    case PlyType::kUint8:
+      return Load<uint8_t>(from);
+    case PlyType::kInt16:
+      return Load<int16_t>(from);
+    case PlyType::kUint16:
+      return Load<uint16_t>(from);
+    case PlyType::kInt32:
+      return Load<int32_t>(from);
+    case PlyType::kUint32:
+      return Load<uint32_t>(from);
+    case PlyType::kFloat32:
+      return Load<float>(from);
+    case PlyType::kFloat64:
+      return Load<double>(from);
+  }
+  return 0;
+}
+
+absl::Status Refused(absl::string_view name, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
+}
+
+// The header's text up to and with "end_header\n", at the front of `bytes`; empty: none.
+absl::string_view HeaderOf(absl::string_view bytes) {
+  constexpr absl::string_view kEnd = "\nend_header\n";
+  const size_t end = bytes.find(kEnd);
+  if (end == absl::string_view::npos) return {};
+  return bytes.substr(0, end + kEnd.size());
+}
+
+using Words = std::vector<absl::string_view>;
+
+// Takes the header line by line.
+class HeaderParser {
+ public:
+  explicit HeaderParser(PlyVertices& vertices) : vertices_(vertices) {}
+
+  // An empty string: understood.
+  std::string TakeLine(const Words& words) {
+    if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
+    if (words[0] == "format") return TakeFormat(words);
+    if (words[0] == "element") return TakeElement(words);
+    if (words[0] == "property") return in_vertices_ ? TakeProperty(words) : "";
+    return absl::StrCat("the header has the line \"", words[0].substr(0, 40), " ...\"");
+  }
+
+  std::string Finish() const {
+    if (!has_format_) return "the header names no format";
+    if (num_elements_ == 0) return "has no vertices";
+    if (vertices_.stride == 0) return "its vertices have no properties";
+    return "";
+  }
+
+ private:
+  std::string TakeFormat(const Words& words) {
+    has_format_ = true;
+    if (words.size() == 3 && words[1] == "binary_little_endian") return "";
+    return "its format is not binary_little_endian, the only one that is read";
+  }
+
+  std::string TakeElement(const Words& words) {
+    in_vertices_ = num_elements_++ == 0;
+    if (!in_vertices_) return "";
+    if (words.size() != 3 || words[1] != "vertex") return "its first element is not the vertices";
+    if (!absl::SimpleAtoi(words[2], &vertices_.count) || vertices_.count < 0) {
+      return "its number of vertices is malformed";
+    }
+    return "";
+  }
+
+  std::string TakeProperty(const Words& words) {
+    const std::optional<PlyType> type =
+        words.size() == 3 ? TypeByName(words[1]) : std::optional<PlyType>();
+    if (!type) return "a property of its vertices is no single number of a known type";
+    if (vertices_.properties.size() >= kMaxProperties) return "has over 512 properties";
+    if (vertices_.Find(words[2]) >= 0) return absl::StrCat("has two properties ", words[2]);
+    vertices_.properties.push_back({std::string(words[2]), *type, vertices_.stride});
+    vertices_.stride += SizeOf(*type);
+    return "";
+  }
+
+  PlyVertices& vertices_;
+  bool has_format_ = false;
+  bool in_vertices_ = false;
+  int num_elements_ = 0;
+};
+
+absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
+  HeaderParser parser(vertices);
+  std::vector<absl::string_view> lines = absl::StrSplit(header, '\n', absl::SkipWhitespace());
+  lines.erase(lines.begin());  // "ply"
+  lines.pop_back();            // "end_header"
+  for (const absl::string_view line : lines) {
+    const Words words = absl::StrSplit(absl::StripAsciiWhitespace(line), ' ', absl::SkipEmpty());
+    const std::string wrong = parser.TakeLine(words);
+    if (!wrong.empty()) return Refused(vertices.name, wrong);
+  }
+  const std::string wrong = parser.Finish();
+  return wrong.empty() ? absl::OkStatus() : Refused(vertices.name, wrong);
+}
+
+}  // namespace
+
+int PlyVertices::Find(absl::string_view property) const {
+  const auto found = std::find_if(properties.begin(), properties.end(),
+                                  [&](const PlyProperty& p) { return p.name == property; });
+  return found == properties.end() ? -1 : static_cast<int>(found - properties.begin());
+}
+
+absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std::string& name,
+                                    int64_t max_vertices) {
+  ASSIGN_OR_RETURN(const int64_t size, FileSize(path, name));
+  std::ifstream file(path, std::ios::binary);
+  std::string front(static_cast<size_t>(std::min(size, kMaxHeaderBytes)), '\0');
+  file.read(front.data(), static_cast<std::streamsize>(front.size()));
+  if (!file && !front.empty()) return absl::InternalError(absl::StrCat(name, ": cannot be read"));
+  if (front.rfind("ply\n", 0) != 0 && front.rfind("ply\r\n", 0) != 0) {
+    return Refused(name, "is not a PLY file");
+  }
+  const absl::string_view header = HeaderOf(front);
+  if (header.empty()) return Refused(name, "its header has no end");
+  PlyVertices vertices;
+  vertices.path = path;
+  vertices.name = name;
+  vertices.data_offset = static_cast<int64_t>(header.size());
+  RETURN_IF_ERROR(ParseHeader(header, vertices));
+  if (vertices.count > max_vertices) {
+    return Refused(
+        name, absl::StrCat("declares ", vertices.count, " vertices, the limit is ", max_vertices));
+  }
+  if (vertices.count > (size - vertices.data_offset) / vertices.stride) {
+    return Refused(name, absl::StrCat("declares ", vertices.count, " vertices of ", vertices.stride,
+                                      " bytes, but only ", size - vertices.data_offset,
+                                      " bytes follow its header"));
+  }
+  return vertices;
+}
+
+absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
+  constexpr int64_t kBlockRows = 4096;
+  std::ifstream file(vertices.path, std::ios::binary);
+  file.seekg(vertices.data_offset);
+  std::vector<char> block(static_cast<size_t>(kBlockRows) * vertices.stride);
+  for (int64_t first = 0; first < vertices.count; first += kBlockRows) {
+    const int64_t rows = std::min(kBlockRows, vertices.count - first);
+    file.read(block.data(), rows * vertices.stride);
+    if (!file) return absl::InternalError(absl::StrCat(vertices.name, ": cannot be read"));
+    for (const PlyColumn& column : columns) {
+      const PlyProperty& property = vertices.properties[column.property];
+      for (int64_t row = 0; row < rows; ++row) {
+        const float value =
+            LoadAs(property.type, block.data() + row * vertices.stride + property.offset);
+        if (!std::isfinite(value)) {
+          return Refused(vertices.name, absl::StrCat("vertex ", first + row, ": ", property.name,
+                                                     " is not finite"));
+        }
+        column.values[first + row] = value;
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

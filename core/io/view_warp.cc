@@ -1,0 +1,216 @@
+#include "core/io/view_warp.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "opencv2/imgproc.hpp"
+
+namespace pepeseg {
+namespace {
+
+using Eigen::Vector2d;
+
+// Whether the lens maps a neighbourhood of the ray without folding it over.
+bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
+  const double step = 1e-6 * std::max(1.0, ray.norm());
+  const Vector2d dx = lens.Distort(ray + Vector2d(step, 0)) - lens.Distort(ray - Vector2d(step, 0));
+  const Vector2d dy = lens.Distort(ray + Vector2d(0, step)) - lens.Distort(ray - Vector2d(0, step));
+  return dx.x() * dy.y() - dx.y() * dy.x() > 0;
+}
+
+// The slope up to which the lens model can be believed: polynomials turn back beyond the field of
+// view that they were fitted on, and would show the photograph's border a second time.
+double LargestSlope(const Lens& lens, double farthest) {
+  constexpr int kNumDirections = 32;
+  constexpr int kNumSteps = 400;
+  constexpr double kPi = 3.14159265358979323846;
+  double largest = farthest;
+  for (int i = 0; i < kNumDirections; ++i) {
+    const double angle = 2 * kPi * i / kNumDirections;
+    const Vector2d direction(std::cos(angle), std::sin(angle));
+    for (int j = 1; j <= kNumSteps; ++j) {
+      const double slope = farthest * j / kNumSteps;
+      if (slope >= largest) break;
+      if (!KeepsOrientation(lens, direction * slope)) largest = farthest * (j - 1) / kNumSteps;
+    }
+  }
+  return largest;
+}
+
+Vector2d RayOf(const Lens& lens, double x, double y) {
+  return {(x - lens.cx) / lens.fx, (y - lens.cy) / lens.fy};
+}
+
+double FarthestSlope(const Lens& lens) {
+  double farthest = 0;
+  for (const double x : {0.0, static_cast<double>(lens.width)}) {
+    for (const double y : {0.0, static_cast<double>(lens.height)}) {
+      farthest = std::max(farthest, RayOf(lens, x, y).norm());
+    }
+  }
+  return farthest;
+}
+
+// For every pixel of the photograph's frame as a pinhole's: where its centre lies in the
+// photograph, NaN where the photograph does not reach. [height, width, 2]
+std::vector<float> SourcePlaces(const Lens& lens) {
+  constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
+  const double largest_slope = LargestSlope(lens, FarthestSlope(lens));
+  std::vector<float> source;
+  source.reserve(static_cast<size_t>(lens.width) * lens.height * 2);
+  for (int y = 0; y < lens.height; ++y) {
+    for (int x = 0; x < lens.width; ++x) {
+      const Vector2d ray = RayOf(lens, x + 0.5, y + 0.5);
+      const Vector2d place = lens.Project(ray);
+      const bool covered = ray.norm() <= largest_slope && place.x() >= 0 && place.y() >= 0 &&
+                           place.x() <= lens.width && place.y() <= lens.height;
+      source.push_back(covered ? static_cast<float>(place.x()) : kNowhere);
+      source.push_back(covered ? static_cast<float>(place.y()) : kNowhere);
+    }
+  }
+  return source;
+}
+
+int Nearest(float place, int size) {
+  return std::clamp(static_cast<int>(std::floor(place)), 0, size - 1);
+}
+
+}  // namespace
+
+// Cuts, again and again, the side with the largest share of pixels that are not covered.
+ViewWarp::Frame ViewWarp::CoveredPart(const Lens& lens, const std::vector<float>& source) {
+  int left = 0, top = 0, right = lens.width - 1, bottom = lens.height - 1;
+  const auto uncovered = [&](int x0, int y0, int x1, int y1) {
+    int64_t count = 0;
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; ++x) {
+        count += std::isnan(source[2 * (static_cast<size_t>(y) * lens.width + x)]) ? 1 : 0;
+      }
+    }
+    return static_cast<double>(count) / ((x1 - x0 + 1) * static_cast<double>(y1 - y0 + 1));
+  };
+  while (left <= right && top <= bottom) {
+    const std::array<double, 4> shares = {
+        uncovered(left, top, left, bottom), uncovered(right, top, right, bottom),
+        uncovered(left, top, right, top), uncovered(left, bottom, right, bottom)};
+    const auto worst = std::max_element(shares.begin(), shares.end());
+    if (*worst == 0) break;
+    const auto side = worst - shares.begin();
+    left += side == 0 ? 1 : 0;
+    right -= side == 1 ? 1 : 0;
+    top += side == 2 ? 1 : 0;
+    bottom -= side == 3 ? 1 : 0;
+  }
+  return {left, top, right - left + 1, bottom - top + 1};
+}
+
+void ViewWarp::KeepPart(const Frame& part, const std::vector<float>& source) {
+  full_width_ = part.width;
+  full_height_ = part.height;
+  source_.reserve(static_cast<size_t>(part.width) * part.height * 2);
+  for (int y = part.top; y < part.top + part.height; ++y) {
+    const auto row = source.begin() + 2 * (static_cast<ptrdiff_t>(y) * photo_width_ + part.left);
+    source_.insert(source_.end(), row, row + 2 * static_cast<ptrdiff_t>(part.width));
+  }
+}
+
+absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) {
+  ViewWarp warp;
+  warp.photo_width_ = warp.full_width_ = lens.width;
+  warp.photo_height_ = warp.full_height_ = lens.height;
+  Frame part{0, 0, lens.width, lens.height};
+  if (!lens.IsPinhole()) {
+    const std::vector<float> source = SourcePlaces(lens);
+    part = CoveredPart(lens, source);
+    if (part.width < 1 || part.height < 1) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "the ", NameOf(lens.model), " parameters leave no usable part of the photograph"));
+    }
+    warp.KeepPart(part, source);
+  }
+  Camera& camera = warp.camera_;
+  camera.width = std::max(1, static_cast<int>(std::lround(part.width * image_scale)));
+  camera.height = std::max(1, static_cast<int>(std::lround(part.height * image_scale)));
+  const double sx = static_cast<double>(camera.width) / part.width;
+  const double sy = static_cast<double>(camera.height) / part.height;
+  camera.fx = lens.fx * sx;
+  camera.fy = lens.fy * sy;
+  camera.cx = (lens.cx - part.left) * sx;
+  camera.cy = (lens.cy - part.top) * sy;
+  return warp;
+}
+
+Image ViewWarp::Photo(const Image& photo) const {
+  const int type = CV_8UC(photo.channels);
+  // OpenCV only reads these, but has no const view of pixels.
+  cv::Mat pixels(photo_height_, photo_width_, type, const_cast<uint8_t*>(photo.pixels.data()));
+  if (!source_.empty()) {
+    // OpenCV counts places from the first pixel's centre, we from the image's corner.
+    cv::Mat places =
+        cv::Mat(full_height_, full_width_, CV_32FC2, const_cast<float*>(source_.data())) -
+        cv::Scalar(0.5, 0.5);
+    cv::Mat warped;
+    cv::remap(pixels, warped, places, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    pixels = warped;
+  }
+  Image result{camera_.width, camera_.height, photo.channels, {}};
+  result.pixels.resize(static_cast<size_t>(camera_.width) * camera_.height * photo.channels);
+  cv::Mat shrunk(camera_.height, camera_.width, type, result.pixels.data());
+  if (shrunk.size() == pixels.size()) {
+    pixels.copyTo(shrunk);
+  } else {
+    cv::resize(pixels, shrunk, shrunk.size(), 0, 0, cv::INTER_AREA);
+  }
+  return result;
+}
+
+std::vector<uint8_t> ViewWarp::Ignore(const std::vector<uint8_t>& ignore) const {
+  std::vector<uint8_t> result(static_cast<size_t>(camera_.width) * camera_.height, 0);
+  for (int y = 0; y < full_height_; ++y) {
+    for (int x = 0; x < full_width_; ++x) {
+      const size_t i = static_cast<size_t>(y) * full_width_ + x;
+      const size_t from =
+          source_.empty()
+              ? i
+              : static_cast<size_t>(Nearest(source_[2 * i + 1], photo_height_)) * photo_width_ +
+                    Nearest(source_[2 * i], photo_width_);
+      if (ignore[from] == 0) continue;
+      // Every pixel of the result that this one overlaps.
+      const auto first_x = static_cast<int>(int64_t{x} * camera_.width / full_width_);
+      const auto first_y = static_cast<int>(int64_t{y} * camera_.height / full_height_);
+      const auto last_x = static_cast<int>((int64_t{x + 1} * camera_.width - 1) / full_width_);
+      const auto last_y = static_cast<int>((int64_t{y + 1} * camera_.height - 1) / full_height_);
+      for (int v = first_y; v <= last_y; ++v) {
+        for (int u = first_x; u <= last_x; ++u) {
+          result[static_cast<size_t>(v) * camera_.width + u] = 1;
+        }
+      }
+    }
+  }
+  return result;
+}
+
+MaskSet ViewWarp::Masks(const MaskSet& masks) const {
+  if (source_.empty() && camera_.width == photo_width_ && camera_.height == photo_height_) {
+    return masks;
+  }
+  std::vector<int32_t> source_pixel;
+  source_pixel.reserve(static_cast<size_t>(camera_.width) * camera_.height);
+  for (int y = 0; y < camera_.height; ++y) {
+    const int full_y = static_cast<int>((int64_t{2 * y + 1} * full_height_) / (2 * camera_.height));
+    for (int x = 0; x < camera_.width; ++x) {
+      const int full_x = static_cast<int>((int64_t{2 * x + 1} * full_width_) / (2 * camera_.width));
+      const size_t full = static_cast<size_t>(full_y) * full_width_ + full_x;
+      const int from_x = source_.empty() ? full_x : Nearest(source_[2 * full], photo_width_);
+      const int from_y = source_.empty() ? full_y : Nearest(source_[2 * full + 1], photo_height_);
+      source_pixel.push_back(from_y * photo_width_ + from_x);
+    }
+  }
+  return ResampleMaskSet(masks, camera_.width, camera_.height, source_pixel);
+}
+
+}  // namespace pepeseg

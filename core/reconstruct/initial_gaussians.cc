@@ -1,0 +1,125 @@
+#include "core/reconstruct/initial_gaussians.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nanoflann.hpp>
+
+#include "kernels/math/sh.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kInitialOpacity = 0.1f;
+
+// nanoflann's view of the points.
+struct PointCloud {
+  const std::vector<ScenePoint>& points;
+
+  size_t kdtree_get_point_count() const { return points.size(); }
+  float kdtree_get_pt(size_t i, size_t axis) const {
+    return points[i].position[static_cast<Eigen::Index>(axis)];
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
+                                                   PointCloud, 3, uint32_t>;
+
+// Mean distance of each point to its 3 nearest neighbours; 0 for a point alone.
+std::vector<float> NeighbourDistances(const std::vector<ScenePoint>& points) {
+  constexpr int kNumNeighbours = 3;
+  const PointCloud cloud = {points};
+  const KdTree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+  std::vector<float> distances;
+  distances.reserve(points.size());
+  uint32_t index[kNumNeighbours + 1];
+  float squared[kNumNeighbours + 1];
+  for (const ScenePoint& point : points) {
+    // The nearest is the point itself, or one at the same place.
+    const size_t found = tree.knnSearch(point.position.data(), kNumNeighbours + 1, index, squared);
+    float sum = 0;
+    for (size_t k = 1; k < found; ++k) sum += std::sqrt(squared[k]);
+    distances.push_back(found > 1 ? sum / static_cast<float>(found - 1) : 0.0f);
+  }
+  return distances;
+}
+
+double Uniform(std::mt19937_64& random) {
+  return std::uniform_real_distribution<double>(0, 1)(random);
+}
+
+ScenePoint RandomPoint(const View& view, double scene_radius, std::mt19937_64& random) {
+  const Camera& camera = view.camera;
+  const double x = Uniform(random) * camera.width, y = Uniform(random) * camera.height;
+  const double depth = scene_radius * 0.5 * std::pow(20.0, Uniform(random));
+  const Eigen::Vector3d in_cam((x - camera.cx) / camera.fx * depth,
+                               (y - camera.cy) / camera.fy * depth, depth);
+  ScenePoint point;
+  point.position = (view.cam_from_world.Inverse() * in_cam).cast<float>();
+  const size_t pixel = static_cast<size_t>(y) * camera.width + static_cast<size_t>(x);
+  std::copy_n(view.photo.pixels.data() + 3 * pixel, 3, point.rgb);
+  return point;
+}
+
+}  // namespace
+
+LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoint>& points) {
+  constexpr double kMinShare = 1e-6, kMaxShare = 0.5;  // of the scene's reach
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  for (const View& view : capture.views) center += view.cam_from_world.Inverse().translation;
+  center /= static_cast<double>(capture.views.size());
+  std::vector<double> distances;
+  for (const ScenePoint& point : points) {
+    distances.push_back((point.position.cast<double>() - center).norm());
+  }
+  // The 90th percentile: points far out are often wrong.
+  const auto rank = distances.begin() + static_cast<int64_t>(distances.size() * 9 / 10);
+  std::nth_element(distances.begin(), rank, distances.end());
+  const double reach = std::max(SceneRadius(capture), *rank);
+  return {static_cast<float>(std::log(kMinShare * reach)),
+          static_cast<float>(std::log(kMaxShare * reach))};
+}
+
+std::vector<ScenePoint> StartingPoints(const Capture& capture, const ReconstructOptions& options,
+                                       std::mt19937_64& random) {
+  std::vector<ScenePoint> points;
+  if (!capture.points.empty()) {
+    const auto most = static_cast<size_t>(options.max_gaussians);
+    const size_t stride = (capture.points.size() + most - 1) / most;
+    for (size_t i = 0; i < capture.points.size(); i += stride) points.push_back(capture.points[i]);
+    return points;
+  }
+  std::vector<const View*> views;
+  for (const View& view : capture.views) {
+    if (!view.held_out) views.push_back(&view);
+  }
+  const double scene_radius = SceneRadius(capture);
+  const int64_t count = std::min(options.num_random_points, options.max_gaussians);
+  for (int64_t i = 0; i < count; ++i) {
+    points.push_back(RandomPoint(*views[i % views.size()], scene_radius, random));
+  }
+  return points;
+}
+
+Gaussians InitialGaussians(const std::vector<ScenePoint>& points, int sh_degree,
+                           const LogScaleBounds& bounds) {
+  const std::vector<float> distances = NeighbourDistances(points);
+  const float floor = std::exp(bounds.min);
+  Gaussians out = Gaussians::Zero(static_cast<int64_t>(points.size()), sh_degree);
+  for (int64_t i = 0; i < out.count; ++i) {
+    const float log_scale =
+        std::clamp(std::log(std::max(distances[i], floor)), bounds.min, bounds.max);
+    for (int axis = 0; axis < 3; ++axis) {
+      out.Plane(kMeanPlane + axis)[i] = points[i].position[axis];
+      out.Plane(kLogScalePlane + axis)[i] = log_scale;
+      out.Plane(kShPlane + axis)[i] = (static_cast<float>(points[i].rgb[axis]) / 255 - 0.5f) / kSh0;
+    }
+    out.Plane(kRotationPlane)[i] = 1;
+    out.Plane(kOpacityPlane)[i] = std::log(kInitialOpacity / (1 - kInitialOpacity));
+  }
+  return out;
+}
+
+}  // namespace pepeseg

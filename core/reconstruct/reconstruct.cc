@@ -1,0 +1,65 @@
+#include "core/reconstruct/reconstruct.h"
+
+#include <cmath>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "core/reconstruct/reconstructor.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// NaN fails as well: no comparison with it holds.
+absl::Status InRange(const char* name, double value, double low, double high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(name, " is ", value, ", must be in [", low, ", ", high, "]"));
+}
+
+absl::Status ValidateLearningRates(const ReconstructOptions& options) {
+  constexpr double kMax = 1;
+  RETURN_IF_ERROR(InRange("mean_learning_rate", options.mean_learning_rate, 1e-12, kMax));
+  RETURN_IF_ERROR(
+      InRange("mean_learning_rate_final", options.mean_learning_rate_final, 1e-12, kMax));
+  RETURN_IF_ERROR(InRange("log_scale_learning_rate", options.log_scale_learning_rate, 0, kMax));
+  RETURN_IF_ERROR(InRange("rotation_learning_rate", options.rotation_learning_rate, 0, kMax));
+  RETURN_IF_ERROR(InRange("opacity_learning_rate", options.opacity_learning_rate, 0, kMax));
+  return InRange("sh_learning_rate", options.sh_learning_rate, 0, kMax);
+}
+
+absl::Status ValidateDensityControl(const ReconstructOptions& options) {
+  RETURN_IF_ERROR(InRange("densify_from", options.densify_from, 0, 1));
+  RETURN_IF_ERROR(InRange("densify_until", options.densify_until, 0, 1));
+  RETURN_IF_ERROR(InRange("densify_every", options.densify_every, 1, 1e9));
+  RETURN_IF_ERROR(InRange("densify_gradient", options.densify_gradient, 0, 1e9));
+  RETURN_IF_ERROR(InRange("densify_size", options.densify_size, 0, 1e9));
+  RETURN_IF_ERROR(InRange("prune_opacity", options.prune_opacity, 0, 0.5));
+  RETURN_IF_ERROR(InRange("opacity_reset_every", options.opacity_reset_every, 1, 1e9));
+  return InRange("max_gaussians", static_cast<double>(options.max_gaussians), 1, 100e6);
+}
+
+}  // namespace
+
+absl::Status Validate(const ReconstructOptions& options) {
+  RETURN_IF_ERROR(InRange("num_steps", options.num_steps, 1, 10e6));
+  RETURN_IF_ERROR(InRange("sh_degree", options.sh_degree, 0, kMaxShDegree));
+  RETURN_IF_ERROR(InRange("ssim_weight", options.ssim_weight, 0, 1));
+  RETURN_IF_ERROR(ValidateLearningRates(options));
+  RETURN_IF_ERROR(InRange("coarse_until", options.coarse_until, 0, 1));
+  RETURN_IF_ERROR(ValidateDensityControl(options));
+  return InRange("num_random_points", static_cast<double>(options.num_random_points), 1, 10e6);
+}
+
+absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
+                                      const ReconstructOptions& options, ProgressFn progress) {
+  ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
+                   Reconstructor::Create(backend, capture, options));
+  for (int step = 0; step < options.num_steps; ++step) {
+    ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
+    RETURN_IF_ERROR(progress(report));
+  }
+  return reconstructor->Result();
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,140 @@
+#include "core/reconstruct/reconstructor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kNearPlane = 0.01f;     // of the scene radius
+constexpr float kResetOpacity = 0.01f;  // what a reset leaves
+
+absl::Status CheckTrainable(const Capture& capture) {
+  int num_training = 0;
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
+    if (num_pixels == 0 || view.photo.pixels.size() != 3 * num_pixels) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "view ", view.name, ": the photograph has ", view.photo.pixels.size(),
+          " bytes, its camera wants ", view.camera.width, " x ", view.camera.height, " x 3"));
+    }
+    if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the ignore mask has ", view.ignore.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
+    ++num_training;
+  }
+  if (num_training > 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
+    Backend& backend, const Capture& capture, const ReconstructOptions& options) {
+  RETURN_IF_ERROR(Validate(options));
+  RETURN_IF_ERROR(CheckTrainable(capture));
+  std::unique_ptr<Reconstructor> reconstructor(new Reconstructor(backend, capture, options));
+  RETURN_IF_ERROR(reconstructor->Allocated());
+  return reconstructor;
+}
+
+Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
+                             const ReconstructOptions& options)
+    : backend_(backend),
+      options_(options),
+      scene_radius_(SceneRadius(capture)),
+      random_(options.seed),
+      schedule_(options, scene_radius_),
+      densifier_(options, scene_radius_),
+      views_(backend, capture, options.coarse_until > 0),
+      sampler_(views_.size()),
+      points_(StartingPoints(capture, options, random_)),
+      log_scales_(BoundLogScales(capture, points_)),
+      state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
+      color_(backend, 3 * views_.max_pixels()),
+      color_grad_(backend, 3 * views_.max_pixels()),
+      loss_sums_(backend, kNumImageLossSums) {}
+
+absl::Status Reconstructor::Allocated() const {
+  if (views_.allocated() && state_.allocated() && !color_.empty() && !color_grad_.empty() &&
+      !loss_sums_.empty()) {
+    return absl::OkStatus();
+  }
+  return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
+                                                   " views and ", state_.count(), " Gaussians"));
+}
+
+absl::StatusOr<StepReport> Reconstructor::Step() {
+  const TrainingView& view = views_.At(sampler_.Next(random_), schedule_.ShrinkAt(step_));
+  const int sh_degree = schedule_.ShDegreeAt(step_);
+  const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
+  const auto color = color_.span().Subspan(0, size);
+  const auto color_grad = color_grad_.span().Subspan(0, size);
+
+  backend_.Render({.gaussians = state_.parameters(),
+                   .view = view.pinhole,
+                   .near_plane = static_cast<float>(kNearPlane * scene_radius_),
+                   .active_sh_degree = sh_degree,
+                   .scratch = &scratch_,
+                   .color = color});
+  backend_.ImageLoss({.width = view.pinhole.width,
+                      .height = view.pinhole.height,
+                      .color = color,
+                      .target = view.photo.span(),
+                      .ignore = view.ignore.span(),
+                      .ssim_weight = options_.ssim_weight,
+                      .color_grad = color_grad,
+                      .sums = loss_sums_.span()});
+  backend_.RenderBackward({.view = view.pinhole, .color_grad = color_grad, .scratch = &scratch_});
+  backend_.Update({.view = view.pinhole,
+                   .active_sh_degree = sh_degree,
+                   .learning_rates = schedule_.RatesAt(step_),
+                   .min_log_scale = log_scales_.min,
+                   .max_log_scale = log_scales_.max,
+                   .scratch = &scratch_,
+                   .gaussians = state_.parameters(),
+                   .moment1 = state_.moment1(),
+                   .moment2 = state_.moment2(),
+                   .num_steps = state_.num_steps(),
+                   .stats = state_.stats()});
+  if (densifier_.Due(step_)) RETURN_IF_ERROR(densifier_.Apply(state_, random_));
+  if (densifier_.OpacityResetDue(step_)) state_.LimitOpacity(kResetOpacity);
+  ++step_;
+  return Report();
+}
+
+// Reads the sums of every step: on the CPU that costs nothing.
+absl::StatusOr<StepReport> Reconstructor::Report() {
+  double sums[kNumImageLossSums];
+  int64_t counters[kNumRenderCounters];
+  loss_sums_.Download(sums);
+  scratch_.counters.Download(counters);
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(absl::StrCat("step ", step_, ": ", error));
+  }
+  num_culled_degenerate_ += counters[kNumCulledDegenerate];
+  num_skipped_gradients_ += counters[kNumSkippedGradientRows];
+  StepReport report;
+  report.stage = "reconstruct";
+  report.step = step_;
+  report.num_steps = options_.num_steps;
+  report.num_gaussians = state_.count();
+  report.num_culled_degenerate = num_culled_degenerate_;
+  report.num_skipped_gradients = num_skipped_gradients_;
+  const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
+  report.loss = (1 - options_.ssim_weight) * sums[kSumL1] / num +
+                options_.ssim_weight * (1 - sums[kSumSsim] / num);
+  const double mse = std::max(1e-10, sums[kSumSquared] / num);
+  report.psnr = -10 * std::log10(mse);
+  return report;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <random>
+
+#include "absl/status/statusor.h"
+#include "core/progress.h"
+#include "core/reconstruct/densifier.h"
+#include "core/reconstruct/gaussian_state.h"
+#include "core/reconstruct/initial_gaussians.h"
+#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/schedule.h"
+#include "core/reconstruct/training_views.h"
+#include "core/reconstruct/view_sampler.h"
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+// Stage one, step by step; Reconstruct() is the loop around it. One thread at a time; the backend
+// must outlive it, the capture need not.
+class Reconstructor {
+ public:
+  // INVALID_ARGUMENT for the options, FAILED_PRECONDITION for a capture that cannot be trained on.
+  static absl::StatusOr<std::unique_ptr<Reconstructor>> Create(Backend& backend,
+                                                               const Capture& capture,
+                                                               const ReconstructOptions& options);
+
+  absl::StatusOr<StepReport> Step();
+  Gaussians Result() const { return state_.Download(); }
+
+ private:
+  Reconstructor(Backend& backend, const Capture& capture, const ReconstructOptions& options);
+
+  absl::Status Allocated() const;
+  absl::StatusOr<StepReport> Report();
+
+  Backend& backend_;
+  const ReconstructOptions options_;
+  const double scene_radius_;
+  std::mt19937_64 random_;
+  const Schedule schedule_;
+  const Densifier densifier_;
+  const TrainingViews views_;
+  ViewSampler sampler_;
+  const std::vector<ScenePoint> points_;
+  const LogScaleBounds log_scales_;
+  GaussianState state_;
+  RenderScratch scratch_;
+  Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
+  Buffer<double> loss_sums_;          // [kNumImageLossSums]
+  int step_ = 0;
+  int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0;
+};
+
+}  // namespace pepeseg

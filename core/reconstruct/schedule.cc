@@ -1,0 +1,30 @@
+#include "core/reconstruct/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pepeseg {
+
+LearningRates Schedule::RatesAt(int step) const {
+  const double start = options_.mean_learning_rate, end = options_.mean_learning_rate_final;
+  LearningRates rates;
+  rates.mean = static_cast<float>(scene_radius_ * start * std::pow(end / start, ShareAt(step)));
+  rates.log_scale = options_.log_scale_learning_rate;
+  rates.rotation = options_.rotation_learning_rate;
+  rates.opacity = options_.opacity_learning_rate;
+  rates.sh_dc = options_.sh_learning_rate;
+  rates.sh_rest = options_.sh_learning_rate / 20;
+  return rates;
+}
+
+int Schedule::ShDegreeAt(int step) const {
+  constexpr double kRises = 30;  // one more band every num_steps / 30
+  return std::min(options_.sh_degree, static_cast<int>(kRises * ShareAt(step)));
+}
+
+int Schedule::ShrinkAt(int step) const {
+  if (ShareAt(step) < options_.coarse_until / 2) return 4;
+  return ShareAt(step) < options_.coarse_until ? 2 : 1;
+}
+
+}  // namespace pepeseg

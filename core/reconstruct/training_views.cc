@@ -1,0 +1,70 @@
+#include "core/reconstruct/training_views.h"
+
+#include <algorithm>
+
+#include "core/scene/pinhole_view.h"
+
+namespace pepeseg {
+namespace {
+
+std::vector<uint8_t> ShrinkPhoto(const Image& photo, int factor) {
+  const int width = photo.width / factor, height = photo.height / factor;
+  const int area = factor * factor;
+  std::vector<uint8_t> small(static_cast<size_t>(3) * width * height);
+  for (int64_t i = 0; i < static_cast<int64_t>(small.size()); ++i) {
+    const int64_t channel = i % 3, x = i / 3 % width, y = i / 3 / width;
+    int sum = area / 2;  // rounds to nearest
+    for (int k = 0; k < area; ++k) {
+      const int64_t row = y * factor + k / factor, column = x * factor + k % factor;
+      sum += photo.pixels[(row * photo.width + column) * 3 + channel];
+    }
+    small[i] = static_cast<uint8_t>(sum / area);
+  }
+  return small;
+}
+
+std::vector<uint8_t> ShrinkIgnore(const View& view, int factor) {
+  if (view.ignore.empty()) return {};
+  const int width = view.camera.width / factor, height = view.camera.height / factor;
+  std::vector<uint8_t> small(static_cast<size_t>(width) * height, 0);
+  for (int y = 0; y < height * factor; ++y) {
+    for (int x = 0; x < width * factor; ++x) {
+      small[static_cast<size_t>(y / factor) * width + x / factor] |=
+          view.ignore[static_cast<size_t>(y) * view.camera.width + x];
+    }
+  }
+  return small;
+}
+
+TrainingView Upload(Backend& backend, const View& view, int factor) {
+  const std::vector<uint8_t> photo =
+      factor == 1 ? view.photo.pixels : ShrinkPhoto(view.photo, factor);
+  const std::vector<uint8_t> ignore = ShrinkIgnore(view, factor);
+  TrainingView out;
+  out.pinhole = Shrink(ToPinholeView(view.camera, view.cam_from_world), factor);
+  out.photo = Buffer<uint8_t>(backend, static_cast<int64_t>(photo.size()));
+  out.ignore = Buffer<uint8_t>(backend, static_cast<int64_t>(ignore.size()));
+  // A buffer that could not be had is empty: the caller is told by allocated().
+  if (out.photo.size() == static_cast<int64_t>(photo.size())) out.photo.Upload(photo);
+  if (out.ignore.size() == static_cast<int64_t>(ignore.size())) out.ignore.Upload(ignore);
+  return out;
+}
+
+}  // namespace
+
+TrainingViews::TrainingViews(Backend& backend, const Capture& capture, bool coarse) {
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    auto& sizes = views_.emplace_back();
+    for (int size = 0; size < (coarse ? kNumSizes : 1); ++size) {
+      sizes[size] = Upload(backend, view, 1 << size);
+      const PinholeView& pinhole = sizes[size].pinhole;
+      const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
+      max_pixels_ = std::max(max_pixels_, num_pixels);
+      allocated_ = allocated_ && sizes[size].photo.size() == 3 * num_pixels &&
+                   (view.ignore.empty() || sizes[size].ignore.size() == num_pixels);
+    }
+  }
+}
+
+}  // namespace pepeseg

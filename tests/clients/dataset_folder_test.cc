@@ -1,0 +1,93 @@
+#include "clients/cli/dataset_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <map>
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class DatasetFolderTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = fs::temp_directory_path() / ("pepeseg_folder_" + std::to_string(getpid()));
+    fs::remove_all(root_);
+    fs::create_directories(root_);
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  void Put(const std::string& name) {
+    fs::create_directories((root_ / name).parent_path());
+    std::ofstream(root_ / name) << "x";
+  }
+
+  fs::path root_;
+};
+
+TEST(KindOf, FollowsTheLayoutOfADataset) {
+  EXPECT_EQ(KindOf("images/a.jpg"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("images/left/A.JPEG"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("images/a.webp"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("sparse/0/cameras.bin"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("sparse/images.txt"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("sparse/0/points3D.bin"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("masks/a.json"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("masks/a.png"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("ignore_mask.png"), v1::FILE_KIND_IGNORE_MASK);
+  EXPECT_EQ(KindOf("ignore/a.png"), v1::FILE_KIND_IGNORE_MASK);
+  EXPECT_EQ(KindOf("depth/a.png"), v1::FILE_KIND_DEPTH);
+}
+
+TEST(KindOf, LeavesOutWhatIsNoPartOfADataset) {
+  for (const char* name : {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin",
+                           "sparse/0/project.ini", "masks/a.txt", "images.jpg", "depth/a.exr"}) {
+    EXPECT_FALSE(KindOf(name).has_value()) << name;
+  }
+}
+
+TEST(ReadDatasetFolder, CountsTheShelf) {
+  const auto folder = ReadDatasetFolder(PEPESEG_TEST_DATA "/apc_shelf");
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  std::map<v1::FileKind, int> count;
+  for (const FolderFile& file : folder->files) ++count[file.kind];
+  EXPECT_EQ(count[v1::FILE_KIND_IMAGE], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_MASK], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_DEPTH], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_POSES], 2);
+  EXPECT_EQ(count[v1::FILE_KIND_POINTS], 1);
+  EXPECT_EQ(count[v1::FILE_KIND_IGNORE_MASK], 1);
+  EXPECT_EQ(folder->left_out.size(), 17U);  // 15 labels, SOURCE.md, cam.info.txt
+}
+
+TEST_F(DatasetFolderTest, NamesAreRelativeAndSorted) {
+  Put("sparse/0/images.bin");
+  Put("images/b.jpg");
+  Put("images/a.jpg");
+  Put("notes.txt");
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_EQ(folder->files.size(), 3U);
+  EXPECT_EQ(folder->files[0].name, "images/a.jpg");
+  EXPECT_EQ(folder->files[2].name, "sparse/0/images.bin");
+  EXPECT_THAT(folder->left_out, ElementsAre("notes.txt"));
+}
+
+TEST_F(DatasetFolderTest, SaysWhatIsMissing) {
+  const auto empty = ReadDatasetFolder(root_);
+  EXPECT_EQ(empty.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no photographs"));
+  Put("images/a.jpg");
+  EXPECT_THAT(std::string(ReadDatasetFolder(root_).status().message()), HasSubstr("no poses"));
+  const auto none = ReadDatasetFolder(root_ / "nowhere");
+  EXPECT_EQ(none.status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace pepeseg::cli

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# pepesegd, pepeseg-worker and pepeseg as a user runs them: upload, train (a few steps on a quarter
+# of the pixels), segment, render, export, and the exit codes on the way.
+#   end_to_end.sh FOLDER_OF_PROGRAMS DATASET
+set -euo pipefail
+programs=$1 dataset=$2
+work=$(mktemp -d)
+server=
+stop() {
+  [[ -z $server ]] || kill -TERM "$server" 2>/dev/null || true
+  [[ -z $server ]] || wait "$server" || true
+  rm -rf "$work"
+}
+trap stop EXIT
+fail() { echo "FAILED: $*" >&2; cat "$work/server.log" >&2; exit 1; }
+
+"$programs/pepesegd" --listen 127.0.0.1:0 --data "$work/data" --port-file "$work/port" \
+  >"$work/server.log" 2>&1 &
+server=$!
+for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
+[[ -s $work/port ]] || fail 'the server does not serve'
+PEPESEG_SERVER=127.0.0.1:$(cat "$work/port")
+export PEPESEG_SERVER
+pepeseg() { "$programs/pepeseg" "$@"; }
+expect() {  # expect EXIT_CODE COMMAND...
+  local code=0
+  "${@:2}" >"$work/output" 2>"$work/errors" || code=$?
+  if [[ $code != "$1" ]]; then
+    cat "$work/output" "$work/errors" >&2
+    fail "${*:2}: exit code $code, not $1"
+  fi
+}
+
+expect 3 pepeseg scenes nothing
+expect 3 pepeseg watch jobs/nothing
+expect 4 pepeseg upload 'No Label' "$dataset"
+expect 0 pepeseg upload shelf "$dataset"
+expect 0 pepeseg upload shelf "$dataset"
+grep -q 'has every file' "$work/errors" || fail 'a second upload sends bytes again'
+expect 6 pepeseg segment shelf --view frame-000000.jpg --point 100,60
+expect 4 pepeseg train shelf --steps 0
+expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
+  -o features.num_pixels=200
+expect 0 pepeseg --json jobs
+grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
+expect 0 pepeseg scenes shelf
+grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
+expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 \
+  --views held-out --out "$work/masks"
+for stem in frame-000000 frame-000008; do
+  [[ -s $work/masks/${stem}_mask.png && -s $work/masks/${stem}_overlay.png ]] ||
+    fail "no mask of $stem"
+done
+expect 4 pepeseg segment shelf --view frame-000000.jpg --point 9999,60
+expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
+[[ -s $work/frame-000003.png ]] || fail 'no rendering'
+expect 0 pepeseg export shelf "$work/shelf.ply"
+[[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is no PLY'
+
+job=$(pepeseg train shelf --steps 30000 --detach)
+expect 6 pepeseg train shelf --detach
+expect 0 pepeseg cancel "$job"
+expect 8 pepeseg watch "$job"
+
+kill -TERM "$server"
+code=0
+wait "$server" || code=$?
+server=
+((code == 0)) || fail "the server left with $code"
+expect 5 pepeseg scenes
+echo 'every step as expected'

@@ -1,0 +1,61 @@
+#include "clients/cli/failure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "pepeseg/v1/errors.pb.h"
+
+namespace pepeseg::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+grpc::Status WithDetail() {
+  v1::ErrorDetail detail;
+  detail.set_reason("JOB_ACTIVE");
+  detail.set_resource("jobs/17");
+  detail.set_limit("one training a scene");
+  v1::Status status;
+  status.add_details()->PackFrom(detail);
+  return {grpc::StatusCode::ABORTED, "a training is running", status.SerializeAsString()};
+}
+
+TEST(ExitCode, FollowsTheKindOfFailure) {
+  EXPECT_EQ(ExitCodeOf(absl::OkStatus()), 0);
+  EXPECT_EQ(ExitCodeOf(absl::InternalError("")), 1);
+  EXPECT_EQ(ExitCodeOf(absl::NotFoundError("")), 3);
+  EXPECT_EQ(ExitCodeOf(absl::InvalidArgumentError("")), 4);
+  EXPECT_EQ(ExitCodeOf(absl::UnavailableError("")), 5);
+  EXPECT_EQ(ExitCodeOf(absl::AlreadyExistsError("")), 6);
+  EXPECT_EQ(ExitCodeOf(JobFailed("x")), 7);
+  EXPECT_EQ(ExitCodeOf(JobCancelled("x")), 8);
+  EXPECT_EQ(ExitCodeOf(absl::ResourceExhaustedError("")), 9);
+  EXPECT_EQ(ExitCodeOf(absl::PermissionDeniedError("")), 10);
+  EXPECT_EQ(ExitCodeOf(absl::DataLossError("")), 11);
+}
+
+TEST(Explain, SaysWhatToDo) {
+  const std::string text = Explain(FromGrpc(WithDetail()), "host:1");
+  EXPECT_THAT(text, HasSubstr("a training is running"));
+  EXPECT_THAT(text, HasSubstr("one training a scene"));
+  EXPECT_THAT(text, HasSubstr("pepeseg watch jobs/17"));
+  EXPECT_THAT(Explain(absl::UnavailableError("refused"), "host:1"), HasSubstr("host:1"));
+}
+
+TEST(ExplainJson, CarriesTheServersDetail) {
+  const auto json = nlohmann::json::parse(ExplainJson(FromGrpc(WithDetail())));
+  EXPECT_EQ(json["error"]["code"], "ABORTED");
+  EXPECT_EQ(json["error"]["exit_code"], 6);
+  EXPECT_EQ(json["error"]["reason"], "JOB_ACTIVE");
+  EXPECT_EQ(json["error"]["resource"], "jobs/17");
+}
+
+TEST(ExplainJson, SurvivesBytesThatAreNoText) {
+  const auto json = nlohmann::json::parse(ExplainJson(absl::InternalError("bad \xff byte")));
+  EXPECT_EQ(json["error"]["exit_code"], 1);
+}
+
+}  // namespace
+}  // namespace pepeseg::cli

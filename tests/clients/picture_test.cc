@@ -1,0 +1,73 @@
+#include "clients/cli/picture.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+
+#include "clients/cli/questions.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(Picture, ReadsPhotographsAndLabels) {
+  const auto photo = ReadPicture(PEPESEG_TEST_DATA "/apc_shelf/images/frame-000000.jpg");
+  ASSERT_TRUE(photo.ok()) << photo.status();
+  EXPECT_EQ(photo->width, 640);
+  EXPECT_EQ(photo->height, 480);
+  const auto labels = ReadGreyPicture(PEPESEG_TEST_DATA "/apc_shelf/labels/frame-000000.png");
+  ASSERT_TRUE(labels.ok()) << labels.status();
+  std::array<int, 256> count{};
+  for (const uint8_t value : labels->pixels) ++count[value];
+  for (const int label : {48, 114, 132, 144}) EXPECT_GT(count[label], 100) << label;
+}
+
+TEST(Picture, NamesAFileThatIsNone) {
+  const auto picture = ReadPicture(PEPESEG_TEST_DATA "/apc_shelf/SOURCE.md");
+  EXPECT_EQ(picture.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(std::string(picture.status().message()).find("SOURCE.md"), std::string::npos);
+}
+
+TEST(Picture, SurvivesAPng) {
+  const fs::path path =
+      fs::temp_directory_path() / ("pepeseg_" + std::to_string(getpid())) / "sheet.png";
+  Picture picture = Picture::Filled(40, 30, {10, 20, 30});
+  DrawMask(picture, std::vector<uint8_t>(40 * 30, 1), {255, 0, 0});
+  const std::array<Panel, 2> panels = {{{"left", picture}, {"right", picture}}};
+  const Picture sheet = SideBySide(panels);
+  ASSERT_TRUE(WritePng(path, sheet).ok());
+  const auto read = ReadPicture(path);
+  fs::remove_all(path.parent_path());
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->width, sheet.width);
+  EXPECT_EQ(read->pixels, sheet.pixels);
+}
+
+TEST(DrawMask, TintsInsideAndDrawsTheBorder) {
+  Picture picture = Picture::Filled(5, 5, {0, 0, 0});
+  std::vector<uint8_t> mask(25, 0);
+  for (int y = 1; y < 4; ++y) {
+    for (int x = 1; x < 4; ++x) mask[y * 5 + x] = 1;
+  }
+  DrawMask(picture, mask, {200, 0, 0});
+  EXPECT_EQ(picture.At(0, 0)[0], 0);
+  EXPECT_EQ(picture.At(1, 1)[0], 200);
+  EXPECT_EQ(picture.At(2, 2)[0], 90);
+}
+
+TEST(Resized, KeepsLabelValues) {
+  const GreyPicture labels{4, 2, {7, 7, 9, 9, 7, 7, 9, 9}};
+  const GreyPicture half = Resized(labels, 2, 1);
+  EXPECT_EQ(half.pixels, (std::vector<uint8_t>{7, 9}));
+}
+
+TEST(Stem, NeverLeavesItsFolder) {
+  EXPECT_EQ(Stem("left/0001.jpg"), "left-0001");
+  EXPECT_EQ(Stem("../../etc/passwd.png").find('/'), std::string::npos);
+  EXPECT_NE(Stem("../x.png").front(), '.');
+}
+
+}  // namespace
+}  // namespace pepeseg::cli

@@ -1,0 +1,81 @@
+// The real program, where no server is needed.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace {
+
+using ::testing::HasSubstr;
+
+struct Ran {
+  int exit_code = -1;
+  std::string output;
+};
+
+// Through the shell; nothing listens on port 1.
+Ran RunPepeseg(const std::string& arguments) {
+  const std::string command = "PEPESEG_SERVER=127.0.0.1:1 " PEPESEG_PROGRAM " " + arguments;
+  FILE* pipe = popen(command.c_str(), "r");
+  Ran ran;
+  char buffer[4096];
+  for (size_t size = 0; (size = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
+    ran.output.append(buffer, size);
+  }
+  const int status = pclose(pipe);
+  ran.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return ran;
+}
+
+TEST(Program, HelpListsVerbsAndExitCodes) {
+  const Ran ran = RunPepeseg("--help");
+  EXPECT_EQ(ran.exit_code, 0);
+  for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
+                           "render", "export", "demo", "Exit codes"}) {
+    EXPECT_THAT(ran.output, HasSubstr(verb));
+  }
+}
+
+TEST(Program, WrongCommandLinesAreUsage) {
+  for (const char* arguments :
+       {"", "fly", "upload", "upload shelf", "segment shelf --view a",
+        "segment shelf --view a --point 1,2 --scale 7", "scenes --delete", "jobs --nonsense"}) {
+    EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
+  }
+}
+
+TEST(Program, NoServerIsSaidInPlainWords) {
+  const Ran ran = RunPepeseg("scenes 2>&1");
+  EXPECT_EQ(ran.exit_code, 5);
+  EXPECT_THAT(ran.output, HasSubstr("127.0.0.1:1"));
+  EXPECT_THAT(ran.output, HasSubstr("pepesegd"));
+}
+
+TEST(Program, JsonErrorsParse) {
+  const Ran ran = RunPepeseg("--json scenes 2>/dev/null");
+  EXPECT_EQ(ran.exit_code, 5);
+  const auto json = nlohmann::json::parse(ran.output);
+  EXPECT_EQ(json["error"]["exit_code"], 5);
+  EXPECT_EQ(json["error"]["code"], "UNAVAILABLE");
+}
+
+TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
+  EXPECT_EQ(RunPepeseg("upload shelf /nowhere 2>&1").exit_code, 3);
+  EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/images 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("segment shelf --view a --point 1x2 2>&1").exit_code, 4);
+  const Ran ran = RunPepeseg("train shelf --dataset 1 -o reconstruct.steps=5 2>&1");
+  EXPECT_EQ(ran.exit_code, 4);
+  EXPECT_THAT(ran.output, HasSubstr("reconstruct.num_steps"));
+}
+
+TEST(Program, DryRunListsFilesWithTheirKinds) {
+  const Ran ran = RunPepeseg("upload shelf --dry-run " PEPESEG_TEST_DATA "/apc_shelf 2>/dev/null");
+  EXPECT_EQ(ran.exit_code, 0);
+  EXPECT_THAT(ran.output, HasSubstr("POSES                  sparse/0/cameras.bin"));
+  EXPECT_THAT(ran.output, HasSubstr("IGNORE_MASK            ignore_mask.png"));
+}
+
+}  // namespace

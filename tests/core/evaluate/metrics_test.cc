@@ -1,0 +1,112 @@
+#include "core/evaluate/metrics.h"
+
+#include <cmath>
+#include <vector>
+
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+// Views without a Gaussian in sight render black: the photograph alone decides the scores.
+Capture TwoHeldOutViews(uint8_t first_value, uint8_t second_value) {
+  Capture capture;
+  for (const uint8_t value : {first_value, uint8_t{77}, second_value}) {
+    View view;
+    view.name = "view" + std::to_string(capture.views.size()) + ".png";
+    view.camera = {20, 16, 18, 18, 10, 8};
+    view.cam_from_world.translation.x() = static_cast<double>(capture.views.size());
+    view.held_out = capture.views.size() != 1;
+    view.photo = {20, 16, 3, std::vector<uint8_t>(20 * 16 * 3, value)};
+    capture.views.push_back(view);
+  }
+  return capture;
+}
+
+Gaussians BehindTheCameras() {
+  Gaussians gaussians = Gaussians::Zero(1, 0);
+  gaussians.Plane(kMeanPlane + 2)[0] = -5;
+  gaussians.Plane(kRotationPlane)[0] = 1;
+  return gaussians;
+}
+
+TEST(ScoreHeldOut, MatchesHandComputedPsnrOfAFlatImage) {
+  const auto backend = MakeCpuBackend(1);
+  // Black against 51 / 255 = 0.2: MSE 0.04. Black against black: the cap of 100 dB, SSIM 1.
+  ASSERT_OK_AND_ASSIGN(const auto scores,
+                       ScoreHeldOut(*backend, TwoHeldOutViews(51, 0), BehindTheCameras()));
+  ASSERT_EQ(scores.size(), 2u);
+  EXPECT_EQ(scores[0].view, "view0.png");
+  EXPECT_EQ(scores[1].view, "view2.png");
+  EXPECT_NEAR(scores[0].scores.psnr, -10 * std::log10(0.04), 1e-4);
+  EXPECT_NEAR(scores[1].scores.psnr, 100, 1e-9);
+  EXPECT_NEAR(scores[1].scores.ssim, 1, 1e-6);
+}
+
+TEST(ScoreHeldOut, MatchesHandComputedSsimOfOnePixel) {
+  Capture capture = TwoHeldOutViews(51, 51);
+  // One pixel counts; ignored ones show the photograph in both images. So its window, which lies
+  // inside the image, holds y = 0.2 throughout and x = 0.2 but for a 0 at the centre.
+  View& view = capture.views[0];
+  view.ignore.assign(20 * 16, 1);
+  view.ignore[8 * 20 + 10] = 0;
+  const auto backend = MakeCpuBackend(1);
+  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, capture, BehindTheCameras()));
+  double sum = 0;
+  for (int k = -5; k <= 5; ++k) sum += std::exp(-k * k / (2 * 1.5 * 1.5));
+  const double w = 1 / (sum * sum);  // the window's weight at its centre
+  const double c1 = 1e-4, c2 = 9e-4, mean_y = 0.2, mean_x = 0.2 * (1 - w);
+  const double variance_x = 0.04 * (1 - w) - mean_x * mean_x;  // y's and the covariance are 0
+  const double expected = (2 * mean_x * mean_y + c1) / (mean_x * mean_x + mean_y * mean_y + c1) *
+                          c2 / (variance_x + c2);
+  EXPECT_NEAR(scores[0].scores.ssim, expected, 1e-5);
+}
+
+TEST(ScoreHeldOut, LeavesOutIgnoredPixels) {
+  Capture capture = TwoHeldOutViews(51, 51);
+  View& view = capture.views[0];
+  view.ignore.assign(20 * 16, 0);
+  for (int i = 0; i < 20 * 8; ++i) {  // the upper half is white, and ignored
+    view.ignore[i] = 255;
+    for (int c = 0; c < 3; ++c) view.photo.pixels[3 * i + c] = 255;
+  }
+  const auto backend = MakeCpuBackend(1);
+  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, capture, BehindTheCameras()));
+  EXPECT_NEAR(scores[0].scores.psnr, -10 * std::log10(0.04), 1e-4);
+}
+
+TEST(ScoreHeldOut, NamesTheViewThatCannotBeScored) {
+  const auto backend = MakeCpuBackend(1);
+  Capture capture = TwoHeldOutViews(51, 51);
+  capture.views[2].photo.pixels.pop_back();
+  EXPECT_STATUS(ScoreHeldOut(*backend, capture, BehindTheCameras()),
+                absl::StatusCode::kFailedPrecondition, "view2.png");
+  capture = TwoHeldOutViews(51, 51);
+  capture.views[0].ignore.assign(20 * 16, 1);
+  EXPECT_STATUS(ScoreHeldOut(*backend, capture, BehindTheCameras()),
+                absl::StatusCode::kFailedPrecondition, "leaves no pixel");
+}
+
+TEST(Mean, AveragesEachScore) {
+  const std::vector<ViewScores> scores = {{"a", {20, 0.5}}, {"b", {30, 0.9}}};
+  EXPECT_DOUBLE_EQ(Mean(scores).psnr, 25);
+  EXPECT_DOUBLE_EQ(Mean(scores).ssim, 0.7);
+  EXPECT_DOUBLE_EQ(Mean({}).psnr, 0);
+}
+
+TEST(Iou, MatchesHandComputedShares) {
+  const std::vector<uint8_t> a = {1, 1, 0, 0, 255}, b = {1, 0, 1, 0, 1}, none(5, 0);
+  EXPECT_DOUBLE_EQ(Iou(a, b), 0.5);  // 2 of 4
+  EXPECT_DOUBLE_EQ(Iou(a, a), 1.0);
+  EXPECT_DOUBLE_EQ(Iou(a, none), 0.0);
+  EXPECT_DOUBLE_EQ(Iou(none, none), 1.0);
+}
+
+TEST(Iou, LeavesOutIgnoredPixels) {
+  const std::vector<uint8_t> a = {1, 1, 0, 0}, b = {1, 0, 1, 0}, ignore = {0, 9, 0, 0};
+  EXPECT_DOUBLE_EQ(Iou(a, b, ignore), 0.5);
+  EXPECT_DOUBLE_EQ(Iou(a, b, std::vector<uint8_t>(4, 1)), 1.0);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,124 @@
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <random>
+
+#include "core/io/colmap.h"
+#include "core/io/decode_image.h"
+#include "core/io/feature_file.h"
+#include "core/io/gaussian_ply.h"
+#include "core/io/mask_files.h"
+#include "tests/core/io/colmap_files.h"
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+// Cut and flipped files of every kind: an error or a value, never a crash. Run under ASan too.
+namespace pepeseg {
+namespace {
+
+using testing::TempFolder;
+using testing::WriteBytes;
+
+struct Reader {
+  std::string name;
+  std::string good;
+  std::function<absl::Status(const std::filesystem::path&, const std::string&)> read;
+};
+
+Reader PlyReader(const TempFolder& folder) {
+  Gaussians gaussians = Gaussians::Zero(40, 1);
+  for (float& value : gaussians.planes) value = 0.5f;
+  EXPECT_OK(WriteGaussianPly(folder / "g", gaussians));
+  return {"g.ply", testing::ReadBytes(folder / "g"),
+          [](const auto& path, const auto& name) { return ReadGaussianPly(path, name).status(); }};
+}
+
+Reader FeatureReader(const TempFolder& folder) {
+  FeatureField field;
+  field.features.assign(40 * kFeatureDim, 0.5f);
+  field.scale_quantiles = {1, 2, 3};
+  EXPECT_OK(WriteFeatureFile(folder / "f", field));
+  return {"f.bin", testing::ReadBytes(folder / "f"),
+          [](const auto& path, const auto& name) { return ReadFeatureFile(path, name).status(); }};
+}
+
+std::vector<Reader> Readers(const TempFolder& folder) {
+  const testing::SmallDataset dataset;
+  const Image picture = testing::Picture(48, 32);
+  const auto photo = [](const auto& path, const auto& name) {
+    return DecodePhoto(path, name).status();
+  };
+  const auto masks = [](const auto& path, const auto& name) {
+    return ReadMasks(path, name, {"photo", 48, 32}).status();
+  };
+  const auto cameras = [](const auto& path, const auto& name) {
+    return ReadColmapCameras(path, name).status();
+  };
+  const auto images = [](const auto& path, const auto& name) {
+    return ReadColmapImages(path, name).status();
+  };
+  const auto points = [](const auto& path, const auto& name) {
+    return ReadColmapPoints(path, name).status();
+  };
+  return {
+      PlyReader(folder),
+      FeatureReader(folder),
+      {"cameras.bin", CamerasBinary(dataset.cameras), cameras},
+      {"images.bin", ImagesBinary(dataset.images), images},
+      {"points3D.bin", PointsBinary(dataset.points), points},
+      {"cameras.txt", CamerasText(dataset.cameras), cameras},
+      {"images.txt", ImagesText(dataset.images), images},
+      {"points3D.txt", PointsText(dataset.points), points},
+      {"a.jpg", testing::Jpeg(picture), photo},
+      {"a.png", testing::Png(picture), photo},
+      {"label.png", testing::Png({48, 32, 1, std::vector<uint8_t>(48 * 32, 3)}), masks},
+      {"m.json", R"([{"segmentation": {"size": [32, 48], "counts": [36, 1000, 500]}}])", masks},
+  };
+}
+
+TEST(DamagedFile, CutShortIsAnErrorThatNamesIt) {
+  const TempFolder folder;
+  for (const Reader& reader : Readers(folder)) {
+    WriteBytes(folder / reader.name, reader.good);
+    EXPECT_OK(reader.read(folder / reader.name, reader.name));
+    // A text file that ends early is a shorter text file: that may read well.
+    const bool text = reader.name.ends_with(".txt");
+    for (int twentieth = 0; twentieth < 20; ++twentieth) {
+      WriteBytes(folder / reader.name, reader.good.substr(0, reader.good.size() * twentieth / 20));
+      SCOPED_TRACE(twentieth);
+      const absl::Status status = reader.read(folder / reader.name, reader.name);
+      if (text && status.ok()) continue;
+      EXPECT_STATUS(status, absl::StatusCode::kInvalidArgument, reader.name);
+    }
+  }
+}
+
+TEST(DamagedFile, WithFlippedBytesNeverCrashes) {
+  const TempFolder folder;
+  std::mt19937 random(11);
+  for (const Reader& reader : Readers(folder)) {
+    for (int round = 0; round < 300; ++round) {
+      std::string bytes = reader.good;
+      for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
+        bytes[random() % bytes.size()] = static_cast<char>(random());
+      }
+      WriteBytes(folder / reader.name, bytes);
+      const absl::Status status = reader.read(folder / reader.name, reader.name);
+      if (status.ok()) continue;
+      EXPECT_STATUS(status, absl::StatusCode::kInvalidArgument, reader.name);
+    }
+  }
+}
+
+TEST(DamagedFile, WithBytesAddedIsAnErrorWhereTheLengthIsKnown) {
+  const TempFolder folder;
+  for (const Reader& reader : Readers(folder)) {
+    if (!reader.name.ends_with(".bin")) continue;
+    WriteBytes(folder / reader.name, reader.good + "x");
+    EXPECT_STATUS(reader.read(folder / reader.name, reader.name),
+                  absl::StatusCode::kInvalidArgument, reader.name);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,159 @@
+#include "core/io/decode_image.h"
+
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <ctime>
+
+#include "core/io/encode_png.h"
+#include "core/io/image_header.h"
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode::kInvalidArgument;
+using testing::Jpeg;
+using testing::Picture;
+using testing::Png;
+using testing::TempFolder;
+using testing::WriteBytes;
+
+absl::StatusOr<Image> Decode(const std::string& bytes, const std::string& name) {
+  const TempFolder folder;
+  WriteBytes(folder / "image", bytes);
+  return DecodePhoto(folder / "image", name);
+}
+
+TEST(DecodePhoto, ReadsPngExactlyAndJpegClosely) {
+  const Image picture = Picture(60, 35);
+  ASSERT_OK_AND_ASSIGN(const Image png, Decode(Png(picture), "a.png"));
+  EXPECT_EQ(png.width, 60);
+  EXPECT_EQ(png.height, 35);
+  EXPECT_EQ(png.pixels, picture.pixels);
+  ASSERT_OK_AND_ASSIGN(const Image jpeg, Decode(Jpeg(picture), "a.jpg"));
+  ASSERT_EQ(jpeg.pixels.size(), picture.pixels.size());
+  double error = 0;
+  for (size_t i = 0; i < jpeg.pixels.size(); ++i) {
+    error += std::abs(jpeg.pixels[i] - picture.pixels[i]);
+  }
+  EXPECT_LT(error / static_cast<double>(jpeg.pixels.size()), 4);
+}
+
+TEST(DecodePhoto, LeavesTheOrientationTagAlone) {
+  // An Exif segment that says "turn by 90 degrees", put behind the JPEG's start marker.
+  const unsigned char exif[] = {0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0,    0,    'M', 'M',
+                                0,    42,   0, 0,  0,   8,   0,   1,   0x01, 0x12, 0,   3,
+                                0,    0,    0, 1,  0,   6,   0,   0,   0,    0,    0,   0};
+  std::string bytes = Jpeg(Picture(60, 35));
+  bytes.insert(2, reinterpret_cast<const char*>(exif), sizeof(exif));
+  ASSERT_OK_AND_ASSIGN(const Image image, Decode(bytes, "a.jpg"));
+  EXPECT_EQ(image.width, 60);
+  EXPECT_EQ(image.height, 35);
+}
+
+TEST(DecodePhoto, RefusesFilesThatAreCutShort) {
+  for (const std::string& good : {Jpeg(Picture(200, 150)), Png(Picture(200, 150))}) {
+    for (int twentieth = 0; twentieth < 20; ++twentieth) {
+      const std::string cut = good.substr(0, good.size() * twentieth / 20);
+      EXPECT_STATUS(Decode(cut, "cut.img"), kInvalidArgument, "cut.img: ");
+    }
+    EXPECT_STATUS(Decode(good.substr(0, good.size() - 2), "cut.img"), kInvalidArgument,
+                  "file is cut short");
+  }
+}
+
+TEST(DecodePhoto, RefusesOtherFormatsWhateverTheirName) {
+  EXPECT_STATUS(Decode("GIF89a...............", "a.jpg"), kInvalidArgument,
+                "a.jpg: not a JPEG, PNG or WebP");
+  EXPECT_STATUS(Decode("BM" + std::string(100, '\0'), "a.png"), kInvalidArgument, "a.png");
+  EXPECT_STATUS(Decode("P6 2 2 255 aaaaaaaaaaaa", "a.png"), kInvalidArgument, "a.png");
+  EXPECT_STATUS(Decode("", "a.png"), kInvalidArgument, "a.png");
+}
+
+std::string PngChunk(const std::string& type, const std::string& data) {
+  const auto big_endian = [](uint32_t value) {
+    return std::string{static_cast<char>(value >> 24), static_cast<char>(value >> 16),
+                       static_cast<char>(value >> 8), static_cast<char>(value)};
+  };
+  const std::string body = type + data;
+  const auto crc =
+      crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size()));
+  return big_endian(static_cast<uint32_t>(data.size())) + body +
+         big_endian(static_cast<uint32_t>(crc));
+}
+
+// A valid PNG of a side with one bit a pixel, all black: a billion pixels in some 125 KB.
+std::string BlackOneBitPng(uint16_t side) {
+  const std::string row(1 + (side + 7) / 8, '\0');
+  std::string raw;
+  for (int y = 0; y < side; ++y) raw += row;
+  uLongf size = compressBound(raw.size());
+  std::string packed(size, '\0');
+  compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+           reinterpret_cast<const Bytef*>(raw.data()), raw.size());
+  packed.resize(size);
+  const std::string edge = {0, 0, static_cast<char>(side >> 8), static_cast<char>(side)};
+  return "\x89PNG\r\n\x1a\n" + PngChunk("IHDR", edge + edge + std::string("\1\0\0\0\0", 5)) +
+         PngChunk("IDAT", packed) + PngChunk("IEND", "");
+}
+
+TEST(DecodePhoto, RefusesAHugeOneBitPngBeforeDecodingIt) {
+  const std::string huge = BlackOneBitPng(32000);
+  EXPECT_LT(huge.size(), 200'000u);
+  const std::clock_t start = std::clock();
+  EXPECT_STATUS(Decode(huge, "bomb.png"), kInvalidArgument,
+                "bomb.png: 32000x32000 pixels, the limit is 64000000");
+  EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, 0.2);
+  ASSERT_OK_AND_ASSIGN(const Image small, Decode(BlackOneBitPng(100), "small.png"));
+  EXPECT_EQ(small.pixels, std::vector<uint8_t>(100 * 100 * 3, 0));
+}
+
+TEST(DecodePhoto, RefusesAHugeJpegByItsHeader) {
+  std::string bytes = Jpeg(Picture(64, 48));
+  const size_t frame = bytes.find("\xFF\xC0");
+  ASSERT_NE(frame, std::string::npos);
+  bytes.replace(frame + 5, 4, "\xFF\xFF\xFF\xFF");
+  EXPECT_STATUS(Decode(bytes, "a.jpg"), kInvalidArgument, "65535x65535 pixels");
+}
+
+TEST(DecodeLabels, ReadsValuesOf8And16BitsAndColours) {
+  const TempFolder folder;
+  const Image grey{2, 2, 1, {0, 1, 200, 1}};
+  WriteBytes(folder / "grey.png", Png(grey));
+  ASSERT_OK_AND_ASSIGN(const LabelImage labels, DecodeLabels(folder / "grey.png", "grey.png"));
+  EXPECT_EQ(labels.labels, (std::vector<uint32_t>{0, 1, 200, 1}));
+  const Image colour{2, 1, 3, {0, 0, 0, 3, 2, 1}};
+  WriteBytes(folder / "colour.png", Png(colour));
+  ASSERT_OK_AND_ASSIGN(const LabelImage rgb, DecodeLabels(folder / "colour.png", "colour.png"));
+  EXPECT_EQ(rgb.labels, (std::vector<uint32_t>{0, 0x030201}));
+  // 2x1 pixels of 16 bits: 0x0102 and 0xFFFE, no filter.
+  const std::string raw("\0\x01\x02\xFF\xFE", 5);
+  uLongf size = compressBound(raw.size());
+  std::string packed(size, '\0');
+  compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+           reinterpret_cast<const Bytef*>(raw.data()), raw.size());
+  packed.resize(size);
+  WriteBytes(folder / "deep.png",
+             "\x89PNG\r\n\x1a\n" +
+                 PngChunk("IHDR", std::string("\0\0\0\2\0\0\0\1\x10\0\0\0\0", 13)) +
+                 PngChunk("IDAT", packed) + PngChunk("IEND", ""));
+  ASSERT_OK_AND_ASSIGN(const LabelImage deep, DecodeLabels(folder / "deep.png", "deep.png"));
+  EXPECT_EQ(deep.labels, (std::vector<uint32_t>{0x0102, 0xFFFE}));
+}
+
+TEST(DecodeLabels, RefusesALossyFormat) {
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", Jpeg(Picture(8, 8)));
+  EXPECT_STATUS(DecodeLabels(folder / "a.png", "a.png"), kInvalidArgument, "must be a PNG");
+}
+
+TEST(EncodePng, RefusesPixelsThatDoNotFit) {
+  EXPECT_STATUS(EncodePng({2, 2, 3, std::vector<uint8_t>(11)}), kInvalidArgument, "2x2x3");
+  EXPECT_STATUS(EncodePng({0, 2, 1, {}}), kInvalidArgument, "0x2x1");
+}
+
+}  // namespace
+}  // namespace pepeseg

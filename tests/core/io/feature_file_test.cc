@@ -1,0 +1,75 @@
+#include "core/io/feature_file.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/io/atomic_file.h"
+#include "core/io/file_bytes.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode::kInvalidArgument;
+
+FeatureField MakeField(int num_gaussians) {
+  FeatureField field;
+  for (int i = 0; i < num_gaussians * kFeatureDim; ++i) {
+    field.features.push_back(std::sin(0.1f * static_cast<float>(i)) / 4);
+  }
+  for (size_t i = 0; i < field.gate.size(); ++i) field.gate[i] = 0.1f * static_cast<float>(i) - 3;
+  for (int i = 0; i < 1000; ++i) field.scale_quantiles.push_back(0.01f * static_cast<float>(i));
+  return field;
+}
+
+TEST(FeatureFile, ComesBackInHalfPrecision) {
+  const testing::TempFolder folder;
+  const FeatureField field = MakeField(50);
+  ASSERT_OK(WriteFeatureFile(folder / "f", field));
+  ASSERT_OK_AND_ASSIGN(const FeatureField read, ReadFeatureFile(folder / "f", "f"));
+  EXPECT_EQ(read.gate, field.gate);
+  EXPECT_EQ(read.scale_quantiles, field.scale_quantiles);
+  ASSERT_EQ(read.features.size(), field.features.size());
+  for (size_t i = 0; i < read.features.size(); ++i) {
+    EXPECT_NEAR(read.features[i], field.features[i],
+                std::abs(field.features[i]) * 0x1p-11f + 1e-7f);
+  }
+}
+
+TEST(FeatureFile, RefusesFieldsThatAreNone) {
+  const testing::TempFolder folder;
+  FeatureField field = MakeField(3);
+  field.features[40] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument, "Gaussian 1");
+  field = MakeField(3);
+  field.features.pop_back();
+  EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument, "whole rows");
+  field = MakeField(3);
+  std::swap(field.scale_quantiles[4], field.scale_quantiles[5]);
+  EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument, "descend");
+  EXPECT_FALSE(std::filesystem::exists(folder / "f"));
+}
+
+TEST(FeatureFile, RefusesCountsThatItsBytesDoNotHold) {
+  const testing::TempFolder folder;
+  ASSERT_OK(WriteFeatureFile(folder / "f", MakeField(3)));
+  ASSERT_OK_AND_ASSIGN(const std::string good, ReadFile(folder / "f", "f", 1 << 20));
+  const auto expect_refused = [&](size_t at, char value, const std::string& why) {
+    std::string bytes = good;
+    bytes[at] = value;
+    ASSERT_OK(WriteFileAtomically(folder / "f", bytes));
+    EXPECT_STATUS(ReadFeatureFile(folder / "f", "feat.bin"), kInvalidArgument, why);
+  };
+  expect_refused(0, 'X', "feat.bin: is not a feature file");
+  expect_refused(8, 2, "version 2");
+  expect_refused(12, 16, "16 dimensions");
+  expect_refused(16, 4, "declares 4 Gaussians");
+  expect_refused(23, 127, "declares");
+  expect_refused(27, 127, "quantiles");
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,143 @@
+#include "core/io/gaussian_ply.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "core/io/atomic_file.h"
+#include "core/io/file_bytes.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode::kInvalidArgument;
+using testing::TempFolder;
+
+Gaussians RandomGaussians(int64_t count, int sh_degree) {
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal;
+  Gaussians gaussians = Gaussians::Zero(count, sh_degree);
+  for (float& value : gaussians.planes) value = normal(random);
+  return gaussians;
+}
+
+TEST(GaussianPly, ComesBackBitForBit) {
+  const TempFolder folder;
+  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
+    const Gaussians gaussians = RandomGaussians(5000, degree);
+    ASSERT_OK(WriteGaussianPly(folder / "a.ply", gaussians));
+    ASSERT_OK_AND_ASSIGN(const Gaussians read, ReadGaussianPly(folder / "a.ply", "a.ply"));
+    EXPECT_EQ(read.count, 5000);
+    EXPECT_EQ(read.sh_degree, degree);
+    EXPECT_EQ(read.planes, gaussians.planes);
+  }
+}
+
+TEST(GaussianPly, HasTheLayoutOf3dgs) {
+  const TempFolder folder;
+  Gaussians gaussians = Gaussians::Zero(1, 3);
+  for (int k = 0; k < NumPlanes(3); ++k) gaussians.Plane(k)[0] = static_cast<float>(k);
+  ASSERT_OK(WriteGaussianPly(folder / "a.ply", gaussians));
+  ASSERT_OK_AND_ASSIGN(const std::string bytes, ReadFile(folder / "a.ply", "a.ply", 1 << 20));
+  std::string header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n";
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) {
+    header += std::string("property float ") + name + "\n";
+  }
+  for (int i = 0; i < 45; ++i) header += "property float f_rest_" + std::to_string(i) + "\n";
+  for (const char* name :
+       {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) {
+    header += std::string("property float ") + name + "\n";
+  }
+  header += "end_header\n";
+  ASSERT_EQ(bytes.substr(0, header.size()), header);
+  std::vector<float> values(62);
+  ASSERT_EQ(bytes.size(), header.size() + 62 * sizeof(float));
+  std::memcpy(values.data(), bytes.data() + header.size(), 62 * sizeof(float));
+  EXPECT_EQ(values[2], kMeanPlane + 2);
+  EXPECT_EQ(values[4], 0);                          // ny
+  EXPECT_EQ(values[7], kShPlane + 1);               // green of degree 0
+  EXPECT_EQ(values[9], kShPlane + 3 * 1 + 0);       // f_rest_0: red, coefficient 1
+  EXPECT_EQ(values[9 + 14], kShPlane + 3 * 15);     // f_rest_14: red, coefficient 15
+  EXPECT_EQ(values[9 + 15], kShPlane + 3 * 1 + 1);  // f_rest_15: green, coefficient 1
+  EXPECT_EQ(values[54], kOpacityPlane);
+  EXPECT_EQ(values[55], kLogScalePlane);
+  EXPECT_EQ(values[58], kRotationPlane);  // w
+  EXPECT_EQ(values[61], kRotationPlane + 3);
+}
+
+// A degree-0 file in another order, with doubles, a stranger among the properties and no normals.
+std::string ForeignFile(double opacity, float rot_0) {
+  std::string bytes = "ply\r\nformat binary_little_endian 1.0\ncomment by hand\nelement vertex 1\n";
+  for (const char* name : {"rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2",
+                           "f_dc_0", "f_dc_1", "f_dc_2"}) {
+    bytes += std::string("property float ") + name + "\n";
+  }
+  bytes += "property uchar segment\nproperty double opacity\n";
+  for (const char* name : {"x", "y", "z"}) bytes += std::string("property float64 ") + name + "\n";
+  bytes += "element face 7\nproperty list uchar int vertex_indices\nend_header\n";
+  const auto put = [&bytes](auto value) {
+    bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  };
+  put(rot_0);
+  for (int i = 1; i < 10; ++i) put(static_cast<float>(i));
+  put(uint8_t{9});
+  put(opacity);
+  for (int i = 0; i < 3; ++i) put(20.0 + i);
+  return bytes;
+}
+
+TEST(GaussianPly, ReadsAnyOrderAndDoubles) {
+  const TempFolder folder;
+  ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(0.5, 1)));
+  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, ReadGaussianPly(folder / "a.ply", "a.ply"));
+  EXPECT_EQ(gaussians.sh_degree, 0);
+  EXPECT_EQ(gaussians.Plane(kMeanPlane + 1)[0], 21);
+  EXPECT_EQ(gaussians.Plane(kRotationPlane + 3)[0], 3);
+  EXPECT_EQ(gaussians.Plane(kLogScalePlane)[0], 4);
+  EXPECT_EQ(gaussians.Plane(kShPlane + 2)[0], 9);
+  EXPECT_EQ(gaussians.Plane(kOpacityPlane)[0], 0.5f);
+}
+
+TEST(GaussianPly, RefusesValuesThatCannotBe) {
+  const TempFolder folder;
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 1e300}) {
+    ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(bad, 1)));
+    EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument,
+                  "a.ply: vertex 0: opacity is not finite");
+  }
+  std::string zero_rotation = ForeignFile(0.5, 0);
+  const size_t data = zero_rotation.find("end_header\n") + 11;
+  std::memset(zero_rotation.data() + data, 0, 16);
+  ASSERT_OK(WriteFileAtomically(folder / "a.ply", zero_rotation));
+  EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument, "rot is zero");
+}
+
+TEST(GaussianPly, RefusesDamagedHeaders) {
+  const TempFolder folder;
+  const std::string good = ForeignFile(0.5, 1);
+  const auto expect_refused = [&](const std::string& from, const std::string& to,
+                                  const std::string& why) {
+    std::string bytes = good;
+    bytes.replace(bytes.find(from), from.size(), to);
+    ASSERT_OK(WriteFileAtomically(folder / "a.ply", bytes));
+    EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument, why);
+  };
+  expect_refused("vertex 1", "vertex 1000000", "declares 1000000 vertices of");
+  expect_refused("vertex 1", "vertex 9000000000", "the limit is 50000000");
+  expect_refused("vertex 1", "vertex -1", "malformed");
+  expect_refused("binary_little_endian", "ascii", "binary_little_endian");
+  expect_refused("property float f_dc_1", "property float f_rest_0", "1 properties f_rest");
+  expect_refused("property float f_dc_1", "property float f_dc_9", "no property f_dc_1");
+  expect_refused("property float f_dc_1", "property float f_dc_0", "two properties f_dc_0");
+  expect_refused("property float f_dc_1", "property list uchar int i", "no single number");
+  expect_refused("end_header", "end_heater", "header has no end");
+  expect_refused("ply\r\n", "plx\r\n", "not a PLY file");
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,170 @@
+#include "core/io/import.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using testing::SmallDataset;
+
+TEST(ImportCapture, ReadsTheShippedScene) {
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
+  ASSERT_OK_AND_ASSIGN(const Capture capture, ImportCapture(files, {}));
+  ASSERT_EQ(capture.views.size(), 15u);
+  EXPECT_EQ(capture.points.size(), 900u);
+  EXPECT_THAT(capture.warnings, ::testing::IsEmpty());
+  int held_out = 0;
+  for (const View& view : capture.views) {
+    held_out += view.held_out ? 1 : 0;
+    EXPECT_EQ(view.camera.width, 640);
+    EXPECT_EQ(view.camera.height, 480);
+    EXPECT_EQ(view.photo.pixels.size(), 640u * 480 * 3);
+    EXPECT_EQ(view.ignore.size(), 640u * 480);
+    EXPECT_GE(view.masks.num_masks, 1) << view.name;
+  }
+  EXPECT_EQ(held_out, 2);
+  EXPECT_TRUE(capture.views[0].held_out && capture.views[8].held_out);
+  EXPECT_EQ(capture.views[3].name, "frame-000003.jpg");
+  // The points lie on the shelf, in front of the cameras: most project into the first view.
+  const View& view = capture.views[0];
+  int inside = 0;
+  for (const ScenePoint& point : capture.points) {
+    const Eigen::Vector3d p = view.cam_from_world * point.position.cast<double>();
+    const double x = view.camera.fx * p.x() / p.z() + view.camera.cx;
+    const double y = view.camera.fy * p.y() / p.z() + view.camera.cy;
+    inside += p.z() > 0 && x >= 0 && x < 640 && y >= 0 && y < 480 ? 1 : 0;
+  }
+  EXPECT_GT(inside, 600);
+}
+
+TEST(ImportCapture, SortsViewsAndKeepsPosesAndCameras) {
+  SmallDataset dataset;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import({.held_out_every = 2}));
+  ASSERT_EQ(capture.views.size(), 3u);
+  EXPECT_EQ(capture.views[0].name, "a.jpg");
+  EXPECT_EQ(capture.views[1].name, "b.jpg");
+  EXPECT_EQ(capture.views[2].name, "sub/c.png");
+  EXPECT_TRUE(capture.views[0].held_out);
+  EXPECT_FALSE(capture.views[1].held_out);
+  EXPECT_TRUE(capture.views[2].held_out);
+  const View& view = capture.views[1];
+  EXPECT_DOUBLE_EQ(view.camera.fx, 50);
+  EXPECT_DOUBLE_EQ(view.camera.fy, 51);
+  EXPECT_DOUBLE_EQ(view.camera.cx, 21);
+  EXPECT_DOUBLE_EQ(view.camera.cy, 14);
+  EXPECT_DOUBLE_EQ(view.cam_from_world.rotation.w(), 0.8);
+  EXPECT_DOUBLE_EQ(view.cam_from_world.rotation.x(), 0.6);
+  EXPECT_EQ(view.cam_from_world.translation, Eigen::Vector3d(1, 2, 3));
+  ASSERT_EQ(capture.points.size(), 2u);
+  EXPECT_EQ(capture.points[0].position, Eigen::Vector3f(1, 2, 3));
+  EXPECT_EQ(capture.points[0].rgb[1], 128);
+  EXPECT_THAT(capture.warnings, ::testing::IsEmpty());
+}
+
+TEST(ImportCapture, KeepsPngPhotographsAndMasksAsTheyAre) {
+  SmallDataset dataset;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_EQ(capture.views[2].photo.pixels, testing::Picture(40, 30).pixels);
+  EXPECT_EQ(capture.views[0].masks.mask_area, (std::vector<int64_t>{120, 60}));
+  EXPECT_TRUE(capture.views[0].masks.Covers(0, 3, 29));
+  EXPECT_FALSE(capture.views[0].masks.Covers(1, 3, 29));
+  EXPECT_TRUE(capture.views[0].masks.Covers(1, 0, 14));
+  EXPECT_TRUE(capture.views[1].masks.empty());
+  for (const View& view : capture.views) {
+    EXPECT_EQ(std::accumulate(view.ignore.begin(), view.ignore.end(), 0), 1);
+    EXPECT_EQ(view.ignore[5], 1);
+  }
+}
+
+TEST(ImportCapture, GivesTheSameForTextAndBinaryPoses) {
+  SmallDataset binary, text;
+  text.text = true;
+  binary.Write();
+  text.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture a, binary.Import());
+  ASSERT_OK_AND_ASSIGN(const Capture b, text.Import());
+  ASSERT_EQ(a.views.size(), b.views.size());
+  for (size_t i = 0; i < a.views.size(); ++i) {
+    EXPECT_EQ(a.views[i].name, b.views[i].name);
+    EXPECT_EQ(a.views[i].camera.fx, b.views[i].camera.fx);
+    EXPECT_EQ(a.views[i].camera.cy, b.views[i].camera.cy);
+    EXPECT_EQ(a.views[i].cam_from_world.rotation.coeffs(),
+              b.views[i].cam_from_world.rotation.coeffs());
+    EXPECT_EQ(a.views[i].cam_from_world.translation, b.views[i].cam_from_world.translation);
+  }
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (size_t i = 0; i < a.points.size(); ++i) {
+    EXPECT_EQ(a.points[i].position, b.points[i].position);
+    EXPECT_EQ(a.points[i].rgb[0], b.points[i].rgb[0]);
+  }
+}
+
+TEST(ImportCapture, ShrinksPhotographsCamerasAndMasksAlike) {
+  SmallDataset dataset;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import({.image_scale = 0.5}));
+  const View& view = capture.views[2];
+  EXPECT_EQ(view.camera.width, 20);
+  EXPECT_EQ(view.camera.height, 15);
+  EXPECT_DOUBLE_EQ(view.camera.fx, 25);
+  EXPECT_DOUBLE_EQ(view.camera.cy, 7);
+  const Image full = testing::Picture(40, 30);
+  ASSERT_EQ(view.photo.pixels.size(), 20u * 15 * 3);
+  for (int i = 0; i < 3; ++i) {  // pixel (4, 6) is the mean of four
+    const auto at = [&](int x, int y) { return full.pixels[3 * (40 * y + x) + i]; };
+    const double mean = (at(8, 12) + at(9, 12) + at(8, 13) + at(9, 13)) / 4.0;
+    EXPECT_NEAR(view.photo.pixels[3 * (20 * 6 + 4) + i], mean, 0.51);
+  }
+  EXPECT_EQ(capture.views[0].masks.mask_area, (std::vector<int64_t>{30, 14}));
+  EXPECT_EQ(view.ignore[2], 1);
+}
+
+TEST(ImportCapture, LeavesOutWhatDoesNotMatchAndSaysSo) {
+  SmallDataset dataset;
+  dataset.images[0].name = "gone.jpg";
+  dataset.Write();
+  testing::WriteBytes(dataset.folder / "masks/nobody.json", "[]");
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_EQ(capture.views.size(), 2u);
+  EXPECT_THAT(capture.warnings,
+              ::testing::UnorderedElementsAre(
+                  ::testing::HasSubstr("1 photographs have no pose and are left out: images/a.jpg"),
+                  ::testing::HasSubstr("1 poses have no photograph and are left out: gone.jpg"),
+                  ::testing::HasSubstr("masks/nobody.json")));
+}
+
+TEST(ImportCapture, ScalesTheCameraOfPhotographsThatWereShrunk) {
+  SmallDataset dataset;
+  dataset.cameras[0].width = 80;
+  dataset.cameras[0].height = 60;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_DOUBLE_EQ(capture.views[0].camera.fx, 25);
+  EXPECT_DOUBLE_EQ(capture.views[0].camera.cx, 10.5);
+  EXPECT_THAT(capture.warnings, ::testing::ElementsAre(::testing::HasSubstr("another size")));
+}
+
+TEST(ImportCapture, UndistortsPhotographMasksAndIgnoreMask) {
+  SmallDataset dataset;
+  dataset.cameras = {{1, 3, "RADIAL", 40, 30, {45, 20, 15, 0.3, 0.05}}};
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  const View& view = capture.views[0];
+  // The photograph shows less than a pinhole of its size would: the frame is cut.
+  EXPECT_LT(view.camera.width, 40);
+  EXPECT_LT(view.camera.height, 30);
+  EXPECT_DOUBLE_EQ(view.camera.fx, 45);
+  EXPECT_EQ(view.photo.width, view.camera.width);
+  EXPECT_EQ(view.masks.width, view.camera.width);
+  EXPECT_EQ(view.ignore.size(), static_cast<size_t>(view.camera.width) * view.camera.height);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,50 @@
+#include <gtest/gtest.h>
+
+#include "core/io/import.h"
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using testing::TempFolder;
+using testing::WriteBytes;
+
+TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
+  const TempFolder folder;
+  for (const char* name :
+       {"images/b.JPG", "images/sub/a.webp", "images/notes.txt", "sparse/0/cameras.bin",
+        "sparse/0/project.ini", "sparse/images.txt", "sparse/1/cameras.bin", "masks/b.json",
+        "masks/sub/a.png", "ignore_mask.png", "ignore/b.png", "depth/b.npy", "points.ply",
+        "README.md", "labels/b.png"}) {
+    WriteBytes(folder / name, "x");
+  }
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path()));
+  std::vector<std::pair<std::string, FileKind>> listed;
+  for (const DatasetFile& file : files) {
+    listed.emplace_back(file.name, file.kind);
+    EXPECT_EQ(file.path, folder / file.name);
+  }
+  EXPECT_EQ(listed, (std::vector<std::pair<std::string, FileKind>>{
+                        {"depth/b.npy", FileKind::kDepth},
+                        {"ignore/b.png", FileKind::kIgnoreMask},
+                        {"ignore_mask.png", FileKind::kIgnoreMask},
+                        {"images/b.JPG", FileKind::kImage},
+                        {"images/sub/a.webp", FileKind::kImage},
+                        {"masks/b.json", FileKind::kMask},
+                        {"masks/sub/a.png", FileKind::kMask},
+                        {"points.ply", FileKind::kPoints},
+                        {"sparse/0/cameras.bin", FileKind::kPoses},
+                        {"sparse/images.txt", FileKind::kPoses}}));
+}
+
+TEST(ListDataset, RefusesAnEmptyFolderAndWhatIsNone) {
+  const TempFolder folder;
+  EXPECT_STATUS(ListDataset(folder.path()), absl::StatusCode::kInvalidArgument, "no photographs");
+  EXPECT_STATUS(ListDataset(folder.path()), absl::StatusCode::kInvalidArgument,
+                folder.path().string());
+  EXPECT_EQ(ListDataset(folder / "no").status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace pepeseg

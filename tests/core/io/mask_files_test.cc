@@ -1,0 +1,95 @@
+#include "core/io/mask_files.h"
+
+#include <gtest/gtest.h>
+
+#include "core/io/rle.h"
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode::kInvalidArgument;
+using testing::TempFolder;
+using testing::WriteBytes;
+
+const PhotoSize kPhoto = {"images/a.jpg", 4, 3};
+
+absl::StatusOr<MaskSet> ReadJson(const std::string& text) {
+  const TempFolder folder;
+  WriteBytes(folder / "a.json", text);
+  return ReadMasks(folder / "a.json", "masks/a.json", kPhoto);
+}
+
+TEST(SamMasks, AreReadPlainAndCompressed) {
+  const BinaryMask mask = {{0, 1, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1}};
+  const std::string compressed = EncodeCocoRle(mask, 4, 3);
+  for (const std::string& counts : {std::string("[3, 2, 1, 1, 4, 1]"), '"' + compressed + '"'}) {
+    ASSERT_OK_AND_ASSIGN(
+        const MaskSet set,
+        ReadJson(R"([{"bbox": [1, 2], "segmentation": {"size": [3, 4], "counts": )" + counts +
+                 R"(}, "stability_score": 0.9}])"));
+    ASSERT_EQ(set.num_masks, 1);
+    EXPECT_EQ(set.Extract(0).pixels, mask.pixels);
+  }
+}
+
+TEST(SamMasks, AnEmptyListIsNoMask) {
+  ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadJson("[]"));
+  EXPECT_TRUE(set.empty());
+}
+
+TEST(SamMasks, OfAnotherSizeAreRefusedNamingBoth) {
+  EXPECT_STATUS(ReadJson(R"([{"segmentation": {"size": [4, 3], "counts": [12]}}])"),
+                kInvalidArgument,
+                "masks/a.json: mask 0: has 3x4 pixels, its photograph images/a.jpg has 4x3");
+}
+
+TEST(SamMasks, ThatAreMalformedAreRefusedNamingTheMask) {
+  const std::string good = R"({"segmentation": {"size": [3, 4], "counts": [0, 12]}}, )";
+  const auto bad = [&](const std::string& text) { return ReadJson("[" + good + text + "]"); };
+  EXPECT_STATUS(bad("3"), kInvalidArgument, "masks/a.json: mask 1");
+  EXPECT_STATUS(bad("{}"), kInvalidArgument, "mask 1: has no \"segmentation\"");
+  EXPECT_STATUS(bad(R"({"segmentation": [[1, 2, 3]]})"), kInvalidArgument, "mask 1");
+  EXPECT_STATUS(bad(R"({"segmentation": {"size": [3, 4]}})"), kInvalidArgument, "counts");
+  EXPECT_STATUS(bad(R"({"segmentation": {"size": [3, 4.5], "counts": [12]}})"), kInvalidArgument,
+                "size");
+  EXPECT_STATUS(bad(R"({"segmentation": {"size": [3, 4], "counts": [0, 13]}})"), kInvalidArgument,
+                "mask 1: run 1");
+  EXPECT_STATUS(bad(R"({"segmentation": {"size": [3, 4], "counts": [0, "x"]}})"), kInvalidArgument,
+                "run 1");
+  EXPECT_STATUS(bad(R"({"segmentation": {"size": [3, 4], "counts": [18446744073709551615]}})"),
+                kInvalidArgument, "run 0");
+  EXPECT_STATUS(ReadJson("{}"), kInvalidArgument, "masks/a.json: is not a list");
+  EXPECT_STATUS(ReadJson("[{"), kInvalidArgument, "masks/a.json: is not JSON");
+  EXPECT_STATUS(ReadJson(std::string(100'000, '[')), kInvalidArgument, "is not JSON");
+}
+
+TEST(SamMasks, HaveALimitOfTheirNumber) {
+  std::string text = "[0";
+  for (int i = 0; i < kMaxMasksOfView; ++i) text += ",0";
+  EXPECT_STATUS(ReadJson(text + "]"), kInvalidArgument, "has 4097 masks, the limit is 4096");
+}
+
+TEST(LabelMasks, AreOnePerValueButZero) {
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", testing::Png({4, 3, 1, {0, 7, 7, 0, 0, 7, 9, 9, 0, 0, 0, 9}}));
+  ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadMasks(folder / "a.png", "masks/a.png", kPhoto));
+  EXPECT_EQ(set.mask_area, (std::vector<int64_t>{3, 3}));
+  EXPECT_TRUE(set.Covers(0, 1, 1));
+  EXPECT_TRUE(set.Covers(1, 3, 2));
+  EXPECT_STATUS(ReadMasks(folder / "a.png", "masks/a.png", {"b.jpg", 3, 4}), kInvalidArgument,
+                "masks/a.png: has 4x3 pixels, its photograph b.jpg has 3x4");
+}
+
+TEST(IgnoreMask, IsOneWhereThePixelIsNotZero) {
+  const TempFolder folder;
+  WriteBytes(folder / "a.png", testing::Png({4, 3, 1, {0, 7, 0, 0, 0, 255, 0, 0, 0, 0, 0, 1}}));
+  ASSERT_OK_AND_ASSIGN(const auto mask, ReadIgnoreMask(folder / "a.png", "ignore/a.png", kPhoto));
+  EXPECT_EQ(mask, (std::vector<uint8_t>{0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1}));
+  EXPECT_STATUS(ReadIgnoreMask(folder / "a.png", "ignore/a.png", {"b.jpg", 9, 9}), kInvalidArgument,
+                "ignore/a.png: has 4x3 pixels, its photograph b.jpg has 9x9");
+}
+
+}  // namespace
+}  // namespace pepeseg

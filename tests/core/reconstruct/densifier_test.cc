@@ -1,0 +1,83 @@
+#include "core/reconstruct/densifier.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+ReconstructOptions ShortRun() {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.densify_from = 0.1;
+  options.densify_until = 0.5;
+  options.densify_every = 100;
+  options.opacity_reset_every = 200;
+  return options;
+}
+
+TEST(Densifier, IsDueBetweenTheTwoShares) {
+  const Densifier densifier(ShortRun(), 1);
+  std::vector<int> due, resets;
+  for (int step = 0; step < 1000; ++step) {
+    if (densifier.Due(step)) due.push_back(step + 1);
+    if (densifier.OpacityResetDue(step)) resets.push_back(step + 1);
+  }
+  EXPECT_EQ(due, (std::vector<int>{100, 200, 300, 400}));
+  EXPECT_EQ(resets, (std::vector<int>{200, 400}));
+}
+
+Gaussians ThreeGaussians() {
+  Gaussians out = Gaussians::Zero(3, 0);
+  for (int i = 0; i < 3; ++i) {
+    out.Plane(kMeanPlane)[i] = static_cast<float>(i);
+    out.Plane(kRotationPlane)[i] = 1;
+    for (int axis = 0; axis < 3; ++axis) out.Plane(kLogScalePlane + axis)[i] = std::log(1e-3f);
+    out.Plane(kShPlane)[i] = static_cast<float>(10 + i);
+  }
+  out.Plane(kLogScalePlane)[1] = std::log(0.5f);  // large: splits
+  out.Plane(kOpacityPlane)[2] = -8;               // faint: pruned
+  return out;
+}
+
+TEST(Densifier, AppliesItsPlanToTheState) {
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, ThreeGaussians());
+  for (int i = 0; i < 3; ++i) {
+    state.stats().mean2d_grad_sum[i] = 1;
+    state.stats().num_visible[i] = 1;
+    state.num_steps()[i] = 7;
+  }
+  std::mt19937_64 random(1);
+  ASSERT_OK(Densifier(ShortRun(), 1).Apply(state, random));
+  const Gaussians after = state.Download();
+  ASSERT_EQ(after.count, 4);  // two of the first, two children of the second
+  std::vector<float> colors(after.Plane(kShPlane).begin(), after.Plane(kShPlane).end());
+  std::sort(colors.begin(), colors.end());
+  EXPECT_EQ(colors, (std::vector<float>{10, 10, 11, 11}));
+  int num_old = 0;
+  for (int i = 0; i < 4; ++i) {
+    num_old += state.num_steps()[i] == 7;
+    if (after.Plane(kShPlane)[i] == 11) {
+      EXPECT_FLOAT_EQ(after.Plane(kLogScalePlane)[i], std::log(0.5f / 1.6f));
+      EXPECT_NE(after.Plane(kMeanPlane)[i], 1);
+    }
+  }
+  EXPECT_EQ(num_old, 1);
+}
+
+TEST(Densifier, FailsWhenNothingIsLeft) {
+  const auto backend = MakeCpuBackend(1);
+  Gaussians faint = ThreeGaussians();
+  for (float& logit : faint.Plane(kOpacityPlane)) logit = -9;
+  GaussianState state(*backend, faint);
+  std::mt19937_64 random(1);
+  EXPECT_STATUS(Densifier(ShortRun(), 1).Apply(state, random),
+                absl::StatusCode::kFailedPrecondition, "none of 3 Gaussians");
+  EXPECT_EQ(state.count(), 3);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,94 @@
+#include "core/reconstruct/gaussian_state.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace pepeseg {
+namespace {
+
+Gaussians Numbered(int64_t count) {
+  Gaussians out = Gaussians::Zero(count, 1);
+  for (size_t i = 0; i < out.planes.size(); ++i) out.planes[i] = static_cast<float>(i);
+  return out;
+}
+
+// The tests run on the CPU backend, whose memory the host may read.
+void Fill(GaussianPlanes planes, float value) {
+  for (int k = 0; k < NumPlanes(planes.sh_degree); ++k) {
+    for (int64_t i = 0; i < planes.count; ++i) planes.Plane(k)[i] = value + static_cast<float>(i);
+  }
+}
+
+TEST(GaussianState, GivesBackWhatItWasMadeOf) {
+  const auto backend = MakeCpuBackend(1);
+  const Gaussians initial = Numbered(5);
+  const GaussianState state(*backend, initial);
+  EXPECT_EQ(state.Download().planes, initial.planes);
+}
+
+TEST(GaussianState, RearrangeCarriesMomentsAndZeroesThoseOfNewRows) {
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, Numbered(3));
+  Fill(state.moment1(), 10);
+  Fill(state.moment2(), 20);
+  for (int i = 0; i < 3; ++i) {
+    state.num_steps()[i] = 100 + i;
+    state.stats().mean2d_grad_sum[i] = 1;
+    state.stats().num_visible[i] = 1;
+  }
+  const std::vector<int32_t> source = {2, 0, 0, 2};
+  const std::vector<uint8_t> is_new = {0, 0, 1, 1};
+  ASSERT_TRUE(state.Rearrange(source, is_new));
+  ASSERT_EQ(state.count(), 4);
+  const Gaussians after = state.Download(), before = Numbered(3);
+  const float moments1[] = {12, 10, 0, 0}, moments2[] = {22, 20, 0, 0};
+  const int steps[] = {102, 100, 0, 0};
+  for (int i = 0; i < 4; ++i) {
+    for (int k = 0; k < NumPlanes(1); ++k) {
+      EXPECT_EQ(after.Plane(k)[i], before.Plane(k)[source[i]]);
+      EXPECT_EQ(state.moment1().Plane(k)[i], moments1[i]);
+      EXPECT_EQ(state.moment2().Plane(k)[i], moments2[i]);
+    }
+    EXPECT_EQ(state.num_steps()[i], steps[i]);
+    EXPECT_EQ(state.stats().mean2d_grad_sum[i], 0);
+    EXPECT_EQ(state.stats().num_visible[i], 0);
+  }
+}
+
+TEST(GaussianState, GrowsPastItsSlack) {
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, Numbered(3));
+  const std::vector<int32_t> source(10'000, 1);
+  ASSERT_TRUE(state.Rearrange(source, std::vector<uint8_t>(source.size(), 1)));
+  const Gaussians after = state.Download();
+  ASSERT_EQ(after.count, 10'000);
+  EXPECT_EQ(after.Plane(0)[9'999], 1);
+  EXPECT_EQ(after.Plane(NumPlanes(1) - 1)[9'999], Numbered(3).planes[3 * NumPlanes(1) - 2]);
+}
+
+TEST(GaussianState, LimitOpacityLowersAndForgets) {
+  const auto backend = MakeCpuBackend(1);
+  Gaussians initial = Numbered(2);
+  initial.Plane(kOpacityPlane)[0] = 3;
+  initial.Plane(kOpacityPlane)[1] = -9;
+  GaussianState state(*backend, initial);
+  Fill(state.moment1(), 10);
+  Fill(state.moment2(), 20);
+  state.LimitOpacity(0.01f);
+  const Gaussians after = state.Download();
+  EXPECT_NEAR(1 / (1 + std::exp(-after.Plane(kOpacityPlane)[0])), 0.01, 1e-6);
+  EXPECT_EQ(after.Plane(kOpacityPlane)[1], -9);
+  EXPECT_EQ(after.Plane(kOpacityPlane - 1)[1], initial.Plane(kOpacityPlane - 1)[1]);
+  EXPECT_EQ(after.Plane(kOpacityPlane + 1)[0], initial.Plane(kOpacityPlane + 1)[0]);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(state.moment1().Plane(kOpacityPlane)[i], 0);
+    EXPECT_EQ(state.moment2().Plane(kOpacityPlane)[i], 0);
+    EXPECT_EQ(state.moment1().Plane(kOpacityPlane - 1)[i], 10 + i);
+    EXPECT_EQ(state.moment2().Plane(kOpacityPlane + 1)[i], 20 + i);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

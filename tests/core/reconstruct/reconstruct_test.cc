@@ -1,0 +1,146 @@
+#include "core/reconstruct/reconstruct.h"
+
+#include <cmath>
+#include <vector>
+
+#include "core/evaluate/metrics.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+absl::Status Ignore(const StepReport&) { return absl::OkStatus(); }
+
+const Capture& Synthetic() {
+  static const Capture capture = testing::MakeSyntheticScene().capture;
+  return capture;
+}
+
+ReconstructOptions ShortRun(int num_steps) {
+  ReconstructOptions options;
+  options.num_steps = num_steps;
+  options.densify_from = 0.1;
+  options.densify_every = 25;
+  options.max_gaussians = 4000;
+  return options;
+}
+
+TEST(Reconstruct, TenStepsMatchTheGoldenRun) {
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = ShortRun(10);
+  std::vector<double> losses;
+  ASSERT_OK(Reconstruct(*backend, Synthetic(), options, [&](const StepReport& report) {
+    losses.push_back(report.loss);
+    return absl::OkStatus();
+  }));
+  const std::vector<double> golden = {0.26581,  0.2671,   0.260889, 0.252705, 0.248771,
+                                      0.252472, 0.233848, 0.231877, 0.234545, 0.223212};
+  EXPECT_THAT(losses, ::testing::Pointwise(::testing::DoubleNear(2e-5), golden));
+}
+
+TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
+  ReconstructOptions options = ShortRun(120);
+  options.coarse_until = 0.3;
+  options.opacity_reset_every = 50;
+  std::vector<Gaussians> results;
+  for (const int num_threads : {1, 2, 2}) {
+    const auto backend = MakeCpuBackend(num_threads);
+    ASSERT_OK_AND_ASSIGN(Gaussians result, Reconstruct(*backend, Synthetic(), options, Ignore));
+    results.push_back(std::move(result));
+  }
+  EXPECT_GT(results[0].count, 700);  // density control took part
+  EXPECT_EQ(results[0].planes, results[1].planes);
+  EXPECT_EQ(results[1].planes, results[2].planes);
+  options.seed = 2;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const Gaussians other, Reconstruct(*backend, Synthetic(), options, Ignore));
+  EXPECT_NE(other.planes, results[0].planes);
+}
+
+TEST(Reconstruct, LearnsTheSyntheticScene) {
+  const auto backend = MakeCpuBackend(2);
+  StepReport last;
+  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, Reconstruct(*backend, Synthetic(), ShortRun(400),
+                                                              [&](const StepReport& report) {
+                                                                last = report;
+                                                                return absl::OkStatus();
+                                                              }));
+  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, Synthetic(), gaussians));
+  RecordProperty("psnr", std::to_string(Mean(scores).psnr));
+  EXPECT_GT(Mean(scores).psnr, 26);  // 28.0 when this was written
+  EXPECT_GT(Mean(scores).ssim, 0.84);
+  EXPECT_EQ(last.step, 400);
+  EXPECT_EQ(last.num_steps, 400);
+  EXPECT_EQ(last.stage, "reconstruct");
+  EXPECT_EQ(last.num_gaussians, gaussians.count);
+  EXPECT_LE(gaussians.count, 4000);
+  EXPECT_EQ(last.num_culled_degenerate, 0);
+  EXPECT_EQ(last.num_skipped_gradients, 0);
+  EXPECT_GT(last.psnr, 20);
+}
+
+TEST(Reconstruct, LearnsWithoutPoints) {
+  Capture capture = Synthetic();
+  capture.points.clear();
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = ShortRun(300);
+  options.num_random_points = 1500;
+  ASSERT_OK_AND_ASSIGN(const Gaussians gaussians, Reconstruct(*backend, capture, options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const auto scores, ScoreHeldOut(*backend, capture, gaussians));
+  EXPECT_GT(Mean(scores).psnr, 21);  // 23.0 when this was written
+}
+
+// With L1 alone: SSIM's windows reach from pixels that count into ignored ones.
+TEST(Reconstruct, NeverLooksAtIgnoredPixelsOrHeldOutViews) {
+  ReconstructOptions options = ShortRun(40);
+  options.ssim_weight = 0;
+  Capture capture = Synthetic();
+  for (View& view : capture.views) {
+    view.ignore.assign(view.photo.pixels.size() / 3, 0);
+    for (size_t i = 0; i < view.ignore.size() / 4; ++i) view.ignore[i] = 1;
+  }
+  Capture spoiled = capture;
+  for (View& view : spoiled.views) {
+    const size_t num = view.held_out ? view.photo.pixels.size() : view.photo.pixels.size() / 4;
+    for (size_t i = 0; i < num; ++i) view.photo.pixels[i] ^= 0xff;
+  }
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const Gaussians a, Reconstruct(*backend, capture, options, Ignore));
+  ASSERT_OK_AND_ASSIGN(const Gaussians b, Reconstruct(*backend, spoiled, options, Ignore));
+  EXPECT_EQ(a.planes, b.planes);
+}
+
+TEST(Reconstruct, EndsWithTheCallbacksError) {
+  const auto backend = MakeCpuBackend(1);
+  int64_t num_calls = 0;
+  const auto result = Reconstruct(*backend, Synthetic(), ShortRun(50), [&](const StepReport& r) {
+    num_calls = r.step;
+    return r.step == 7 ? absl::CancelledError("stop asked for") : absl::OkStatus();
+  });
+  EXPECT_STATUS(result, absl::StatusCode::kCancelled, "stop asked for");
+  EXPECT_EQ(num_calls, 7);
+}
+
+TEST(Reconstruct, RefusesWhatItCannotTrainOn) {
+  const auto backend = MakeCpuBackend(1);
+  ReconstructOptions bad;
+  bad.num_steps = 0;
+  EXPECT_STATUS(Reconstruct(*backend, Synthetic(), bad, Ignore), absl::StatusCode::kInvalidArgument,
+                "num_steps");
+  Capture capture = Synthetic();
+  for (View& view : capture.views) view.held_out = true;
+  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+                absl::StatusCode::kFailedPrecondition, "no training view");
+  capture = Synthetic();
+  capture.views[1].photo.pixels.resize(10);
+  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+                absl::StatusCode::kFailedPrecondition, capture.views[1].name);
+  capture = Synthetic();
+  capture.views[2].ignore.assign(5, 0);
+  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+                absl::StatusCode::kFailedPrecondition, "ignore mask");
+}
+
+}  // namespace
+}  // namespace pepeseg

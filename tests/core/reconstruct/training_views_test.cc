@@ -1,0 +1,59 @@
+#include "core/reconstruct/training_views.h"
+
+#include <gtest/gtest.h>
+
+namespace pepeseg {
+namespace {
+
+Capture OneView() {
+  Capture capture;
+  capture.views.resize(2);
+  capture.views[0].held_out = true;
+  View& view = capture.views[1];
+  view.camera = {9, 8, 12, 10, 4.5, 4};
+  view.photo = {9, 8, 3, std::vector<uint8_t>(9 * 8 * 3)};
+  for (int i = 0; i < 9 * 8; ++i) {
+    for (int c = 0; c < 3; ++c) view.photo.pixels[3 * i + c] = uint8_t(2 * i + 50 * c);
+  }
+  return capture;
+}
+
+TEST(TrainingViews, LeavesOutHeldOutViews) {
+  const auto backend = MakeCpuBackend(1);
+  const TrainingViews views(*backend, OneView(), false);
+  EXPECT_EQ(views.size(), 1);
+  EXPECT_EQ(views.max_pixels(), 72);
+  EXPECT_TRUE(views.allocated());
+  EXPECT_TRUE(views.At(0, 1).ignore.empty());
+}
+
+TEST(TrainingViews, ShrinksByTheMeanOfBlocksAndScalesTheCamera) {
+  const auto backend = MakeCpuBackend(1);
+  const TrainingViews views(*backend, OneView(), true);
+  const TrainingView& half = views.At(0, 2);
+  EXPECT_EQ(half.pinhole.width, 4);  // the ninth column has no partner
+  EXPECT_EQ(half.pinhole.height, 4);
+  EXPECT_FLOAT_EQ(half.pinhole.fx, 6);
+  EXPECT_FLOAT_EQ(half.pinhole.cx, 2.25f);
+  // Block (1, 0): pixels 2, 3, 11, 12 of the row-major photo: values 4, 6, 22, 24, mean 14.
+  EXPECT_EQ(half.photo.span()[3], 14);
+  EXPECT_EQ(half.photo.span()[4], 64);
+  const TrainingView& quarter = views.At(0, 4);
+  EXPECT_EQ(quarter.pinhole.width, 2);
+  EXPECT_EQ(quarter.photo.size(), 2 * 2 * 3);
+}
+
+TEST(TrainingViews, IgnoresABlockThatHoldsAnIgnoredPixel) {
+  Capture capture = OneView();
+  capture.views[1].ignore.assign(72, 0);
+  capture.views[1].ignore[2 * 9 + 5] = 255;  // (5, 2)
+  const auto backend = MakeCpuBackend(1);
+  const TrainingViews views(*backend, capture, true);
+  const TrainingView& half = views.At(0, 2);
+  ASSERT_EQ(half.ignore.size(), 16);
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(half.ignore.span()[i] != 0, i == 1 * 4 + 2) << i;
+  EXPECT_NE(views.At(0, 4).ignore.span()[1], 0);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "kernels/feature_ops.h"
+
+namespace pepeseg {
+
+// A batch for PairLoss on the host, in double; the draw of easy pairs is all or nothing.
+struct PairBatch {
+  int num_pixels = 0, num_scales = 0, num_patches = 0, label_words = 1;
+  std::vector<double> features, gate;  // [S, 32], [kGateSize]
+  std::vector<double> weight, alpha, scales;
+  std::vector<int32_t> patch;
+  std::vector<uint64_t> labels;
+  bool every_pair = false;  // else hard and violating ones only
+};
+
+PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint64_t seed);
+
+struct PairReference {
+  double positive_loss = 0, negative_loss = 0, norm_loss = 0;  // sums
+  double num_positives = 0, num_negatives = 0, num_norm_pixels = 0;
+  std::vector<double> feature_grad, gate_grad;
+
+  double Total() const {
+    const auto mean = [](double sum, double count) { return count == 0 ? 0 : sum / count; };
+    return mean(positive_loss, num_positives) + mean(negative_loss, num_negatives) +
+           mean(norm_loss, num_norm_pixels);
+  }
+};
+
+// Straight from the definition, one pair and one scale at a time.
+PairReference ComputePairReference(const PairBatch& batch);
+
+}  // namespace pepeseg

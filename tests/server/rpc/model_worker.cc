@@ -1,0 +1,83 @@
+// Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
+// Gaussians, red on the left with one feature and blue on the right with another, and three views.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "core/io/model_file.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_folder.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kSide = 100;           // Gaussians along a square's side
+constexpr float kShOfColour = 3.5f;  // about 1 / 0.282: what makes a full channel of degree 0
+
+void AddSquare(float left, int channel, int64_t first, Model& model) {
+  Gaussians& gaussians = model.gaussians;
+  for (int64_t i = first; i < first + kSide * kSide; ++i) {
+    const auto column = static_cast<float>((i - first) % kSide);
+    const auto row = static_cast<float>((i - first) / kSide);
+    gaussians.Plane(kMeanPlane)[i] = left + column / kSide;
+    gaussians.Plane(kMeanPlane + 1)[i] = row / kSide - 0.5f;
+    gaussians.Plane(kMeanPlane + 2)[i] = 2;
+    for (int k = 0; k < 3; ++k) gaussians.Plane(kLogScalePlane + k)[i] = std::log(0.01f);
+    gaussians.Plane(kRotationPlane)[i] = 1;
+    gaussians.Plane(kOpacityPlane)[i] = 4;
+    for (int k = 0; k < 3; ++k) {
+      gaussians.Plane(kShPlane + k)[i] = (k == channel ? 0.5f : -0.5f) * kShOfColour;
+    }
+    model.field.features[32 * i + channel] = 1;
+  }
+}
+
+ModelView MakeView(const std::string& name, double x, bool held_out) {
+  ModelView view;
+  view.name = name;
+  view.camera = {96, 64, 60, 60, 48, 32};
+  view.cam_from_world.translation = Eigen::Vector3d(-x, 0, 0);
+  view.held_out = held_out;
+  return view;
+}
+
+Model MakeModel() {
+  Model model;
+  model.gaussians = Gaussians::Zero(int64_t{2} * kSide * kSide, 0);
+  model.field.features.assign(static_cast<size_t>(model.gaussians.count) * 32, 0.0f);
+  for (int i = 0; i < 1000; ++i)
+    model.field.scale_quantiles.push_back(0.001f * static_cast<float>(i + 1));
+  AddSquare(-1.1f, 0, 0, model);
+  AddSquare(0.1f, 2, kSide * kSide, model);
+  model.views = {MakeView("left/0.jpg", -0.1, true), MakeView("middle.jpg", 0, false),
+                 MakeView("right.jpg", 0.1, true)};
+  model.metrics["psnr"] = 30;
+  return model;
+}
+
+int Run(const std::string& path) {
+  const JobFolder folder(path);
+  const auto spec = folder.ReadSpec();
+  if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
+  const Model model = MakeModel();
+  const std::filesystem::path attempt = folder.attempt(spec->fence);
+  std::error_code error;
+  std::filesystem::create_directories(attempt, error);
+  JobResult result;
+  result.status = WriteModel(attempt, model);
+  result.metrics = model.metrics;
+  result.num_gaussians = model.gaussians.count;
+  result.num_bytes = 1;
+  const WorkerExit exit = result.status.ok() ? WorkerExit::kSucceeded : WorkerExit::kFailed;
+  return folder.WriteResult(spec->fence, result).ok() ? static_cast<int>(exit) : 99;
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  const std::string flag = argc > 1 ? argv[1] : "";
+  return flag.starts_with("--job=") ? pepeseg::Run(flag.substr(6)) : 96;
+}

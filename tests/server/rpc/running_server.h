@@ -1,0 +1,61 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "grpcpp/channel.h"
+#include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "pepeseg/v1/segmentation_service.grpc.pb.h"
+#include "server/rpc/server.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+
+struct TestFile {
+  std::string path;
+  std::string bytes;
+  v1::FileKind kind = v1::FILE_KIND_IMAGE;
+};
+
+v1::FileDeclaration Declare(const TestFile& file);
+v1::ErrorDetail DetailOf(const grpc::Status& status);
+// Parts of a WriteFiles stream.
+v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path);
+v1::WriteFilesRequest ChunkPart(const std::string& bytes);
+v1::WriteFilesRequest EndPart();
+// All of a file's parts, in chunks of `chunk_bytes`.
+std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const TestFile& file,
+                                             size_t chunk_bytes = 1 << 20);
+
+// A server of a test's own, over an in-process channel unless a test asks for the socket.
+struct RunningServer {
+  explicit RunningServer(const std::string& worker);
+
+  // What the services are asked in most tests; a status that is not OK fails the test.
+  void CreateScene(const std::string& id);
+  v1::Upload CreateUpload(const std::string& scene, const std::vector<TestFile>& files);
+  grpc::Status Write(const std::vector<v1::WriteFilesRequest>& parts,
+                     v1::WriteFilesResponse* response = nullptr);
+  v1::Upload GetUpload(const std::string& name);
+  std::string UploadAndSeal(const std::string& scene, const std::vector<TestFile>& files);
+  // Of a new dataset whose one file is so named; the worker may read that as what to do.
+  v1::Job Train(const std::string& scene, const std::string& file);
+  // Until it has ended, one minute at most.
+  v1::Job Await(const std::string& job);
+  int64_t CountBlobFiles() const;
+
+  testing::TempFolder folder;
+  ServerOptions options;
+  std::unique_ptr<Server> server;
+  std::shared_ptr<grpc::Channel> channel;
+  std::unique_ptr<v1::SceneService::Stub> scenes;
+  std::unique_ptr<v1::DatasetService::Stub> datasets;
+  std::unique_ptr<v1::JobService::Stub> jobs;
+  std::unique_ptr<v1::SegmentationService::Stub> segmentation;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,242 @@
+#include "server/rpc/server.h"
+
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <csignal>
+#include <fstream>
+#include <future>
+#include <thread>
+
+#include "absl/time/clock.h"
+#include "tests/server/rpc/running_server.h"
+
+namespace pepeseg {
+namespace {
+
+TEST(IsLoopback, KnowsWhatStaysOnTheMachine) {
+  for (const char* near : {"127.0.0.1:0", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/x"}) {
+    EXPECT_TRUE(IsLoopback(near)) << near;
+  }
+  for (const char* far : {"0.0.0.0:1", "[::]:1", "10.0.0.1:1", "127.example.com:1", "host:1", ":1",
+                          "", "127.0.0.1"}) {
+    EXPECT_FALSE(IsLoopback(far)) << far;
+  }
+}
+
+TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  options.listen = "0.0.0.0:0";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("--insecure"), std::string::npos);
+  options.insecure = true;
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = "/no/such/program";
+  EXPECT_TRUE(absl::IsFailedPrecondition(Server::Start(options).status()));
+  options.worker = PEPESEG_FAKE_WORKER;
+  auto first = Server::Start(options);
+  ASSERT_TRUE(first.ok()) << first.status();
+  const auto second = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(second.status())) << second.status();
+  EXPECT_NE(second.status().message().find("another server"), std::string::npos);
+  first->reset();
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesATakenPort) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  const testing::TempFolder folder;
+  ServerOptions options = running.options;
+  options.data = folder.path();
+  options.listen = "127.0.0.1:" + std::to_string(running.server->port());
+  EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
+}
+
+// A connection of its own: channels to one address would share theirs.
+std::shared_ptr<grpc::Channel> Connect(int port) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel("127.0.0.1:" + std::to_string(port),
+                                   grpc::InsecureChannelCredentials(), arguments);
+}
+
+// Answer of grpc.health.v1.Health/Check, by hand: no package brings its stubs. The request has the
+// service's name as field 1, the answer an enum as field 1, where 1 is SERVING; -1: it failed.
+int CheckHealth(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
+  const std::string bytes = "\x0a" + std::string(1, static_cast<char>(service.size())) + service;
+  const grpc::Slice slice(bytes);
+  const grpc::ByteBuffer request(&slice, 1);
+  grpc::ByteBuffer response;
+  grpc::ClientContext context;
+  grpc::GenericStub stub(channel);
+  std::promise<grpc::Status> done;
+  stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
+                 [&](grpc::Status status) { done.set_value(std::move(status)); });
+  if (!done.get_future().get().ok()) return -1;
+  std::vector<grpc::Slice> slices;
+  if (!response.Dump(&slices).ok() || slices.empty() || slices[0].size() != 2) return -1;
+  return slices[0].begin()[1];
+}
+
+TEST(ServerHealth, IsToldForEachService) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  const auto channel = Connect(running.server->port());
+  EXPECT_EQ(CheckHealth(channel, ""), 1);
+  for (const char* service :
+       {"SceneService", "DatasetService", "JobService", "SegmentationService"}) {
+    EXPECT_EQ(CheckHealth(channel, std::string("pepeseg.v1.") + service), 1) << service;
+  }
+  EXPECT_EQ(CheckHealth(channel, "pepeseg.v1.NoSuchService"), -1);
+}
+
+grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const std::string& id,
+                         size_t metadata_bytes) {
+  grpc::ClientContext context;
+  context.AddMetadata("x-long", std::string(metadata_bytes, 'x'));
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  v1::Scene scene;
+  return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+}
+
+TEST(ServerLimits, HoldOnTheSocket) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  const int port = running.server->port();
+  const std::string large(size_t{9} << 20, 'x');
+  EXPECT_EQ(CreateScene(Connect(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
+  // gRPC gives the whole connection up for that; others do not notice.
+  const auto other = Connect(port);
+  EXPECT_TRUE(CreateScene(other, "a", 10'000).ok());
+  EXPECT_FALSE(CreateScene(Connect(port), "b", 20'000).ok());
+  EXPECT_TRUE(CreateScene(other, "c", 0).ok());
+}
+
+TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  running.CreateScene("shelf");
+  const v1::Job job = running.Train("shelf", "hang");
+  const v1::Upload upload = running.CreateUpload("shelf", {{"images/1.jpg", "one"}});
+
+  grpc::ClientContext watch_context;
+  v1::WatchJobRequest watch;
+  watch.set_name(job.name());
+  const auto watcher = running.jobs->WatchJob(&watch_context, watch);
+  v1::JobEvent event;
+  ASSERT_TRUE(watcher->Read(&event));
+  grpc::ClientContext write_context;
+  v1::WriteFilesResponse response;
+  const auto writer = running.datasets->WriteFiles(&write_context, &response);
+  ASSERT_TRUE(writer->Write(HeaderPart(upload.name(), "images/1.jpg")));
+
+  std::thread shutdown([&] { running.server->Shutdown(absl::Now() + absl::Seconds(20)); });
+  while (watcher->Read(&event)) {
+  }
+  const grpc::Status watched = watcher->Finish();
+  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
+  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
+  const grpc::Status written = writer->Finish();
+  EXPECT_EQ(written.error_code(), grpc::UNAVAILABLE) << written.error_message();
+  shutdown.join();
+  running.server.reset();
+
+  auto again = Server::Start(running.options);
+  ASSERT_TRUE(again.ok()) << again.status();
+  const auto jobs = v1::JobService::NewStub((*again)->InProcessChannel());
+  grpc::ClientContext context;
+  v1::GetJobRequest get;
+  get.set_name(job.name());
+  v1::Job resumed;
+  ASSERT_TRUE(jobs->GetJob(&context, get, &resumed).ok());
+  EXPECT_TRUE(resumed.state() == v1::JOB_STATE_QUEUED || resumed.state() == v1::JOB_STATE_RUNNING)
+      << resumed.DebugString();
+}
+
+// The program itself, until its port file is there.
+struct Program {
+  explicit Program(const testing::TempFolder& folder) {
+    const std::string port_file = (folder / "port").string();
+    std::vector<std::string> words = {
+        PEPESEG_SERVER, "--data=" + (folder / "data").string(), "--port-file=" + port_file,
+        std::string("--worker=") + PEPESEG_FAKE_WORKER, "--reflection"};
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    EXPECT_EQ(posix_spawn(&pid, PEPESEG_SERVER, nullptr, nullptr, arguments.data(), environ), 0);
+    const absl::Time deadline = absl::Now() + absl::Seconds(30);
+    while (!(std::ifstream(port_file) >> port) && absl::Now() < deadline) {
+      absl::SleepFor(absl::Milliseconds(20));
+    }
+  }
+  ~Program() {
+    if (!ended) kill(pid, SIGKILL);
+    if (!ended) waitpid(pid, nullptr, 0);
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+  int Await() {
+    int state = -1;
+    waitpid(pid, &state, 0);
+    ended = true;
+    return state;
+  }
+  pid_t pid = -1;
+  int port = 0;
+  bool ended = false;
+};
+
+TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
+  const testing::TempFolder folder;
+  Program program(folder);
+  ASSERT_GT(program.port, 0);
+  const auto channel = Connect(program.port);
+  const auto scenes = v1::SceneService::NewStub(channel);
+  grpc::ClientContext context;
+  v1::CreateSceneRequest request;
+  request.set_scene_id("shelf");
+  v1::Scene scene;
+  ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+  kill(program.pid, SIGTERM);
+  const int state = program.Await();
+  EXPECT_TRUE(WIFEXITED(state));
+  EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+TEST(ServerProgram, LosesNothingWhenKilled) {
+  const testing::TempFolder folder;
+  {
+    Program program(folder);
+    ASSERT_GT(program.port, 0);
+    const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+    grpc::ClientContext context;
+    v1::CreateSceneRequest request;
+    request.set_scene_id("shelf");
+    v1::Scene scene;
+    ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+    kill(program.pid, SIGKILL);
+    program.Await();
+  }
+  std::filesystem::remove(folder / "port");
+  Program program(folder);
+  const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+  grpc::ClientContext context;
+  v1::GetSceneRequest request;
+  request.set_name("scenes/shelf");
+  v1::Scene scene;
+  EXPECT_TRUE(scenes->GetScene(&context, request, &scene).ok());
+}
+
+}  // namespace
+}  // namespace pepeseg
