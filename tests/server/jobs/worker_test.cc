@@ -192,9 +192,8 @@ TEST_F(WorkerTest, NamesAPhotographThatIsNone) {
 }
 
 TEST_F(WorkerTest, SaysWhatItCannotAllocate) {
-  spec_.memory_limit = int64_t{700} << 20;
-  spec_.options.mutable_import()->set_image_scale(1);
-  // The photographs fit; the buffers of so many Gaussians do not.
+  spec_.memory_limit = int64_t{400} << 20;
+  // The photographs fit; so many Gaussians do not.
   std::erase_if(spec_.files, [](const JobSpecFile& file) {
     return file.name.find("points3D") != std::string::npos;
   });
