@@ -10,7 +10,7 @@
 #include <string>
 
 #include "absl/time/clock.h"
-#include "server/jobs/durable_file.h"
+#include "core/io/atomic_file.h"
 #include "server/rpc/server.h"
 
 namespace {
@@ -73,7 +73,7 @@ int Serve(const Flags& flags, const sigset_t& stop_signals) {
   }
   const int port = (*server)->port();
   if (!flags.port_file.empty()) {
-    const auto written = pepeseg::WriteFileDurably(flags.port_file, std::to_string(port) + "\n");
+    const auto written = pepeseg::WriteFileAtomically(flags.port_file, std::to_string(port) + "\n");
     if (!written.ok()) {
       spdlog::critical("cannot write the port file: {}", std::string(written.message()));
       return EXIT_FAILURE;

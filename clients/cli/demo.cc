@@ -25,7 +25,16 @@ namespace fs = std::filesystem;
 
 // What two cores do in about two and a half minutes. The rest is the server's default.
 const std::vector<std::string>& DemoSettings() {
+  // Of stage one: tests/bench/results/scenes_cpu.md.
   static const std::vector<std::string> settings = {"reconstruct.num_steps=2000",
+                                                    "reconstruct.coarse_until=0.5",
+                                                    "reconstruct.sh_degree=1",
+                                                    "reconstruct.max_gaussians=30000",
+                                                    "reconstruct.ssim_weight=0.3",
+                                                    "reconstruct.mean_learning_rate=1.6e-3",
+                                                    "reconstruct.mean_learning_rate_final=1.6e-5",
+                                                    "reconstruct.sh_learning_rate=5e-3",
+                                                    "reconstruct.densify_gradient=3e-4",
                                                     "features.num_steps=1500"};
   return settings;
 }

@@ -68,6 +68,23 @@ absl::Status ChooseModel(const std::map<std::string, ColmapModel>& models, Datas
   return absl::OkStatus();
 }
 
+absl::Status PutModelFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models) {
+  const size_t slash = file.name.rfind('/');
+  const size_t start = slash == std::string::npos ? 0 : slash + 1;
+  return Put(file, file.name.substr(start), "files ", models[file.name.substr(0, start)].files);
+}
+
+absl::Status PutPoints(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
+                       DatasetIndex& index) {
+  // A client may declare COLMAP's points as what they are.
+  if (file.name.ends_with("points3D.bin") || file.name.ends_with("points3D.txt")) {
+    return PutModelFile(file, models);
+  }
+  if (index.ply_points != nullptr) return TwoFor("point clouds", *index.ply_points, file);
+  index.ply_points = &file;
+  return absl::OkStatus();
+}
+
 absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
                      DatasetIndex& index) {
   switch (file.kind) {
@@ -77,15 +94,10 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
       return Put(file, StemBelow(file.name, "masks"), "mask files for ", index.masks);
     case FileKind::kIgnoreMask:
       return PutIgnoreMask(file, index);
-    case FileKind::kPoses: {
-      const size_t slash = file.name.rfind('/');
-      const size_t start = slash == std::string::npos ? 0 : slash + 1;
-      return Put(file, file.name.substr(start), "files ", models[file.name.substr(0, start)].files);
-    }
+    case FileKind::kPoses:
+      return PutModelFile(file, models);
     case FileKind::kPoints:
-      if (index.ply_points != nullptr) return TwoFor("point clouds", *index.ply_points, file);
-      index.ply_points = &file;
-      return absl::OkStatus();
+      return PutPoints(file, models, index);
     case FileKind::kDepth:
       return absl::OkStatus();
   }

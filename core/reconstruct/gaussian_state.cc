@@ -14,17 +14,29 @@ GaussianState::GaussianState(Backend& backend, const Gaussians& initial)
     : backend_(backend),
       sh_degree_(initial.sh_degree),
       count_(initial.count),
-      stride_(WithSlack(initial.count)),
-      parameters_(backend, PlanesSize(stride_)),
-      moment1_(backend, PlanesSize(stride_)),
-      moment2_(backend, PlanesSize(stride_)),
-      num_steps_(backend, count_) {
-  ResetStats();
-  allocated_ = !parameters_.empty() && !moment1_.empty() && !moment2_.empty();
-  if (allocated_) UploadPlanes(0, initial.planes);
+      rows_(Allocate(WithSlack(initial.count))) {
+  if (allocated()) UploadPlanes(0, initial.planes);
 }
 
-DensityStats GaussianState::stats() { return {grad_sum_.span(), num_visible_.span(), {}}; }
+GaussianState::Rows GaussianState::Allocate(int64_t stride) const {
+  Rows rows;
+  rows.stride = stride;
+  for (Buffer<float>* planes : {&rows.parameters, &rows.moment1, &rows.moment2}) {
+    *planes = Buffer<float>(backend_, NumPlanes(sh_degree_) * stride);
+    rows.allocated = rows.allocated && !planes->empty();
+  }
+  rows.num_steps = Buffer<int32_t>(backend_, stride);
+  rows.grad_sum = Buffer<float>(backend_, stride);
+  rows.num_visible = Buffer<int32_t>(backend_, stride);
+  rows.allocated = rows.allocated && !rows.num_steps.empty() && !rows.grad_sum.empty() &&
+                   !rows.num_visible.empty();
+  return rows;
+}
+
+DensityStats GaussianState::stats() {
+  return {
+      rows_.grad_sum.span().Subspan(0, count_), rows_.num_visible.span().Subspan(0, count_), {}};
+}
 
 Gaussians GaussianState::Download() const {
   Gaussians out;
@@ -38,7 +50,7 @@ std::vector<float> GaussianState::DownloadPlanes(int first, int num_planes) cons
   std::vector<float> planes(static_cast<size_t>(num_planes * count_));
   for (int k = 0; k < num_planes; ++k) {
     const std::span<float> plane(planes.data() + k * count_, static_cast<size_t>(count_));
-    parameters_.Download(plane, (first + k) * stride_);
+    rows_.parameters.Download(plane, (first + k) * rows_.stride);
   }
   return planes;
 }
@@ -46,63 +58,47 @@ std::vector<float> GaussianState::DownloadPlanes(int first, int num_planes) cons
 void GaussianState::UploadPlanes(int first, std::span<const float> planes) {
   const auto num_planes = static_cast<int64_t>(planes.size()) / std::max<int64_t>(1, count_);
   for (int64_t k = 0; k < num_planes; ++k) {
-    parameters_.Upload(planes.subspan(k * count_, count_), (first + k) * stride_);
+    rows_.parameters.Upload(planes.subspan(k * count_, count_), (first + k) * rows_.stride);
   }
 }
 
 std::vector<float> GaussianState::DownloadGradSums() const {
   std::vector<float> sums(static_cast<size_t>(count_));
-  grad_sum_.Download(sums);
+  rows_.grad_sum.Download(sums);
   return sums;
 }
 
 std::vector<int32_t> GaussianState::DownloadNumVisible() const {
   std::vector<int32_t> counts(static_cast<size_t>(count_));
-  num_visible_.Download(counts);
+  rows_.num_visible.Download(counts);
   return counts;
-}
-
-void GaussianState::Gather(Buffer<float>& planes, Buffer<float>& spare,
-                           DeviceSpan<const int32_t> source) {
-  const int64_t new_stride = spare.size() / NumPlanes(sh_degree_);
-  backend_.GatherRows(
-      {source, Planes(planes), {spare.span().data, source.size, new_stride, sh_degree_}});
-  std::swap(planes, spare);
 }
 
 bool GaussianState::Rearrange(std::span<const int32_t> source, std::span<const uint8_t> is_new) {
   const auto new_count = static_cast<int64_t>(source.size());
-  const int64_t new_stride = new_count > stride_ ? WithSlack(new_count) : stride_;
+  Rows next = Allocate(new_count > rows_.stride ? WithSlack(new_count) : rows_.stride);
+  if (!next.allocated) return false;
   std::vector<int32_t> old_steps(static_cast<size_t>(count_)), steps(source.size());
-  num_steps_.Download(old_steps);
+  rows_.num_steps.Download(old_steps);
   std::vector<int32_t> state_source(source.begin(), source.end());
   for (int64_t i = 0; i < new_count; ++i) {
     steps[i] = is_new[i] ? 0 : old_steps[source[i]];
     if (is_new[i]) state_source[i] = -1;
   }
-  const Buffer<int32_t> from(backend_, source),
-      state_from(backend_, std::span<const int32_t>(state_source));
-  Buffer<float> spare[3];
-  for (auto& buffer : spare) buffer = Buffer<float>(backend_, PlanesSize(new_stride));
-  for (auto& buffer : spare) {
-    if (buffer.empty()) return false;
-  }
-  Gather(parameters_, spare[0], from.span());
-  Gather(moment1_, spare[1], state_from.span());
-  Gather(moment2_, spare[2], state_from.span());
+  next.num_steps.Upload(steps);
+  const Buffer<int32_t> from(backend_, source);
+  const Buffer<int32_t> state_from(backend_, std::span<const int32_t>(state_source));
+  const auto gather = [&](Buffer<float>& old_planes, Buffer<float>& planes,
+                          DeviceSpan<const int32_t> rows) {
+    backend_.GatherRows(
+        {rows, Planes(old_planes), {planes.span().data, new_count, next.stride, sh_degree_}});
+  };
+  gather(rows_.parameters, next.parameters, from.span());
+  gather(rows_.moment1, next.moment1, state_from.span());
+  gather(rows_.moment2, next.moment2, state_from.span());
+  rows_ = std::move(next);
   count_ = new_count;
-  stride_ = new_stride;
-  num_steps_.Reserve(backend_, count_);
-  num_steps_.Upload(steps);
-  ResetStats();
   return true;
-}
-
-void GaussianState::ResetStats() {
-  grad_sum_.Reserve(backend_, count_);
-  num_visible_.Reserve(backend_, count_);
-  grad_sum_.Zero();
-  num_visible_.Zero();
 }
 
 void GaussianState::LimitOpacity(float opacity) {
@@ -111,8 +107,8 @@ void GaussianState::LimitOpacity(float opacity) {
   for (float& logit : logits) logit = std::min(logit, limit);
   UploadPlanes(kOpacityPlane, logits);
   const std::vector<float> zeros(static_cast<size_t>(count_), 0.0f);
-  moment1_.Upload(zeros, kOpacityPlane * stride_);
-  moment2_.Upload(zeros, kOpacityPlane * stride_);
+  rows_.moment1.Upload(zeros, kOpacityPlane * rows_.stride);
+  rows_.moment2.Upload(zeros, kOpacityPlane * rows_.stride);
 }
 
 }  // namespace pepeseg

@@ -16,11 +16,11 @@ class GaussianState {
   GaussianState(Backend& backend, const Gaussians& initial);
 
   int64_t count() const { return count_; }
-  bool allocated() const { return allocated_; }  // false: the backend is out of memory
-  GaussianPlanes parameters() { return Planes(parameters_); }
-  GaussianPlanes moment1() { return Planes(moment1_); }
-  GaussianPlanes moment2() { return Planes(moment2_); }
-  DeviceSpan<int32_t> num_steps() { return num_steps_.span(); }
+  bool allocated() const { return rows_.allocated; }  // false: the backend is out of memory
+  GaussianPlanes parameters() { return Planes(rows_.parameters); }
+  GaussianPlanes moment1() { return Planes(rows_.moment1); }
+  GaussianPlanes moment2() { return Planes(rows_.moment2); }
+  DeviceSpan<int32_t> num_steps() { return rows_.num_steps.span().Subspan(0, count_); }
   DensityStats stats();
 
   // Waits for the backend.
@@ -39,22 +39,24 @@ class GaussianState {
   void LimitOpacity(float opacity);
 
  private:
+  struct Rows {
+    int64_t stride = 0;  // room for this many Gaussians
+    bool allocated = true;
+    Buffer<float> parameters, moment1, moment2;  // [NumPlanes, stride]
+    Buffer<int32_t> num_steps;                   // [stride], as are the statistics
+    Buffer<float> grad_sum;
+    Buffer<int32_t> num_visible;
+  };
+
+  Rows Allocate(int64_t stride) const;  // all zero
   GaussianPlanes Planes(Buffer<float>& buffer) const {
-    return {buffer.span().data, count_, stride_, sh_degree_};
+    return {buffer.span().data, count_, rows_.stride, sh_degree_};
   }
-  int64_t PlanesSize(int64_t stride) const { return NumPlanes(sh_degree_) * stride; }
-  void Gather(Buffer<float>& planes, Buffer<float>& spare, DeviceSpan<const int32_t> source);
-  void ResetStats();
 
   Backend& backend_;
   int sh_degree_;
   int64_t count_ = 0;
-  int64_t stride_ = 0;
-  bool allocated_ = true;
-  Buffer<float> parameters_, moment1_, moment2_;  // [NumPlanes, stride]
-  Buffer<int32_t> num_steps_;                     // [count], as are the statistics
-  Buffer<float> grad_sum_;
-  Buffer<int32_t> num_visible_;
+  Rows rows_;
 };
 
 }  // namespace pepeseg

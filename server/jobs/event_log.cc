@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {

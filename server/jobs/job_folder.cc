@@ -6,8 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/file_bytes.h"
 #include "core/status_macros.h"
-#include "server/jobs/durable_file.h"
 
 namespace pepeseg {
 namespace {
@@ -15,14 +16,14 @@ namespace {
 using Json = nlohmann::json;
 
 // A spec lists at most 20,000 files.
-constexpr size_t kMaxJsonBytes = 64 << 20;
+constexpr int64_t kMaxJsonBytes = 64 << 20;
 
 std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 absl::StatusOr<Json> ReadJson(const std::filesystem::path& path) {
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(path, kMaxJsonBytes));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxJsonBytes));
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) return absl::DataLossError(path.string() + ": is no JSON object");
   return json;
@@ -105,7 +106,7 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
   for (const JobSpecFile& file : spec.files) {
     json["files"].push_back({{"name", file.name}, {"kind", file.kind}, {"path", file.path}});
   }
-  return WriteFileDurably(SpecPath(path_), Dump(json));
+  return WriteFileAtomically(SpecPath(path_), Dump(json));
 }
 
 absl::StatusOr<JobSpec> JobFolder::ReadSpec() const {
@@ -125,7 +126,7 @@ absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) cons
                      {"metrics", FiniteMetrics(result.metrics)},
                      {"num_gaussians", result.num_gaussians},
                      {"num_bytes", result.num_bytes}};
-  return WriteFileDurably(ResultPath(path_, fence), Dump(json));
+  return WriteFileAtomically(ResultPath(path_, fence), Dump(json));
 }
 
 absl::StatusOr<JobResult> JobFolder::ReadResult(int64_t fence) const {

@@ -5,12 +5,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {
@@ -86,6 +88,20 @@ std::optional<WorkerProcess::End> WorkerProcess::Poll() {
 void WorkerProcess::Signal(int signal) const {
   // Once reaped, its number may be another process's.
   if (!end_) kill(pid_, signal);
+}
+
+std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes) {
+  std::ifstream stream(path, std::ios::binary | std::ios::ate);
+  if (!stream) return "";
+  const auto size = static_cast<size_t>(stream.tellg());
+  const size_t length = std::min(size, max_bytes);
+  std::string tail(length, '\0');
+  stream.seekg(static_cast<std::streamoff>(size - length));
+  stream.read(tail.data(), static_cast<std::streamsize>(length));
+  tail.resize(static_cast<size_t>(stream.gcount()));
+  const size_t line = tail.find('\n');
+  if (length < size && line != std::string::npos) tail.erase(0, line + 1);
+  return tail;
 }
 
 std::string Describe(const WorkerProcess::End& end) {

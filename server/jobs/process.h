@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <cstddef>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -44,6 +45,9 @@ class WorkerProcess {
   pid_t pid_;
   std::optional<End> end_;
 };
+
+// The end of a log, from a line's start where one is near; empty when there is none.
+std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes);
 
 // "exited with code 3" or "was killed by signal 9 (Killed)".
 std::string Describe(const WorkerProcess::End& end);

@@ -18,7 +18,7 @@
 #include "core/status_macros.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 #include "server/jobs/worker_progress.h"
 
 namespace pepeseg {
@@ -145,7 +145,11 @@ absl::Status Training::ReconstructScene() {
   RETURN_IF_ERROR(StartStage("reconstruct"));
   DescribeModel();
   ASSIGN_OR_RETURN(model_.gaussians, ReconstructOrResume());
-  RETURN_IF_ERROR(WriteModel(job_.folder.reconstruction(job_.spec.fence), model_));
+  const std::filesystem::path folder = job_.folder.reconstruction(job_.spec.fence);
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return FileError(folder, "create", error.value());
+  RETURN_IF_ERROR(WriteModel(folder, model_));
   RETURN_IF_ERROR(EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}));
   return ScoreScene();
 }

@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 #include "server/layout.h"
 
 namespace pepeseg {

@@ -2,8 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/io/atomic_file.h"
 #include "core/status_macros.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 #include "server/layout.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
@@ -30,7 +31,7 @@ absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRo
   std::error_code error;
   std::filesystem::create_directories(path.parent_path(), error);
   if (error) return FileError(path.parent_path(), "cannot make the folder", error.value());
-  return WriteFileDurably(path, manifest.dump(1));
+  return WriteFileAtomically(path, manifest.dump(1));
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/durable_file.h"
+#include "server/jobs/file_error.h"
 #include "server/layout.h"
 
 namespace pepeseg {

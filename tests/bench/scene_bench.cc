@@ -52,6 +52,7 @@ class Stopwatch {
 
 void AddOptions(CLI::App& app, BenchOptions& options) {
   ReconstructOptions& stage = options.reconstruct;
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("folder", options.folder)->required();
   app.add_option("--image-scale", options.import.image_scale);
   app.add_option("--threads", options.num_threads);
@@ -99,6 +100,24 @@ Image RenderView(Backend& backend, const Gaussians& gaussians, const View& view,
     image.pixels.push_back(static_cast<uint8_t>(std::clamp(value * 255 + 0.5f, 0.0f, 255.0f)));
   }
   return image;
+}
+
+// PSNR after the best gain and offset of each channel of the render: what exposure costs.
+double PsnrOfBestExposure(const View& view, const Image& render) {
+  double squared_error = 0, num = 0;
+  for (int channel = 0; channel < 3; ++channel) {
+    double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    for (size_t i = 0; i < render.pixels.size() / 3; ++i) {
+      if (!view.ignore.empty() && view.ignore[i] != 0) continue;
+      const double a = render.pixels[3 * i + channel] / 255.0;
+      const double b = view.photo.pixels[3 * i + channel] / 255.0;
+      n += 1, x += a, y += b, xx += a * a, xy += a * b, yy += b * b;
+    }
+    const double covariance = xy - x * y / n, variance = xx - x * x / n;
+    squared_error += yy - y * y / n - covariance * covariance / std::max(1e-9, variance);
+    num += n;
+  }
+  return -10 * std::log10(std::max(1e-10, squared_error / num));
 }
 
 absl::Status WriteRenders(Backend& backend, const Capture& capture, const Gaussians& gaussians,
@@ -158,6 +177,16 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   }
   out["psnr"] = Mean(scores).psnr;
   out["ssim"] = Mean(scores).ssim;
+  Capture training = capture;
+  for (View& view : training.views) view.held_out = !view.held_out;
+  ASSIGN_OR_RETURN(const auto training_scores, ScoreHeldOut(*backend, training, gaussians));
+  out["training_psnr"] = Mean(training_scores).psnr;
+  const auto near_plane = static_cast<float>(0.01 * SceneRadius(capture));
+  for (const View& view : capture.views) {
+    if (!view.held_out) continue;
+    const Image render = RenderView(*backend, gaussians, view, near_plane);
+    out["psnr_of_best_exposure"].push_back(PsnrOfBestExposure(view, render));
+  }
   if (!options.renders.empty()) {
     RETURN_IF_ERROR(WriteRenders(*backend, capture, gaussians, options.renders));
   }

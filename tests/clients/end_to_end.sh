@@ -32,7 +32,8 @@ expect() {  # expect EXIT_CODE COMMAND...
 }
 
 expect 3 pepeseg scenes nothing
-expect 3 pepeseg watch jobs/nothing
+expect 3 pepeseg watch jobs/j999
+expect 4 pepeseg watch nothing
 expect 4 pepeseg upload 'No Label' "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 expect 0 pepeseg upload shelf "$dataset"

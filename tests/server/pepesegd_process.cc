@@ -10,7 +10,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/durable_file.h"
 
 namespace pepeseg::testing {
 namespace {

@@ -9,17 +9,17 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/io/digest.h"
+#include "core/io/file_bytes.h"
 #include "core/io/import.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
-#include "server/jobs/durable_file.h"
 #include "tests/server/file_kind.h"
 
 namespace pepeseg::testing {
 namespace {
 
 constexpr size_t kChunkBytes = 256 << 10;
-constexpr size_t kMaxFileBytes = size_t{1} << 30;
+constexpr int64_t kMaxFileBytes = int64_t{1} << 30;
 constexpr std::chrono::minutes kPatience(4);
 
 absl::Status ToStatus(const grpc::Status& status) {
@@ -60,8 +60,8 @@ std::vector<ClientFile> ReadDataset(const std::filesystem::path& folder) {
   std::vector<ClientFile> files;
   if (!listed.ok()) return files;
   for (const DatasetFile& file : *listed) {
-    files.push_back(
-        {file.name, ToProto(file.kind), ReadWholeFile(file.path, kMaxFileBytes).value_or("")});
+    files.push_back({file.name, ToProto(file.kind),
+                     ReadFile(file.path, file.name, kMaxFileBytes).value_or("")});
   }
   return files;
 }

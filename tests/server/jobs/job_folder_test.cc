@@ -6,7 +6,6 @@
 #include <cmath>
 #include <fstream>
 
-#include "server/jobs/durable_file.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -70,27 +69,6 @@ TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << text;
     EXPECT_THAT(std::string(status.message()), HasSubstr("spec.json")) << text;
   }
-}
-
-TEST(DurableFile, ReplacesAndLeavesNothingBeside) {
-  const testing::TempFolder folder;
-  const auto path = folder.path() / "file";
-  ASSERT_TRUE(WriteFileDurably(path, "old").ok());
-  ASSERT_TRUE(WriteFileDurably(path, "new").ok());
-  EXPECT_EQ(*ReadWholeFile(path, 10), "new");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
-  EXPECT_EQ(WriteFileDurably(folder.path() / "no" / "file", "x").code(),
-            absl::StatusCode::kNotFound);
-}
-
-TEST(DurableFile, ReadsNoMoreThanAllowed) {
-  const testing::TempFolder folder;
-  const auto path = folder.path() / "file";
-  ASSERT_TRUE(WriteFileDurably(path, "first line\nsecond line\n").ok());
-  EXPECT_EQ(ReadWholeFile(path, 22).status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_EQ(ReadFileTail(path, 15), "second line\n");
-  EXPECT_EQ(ReadFileTail(path, 100), "first line\nsecond line\n");
-  EXPECT_EQ(ReadFileTail(folder.path() / "none", 100), "");
 }
 
 }  // namespace

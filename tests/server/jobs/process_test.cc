@@ -9,7 +9,6 @@
 #include <csignal>
 
 #include "absl/time/clock.h"
-#include "server/jobs/durable_file.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -84,6 +83,13 @@ TEST_F(WorkerProcessTest, DiesWithItsObject) {
   process.reset();
   EXPECT_EQ(kill(pid, 0), -1);
   EXPECT_EQ(errno, ESRCH);
+}
+
+TEST_F(WorkerProcessTest, TailOfALogBeginsWithALine) {
+  Run("echo first line; echo second line");
+  EXPECT_EQ(ReadFileTail(log_, 15), "second line\n");
+  EXPECT_EQ(ReadFileTail(log_, 100), "first line\nsecond line\n");
+  EXPECT_EQ(ReadFileTail(folder_ / "none", 100), "");
 }
 
 TEST_F(WorkerProcessTest, NamesAProgramThatIsNotThere) {

@@ -1,0 +1,166 @@
+#include "core/query/segmenter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/query/check_prompt.h"
+#include "core/query/feature_maps.h"
+#include "core/status_macros.h"
+#include "kernels/cpu/half.h"
+#include "kernels/math/gate.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxMapBytes = int64_t{512} << 20;
+// Features have norm 1, so a pixel's is at most its accumulated alpha.
+constexpr double kMinClickedNorm = 0.05;
+
+absl::Status CheckModel(const Model& model) {
+  const size_t num_features = static_cast<size_t>(model.gaussians.count) * kFeatureSize;
+  if (model.gaussians.count == 0) return absl::InvalidArgumentError("the model has no Gaussian");
+  if (model.field.features.size() == num_features) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
+                                                 " feature values, must be ", num_features,
+                                                 " for its ", model.gaussians.count, " Gaussians"));
+}
+
+// Fills mask, score and box from the best similarities to positive and to negative points.
+void FillMask(std::span<const float> positive, std::span<const float> negative,
+              SegmentResult& result) {
+  int min_x = result.width, max_x = -1, min_y = result.height, max_y = -1;
+  double sum = 0;
+  int64_t count = 0;
+  result.mask.pixels.assign(positive.size(), 0);
+  for (size_t i = 0; i < positive.size(); ++i) {
+    if (positive[i] <= static_cast<float>(result.threshold) || positive[i] <= negative[i]) continue;
+    result.mask.pixels[i] = 1;
+    sum += double{positive[i]};
+    ++count;
+    const auto x = static_cast<int>(i % result.width), y = static_cast<int>(i / result.width);
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  if (count == 0) return;
+  result.score = sum / static_cast<double>(count);
+  const int box[] = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+  std::copy(std::begin(box), std::end(box), result.box);
+}
+
+}  // namespace
+
+struct Segmenter::State {
+  State(Backend& b, Model m) : backend(b), model(std::move(m)), maps(b, model, kMaxMapBytes) {}
+
+  // [points, 32] as rendered, not gated.
+  absl::StatusOr<std::vector<float>> QueryFeatures(const Prompt& prompt);
+  absl::StatusOr<SegmentResult> SegmentView(const Prompt& prompt, const Buffer<float>& queries,
+                                            const ModelView& target, bool want_similarity);
+
+  Backend& backend;
+  const Model model;
+  std::mutex mutex;  // one query at a time: the maps and their scratch are shared
+  FeatureMaps maps;
+};
+
+absl::StatusOr<std::vector<float>> Segmenter::State::QueryFeatures(const Prompt& prompt) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(prompt.view));
+  std::vector<float> queries;
+  for (size_t i = 0; i < prompt.points.size(); ++i) {
+    const PointPrompt& point = prompt.points[i];
+    const int64_t pixel =
+        static_cast<int64_t>(point.y) * prompt.view.camera.width + static_cast<int64_t>(point.x);
+    Half feature[kFeatureSize];
+    backend.CopyToHost(feature, map.data + pixel * kFeatureSize, sizeof(feature));
+    double squares = 0;
+    for (const Half half : feature) {
+      queries.push_back(FloatFromHalf(half));
+      squares += double{queries.back()} * queries.back();
+    }
+    if (std::sqrt(squares) >= kMinClickedNorm) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "point ", i, " at (", point.x, ", ", point.y,
+        "): nothing with a feature is rendered there; click where the model shows an object that a "
+        "mask covered in training"));
+  }
+  return queries;
+}
+
+absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Prompt& prompt,
+                                                            const Buffer<float>& queries,
+                                                            const ModelView& target,
+                                                            bool want_similarity) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  const int64_t num_pixels = map.size / kFeatureSize;
+  std::vector<float> psi(kFeatureSize);
+  for (int k = 0; k < kFeatureSize; ++k) {
+    psi[k] = Gate(model.field.gate[k], model.field.gate[kFeatureSize + k],
+                  static_cast<float>(prompt.scale));
+  }
+  const Buffer<float> psi_buffer(backend, std::span<const float>(psi));
+  Buffer<float> similarity(backend, num_pixels * static_cast<int64_t>(prompt.points.size()));
+  if (similarity.empty()) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("no memory for the similarities of ", prompt.points.size(), " points"));
+  }
+  backend.Similarity({map, psi_buffer.span(), queries.span(), similarity.span()});
+
+  constexpr float kNever = -std::numeric_limits<float>::infinity();
+  std::vector<float> positive(num_pixels, kNever), negative(num_pixels, kNever);
+  std::vector<float> one(num_pixels);
+  for (size_t i = 0; i < prompt.points.size(); ++i) {
+    similarity.Download(one, static_cast<int64_t>(i) * num_pixels);
+    std::vector<float>& best = prompt.points[i].positive ? positive : negative;
+    for (int64_t p = 0; p < num_pixels; ++p) best[p] = std::max(best[p], one[p]);
+  }
+  SegmentResult result;
+  result.width = target.camera.width;
+  result.height = target.camera.height;
+  result.scale = prompt.scale;
+  result.scale_units = ScaleOfQuantile(model.field, prompt.scale);
+  result.threshold = prompt.threshold;
+  FillMask(positive, negative, result);
+  if (want_similarity) result.similarity = std::move(positive);
+  return result;
+}
+
+absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
+  RETURN_IF_ERROR(CheckModel(model));
+  return std::unique_ptr<Segmenter>(
+      new Segmenter(std::make_unique<State>(backend, std::move(model))));
+}
+
+Segmenter::Segmenter(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Segmenter::~Segmenter() = default;
+
+const Model& Segmenter::model() const { return state_->model; }
+
+absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view) const {
+  RETURN_IF_ERROR(CheckView(view));
+  const std::lock_guard lock(state_->mutex);
+  return state_->maps.Color(view);
+}
+
+absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Prompt& prompt,
+                                                              std::span<const ModelView> targets,
+                                                              bool want_similarity) const {
+  RETURN_IF_ERROR(CheckPrompt(prompt));
+  for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
+  const std::lock_guard lock(state_->mutex);
+  ASSIGN_OR_RETURN(const std::vector<float> features, state_->QueryFeatures(prompt));
+  const Buffer<float> queries(state_->backend, std::span<const float>(features));
+  std::vector<SegmentResult> results;
+  for (const ModelView& target : targets) {
+    ASSIGN_OR_RETURN(SegmentResult result,
+                     state_->SegmentView(prompt, queries, target, want_similarity));
+    if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+}  // namespace pepeseg

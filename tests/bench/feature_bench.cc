@@ -1,0 +1,201 @@
+// Developer program: stage two on a dataset folder with label images, scored by one click per
+// label. Stage one's result is read from --gaussians, a PLY, or made and written there. The click
+// is the pixel deepest inside the label in the first held-out view; the score is the mean IoU over
+// all held-out views, under each asked scale and threshold. Prints one line of JSON.
+#include <sys/resource.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "core/evaluate/metrics.h"
+#include "core/features/train_features.h"
+#include "core/io/decode_image.h"
+#include "core/io/gaussian_ply.h"
+#include "core/io/import.h"
+#include "core/query/segmenter.h"
+#include "core/reconstruct/reconstruct.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+struct BenchOptions {
+  std::string folder, gaussians;
+  ReconstructOptions reconstruct;
+  FeatureOptions features;
+  int num_threads = 0;
+};
+
+double CoreSeconds() {
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+absl::StatusOr<Gaussians> GetGaussians(Backend& backend, const Capture& capture,
+                                       const BenchOptions& options) {
+  if (std::filesystem::exists(options.gaussians)) {
+    return ReadGaussianPly(options.gaussians, options.gaussians);
+  }
+  ASSIGN_OR_RETURN(Gaussians gaussians,
+                   Reconstruct(backend, capture, options.reconstruct,
+                               [](const StepReport&) { return absl::OkStatus(); }));
+  if (!options.gaussians.empty()) {
+    RETURN_IF_ERROR(WriteGaussianPly(options.gaussians, gaussians));
+  }
+  return gaussians;
+}
+
+// A held-out view with its labels.
+struct ScoredView {
+  const View* view;
+  ModelView camera;
+  LabelImage labels;
+
+  std::vector<uint8_t> MaskOf(uint32_t label) const {
+    std::vector<uint8_t> mask;
+    for (size_t i = 0; i < labels.labels.size(); ++i) {
+      const bool ignored = !view->ignore.empty() && view->ignore[i] != 0;
+      mask.push_back(labels.labels[i] == label && !ignored ? 1 : 0);
+    }
+    return mask;
+  }
+};
+
+absl::StatusOr<std::vector<ScoredView>> LoadScoredViews(const std::string& folder,
+                                                        const Capture& capture) {
+  std::vector<ScoredView> views;
+  for (const View& view : capture.views) {
+    if (!view.held_out) continue;
+    const auto path = std::filesystem::path(folder) / "labels" /
+                      std::filesystem::path(view.name).stem().replace_extension(".png");
+    ASSIGN_OR_RETURN(LabelImage labels, DecodeLabels(path, path.string()));
+    views.push_back(
+        {&view, {view.name, view.camera, view.cam_from_world, true}, std::move(labels)});
+  }
+  return views;
+}
+
+// By peeling: the pixel that the most erosions leave (4-neighbours).
+PointPrompt DeepestPixel(std::vector<uint8_t> mask, int width, int height) {
+  size_t last = 0;
+  while (true) {
+    std::vector<uint8_t> eroded(mask.size());
+    bool any = false;
+    for (int y = 1; y + 1 < height; ++y) {
+      for (int x = 1; x + 1 < width; ++x) {
+        const size_t i = static_cast<size_t>(y) * width + x;
+        eroded[i] = mask[i] & mask[i - 1] & mask[i + 1] & mask[i - width] & mask[i + width];
+        any |= eroded[i] != 0;
+      }
+    }
+    last = std::find(mask.begin(), mask.end(), 1) - mask.begin();
+    if (!any) break;
+    mask = std::move(eroded);
+  }
+  return {static_cast<double>(last % width) + 0.5, static_cast<double>(last / width) + 0.5, true};
+}
+
+// Mean IoU of a label over the views it shows in with at least 100 pixels.
+absl::StatusOr<double> ScoreLabel(const Segmenter& segmenter, const std::vector<ScoredView>& views,
+                                  uint32_t label, double scale, double threshold) {
+  constexpr int64_t kMinPixels = 100;
+  Segmenter::Prompt prompt;
+  prompt.scale = scale;
+  prompt.threshold = threshold;
+  double sum = 0;
+  int count = 0;
+  for (const ScoredView& view : views) {
+    const std::vector<uint8_t> truth = view.MaskOf(label);
+    if (std::count(truth.begin(), truth.end(), 1) < kMinPixels) continue;
+    if (prompt.points.empty()) {
+      prompt.view = view.camera;
+      prompt.points = {DeepestPixel(truth, view.labels.width, view.labels.height)};
+    }
+    ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view.camera, 1}));
+    sum += Iou(results[0].mask.pixels, truth, view.view->ignore);
+    ++count;
+  }
+  return count == 0 ? 0 : sum / count;
+}
+
+absl::StatusOr<nlohmann::json> Score(const Segmenter& segmenter,
+                                     const std::vector<ScoredView>& views) {
+  std::map<uint32_t, int64_t> labels;
+  for (const ScoredView& view : views) {
+    for (const uint32_t label : view.labels.labels) ++labels[label];
+  }
+  labels.erase(0);
+  nlohmann::json out;
+  for (const double scale : {0.01, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0}) {
+    for (const double threshold : {0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95}) {
+      nlohmann::json row = {{"scale", scale}, {"threshold", threshold}};
+      double sum = 0;
+      for (const auto& [label, pixels] : labels) {
+        ASSIGN_OR_RETURN(const double iou, ScoreLabel(segmenter, views, label, scale, threshold));
+        row["iou"][std::to_string(label)] = iou;
+        sum += iou;
+      }
+      row["mean"] = sum / static_cast<double>(labels.size());
+      out.push_back(row);
+    }
+  }
+  return out;
+}
+
+absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
+  const auto backend = MakeCpuBackend(options.num_threads);
+  ASSIGN_OR_RETURN(const auto files, ListDataset(options.folder));
+  ASSIGN_OR_RETURN(const Capture capture, ImportCapture(files, {}));
+  ASSIGN_OR_RETURN(Gaussians gaussians, GetGaussians(*backend, capture, options));
+  const double start = CoreSeconds();
+  nlohmann::json out = {{"gaussians", gaussians.count}};
+  ASSIGN_OR_RETURN(FeatureField field, TrainFeatures(*backend, capture, gaussians, options.features,
+                                                     [&](const StepReport& report) {
+                                                       if (report.step % 500 == 1)
+                                                         out["loss"].push_back(report.loss);
+                                                       return absl::OkStatus();
+                                                     }));
+  out["features_core_seconds"] = CoreSeconds() - start;
+  Model model;
+  model.gaussians = std::move(gaussians);
+  model.field = std::move(field);
+  model.scene_radius = SceneRadius(capture);
+  ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(*backend, std::move(model)));
+  ASSIGN_OR_RETURN(const auto views, LoadScoredViews(options.folder, capture));
+  ASSIGN_OR_RETURN(out["scores"], Score(*segmenter, views));
+  return out;
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  CLI::App app("Stage two on a dataset folder, scored by one click per label");
+  pepeseg::BenchOptions options;
+  app.add_option("folder", options.folder)->required();
+  app.add_option("--gaussians", options.gaussians);
+  app.add_option("--reconstruct-steps", options.reconstruct.num_steps);
+  app.add_option("--coarse-until", options.reconstruct.coarse_until);
+  app.add_option("--steps", options.features.num_steps);
+  app.add_option("--pixels", options.features.num_pixels);
+  app.add_option("--scales", options.features.num_scales);
+  app.add_option("--rate", options.features.learning_rate);
+  app.add_option("--seed", options.features.seed);
+  app.add_option("--threads", options.num_threads);
+  CLI11_PARSE(app, argc, argv);
+  const auto result = pepeseg::Run(options);
+  if (!result.ok()) {
+    std::cerr << result.status() << "\n";
+    return 1;
+  }
+  std::cout << result->dump() << "\n";
+  return 0;
+}

@@ -1,0 +1,116 @@
+#include "core/features/batch_drawer.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <optional>
+
+#include "core/features/mask_scales.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+struct Drawn {
+  explicit Drawn(const FeatureOptions& options)
+      : capture(testing::MakeSyntheticScene().capture), scales(capture.views.size()) {
+    std::vector<float> all;
+    for (size_t i = 0; i < scales.size(); ++i) {
+      for (int mask = 0; mask < capture.views[i].masks.num_masks; ++mask) {
+        scales[i].push_back(0.3f + 0.2f * static_cast<float>(mask) + 0.01f * static_cast<float>(i));
+      }
+      all.insert(all.end(), scales[i].begin(), scales[i].end());
+    }
+    field.scale_quantiles = ScaleQuantiles(all);
+    capture.views[3].ignore.assign(capture.views[3].masks.pixel_patch.size(), 0);
+    for (size_t i = 0; i < 3000; ++i) capture.views[3].ignore[i] = 1;
+    drawer.emplace(capture, field, MakeDrawableViews(capture, scales), options);
+  }
+  Capture capture;
+  std::vector<std::vector<float>> scales;
+  FeatureField field;
+  std::optional<BatchDrawer> drawer;
+};
+
+TEST(BatchDrawer, DrawsEachTrainingViewOnceARound) {
+  Drawn drawn({.num_pixels = 10});
+  int num_training = 0;
+  for (const View& view : drawn.capture.views) num_training += view.held_out ? 0 : 1;
+  for (int round = 0; round < 3; ++round) {
+    std::map<int, int> times;
+    for (int i = 0; i < num_training; ++i) ++times[drawn.drawer->Next().view];
+    EXPECT_EQ(times.size(), static_cast<size_t>(num_training));
+    for (const auto& [view, count] : times) EXPECT_FALSE(drawn.capture.views[view].held_out);
+  }
+}
+
+TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
+  Drawn drawn({.num_pixels = 200});
+  for (int i = 0; i < 24; ++i) {
+    const PixelBatch batch = drawn.drawer->Next();
+    const View& view = drawn.capture.views[batch.view];
+    ASSERT_EQ(batch.pixels.size(), 200u);
+    for (const int32_t pixel : batch.pixels) {
+      EXPECT_NE(view.masks.pixel_patch[pixel], 0u);
+      EXPECT_TRUE(view.ignore.empty() || view.ignore[pixel] == 0);
+    }
+  }
+}
+
+TEST(BatchDrawer, WeighsPixelsByTheAreaOfTheirMasks) {
+  Drawn drawn({.num_pixels = 50});
+  const PixelBatch batch = drawn.drawer->Next();
+  const MaskSet& masks = drawn.capture.views[batch.view].masks;
+  for (size_t i = 0; i < batch.pixels.size(); ++i) {
+    double area = 0, count = 0;
+    for (int mask = 0; mask < masks.num_masks; ++mask) {
+      if (!masks.Covers(mask, batch.pixels[i] % masks.width, batch.pixels[i] / masks.width)) {
+        continue;
+      }
+      area += static_cast<double>(masks.mask_area[mask]);
+      ++count;
+    }
+    EXPECT_NEAR(batch.weight[i], count / area, 1e-6 * count / area);
+  }
+}
+
+TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
+  Drawn drawn({.num_pixels = 4, .num_scales = 10});
+  for (int i = 0; i < 50; ++i) {
+    const PixelBatch batch = drawn.drawer->Next();
+    ASSERT_EQ(batch.scales.size(), 10u);
+    for (const float scale : batch.scales) {
+      EXPECT_GE(scale, 0);
+      EXPECT_LE(scale, 1);
+    }
+    // The smallest mask of the view, and not more.
+    const double smallest = QuantileOfScale(drawn.field, 0.3 + 0.01 * batch.view + 1e-6);
+    EXPECT_LE(batch.scales.back(), smallest + 1e-6);
+    EXPECT_EQ(batch.labels.size(),
+              size_t{10} * batch.num_patches * static_cast<size_t>(batch.label_words));
+  }
+}
+
+TEST(BatchDrawer, FollowsItsSeed) {
+  Drawn a({.num_pixels = 30, .seed = 5}), b({.num_pixels = 30, .seed = 5});
+  Drawn c({.num_pixels = 30, .seed = 6});
+  bool differs = false;
+  for (int i = 0; i < 5; ++i) {
+    const PixelBatch x = a.drawer->Next(), y = b.drawer->Next(), z = c.drawer->Next();
+    EXPECT_EQ(x.pixels, y.pixels);
+    EXPECT_EQ(x.scales, y.scales);
+    EXPECT_EQ(x.pair_seed, y.pair_seed);
+    differs |= x.pixels != z.pixels;
+  }
+  EXPECT_TRUE(differs);
+}
+
+TEST(MakeDrawableViews, LeavesOutViewsWithoutAScaledMask) {
+  const Capture capture = testing::MakeSyntheticScene().capture;
+  std::vector<std::vector<float>> scales;
+  for (const View& view : capture.views) scales.emplace_back(view.masks.num_masks, kNoScale);
+  EXPECT_TRUE(MakeDrawableViews(capture, scales).empty());
+}
+
+}  // namespace
+}  // namespace pepeseg

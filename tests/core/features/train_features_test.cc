@@ -1,0 +1,124 @@
+#include "core/features/train_features.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/features/frozen_scene.h"
+#include "core/features/mask_scales.h"
+#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr FeatureOptions kShort = {
+    .num_steps = 30, .num_pixels = 60, .num_scales = 5, .steps_per_chunk = 7};
+
+absl::Status Go(const StepReport&) { return absl::OkStatus(); }
+
+Capture SmallCapture() {
+  return testing::MakeSyntheticScene({.num_views = 6, .num_points = 1500}).capture;
+}
+
+TEST(TrainFeatures, SameBytesForAnyNumberOfThreads) {
+  const Capture capture = SmallCapture();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  ASSERT_OK_AND_ASSIGN(const FeatureField one,
+                       TrainFeatures(*MakeCpuBackend(1), capture, gaussians, kShort, Go));
+  for (const int threads : {2, 3}) {
+    ASSERT_OK_AND_ASSIGN(const FeatureField other,
+                         TrainFeatures(*MakeCpuBackend(threads), capture, gaussians, kShort, Go));
+    EXPECT_EQ(one.features, other.features);
+    EXPECT_EQ(one.gate, other.gate);
+    EXPECT_EQ(one.scale_quantiles, other.scale_quantiles);
+  }
+}
+
+TEST(TrainFeatures, TheChunkSizeChangesNothing) {
+  const Capture capture = SmallCapture();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kShort;
+  ASSERT_OK_AND_ASSIGN(const FeatureField a,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  options.steps_per_chunk = 1000;
+  ASSERT_OK_AND_ASSIGN(const FeatureField b,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  EXPECT_EQ(a.features, b.features);
+}
+
+TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
+  const Capture capture = SmallCapture();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  FeatureOptions options = kShort;
+  options.num_steps = 200;
+  double first = 0, last = 0;
+  int64_t reports = 0;
+  const auto progress = [&](const StepReport& report) {
+    EXPECT_EQ(report.step, ++reports);
+    EXPECT_EQ(report.num_steps, 200);
+    (report.step <= 20 ? first : last) += report.step <= 20 || report.step > 180 ? report.loss : 0;
+    return absl::OkStatus();
+  };
+  ASSERT_OK_AND_ASSIGN(const FeatureField field,
+                       TrainFeatures(*MakeCpuBackend(2), capture, gaussians, options, progress));
+  EXPECT_LT(last, first);
+  EXPECT_EQ(field.scale_quantiles.size(), 1000u);
+  int64_t num_trained = 0;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    double squares = 0;
+    for (int k = 0; k < 32; ++k) squares += std::pow(field.features[i * 32 + k], 2);
+    EXPECT_TRUE(squares == 0 || std::abs(squares - 1) < 1e-5);
+    num_trained += squares > 0 ? 1 : 0;
+  }
+  EXPECT_GT(num_trained, 200);
+}
+
+TEST(TrainFeatures, EndsWithTheErrorOfTheCallback) {
+  const Capture capture = SmallCapture();
+  const auto stop = [](const StepReport& report) {
+    return report.step < 3 ? absl::OkStatus() : absl::CancelledError("enough");
+  };
+  EXPECT_STATUS(TrainFeatures(*MakeCpuBackend(1), capture, testing::PointGaussians(capture, 0.06f),
+                              kShort, stop),
+                absl::StatusCode::kCancelled, "enough");
+}
+
+TEST(TrainFeatures, WithoutMasksIsAFailedPrecondition) {
+  const Capture capture = testing::MakeSyntheticScene({.with_masks = false}).capture;
+  EXPECT_STATUS(TrainFeatures(*MakeCpuBackend(1), capture, testing::PointGaussians(capture, 0.06f),
+                              kShort, Go),
+                absl::StatusCode::kFailedPrecondition, "no training view has a mask");
+}
+
+TEST(Validate, FeatureOptionsNameTheField) {
+  EXPECT_OK(Validate(FeatureOptions()));
+  EXPECT_STATUS(Validate(FeatureOptions{.num_steps = 0}), absl::StatusCode::kInvalidArgument,
+                "num_steps is 0");
+  EXPECT_STATUS(Validate(FeatureOptions{.num_pixels = 1}), absl::StatusCode::kInvalidArgument,
+                "num_pixels");
+  EXPECT_STATUS(Validate(FeatureOptions{.num_scales = 17}), absl::StatusCode::kInvalidArgument,
+                "num_scales is 17");
+  EXPECT_STATUS(Validate(FeatureOptions{.learning_rate = NAN}), absl::StatusCode::kInvalidArgument,
+                "learning_rate");
+  EXPECT_STATUS(Validate(FeatureOptions{.steps_per_chunk = 0}), absl::StatusCode::kInvalidArgument,
+                "steps_per_chunk");
+}
+
+TEST(FrozenScene, DepthIsThatOfTheSurface) {
+  // One large opaque Gaussian, 3 in front of the camera.
+  Capture capture;
+  capture.points.push_back({Eigen::Vector3f(0, 0, 3), {200, 100, 50}});
+  View view;
+  view.camera = {32, 32, 30, 30, 16, 16};
+  const auto backend = MakeCpuBackend(1);
+  FrozenScene scene(*backend, testing::PointGaussians(capture, 0.4f), 1);
+  const std::vector<float> depth = scene.Depth(view);
+  EXPECT_NEAR(depth[16 * 32 + 16], 3, 1e-4);
+  EXPECT_EQ(depth[0], 0);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,207 @@
+#include "core/query/segmenter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <thread>
+
+#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kSize = 48;
+
+// Two opaque blobs in front of the camera, left and right, with orthogonal features; nothing else.
+Model TwoBlobs() {
+  Capture capture;
+  capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
+  capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
+  Model model;
+  model.gaussians = testing::PointGaussians(capture, 0.12f);
+  model.field.features.assign(2 * 32, 0.0f);
+  model.field.features[0] = 1;
+  model.field.features[32 + 1] = 1;
+  model.field.scale_quantiles = {1, 3};
+  ModelView view;
+  view.name = "front";
+  view.camera = {kSize, kSize, 40, 40, 24, 24};
+  model.views = {view};
+  return model;
+}
+
+class SegmenterTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
+    prompt_.view = segmenter_->model().views[0];
+    prompt_.points = {{kLeftX, kY, true}};
+  }
+  absl::StatusOr<std::vector<SegmentResult>> Ask(bool want_similarity = false) const {
+    return segmenter_->Segment(prompt_, segmenter_->model().views, want_similarity);
+  }
+  void ExpectInvalid(const std::string& message) const {
+    EXPECT_STATUS(Ask(), absl::StatusCode::kInvalidArgument, message);
+  }
+
+  static constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  std::unique_ptr<Segmenter> segmenter_;
+  Segmenter::Prompt prompt_;
+};
+
+TEST_F(SegmenterTest, AClickFindsItsBlobAndNotTheOther) {
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask(true));
+  ASSERT_EQ(results.size(), 1u);
+  const SegmentResult& result = results[0];
+  EXPECT_EQ(result.mask.pixels[24 * kSize + 17], 1);
+  EXPECT_EQ(result.mask.pixels[24 * kSize + 30], 0);
+  EXPECT_EQ(result.mask.pixels[0], 0);
+  EXPECT_GT(result.score, 0.9);
+  EXPECT_EQ(result.scale, 0.5);
+  EXPECT_NEAR(result.scale_units, 2, 1e-6);
+  ASSERT_EQ(result.similarity.size(), size_t{kSize} * kSize);
+  EXPECT_NEAR(result.similarity[24 * kSize + 17], 1, 1e-3);
+  EXPECT_LT(result.similarity[24 * kSize + 30], 0.5);
+}
+
+TEST_F(SegmenterTest, TheBoxHoldsTheMask) {
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask());
+  int min_x = kSize, max_x = -1, min_y = kSize, max_y = -1;
+  for (int i = 0; i < kSize * kSize; ++i) {
+    if (results[0].mask.pixels[i] == 0) continue;
+    min_x = std::min(min_x, i % kSize), max_x = std::max(max_x, i % kSize);
+    min_y = std::min(min_y, i / kSize), max_y = std::max(max_y, i / kSize);
+  }
+  EXPECT_EQ(results[0].box[0], min_x);
+  EXPECT_EQ(results[0].box[1], min_y);
+  EXPECT_EQ(results[0].box[2], max_x - min_x + 1);
+  EXPECT_EQ(results[0].box[3], max_y - min_y + 1);
+  EXPECT_TRUE(results[0].similarity.empty());
+}
+
+TEST_F(SegmenterTest, TwoPositivePointsTakeBothAndANegativeOneTakesBack) {
+  prompt_.points.push_back({kRightX, kY, true});
+  ASSERT_OK_AND_ASSIGN(const auto both, Ask());
+  EXPECT_EQ(both[0].mask.pixels[24 * kSize + 17], 1);
+  EXPECT_EQ(both[0].mask.pixels[24 * kSize + 30], 1);
+  prompt_.points.push_back({kRightX, kY, false});
+  ASSERT_OK_AND_ASSIGN(const auto one, Ask());
+  EXPECT_EQ(one[0].mask.pixels[24 * kSize + 17], 1);
+  EXPECT_EQ(one[0].mask.pixels[24 * kSize + 30], 0);
+}
+
+TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
+  ModelView target = prompt_.view;
+  target.name.clear();
+  target.camera = {64, 40, 50, 50, 30, 20};
+  target.cam_from_world.translation = {0.1, 0, 0.2};
+  const std::vector<ModelView> targets = {prompt_.view, target};
+  ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(prompt_, targets));
+  ASSERT_EQ(results.size(), 2u);
+  EXPECT_EQ(results[1].width, 64);
+  EXPECT_EQ(results[1].height, 40);
+  // The left blob, where that camera sees it.
+  const int x = static_cast<int>(50 * (-0.5 + 0.1) / 3.2 + 30);
+  EXPECT_EQ(results[1].mask.pixels[20 * 64 + x], 1);
+
+  prompt_.view = target;
+  prompt_.points = {{x + 0.5, 20.5, true}};
+  ASSERT_OK_AND_ASSIGN(const auto back, Ask());
+  EXPECT_EQ(back[0].mask.pixels[24 * kSize + 17], 1);
+}
+
+TEST_F(SegmenterTest, AnEmptyMaskHasNoBoxAndNoScore) {
+  ModelView away = prompt_.view;
+  away.cam_from_world.translation = {0, 0, -50};  // everything is behind it
+  ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(prompt_, {&away, 1}));
+  EXPECT_EQ(results[0].score, 0);
+  for (const int value : results[0].box) EXPECT_EQ(value, 0);
+}
+
+TEST_F(SegmenterTest, RendersColour) {
+  ASSERT_OK_AND_ASSIGN(const Image image, segmenter_->RenderColor(prompt_.view));
+  const uint8_t* left = &image.pixels[(24 * kSize + 17) * 3];
+  EXPECT_GT(left[0], 200);
+  EXPECT_LT(left[2], 50);
+  EXPECT_EQ(image.pixels[0], 0);
+}
+
+TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
+  ASSERT_OK_AND_ASSIGN(const auto want, Ask());
+  std::vector<std::thread> threads;
+  std::vector<int> wrong(4);
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 20; ++i) {
+        const auto got = Ask();
+        wrong[t] += got.ok() && (*got)[0].mask.pixels == want[0].mask.pixels ? 0 : 1;
+        wrong[t] += segmenter_->RenderColor(prompt_.view).ok() ? 0 : 1;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(wrong, std::vector<int>(4));
+}
+
+TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
+  prompt_.points = {};
+  ExpectInvalid("no positive point");
+  prompt_.points = {{kLeftX, kY, false}};
+  ExpectInvalid("no positive point");
+  prompt_.points = {{kLeftX, kY, true}, {48, 3, true}};
+  ExpectInvalid("point 1 is at (48, 3), outside of view front of 48x48 pixels");
+  prompt_.points = {{NAN, 3, true}};
+  ExpectInvalid("point 0 is at (nan, 3)");
+  prompt_.points = {{-0.1, 3, true}};
+  ExpectInvalid("point 0");
+  prompt_.points = {{1.5, 1.5, true}};
+  ExpectInvalid("nothing with a feature is rendered there");
+  prompt_.points = {{kLeftX, kY, true}};
+  prompt_.scale = 1.01;
+  ExpectInvalid("scale is 1.01, must be in [0, 1]");
+  prompt_.scale = NAN;
+  ExpectInvalid("scale is nan");
+  prompt_.scale = 0.5;
+  prompt_.threshold = -1.5;
+  ExpectInvalid("threshold is -1.5, must be in [-1, 1]");
+}
+
+TEST_F(SegmenterTest, RefusesCamerasThatAreNone) {
+  const ModelView good = prompt_.view;
+  const auto expect_refused = [&](const ModelView& view, const std::string& message) {
+    EXPECT_STATUS(segmenter_->Segment(prompt_, {&view, 1}), absl::StatusCode::kInvalidArgument,
+                  message);
+    EXPECT_STATUS(segmenter_->RenderColor(view), absl::StatusCode::kInvalidArgument, message);
+  };
+  ModelView view = good;
+  view.camera.fx = NAN;
+  expect_refused(view, "view front: fx is nan");
+  view = good;
+  view.camera.width = 1 << 20;
+  expect_refused(view, "size is 1048576x48");
+  view = good;
+  view.camera.height = 0;
+  expect_refused(view, "size is 48x0");
+  view = good;
+  view.cam_from_world.rotation.coeffs().setZero();
+  expect_refused(view, "rotation");
+  view = good;
+  view.cam_from_world.translation.y() = INFINITY;
+  view.name.clear();
+  expect_refused(view, "the free camera: the translation is not finite");
+}
+
+TEST(SegmenterCreate, RefusesAModelWithoutItsFeatures) {
+  const auto backend = MakeCpuBackend(1);
+  Model model = TwoBlobs();
+  model.field.features.pop_back();
+  EXPECT_STATUS(Segmenter::Create(*backend, std::move(model)), absl::StatusCode::kInvalidArgument,
+                "63 feature values, must be 64");
+  EXPECT_STATUS(Segmenter::Create(*backend, Model()), absl::StatusCode::kInvalidArgument,
+                "no Gaussian");
+}
+
+}  // namespace
+}  // namespace pepeseg
