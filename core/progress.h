@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string_view>
 
 #include "absl/functional/function_ref.h"
@@ -13,8 +14,8 @@ struct StepReport {
   std::string_view stage;  // "prepare", "reconstruct", "features"
   int64_t step = 0;        // from 1
   int64_t num_steps = 0;
-  double loss = 0;
-  double psnr = 0;  // of the training view of this step, dB
+  double loss = std::numeric_limits<double>::quiet_NaN();
+  double psnr = std::numeric_limits<double>::quiet_NaN();  // of the training view of this step, dB
   int64_t num_gaussians = 0;
   int64_t num_culled_degenerate = 0;  // since the start of the stage
   int64_t num_skipped_gradients = 0;  // likewise

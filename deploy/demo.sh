@@ -8,11 +8,12 @@ shift
 out=$build/demo
 mkdir -p "$out"
 data=$(mktemp -d "$out/data.XXXXXX")
-server=
+server= client=
 
 stop() {
   local status=$?
   trap - EXIT
+  [[ -z $client ]] || kill -TERM "$client" 2>/dev/null || true
   if [[ -n $server ]] && kill -TERM "$server" 2>/dev/null; then
     wait "$server" || echo "the server did not stop cleanly: see $out/server.log" >&2
   fi
@@ -34,5 +35,9 @@ done
 port=$(cat "$data.port")
 rm -f "$data.port"
 echo "pepesegd listens on 127.0.0.1:$port; its log is $out/server.log"
-"$build/bin/pepeseg" --server "127.0.0.1:$port" demo --data tests/data/apc_shelf --out "$out" "$@"
+"$build/bin/pepeseg" --server "127.0.0.1:$port" demo \
+  --data tests/data/apc_shelf --out "$out" "$@" &
+client=$!  # waited for, not run in front: bash would hold a signal back until it ends
+wait "$client"
+client=
 ls "$out"/*.png

@@ -14,6 +14,7 @@ fi
 
 echo "pepeseg needs these Debian packages, which are not installed:"
 printf '  %s\n' "${missing[@]}"
+echo "This takes a few minutes, once."
 as_root=()
 if ((EUID != 0)); then
   if ! command -v sudo >/dev/null; then
@@ -26,4 +27,4 @@ if ((EUID != 0)); then
 fi
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-  apt-get install -y -qq --no-install-recommends "${missing[@]}"
+  apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

@@ -76,10 +76,11 @@ struct FeatureRowsArgs {
 // L_m: G^s_pq = 1 iff the label bitsets of p and q at scale s intersect; C^s_pq is the cosine of
 // psi(s) * F(p) and psi(s) * F(q). Pairs p < q count with all their scales: those whose G is not
 // the same at all scales ("hard"); for each of them easy_share constant-positive and easy_share
-// constant-negative ones, drawn at random; and every pair with G = 1 and C < min_positive or G = 0
-// and C > max_negative at some scale. L_m = mean over their positives of (-w C) + mean over their
-// negatives of (w max(C, 0)); w_pq is the product of the two pixels' weights, min-max normalised
-// over all pairs of the batch to [1, 10], or 1 when all are equal.
+// constant-negative ones, drawn at random (as for 5 % of all pairs when fewer are hard); and every
+// pair with G = 1 and C < min_positive or G = 0 and C > max_negative at some scale. L_m = mean over
+// their positives of (-w C) + mean over their negatives of (w max(C, 0)); w_pq is the product of
+// the two pixels' weights, min-max normalised over all pairs of the batch to [1, 10], or 1 when all
+// are equal.
 //
 // The norm of pixels: mean of (|F(p)| - 1)^2 over pixels with alpha > min_norm_alpha.
 struct PairLossArgs {

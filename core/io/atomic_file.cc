@@ -92,7 +92,7 @@ absl::Status SyncFolder(const std::filesystem::path& folder) {
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (descriptor < 0) return Failed("cannot open folder", folder);
   const int synced = ::fsync(descriptor);
-  const absl::Status status = synced == 0 ? absl::OkStatus() : Failed("cannot sync folder", folder);
+  absl::Status status = synced == 0 ? absl::OkStatus() : Failed("cannot sync folder", folder);
   ::close(descriptor);
   return status;
 }

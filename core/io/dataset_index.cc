@@ -14,7 +14,7 @@ absl::Status TwoFor(const std::string& what, const DatasetFile& a, const Dataset
   return absl::InvalidArgumentError(absl::StrCat("two ", what, ": ", a.name, " and ", b.name));
 }
 
-absl::Status Put(const DatasetFile& file, std::string key, const std::string& what,
+absl::Status Put(const DatasetFile& file, const std::string& key, const std::string& what,
                  std::map<std::string, const DatasetFile*>& index) {
   const auto [entry, added] = index.try_emplace(key, &file);
   return added ? absl::OkStatus() : TwoFor(absl::StrCat(what, key), *entry->second, file);

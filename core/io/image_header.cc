@@ -74,9 +74,9 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
   bool scanned = false;
   size_t at = 2;
   while (at + 2 <= bytes.size()) {
-    if (bytes[at] != 0xFF) return Malformed("JPEG", absl::StrCat("no marker at byte ", at));
     const uint8_t marker = bytes[at + 1];
-    if (marker == 0xFF) {  // fill byte
+    // Fill bytes, and what lies between segments without being one: decoders pass over it too.
+    if (bytes[at] != 0xFF || marker == 0xFF || marker == 0) {
       ++at;
       continue;
     }

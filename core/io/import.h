@@ -26,6 +26,7 @@ struct DatasetFile {
 //   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
 //   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
+//   points.ply                     points to start from in place of COLMAP's
 //   depth/...                      kept for later stages
 absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder);
 
@@ -35,6 +36,10 @@ struct ImportOptions {
 };
 absl::Status Validate(const ImportOptions& options);
 
+// A mask belongs to the photograph of the same name without suffix and folder: masks/cam0/7.json to
+// images/cam0/7.jpg. Views are named by their photographs below images/ ("cam0/7.jpg"), whether
+// COLMAP's names have that folder or not.
+//
 // The "prepare" stage: decodes, checks and undistorts. INVALID_ARGUMENT names the file, and the
 // index, the field and the limit where there is one. No allocation follows a count that a file only
 // claims. Photographs that the poses do not list, and poses without a photograph, are left out with

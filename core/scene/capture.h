@@ -20,7 +20,7 @@ struct Image {
 
 // A photograph with its camera and what is known about it; all of one size.
 struct View {
-  std::string name;  // of the image file, as uploaded: metadata, never a path of ours
+  std::string name;  // of the image file below images/: metadata, never a path of ours
   Camera camera;
   Pose cam_from_world;
   bool held_out = false;  // for testing: never trained on

@@ -20,10 +20,10 @@ struct PairJob {
   const uint32_t* agrees;           // [patches, patches] bit k: G at scale k
   float weight_base, weight_slope;  // w = base + slope * product of the pixels' weights
   const float* pixel_weight;        // [padded]
-  // A constant-positive resp. -negative pair is drawn when its hash is below.
-  uint32_t positive_limit, negative_limit;
+  // A constant-positive resp. -negative pair is drawn when its 31-bit hash is below.
+  int32_t positive_limit, negative_limit;
   float* unit;             // [scales, padded, 32] psi * F, normalised
-  float* unit_by_channel;  // [scales, 32, padded]
+  float* unit_by_channel;  // the same as [scales, padded / 16, 32, 16]: columns side by side
   float* unit_grad;        // [2, scales, padded, 32] of the positives' sum and of the negatives'
   // For the last pass: 1 / counts.
   float positive_scale, negative_scale, norm_scale;

@@ -7,6 +7,11 @@
 #include "kernels/math/gate.h"
 
 namespace pepeseg {
+namespace {
+
+constexpr double kMinHardShare = 0.05;  // of all pairs, for the number of easy ones
+
+}  // namespace
 
 PairPlan::PairPlan(const PairLossArgs& args) : job() {
   const auto num_pixels = static_cast<int>(args.pixel_weight.size);
@@ -72,9 +77,11 @@ void PairPlan::LimitDraws(const PairLossArgs& args) {
       (agrees == all ? positive : agrees == 0 ? negative : hard) += pairs;
     }
   }
+  // Masks that do not nest make no hard pair; something must hold objects together all the same.
+  hard = std::max(hard, kMinHardShare * (hard + positive + negative));
   const auto limit = [&](double available) {
     const double share = available == 0 ? 0 : std::min(1.0, args.easy_share * hard / available);
-    return static_cast<uint32_t>(share * 4294967295.0);
+    return static_cast<int32_t>(share * 2147483647.0);
   };
   job.positive_limit = limit(positive);
   job.negative_limit = limit(negative);

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/features/train_features.h"
 #include "core/io/decode_image.h"
+#include "core/io/encode_png.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/import.h"
 #include "core/query/segmenter.h"
@@ -28,6 +30,8 @@ struct BenchOptions {
   ReconstructOptions reconstruct;
   FeatureOptions features;
   int num_threads = 0;
+  std::string pictures;                  // folder; empty: none
+  double scale = 0.3, threshold = 0.75;  // of the pictures
 };
 
 double CoreSeconds() {
@@ -150,6 +154,46 @@ absl::StatusOr<nlohmann::json> Score(const Segmenter& segmenter,
   return out;
 }
 
+// Photograph | render | similarity, for each label and held-out view.
+absl::Status WritePictures(const Segmenter& segmenter, const std::vector<ScoredView>& views,
+                           const BenchOptions& options) {
+  std::map<uint32_t, Segmenter::Prompt> prompts;
+  for (size_t v = 0; v < views.size(); ++v) {
+    const ScoredView& view = views[v];
+    std::map<uint32_t, int> labels;
+    for (const uint32_t label : view.labels.labels) ++labels[label];
+    labels.erase(0);
+    for (const auto& [label, pixels] : labels) {
+      Segmenter::Prompt& prompt = prompts[label];
+      if (prompt.points.empty()) {
+        prompt = {view.camera,
+                  {DeepestPixel(view.MaskOf(label), view.labels.width, view.labels.height)},
+                  options.scale,
+                  options.threshold};
+      }
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view.camera, 1}, true));
+      ASSIGN_OR_RETURN(const Image render, segmenter.RenderColor(view.camera));
+      Image all = {3 * render.width, render.height, 3, {}};
+      for (size_t i = 0; i < all.pixels.max_size() && i < size_t{9} * render.width * render.height;
+           ++i) {
+        const size_t column = i / 3 % all.width, y = i / 3 / all.width;
+        const size_t pixel = y * render.width + column % render.width, k = i % 3;
+        const uint8_t values[] = {
+            view.view->photo.pixels[3 * pixel + k], render.pixels[3 * pixel + k],
+            static_cast<uint8_t>(255 * std::max(0.0f, results[0].similarity[pixel]) *
+                                 (k > 0 || results[0].mask.pixels[pixel] ? 1.0f : 0.6f))};
+        all.pixels.push_back(values[column / render.width]);
+      }
+      ASSIGN_OR_RETURN(const std::string png, EncodePng(all));
+      std::ofstream(options.pictures + "/view" + std::to_string(v) + "_label" +
+                        std::to_string(label) + ".png",
+                    std::ios::binary)
+          << png;
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   const auto backend = MakeCpuBackend(options.num_threads);
   ASSIGN_OR_RETURN(const auto files, ListDataset(options.folder));
@@ -170,6 +214,7 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   model.scene_radius = SceneRadius(capture);
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(*backend, std::move(model)));
   ASSIGN_OR_RETURN(const auto views, LoadScoredViews(options.folder, capture));
+  if (!options.pictures.empty()) RETURN_IF_ERROR(WritePictures(*segmenter, views, options));
   ASSIGN_OR_RETURN(out["scores"], Score(*segmenter, views));
   return out;
 }
@@ -184,12 +229,22 @@ int main(int argc, char** argv) {
   app.add_option("--gaussians", options.gaussians);
   app.add_option("--reconstruct-steps", options.reconstruct.num_steps);
   app.add_option("--coarse-until", options.reconstruct.coarse_until);
+  app.add_option("--sh", options.reconstruct.sh_degree);
+  app.add_option("--max-gaussians", options.reconstruct.max_gaussians);
+  app.add_option("--ssim-weight", options.reconstruct.ssim_weight);
+  app.add_option("--mean-rate", options.reconstruct.mean_learning_rate);
+  app.add_option("--mean-rate-final", options.reconstruct.mean_learning_rate_final);
+  app.add_option("--sh-rate", options.reconstruct.sh_learning_rate);
+  app.add_option("--densify-gradient", options.reconstruct.densify_gradient);
   app.add_option("--steps", options.features.num_steps);
   app.add_option("--pixels", options.features.num_pixels);
   app.add_option("--scales", options.features.num_scales);
   app.add_option("--rate", options.features.learning_rate);
   app.add_option("--seed", options.features.seed);
   app.add_option("--threads", options.num_threads);
+  app.add_option("--pictures", options.pictures);
+  app.add_option("--scale", options.scale);
+  app.add_option("--threshold", options.threshold);
   CLI11_PARSE(app, argc, argv);
   const auto result = pepeseg::Run(options);
   if (!result.ok()) {

@@ -83,24 +83,36 @@ TEST_P(PairLossTest, MatchesDoubleReference) {
   }
 }
 
-TEST_P(PairLossTest, DrawsHalfAsManyEasyPairsAsHardOnes) {
-  // Patches 0 and 1 agree at one of two scales, 2 with nothing, each with itself always.
-  PairBatch batch = RandomPairBatch(600, 2, 1, 5);
+// Pixels of three patches: 0 and 1 agree at one of two scales, 2 with nothing, each with itself
+// always. Nothing violates: features are equal within a patch and orthogonal between them.
+PairBatch PatchesBatch(int size0, int size1, int size2) {
+  const int num_pixels = size0 + size1 + size2;
+  PairBatch batch = RandomPairBatch(num_pixels, 2, 1, 5);
   batch.num_patches = 3;
   batch.labels = {1, 1, 2, 1, 4, 2};
-  for (int i = 0; i < 600; ++i) {
-    batch.patch[i] = i < 60 ? 0 : (i < 120 ? 1 : 2);
-    // Nothing violates: equal within a patch, orthogonal between; 0 and 1 are paired anyway.
+  for (int i = 0; i < num_pixels; ++i) {
+    batch.patch[i] = i < size0 ? 0 : (i < size0 + size1 ? 1 : 2);
     for (int k = 0; k < kFeatureSize; ++k) {
       batch.features[i * kFeatureSize + k] = k == batch.patch[i] ? 1 : 0;
     }
   }
-  const double hard = 60 * 60;
-  const OpResult got = RunOp(*backend_, batch, 0.5f);
+  return batch;
+}
+
+TEST_P(PairLossTest, DrawsHalfAsManyEasyPairsAsHardOnes) {
+  const double hard = 200 * 200;
+  const OpResult got = RunOp(*backend_, PatchesBatch(200, 200, 200), 0.5f);
   const double positives = (got.sums[kNumPositives] - hard) / 2;
   const double negatives = (got.sums[kNumNegatives] - hard) / 2;
   EXPECT_NEAR(positives, hard / 2, 5 * std::sqrt(hard / 2));
   EXPECT_NEAR(negatives, hard / 2, 5 * std::sqrt(hard / 2));
+}
+
+TEST_P(PairLossTest, DrawsEasyPairsWhereFewAreHard) {
+  const OpResult got = RunOp(*backend_, PatchesBatch(0, 300, 300), 0.5f);
+  const double expected = 0.5 * 0.05 * 600 * 599 / 2;
+  EXPECT_NEAR(got.sums[kNumPositives] / 2, expected, 5 * std::sqrt(expected));
+  EXPECT_NEAR(got.sums[kNumNegatives] / 2, expected, 5 * std::sqrt(expected));
 }
 
 TEST_P(PairLossTest, PixelsWithoutAnyFeatureHaveFiniteGradients) {

@@ -1,9 +1,9 @@
 // The server program and its worker, over a socket: what a newcomer does.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
+#include <sys/types.h>
 
-#include <algorithm>
+#include <csignal>
 #include <set>
 
 #include "absl/time/clock.h"
@@ -15,7 +15,6 @@
 namespace pepeseg {
 namespace {
 
-using testing::ClientFile;
 using ::testing::HasSubstr;
 using testing::PepesegdProcess;
 using testing::ServiceClient;

@@ -19,18 +19,22 @@ struct FeatureLanes {
 };
 PEPESEG_HD FeatureLanes LoadFeature(const float* p) {
   FeatureLanes f;
+  HWY_UNROLL(kVectors)
   for (int k = 0; k < kVectors; ++k) f.v[k] = Lanes::Load(p + k * kLanes);
   return f;
 }
 PEPESEG_HD void StoreFeature(const FeatureLanes& f, float* p) {
+  HWY_UNROLL(kVectors)
   for (int k = 0; k < kVectors; ++k) f.v[k].Store(p + k * kLanes);
 }
 PEPESEG_HD FeatureLanes ZeroFeature() {
   FeatureLanes f;
+  HWY_UNROLL(kVectors)
   for (int k = 0; k < kVectors; ++k) f.v[k] = Lanes(0.0f);
   return f;
 }
 PEPESEG_HD void AddScaled(float scale, const float* from, FeatureLanes& to) {
+  HWY_UNROLL(kVectors)
   for (int k = 0; k < kVectors; ++k) {
     to.v[k] = MulAdd(Lanes(scale), Lanes::Load(from + k * kLanes), to.v[k]);
   }

@@ -21,77 +21,91 @@ PEPESEG_HD const float* UnitOf(const PairJob& job, int scale, int pixel) {
 PEPESEG_HD void Correlate(const PairJob& job, int p, int q, Cosines& cosines) {
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const float* rows = UnitOf(job, scale, p);
-    const float* columns = job.unit_by_channel + int64_t{scale} * kFeatureSize * job.padded + q;
+    const float* columns = job.unit_by_channel + (int64_t{scale} * job.padded + q) * kFeatureSize;
     for (int v = 0; v < kColumnVectors; ++v) {
       Lanes sum[kTileRows];
-      for (Lanes& s : sum) s = Lanes(0.0f);
+      HWY_UNROLL(kTileRows)
+      for (int i = 0; i < kTileRows; ++i) sum[i] = Lanes(0.0f);
       for (int channel = 0; channel < kFeatureSize; ++channel) {
-        const Lanes column = Lanes::Load(columns + int64_t{channel} * job.padded + v * kLanes);
+        const Lanes column = Lanes::Load(columns + channel * kPairColumns + v * kLanes);
+        HWY_UNROLL(kTileRows)
         for (int i = 0; i < kTileRows; ++i) {
           sum[i] = MulAdd(Lanes(rows[i * kFeatureSize + channel]), column, sum[i]);
         }
       }
+      HWY_UNROLL(kTileRows)
       for (int i = 0; i < kTileRows; ++i) sum[i].Store(cosines.at[i][scale] + v * kLanes);
     }
   }
 }
 
-// The same for (p, q) and (q, p).
-PEPESEG_HD uint32_t PairHash(uint32_t p, uint32_t q, uint32_t seed) {
-  const uint32_t low = p < q ? p : q, high = p < q ? q : p;
-  uint32_t h = (high << 16 | low) ^ seed;
-  h = (h ^ h >> 16) * 0x7feb352du;
-  h = (h ^ h >> 15) * 0x846ca68bu;
-  return h ^ h >> 16;
+using IntLanes = hn::Vec<IntTag>;
+using UintTag = hn::RebindToUnsigned<FloatTag>;
+
+PEPESEG_HD uint32_t BitsOf(hn::Mask<IntTag> mask) {
+  return BitsOf(LaneMask{hn::RebindMask(FloatTag(), mask)});
+}
+PEPESEG_HD LaneMask MaskOf(uint32_t bits) {
+  const uint8_t bytes[8] = {static_cast<uint8_t>(bits), static_cast<uint8_t>(bits >> 8)};
+  return {hn::LoadMaskBits(FloatTag(), bytes)};
+}
+
+// 31 random bits for each pair of a pixel p and the pixels from q on; the same for (p, q), (q, p).
+PEPESEG_HD IntLanes PairHash(uint32_t p, uint32_t q, uint32_t seed) {
+  const UintTag d;
+  const IntTag di;
+  const auto row = hn::Set(di, static_cast<int32_t>(p));
+  const auto column = hn::Iota(di, static_cast<int32_t>(q));
+  const auto key = hn::Or(hn::ShiftLeft<16>(hn::Max(row, column)), hn::Min(row, column));
+  auto h = hn::Xor(hn::BitCast(d, key), hn::Set(d, seed));
+  h = hn::Mul(hn::Xor(h, hn::ShiftRight<16>(h)), hn::Set(d, 0x7feb352du));
+  h = hn::Mul(hn::Xor(h, hn::ShiftRight<15>(h)), hn::Set(d, 0x846ca68bu));
+  return hn::BitCast(di, hn::ShiftRight<1>(hn::Xor(h, hn::ShiftRight<16>(h))));
 }
 
 // Which of the pixels q a pixel p is paired with, and their labels.
 struct Choice {
   uint32_t chosen;              // a bit for each q
   uint32_t agrees[kMaxScales];  // likewise: G = 1
-  alignas(64) float weight[kPairColumns];
 };
 
-PEPESEG_HD uint32_t BitsBelow(const float* values, float limit) {
-  uint32_t bits = 0;
-  for (int v = 0; v < kColumnVectors; ++v) {
-    bits |= BitsOf(Lanes::Load(values + v * kLanes) < Lanes(limit)) << (v * kLanes);
+// For kLanes pixels from q on.
+PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
+                            int offset, Choice& choice) {
+  const IntTag d;
+  const uint32_t* row = job.agrees + int64_t{job.patch[p]} * job.args->num_patches;
+  const auto patch = hn::LoadU(d, job.patch + q);
+  const auto agrees = hn::GatherIndex(d, reinterpret_cast<const int32_t*>(row), patch);
+  const auto negative = hn::Eq(agrees, hn::Zero(d));
+  const auto positive = hn::Eq(agrees, hn::Set(d, (1 << job.num_scales) - 1));
+  const auto limit =
+      hn::IfThenElse(negative, hn::Set(d, job.negative_limit), hn::Set(d, job.positive_limit));
+  const auto hash =
+      PairHash(static_cast<uint32_t>(p), static_cast<uint32_t>(q), job.args->pair_seed);
+  const auto hard = hn::Not(hn::Or(negative, positive));
+  auto chosen = hn::RebindMask(FloatTag(), hn::Or(hard, hn::Lt(hash, limit)));
+  const Lanes min_positive(job.args->min_positive), max_negative(job.args->max_negative);
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    const auto agree = hn::TestBit(agrees, hn::Set(d, 1 << scale));
+    choice.agrees[scale] |= BitsOf(agree) << offset;
+    const auto agree_float = hn::RebindMask(FloatTag(), agree);
+    const Lanes c = Lanes::Load(cosine[scale] + offset);
+    const auto low = hn::And(agree_float, (c < min_positive).m);
+    const auto high = hn::AndNot(agree_float, (max_negative < c).m);
+    chosen = hn::Or(chosen, hn::Or(low, high));
   }
-  return bits;
+  choice.chosen |= BitsOf(LaneMask{chosen}) << offset;
 }
 
 PEPESEG_HD Choice Choose(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns]) {
   Choice choice = {};
-  const uint32_t all = (1u << job.num_scales) - 1u;
-  const uint32_t* row = job.agrees + int64_t{job.patch[p]} * job.args->num_patches;
-  uint32_t by_pair[kPairColumns];
-  uint32_t constant_positive = 0, constant_negative = 0, drawn = 0;
-  for (int j = 0; j < kPairColumns; ++j) by_pair[j] = row[job.patch[q + j]];
-  for (int j = 0; j < kPairColumns; ++j) {
-    constant_positive |= static_cast<uint32_t>(by_pair[j] == all) << j;
-    constant_negative |= static_cast<uint32_t>(by_pair[j] == 0) << j;
-    const uint32_t limit = by_pair[j] == 0 ? job.negative_limit : job.positive_limit;
-    const auto column = static_cast<uint32_t>(q + j);
-    const uint32_t hash = PairHash(static_cast<uint32_t>(p), column, job.args->pair_seed);
-    drawn |= static_cast<uint32_t>(hash < limit) << j;
-  }
-  choice.chosen = ~(constant_positive | constant_negative) | drawn;
-  for (int scale = 0; scale < job.num_scales; ++scale) {
-    uint32_t agrees = 0;
-    for (int j = 0; j < kPairColumns; ++j) agrees |= (by_pair[j] >> scale & 1u) << j;
-    choice.agrees[scale] = agrees;
-    const uint32_t low = BitsBelow(cosine[scale], job.args->min_positive);
-    const uint32_t not_high = BitsBelow(cosine[scale], job.args->max_negative);
-    choice.chosen |= (agrees & low) | (~agrees & ~not_high);
+  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
+    ChooseLanes(job, p, q + offset, cosine, offset, choice);
   }
   // Neither with itself nor with the padding.
   const int num_columns = job.num_pixels - q < kPairColumns ? job.num_pixels - q : kPairColumns;
   choice.chosen &= (1u << num_columns) - 1u;
   if (p >= q && p < q + kPairColumns) choice.chosen &= ~(1u << (p - q));
-  for (int j = 0; j < kPairColumns; ++j) {
-    const float product = job.pixel_weight[p] * job.pixel_weight[q + j];
-    choice.weight[j] = MulAdd(job.weight_slope, product, job.weight_base);
-  }
   return choice;
 }
 
@@ -106,31 +120,55 @@ PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units,
   StoreFeature(sum, grad);
 }
 
+// A pair's terms at one scale, with what AddUnits needs of them.
+struct Terms {
+  alignas(64) float positive_grad[kPairColumns];
+  alignas(64) float negative_grad[kPairColumns];
+  uint32_t pushes;  // a bit for each q: the negative term has a gradient
+  Lanes positive_sum, negative_sum;
+};
+
+PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, uint32_t positive,
+                              uint32_t negative, Terms& terms) {
+  const Lanes zero(0.0f);
+  terms.pushes = 0;
+  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
+    const Lanes w = Lanes::Load(weight + offset), c = Lanes::Load(cosine + offset);
+    const LaneMask pull = MaskOf(positive >> offset), push = MaskOf(negative >> offset);
+    terms.positive_sum = terms.positive_sum + Select(pull, PositiveTerm(w, c), zero);
+    terms.negative_sum = terms.negative_sum + Select(push, NegativeTerm(w, c), zero);
+    PositiveTermVjp(w).Store(terms.positive_grad + offset);
+    NegativeTermVjp(w, c).Store(terms.negative_grad + offset);
+    terms.pushes |= BitsOf(zero < c) << offset;
+  }
+  terms.pushes &= negative;
+}
+
 PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
                          const Choice& choice, PairBlock& block) {
   const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
+  alignas(64) float weight[kPairColumns];
+  const Lanes slope(job.weight_slope * job.pixel_weight[p]), base(job.weight_base);
+  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
+    MulAdd(slope, Lanes::Load(job.pixel_weight + q + offset), base).Store(weight + offset);
+  }
+  Terms terms;
+  terms.positive_sum = terms.negative_sum = Lanes(0.0f);
+  int num_positives = 0, num_negatives = 0;
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const uint32_t positive = choice.chosen & choice.agrees[scale];
     const uint32_t negative = choice.chosen & ~choice.agrees[scale];
-    float positive_sum = 0, negative_sum = 0;
-    alignas(64) float positive_grad[kPairColumns], negative_grad[kPairColumns];
-    uint32_t pushes = 0;
-    for (int j = 0; j < kPairColumns; ++j) {
-      const float w = choice.weight[j], c = cosine[scale][j];
-      positive_sum += (positive >> j & 1u) != 0 ? PositiveTerm(w, c) : 0.0f;
-      negative_sum += (negative >> j & 1u) != 0 ? NegativeTerm(w, c) : 0.0f;
-      positive_grad[j] = PositiveTermVjp(w);
-      negative_grad[j] = NegativeTermVjp(w, c);
-      pushes |= static_cast<uint32_t>(c > 0) << j;
-    }
-    block.sums[kPositiveLoss] += static_cast<double>(positive_sum);
-    block.sums[kNegativeLoss] += static_cast<double>(negative_sum);
-    block.sums[kNumPositives] += __builtin_popcount(positive);
-    block.sums[kNumNegatives] += __builtin_popcount(negative);
+    num_positives += __builtin_popcount(positive);
+    num_negatives += __builtin_popcount(negative);
+    EvaluateTerms(weight, cosine[scale], positive, negative, terms);
     float* grad = job.unit_grad + (int64_t{scale} * job.padded + p) * kFeatureSize;
-    AddUnits(positive, positive_grad, UnitOf(job, scale, q), grad);
-    AddUnits(negative & pushes, negative_grad, UnitOf(job, scale, q), grad + half);
+    AddUnits(positive, terms.positive_grad, UnitOf(job, scale, q), grad);
+    AddUnits(terms.pushes, terms.negative_grad, UnitOf(job, scale, q), grad + half);
   }
+  block.sums[kNumPositives] += num_positives;
+  block.sums[kNumNegatives] += num_negatives;
+  block.sums[kPositiveLoss] += static_cast<double>(First(Total(terms.positive_sum)));
+  block.sums[kNegativeLoss] += static_cast<double>(First(Total(terms.negative_sum)));
 }
 
 PEPESEG_HD FeatureLanes PsiOf(const PairJob& job, int scale) {
@@ -149,7 +187,6 @@ PEPESEG_HD void AddNormTerm(const PairJob& job, const FeatureLanes& feature, Pai
 void GatePixels(const PairJob& job, int first, int end) {
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const FeatureLanes psi = PsiOf(job, scale);
-    float* by_channel = job.unit_by_channel + int64_t{scale} * kFeatureSize * job.padded;
     for (int p = first; p < end; ++p) {
       float* unit = job.unit + (int64_t{scale} * job.padded + p) * kFeatureSize;
       const FeatureLanes feature =
@@ -157,7 +194,10 @@ void GatePixels(const PairJob& job, int first, int end) {
       FeatureLanes out;
       GatedUnit(psi.v, feature.v, kVectors, out.v);
       StoreFeature(out, unit);
-      for (int k = 0; k < kFeatureSize; ++k) by_channel[int64_t{k} * job.padded + p] = unit[k];
+      const int column = p % kPairColumns;
+      float* by_channel =
+          job.unit_by_channel + (int64_t{scale} * job.padded + p - column) * kFeatureSize + column;
+      for (int k = 0; k < kFeatureSize; ++k) by_channel[k * kPairColumns] = unit[k];
     }
   }
 }

@@ -42,6 +42,28 @@ TEST(DecodePhoto, ReadsPngExactlyAndJpegClosely) {
   EXPECT_LT(error / static_cast<double>(jpeg.pixels.size()), 4);
 }
 
+// Both show red 7 ((x + y) % 16), green 5 x, blue 3 y.
+TEST(DecodePhoto, ReadsWebp) {
+  for (const std::string name : {"lossless.webp", "lossy.webp"}) {
+    const std::string path = std::string(PEPESEG_TEST_DATA "/images/") + name;
+    ASSERT_OK_AND_ASSIGN(const Image image, DecodePhoto(path, name));
+    ASSERT_EQ(image.width, 32);
+    ASSERT_EQ(image.height, 24);
+    const int most = name == "lossless.webp" ? 0 : 40;
+    for (const int x : {4, 20, 31}) {
+      const int y = 10;
+      EXPECT_NEAR(image.pixels[3 * (32 * y + x)], 7 * ((x + y) % 16), most) << name;
+      EXPECT_NEAR(image.pixels[3 * (32 * y + x) + 1], 5 * x, most) << name;
+      EXPECT_NEAR(image.pixels[3 * (32 * y + x) + 2], 3 * y, most) << name;
+    }
+    const std::string bytes = testing::ReadBytes(path);
+    for (int twentieth = 0; twentieth < 20; ++twentieth) {
+      EXPECT_STATUS(Decode(bytes.substr(0, bytes.size() * twentieth / 20), "cut.webp"),
+                    kInvalidArgument, "cut.webp: ");
+    }
+  }
+}
+
 TEST(DecodePhoto, LeavesTheOrientationTagAlone) {
   // An Exif segment that says "turn by 90 degrees", put behind the JPEG's start marker.
   const unsigned char exif[] = {0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0,    0,    'M', 'M',

@@ -61,9 +61,10 @@ TEST_F(JobFolderTest, ResultComesBackAsWritten) {
 }
 
 TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
-  for (const char* text : {"", "[]", "{", R"({"job": 3})", R"({"job": "j1", "fence": "two"})",
-                           R"({"job":"j1","fence":1,"num_threads":1,"memory_limit":0,"files":[],)"
-                           R"("options":{"noSuchField":1}})"}) {
+  const std::string unknown_option =
+      R"({"job":"j1","fence":1,"num_threads":1,"memory_limit":0,"files":[],"options":{"no":1}})";
+  for (const std::string& text : {std::string(), std::string("[]"), std::string("{"),
+                                  std::string(R"({"job": 3})"), unknown_option}) {
     std::ofstream(folder_.path() / "spec.json") << text;
     const auto status = job_.ReadSpec().status();
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << text;
