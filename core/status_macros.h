@@ -19,9 +19,11 @@
 #define PEPESEG_STATUS_MACRO_CONCAT(a, b) PEPESEG_STATUS_MACRO_CONCAT_INNER(a, b)
 
 // Evaluates `expr` (a StatusOr), returns its status on error, else moves its value into `lhs`.
+// NOLINTBEGIN(bugprone-macro-parentheses): `lhs` may be a declaration.
 #define ASSIGN_OR_RETURN(lhs, expr) \
   PEPESEG_ASSIGN_OR_RETURN_INNER(PEPESEG_STATUS_MACRO_CONCAT(status_or_, __LINE__), lhs, expr)
 #define PEPESEG_ASSIGN_OR_RETURN_INNER(status_or, lhs, expr) \
   auto status_or = (expr);                                   \
   if (!status_or.ok()) return status_or.status();            \
   lhs = std::move(status_or).value()
+// NOLINTEND(bugprone-macro-parentheses)

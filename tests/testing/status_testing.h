@@ -38,9 +38,11 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
 #define PEPESEG_TESTING_CONCAT(a, b) PEPESEG_TESTING_CONCAT_INNER(a, b)
 
 // Declares or assigns `lhs` from a StatusOr; ends the test when it holds an error.
+// NOLINTBEGIN(bugprone-macro-parentheses): `lhs` may be a declaration.
 #define ASSERT_OK_AND_ASSIGN(lhs, expr) \
   PEPESEG_ASSERT_OK_AND_ASSIGN_INNER(PEPESEG_TESTING_CONCAT(status_or_, __LINE__), lhs, expr)
 #define PEPESEG_ASSERT_OK_AND_ASSIGN_INNER(status_or, lhs, expr) \
   auto status_or = (expr);                                       \
   ASSERT_OK(status_or);                                          \
   lhs = std::move(status_or).value()
+// NOLINTEND(bugprone-macro-parentheses)
