@@ -30,6 +30,7 @@ struct BenchOptions {
   ReconstructOptions reconstruct;
   FeatureOptions features;
   int num_threads = 0;
+  std::vector<int> smooth = {0};         // neighbours; 0: features as trained
   std::string pictures;                  // folder; empty: none
   double scale = 0.3, threshold = 0.75;  // of the pictures
 };
@@ -201,12 +202,12 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(Gaussians gaussians, GetGaussians(*backend, capture, options));
   const double start = CoreSeconds();
   nlohmann::json out = {{"gaussians", gaussians.count}};
-  ASSIGN_OR_RETURN(FeatureField field, TrainFeatures(*backend, capture, gaussians, options.features,
-                                                     [&](const StepReport& report) {
-                                                       if (report.step % 500 == 1)
-                                                         out["loss"].push_back(report.loss);
-                                                       return absl::OkStatus();
-                                                     }));
+  ASSIGN_OR_RETURN(
+      const FeatureField field,
+      TrainFeatures(*backend, capture, gaussians, options.features, [&](const StepReport& report) {
+        if (report.step % 500 == 1) out["loss"].push_back(report.loss);
+        return absl::OkStatus();
+      }));
   out["features_core_seconds"] = CoreSeconds() - start;
   Model model;
   model.gaussians = std::move(gaussians);
