@@ -44,7 +44,7 @@ struct DemoFlags {
   std::string out;
   std::string scene;
   std::vector<std::string> settings;
-  FixedQuestion question{0.5, 0.75};
+  FixedQuestion question{0.3, 0.75};
 };
 
 class Stopwatch {

@@ -78,6 +78,7 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
     }
   }
   std::vector<float> scales;
+  scales.reserve(moments.size());
   for (const Moments& m : moments) scales.push_back(static_cast<float>(m.Scale()));
   return scales;
 }
