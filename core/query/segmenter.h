@@ -44,7 +44,7 @@ class Segmenter {
   struct Prompt {
     ModelView view;                   // where the points are
     std::vector<PointPrompt> points;  // at least one positive
-    double scale = 0.3;               // quantile, [0, 1]
+    double scale = 0.5;               // quantile, [0, 1]
     double threshold = 0.75;          // cosine, [-1, 1]
   };
   // One result per target view, in order. A pixel is in when its best positive similarity is over

@@ -1,3 +1,4 @@
+#include <cassert>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -18,22 +19,24 @@ void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
   args.first->Reserve(*this, num_touched + 1);
   args.pixel->Reserve(*this, end - begin);
   args.weight->Reserve(*this, end - begin);
-  int64_t touched = 0;
+  int32_t *gaussians = args.gaussian->span().data, *first = args.first->span().data;
+  int32_t* pixel = args.pixel->span().data;
+  float* weight = args.weight->span().data;
+  assert(gaussians != nullptr && first != nullptr);
   int32_t place = 0;
-  for (int64_t gaussian = 0; gaussian < args.num_gaussians; ++gaussian) {
+  for (int64_t gaussian = 0, touched = 0; gaussian < args.num_gaussians; ++gaussian) {
     const int32_t count = next[gaussian];
     if (count == 0) continue;
-    args.gaussian->span()[touched] = static_cast<int32_t>(gaussian);
-    args.first->span()[touched++] = place;
+    gaussians[touched] = static_cast<int32_t>(gaussian);
+    first[touched++] = place;
     next[gaussian] = place;
     place += count;
   }
-  args.first->span()[touched] = place;
-  int32_t* pixel = args.pixel->span().data;
-  float* weight = args.weight->span().data;
+  first[num_touched] = place;
   for (int64_t p = 0; p < num_pixels; ++p) {
     for (int32_t e = rows.first[p]; e < rows.first[p + 1]; ++e) {
       const int32_t to = next[rows.gaussian[e]]++;
+      assert(pixel != nullptr && weight != nullptr);
       pixel[to] = static_cast<int32_t>(p);
       weight[to] = rows.weight[e];
     }

@@ -105,7 +105,8 @@ PointPrompt DeepestPixel(std::vector<uint8_t> mask, int width, int height) {
     if (!any) break;
     mask = std::move(eroded);
   }
-  return {static_cast<double>(last % width) + 0.5, static_cast<double>(last / width) + 0.5, true};
+  const size_t x = last % width, y = last / width;
+  return {static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5, true};
 }
 
 // Mean IoU of a label over the views it shows in with at least 100 pixels.
@@ -202,12 +203,12 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(Gaussians gaussians, GetGaussians(*backend, capture, options));
   const double start = CoreSeconds();
   nlohmann::json out = {{"gaussians", gaussians.count}};
-  ASSIGN_OR_RETURN(
-      const FeatureField field,
-      TrainFeatures(*backend, capture, gaussians, options.features, [&](const StepReport& report) {
-        if (report.step % 500 == 1) out["loss"].push_back(report.loss);
-        return absl::OkStatus();
-      }));
+  ASSIGN_OR_RETURN(FeatureField field, TrainFeatures(*backend, capture, gaussians, options.features,
+                                                     [&](const StepReport& report) {
+                                                       if (report.step % 500 == 1)
+                                                         out["loss"].push_back(report.loss);
+                                                       return absl::OkStatus();
+                                                     }));
   out["features_core_seconds"] = CoreSeconds() - start;
   Model model;
   model.gaussians = std::move(gaussians);
@@ -223,6 +224,7 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("Stage two on a dataset folder, scored by one click per label");
   pepeseg::BenchOptions options;

@@ -86,10 +86,12 @@ struct Term {
 std::vector<Term> AddPairs(const PairBatch& batch, PairReference& out) {
   std::vector<Term> terms;
   std::vector<std::vector<double>> psi;
+  psi.reserve(batch.num_scales);
   for (int scale = 0; scale < batch.num_scales; ++scale) psi.push_back(Psi(batch, scale));
   for (int q = 0; q < batch.num_pixels; ++q) {
     for (int p = 0; p < q; ++p) {
       std::vector<double> cosines;
+      cosines.reserve(psi.size());
       for (const auto& at_scale : psi) cosines.push_back(Cosine(batch, at_scale, p, q));
       if (!Counts(batch, cosines, p, q)) continue;
       const double w = PairWeight(batch, p, q);

@@ -60,6 +60,7 @@ TEST(ScaleLabels, IntersectAsThePaperPairsPixels) {
     // More than one word of masks in some trials.
     const MaskSet masks = RandomMasks(width, height, trial % 4 == 0 ? 90 : 12, random);
     std::vector<float> scales;
+    scales.reserve(masks.num_masks);
     for (int i = 0; i < masks.num_masks; ++i) {
       scales.push_back(random() % 8 == 0 ? 0.0f : 0.01f * static_cast<float>(1 + random() % 1000));
     }

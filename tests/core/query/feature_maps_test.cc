@@ -16,8 +16,7 @@ constexpr int64_t kMapBytes = int64_t{96} * 72 * 32 * 2;
 
 struct Maps {
   explicit Maps(int64_t max_bytes)
-      : capture(testing::MakeSyntheticScene({.num_views = 4}).capture),
-        backend(MakeCpuBackend(1)) {
+      : capture(testing::MakeSyntheticScene({.num_views = 4}).capture), backend(MakeCpuBackend(1)) {
     model.gaussians = testing::PointGaussians(capture, 0.1f);
     model.field.features.assign(static_cast<size_t>(model.gaussians.count) * 32, 0.1f);
     maps.emplace(*backend, model, max_bytes);

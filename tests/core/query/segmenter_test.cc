@@ -132,6 +132,7 @@ TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
   ASSERT_OK_AND_ASSIGN(const auto want, Ask());
   std::vector<std::thread> threads;
   std::vector<int> wrong(4);
+  threads.reserve(wrong.size());
   for (int t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
       for (int i = 0; i < 20; ++i) {
