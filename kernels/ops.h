@@ -91,8 +91,8 @@ struct DensityStats {
 
 // Projection backward fused with Adam (Kingma & Ba 2015), one pass over the Gaussians. A Gaussian
 // that is not visible gets the gradient 0 and still moves by its moments, as dense Adam does. The
-// step count is per Gaussian. Rows with a non-finite gradient are skipped and counted. SH coefficients
-// beyond the active degree are left alone.
+// step count is per Gaussian. Rows with a non-finite gradient are skipped and counted. SH
+// coefficients beyond the active degree are left alone.
 struct UpdateArgs {
   PinholeView view;
   int active_sh_degree = 0;
