@@ -10,17 +10,30 @@
 
 // Each option once, for both directions; its name is the same on both sides.
 #define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
-#define PEPESEG_RECONSTRUCT_FIELDS(FIELD)                                                          \
-  FIELD(num_steps)                                                                                 \
-  FIELD(sh_degree)                                                                                 \
-  FIELD(ssim_weight)                                                                               \
-  FIELD(mean_learning_rate)                                                                        \
-  FIELD(mean_learning_rate_final)                                                                  \
-  FIELD(log_scale_learning_rate)                                                                   \
-  FIELD(rotation_learning_rate) FIELD(opacity_learning_rate) FIELD(sh_learning_rate)               \
-      FIELD(densify_from) FIELD(densify_until) FIELD(densify_every) FIELD(densify_gradient)        \
-          FIELD(densify_size) FIELD(prune_opacity) FIELD(opacity_reset_every) FIELD(max_gaussians) \
-              FIELD(num_random_points) FIELD(seed) FIELD(coarse_until)
+// (clang-format does not settle on a layout of lists this long.)
+// clang-format off
+#define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
+  FIELD(num_steps) \
+  FIELD(sh_degree) \
+  FIELD(ssim_weight) \
+  FIELD(mean_learning_rate) \
+  FIELD(mean_learning_rate_final) \
+  FIELD(log_scale_learning_rate) \
+  FIELD(rotation_learning_rate) \
+  FIELD(opacity_learning_rate) \
+  FIELD(sh_learning_rate) \
+  FIELD(densify_from) \
+  FIELD(densify_until) \
+  FIELD(densify_every) \
+  FIELD(densify_gradient) \
+  FIELD(densify_size) \
+  FIELD(prune_opacity) \
+  FIELD(opacity_reset_every) \
+  FIELD(max_gaussians) \
+  FIELD(num_random_points) \
+  FIELD(seed) \
+  FIELD(coarse_until)
+// clang-format on
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps)                    \
   FIELD(num_pixels) FIELD(num_scales) FIELD(learning_rate) FIELD(steps_per_chunk) FIELD(seed)
