@@ -18,6 +18,19 @@ struct Image {
   std::vector<uint8_t> pixels;
 };
 
+// What a monocular network, a sensor or a sparse model says of a view's depth, up to scale and
+// shift (method.md section 0).
+struct DepthPrior {
+  enum class Kind {
+    kDisparity,  // near is large, as 1 / z
+    kDepth,      // far is large, as z
+  };
+  Kind kind = Kind::kDisparity;
+  // [height, width], mapped so that the 0.1 and 99.9 percentiles are 0 and 1, and clamped there;
+  // NaN where nothing is known. Empty: the view has none.
+  std::vector<float> values;
+};
+
 // A photograph with its camera and what is known about it; all of one size.
 struct View {
   std::string name;  // of the image file below images/: metadata, never a path of ours
@@ -28,6 +41,7 @@ struct View {
   std::vector<uint8_t>
       ignore;  // [height, width], non-zero: neither trained on nor scored; or empty
   MaskSet masks;
+  DepthPrior depth;
 };
 
 struct ScenePoint {
