@@ -31,6 +31,7 @@ struct RenderArgs {
   DeviceSpan<float> color;       // [3, H, W]
   DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
   DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
+  bool inverse_depth = false;    // `depth` is the sum of weight / z; nothing else changes
   // false: the host waits until the entries are counted and makes room for them. true: it waits
   // for nothing (so that a step can be a graph) and the render takes the room for entries that the
   // scratch has. Where that is too small the render is void: the images are background,
@@ -65,7 +66,7 @@ struct RenderBackwardArgs {
   float background[3] = {0, 0, 0};
   DeviceSpan<const float> color_grad;       // [3, H, W]
   DeviceSpan<const float> alpha_grad = {};  // [H, W]; may be empty
-  DeviceSpan<const float> depth_grad = {};  // [H, W]; may be empty
+  DeviceSpan<const float> depth_grad = {};  // [H, W] of what Render blended; may be empty
   RenderScratch* scratch = nullptr;
 };
 

@@ -13,7 +13,7 @@ struct Splat {
   float root_xx, root_xy, root_yy;  // of the inverse dilated 2D covariance, see math/blend.h
   float opacity;                    // (0, 1)
   float r, g, b;                    // colour seen from this camera, >= 0
-  float depth;                      // z in the camera frame
+  float depth;                      // z in the camera frame, or 1 / z: RenderScratch::inverse_depth
   float min_power;                  // -log2(255 opacity): below it the splat is skipped
   float half_height;                // pixels: rows farther than this from y are out of reach
 };
@@ -24,7 +24,7 @@ struct SplatGrad {
   float conic_xx, conic_xy, conic_yy;
   float opacity;
   float r, g, b;
-  float depth;
+  float depth;  // with respect to z in either case
 };
 
 // Tiles first_tile .. first_tile + count, side by side, that a splat reaches.
@@ -53,6 +53,7 @@ struct RenderScratch {
   int height = 0;
   int num_tiles_x = 0;
   int num_tiles_y = 0;
+  bool inverse_depth = false;  // of RenderArgs: the splats' depth is 1 / z, the order is by z
 
   Buffer<int32_t> visible_gaussian;   // [visible] -> Gaussian
   Buffer<Splat> visible_splat;        // [visible]

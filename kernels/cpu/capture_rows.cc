@@ -3,6 +3,7 @@
 
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/cpu/tile_splats.h"
+#include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
@@ -56,7 +57,8 @@ void CpuBackend::CaptureRows(const CaptureRowsArgs& args) {
       *gaussian++ = gaussians[tile.entries[k]];
       *weight++ = w;
       alpha += w;
-      depth += w * tile.splats[tile.entries[k]].depth;
+      const float blended = tile.splats[tile.entries[k]].depth;
+      depth += w * (scratch.inverse_depth ? InverseDepth(blended) : blended);
     }
     if (!args.pixel_alpha.empty()) args.pixel_alpha[i] = alpha;
     if (!args.pixel_depth.empty()) args.pixel_depth[i] = depth;

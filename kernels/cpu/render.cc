@@ -12,6 +12,7 @@ void CpuBackend::Render(const RenderArgs& args) {
   scratch.height = args.view.height;
   scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
   scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
+  scratch.inverse_depth = args.inverse_depth;
   scratch.counters.Reserve(*this, kNumRenderCounters);
   scratch.counters.Zero();
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;

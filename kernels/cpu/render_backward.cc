@@ -2,6 +2,7 @@
 
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/cpu/tile_splats.h"
+#include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
@@ -26,10 +27,12 @@ void SumSlots(ThreadPool& pool, RenderScratch& scratch) {
   const int32_t* first_slot = scratch.visible_first_slot.span().data;
   const SplatGrad* slot_grad = scratch.slot_grad.span().data;
   SplatGrad* visible_grad = scratch.visible_grad.span().data;
+  const Splat* splats = scratch.visible_splat.span().data;
   pool.ParallelFor((num_visible + kChunk - 1) / kChunk, [&](int64_t chunk, int) {
     for (int64_t i = chunk * kChunk; i < std::min(num_visible, (chunk + 1) * kChunk); ++i) {
       SplatGrad sum = {};
       for (int32_t k = first_slot[i]; k < first_slot[i + 1]; ++k) sum = sum + slot_grad[k];
+      if (scratch.inverse_depth) sum.depth = InverseDepthVjp(splats[i].depth, sum.depth);
       visible_grad[i] = sum;
     }
   });

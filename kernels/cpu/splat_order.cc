@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "kernels/backend.h"
+#include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
@@ -35,13 +36,15 @@ uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
 }
 
 // The visible in the order of their depth. Depths are positive, so their bits order as they do.
+// Once ordered they are inverted, where it is the inverse that is blended.
 const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
   const int64_t num_visible = scratch.visible_splat.size();
   scratch.sort_keys.Reserve(backend, 2 * num_visible);
   uint64_t* keys = scratch.sort_keys.span().data;
-  const Splat* splats = scratch.visible_splat.span().data;
+  Splat* splats = scratch.visible_splat.span().data;
   for (int64_t i = 0; i < num_visible; ++i) {
     keys[i] = uint64_t{std::bit_cast<uint32_t>(splats[i].depth)} << 32 | static_cast<uint64_t>(i);
+    if (scratch.inverse_depth) splats[i].depth = InverseDepth(splats[i].depth);
   }
   return RadixSort(keys, keys + num_visible, num_visible);
 }

@@ -16,6 +16,7 @@ struct RowParams {
   const int32_t* entry_visible;
   const int32_t* visible_gaussian;
   const int32_t* pixel_last_entry;
+  bool inverse_depth;
   const int32_t* pixels;
   int64_t num_pixels;
   int32_t* row_first;  // while counting: the count of row i at i
@@ -45,7 +46,7 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
       visible = p.entry_visible[base + lane];
       const SplatWords s = LoadSplat(p.tiles.splats, visible);
       alpha = SplatAlpha(s, x + 0.5f, y + 0.5f);
-      depth = s.c.y;
+      depth = p.inverse_depth ? InverseDepth(s.c.y) : s.c.y;
     }
     const uint32_t blended = __ballot_sync(kAllLanes, alpha > 0);
     float passed = 1 - alpha;  // product up to and with this lane
@@ -98,6 +99,7 @@ void CudaBackend::CaptureRows(const CaptureRowsArgs& args) {
                       scratch.entry_visible.span().data,
                       scratch.visible_gaussian.span().data,
                       scratch.pixel_last_entry.span().data,
+                      scratch.inverse_depth,
                       args.pixels.data,
                       num_pixels,
                       row_first,

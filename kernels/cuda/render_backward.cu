@@ -195,6 +195,7 @@ struct SumParams {
   const int32_t* first_slot;
   const Splat* splats;
   const float* slot_sums;
+  bool inverse_depth;
   SplatGrad* visible_grad;
 };
 
@@ -234,9 +235,11 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
                                        sums[kSumXX], sums[kSumXY], sums[kSumYY]};
   const auto shape = SplatShapeVjp(PowerRoot<float>{splat.root_xx, splat.root_xy, splat.root_yy},
                                    splat.opacity, moments);
-  p.visible_grad[visible] = {shape.x,        shape.y,        shape.conic_xx, shape.conic_xy,
-                             shape.conic_yy, shape.opacity,  sums[kSumR],    sums[kSumG],
-                             sums[kSumB],    sums[kSumDepth]};
+  const float depth_grad =
+      p.inverse_depth ? InverseDepthVjp(splat.depth, sums[kSumDepth]) : sums[kSumDepth];
+  p.visible_grad[visible] = {shape.x,        shape.y,       shape.conic_xx, shape.conic_xy,
+                             shape.conic_yy, shape.opacity, sums[kSumR],    sums[kSumG],
+                             sums[kSumB],    depth_grad};
 }
 
 }  // namespace
@@ -278,7 +281,8 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   Launched("blend backward");
   SumSlotsKernel<<<NumBlocks(num_visible, kSplatsABlock), kSplatsABlock * kSumParts, 0, stream_>>>(
       {RoomOf(scratch), scratch.visible_first_slot.span().data, scratch.visible_splat.span().data,
-       scratch.cuda.slot_sums.span().data, scratch.visible_grad.span().data});
+       scratch.cuda.slot_sums.span().data, scratch.inverse_depth,
+       scratch.visible_grad.span().data});
   Launched("sum slots");
 }
 

@@ -21,7 +21,8 @@ struct ListParams {
   TileGrid grid;
   SortKeyBits bits;
   const int32_t* first_slot;
-  const Splat* splats;
+  Splat* splats;
+  bool inverse_depth;  // once listed, the splats' depth is inverted
   uint64_t* sort_keys;
   int32_t* unsorted_slot;
   int32_t* slot_visible;
@@ -66,6 +67,10 @@ __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
       }
       next += run.count;
     });
+  }
+  __syncwarp();
+  if (p.inverse_depth && active) {
+    p.splats[visible].depth = InverseDepth(p.splats[visible].depth);
   }
 }
 
@@ -171,6 +176,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bit
          bits,
          scratch.visible_first_slot.span().data,
          scratch.visible_splat.span().data,
+         scratch.inverse_depth,
          sort_keys,
          scratch.cuda.unsorted_slot.span().data,
          scratch.cuda.slot_visible.span().data});

@@ -103,6 +103,16 @@ PEPESEG_HD T GaussianVjp(T alpha, T alpha_grad) {
   return Select(alpha < T(kMaxAlpha), alpha * alpha_grad, T(0));
 }
 
+// What is blended in the place of the depth where nearness is compared (a disparity).
+template <class T>
+PEPESEG_HD T InverseDepth(T z) {
+  return T(1) / z;
+}
+template <class T>
+PEPESEG_HD T InverseDepthVjp(T inverse_depth, T grad) {
+  return T(0) - grad * inverse_depth * inverse_depth;
+}
+
 // Moments of d loss / d ln of the Gaussian over the pixels of a splat, offsets from its mean: all
 // that its gradients need.
 template <class T>

@@ -84,6 +84,7 @@ struct Case {
   const char* name;
   HostGaussians scene;
   PinholeView view;
+  bool inverse_depth = false;
   bool (*is_ill_conditioned)(int64_t) = nullptr;  // by float: only finite gradients are asked for
 };
 
@@ -96,13 +97,16 @@ std::vector<Case> Cases() {
        RandomScene({.count = 6'000, .min_opacity_logit = 2, .max_opacity_logit = 7, .seed = 6}),
        TestView(160, 171)},
       {"degenerate", WithDegenerateOnes(RandomScene({.count = 4'000, .seed = 7})),
-       TestView(190, 130), IsHugeOrNeedle}};
+       TestView(190, 130), false, IsHugeOrNeedle},
+      {"inverse depth", RandomScene({.count = 3'000, .max_scale = 0.3f, .seed = 8}),
+       TestView(200, 150), true}};
 }
 
 TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
   for (const Case& c : Cases()) {
     SCOPED_TRACE(c.name);
     Rendered cpu(*cpu_, c.scene, c.view), cuda(*cuda_, c.scene, c.view);
+    cpu.inverse_depth = cuda.inverse_depth = c.inverse_depth;
     cpu.Render();
     cuda.Render();
     EXPECT_EQ(cuda.Counter(kNumVisible), cpu.Counter(kNumVisible));

@@ -15,6 +15,7 @@ struct DoubleSplat {
   Projection<double> p;
   PowerRoot<double> root;
   double opacity;
+  double depth;  // what is blended: z or 1 / z
   double rgb[3], weighted_sum[3];
   PowerMoments<double> moments;
   double rgb_grad[3], depth_grad;
@@ -68,8 +69,7 @@ void BackwardPixel(const std::vector<Seen>& blended, const double* g, double dep
                    double behind) {
   for (auto it = blended.rbegin(); it != blended.rend(); ++it) {
     DoubleSplat& s = *it->splat;
-    const double value =
-        s.rgb[0] * g[0] + s.rgb[1] * g[1] + s.rgb[2] * g[2] + s.p.mean_in_cam.z * depth_grad;
+    const double value = s.rgb[0] * g[0] + s.rgb[1] * g[1] + s.rgb[2] * g[2] + s.depth * depth_grad;
     const double power_grad = GaussianVjp(it->alpha, AlphaVjp(it->transmittance, value, behind));
     behind = BehindStep(it->alpha, value, behind);
     const double weight = it->alpha * it->transmittance;
@@ -124,8 +124,10 @@ std::vector<double> ReferenceGradient(const ReferenceScene& scene, const Pinhole
   const auto camera = MakeProjectionCamera<double>(view);
   std::vector<DoubleSplat> splats;
   for (int64_t i = 0; i < scene.count; ++i) {
-    const DoubleSplat splat = MakeSplat(scene, camera, i);
-    if (splat.p.mean_in_cam.z > options.near_plane) splats.push_back(splat);
+    DoubleSplat splat = MakeSplat(scene, camera, i);
+    const double z = splat.p.mean_in_cam.z;
+    splat.depth = options.inverse_depth ? InverseDepth(z) : z;
+    if (z > options.near_plane) splats.push_back(splat);
   }
   std::stable_sort(splats.begin(), splats.end(), [](const DoubleSplat& a, const DoubleSplat& b) {
     return a.p.mean_in_cam.z < b.p.mean_in_cam.z;
@@ -139,7 +141,10 @@ std::vector<double> ReferenceGradient(const ReferenceScene& scene, const Pinhole
     BackwardPixel(BlendPixel(splats, x, y), g, grad.depth[i], behind);
   }
   std::vector<double> out(scene.planes.size());
-  for (const DoubleSplat& splat : splats) StoreGradient(scene, camera, splat, out);
+  for (DoubleSplat& splat : splats) {
+    if (options.inverse_depth) splat.depth_grad = InverseDepthVjp(splat.depth, splat.depth_grad);
+    StoreGradient(scene, camera, splat, out);
+  }
   return out;
 }
 

@@ -163,7 +163,7 @@ ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& v
       for (int c = 0; c < 3; ++c) {
         out.color[c * num_pixels + pixel] += transmittance * alpha * blob.rgb[c];
       }
-      out.depth[pixel] += transmittance * alpha * blob.z;
+      out.depth[pixel] += transmittance * alpha * (options.inverse_depth ? 1 / blob.z : blob.z);
       transmittance *= 1 - alpha;
     }
     for (int c = 0; c < 3; ++c) {

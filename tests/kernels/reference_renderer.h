@@ -26,7 +26,8 @@ struct ReferenceScene {
 struct ReferenceOptions {
   double near_plane = 0.01;
   double background[3] = {0, 0, 0};
-  double close = 1e-3;  // relative distance to a threshold that makes a close call
+  bool inverse_depth = false;  // blend 1 / z
+  double close = 1e-3;         // relative distance to a threshold that makes a close call
 };
 
 ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& view,

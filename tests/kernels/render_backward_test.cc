@@ -25,6 +25,7 @@ std::vector<double> InDouble(const std::vector<float>& values) {
 ReferenceOptions OptionsOf(const Rendered& scene) {
   ReferenceOptions options;
   options.near_plane = scene.near_plane;
+  options.inverse_depth = scene.inverse_depth;
   std::copy(std::begin(scene.background), std::end(scene.background), options.background);
   return options;
 }
@@ -48,10 +49,13 @@ std::vector<double> PlaneOf(const std::vector<double>& planes, int64_t count, in
   return {planes.begin() + plane * count, planes.begin() + (plane + 1) * count};
 }
 
-TEST(RenderChainVjp, MatchesCentralDifferencesOfTheReferenceRenderer) {
+void ExpectMatchesCentralDifferences(bool inverse_depth) {
   const ReferenceScene scene = InDouble(RandomScene({.count = 6, .max_scale = 0.5f, .seed = 7}));
   const PinholeView view = TestView(20, 14);
-  ReferenceOptions options{.near_plane = 0.05, .background = {0.1, 0.3, 0.2}, .close = 0.03};
+  ReferenceOptions options{.near_plane = 0.05,
+                           .background = {0.1, 0.3, 0.2},
+                           .inverse_depth = inverse_depth,
+                           .close = 0.03};
   const ImageGrad grad = SmoothGrad(RenderReference(scene, view, options), 1);
   ASSERT_GT(std::count_if(grad.alpha.begin(), grad.alpha.end(), [](double g) { return g != 0; }),
             60);
@@ -65,6 +69,14 @@ TEST(RenderChainVjp, MatchesCentralDifferencesOfTheReferenceRenderer) {
               1e-6)
         << "plane " << plane;
   }
+}
+
+TEST(RenderChainVjp, MatchesCentralDifferencesOfTheReferenceRenderer) {
+  ExpectMatchesCentralDifferences(false);
+}
+
+TEST(RenderChainVjp, MatchesCentralDifferencesWithInverseDepth) {
+  ExpectMatchesCentralDifferences(true);
 }
 
 void ExpectMatchesReferenceGradient(Rendered& scene) {
@@ -109,6 +121,14 @@ TEST_P(RenderBackwardTest, MatchesReferenceGradientBehindOpaqueWalls) {
                               .max_opacity_logit = 8}),
                  TestView(64, 48));
   ExpectMatchesReferenceGradient(scene);
+}
+
+TEST_P(RenderBackwardTest, MatchesReferenceGradientOfInverseDepth) {
+  for (const uint64_t seed : {1, 2}) {
+    Rendered scene(*backend_, RandomScene({.count = 150, .seed = seed}), TestView(97, 61));
+    scene.inverse_depth = true;
+    ExpectMatchesReferenceGradient(scene);
+  }
 }
 
 TEST_P(RenderBackwardTest, EmptyAlphaAndDepthGradientsAreZeros) {

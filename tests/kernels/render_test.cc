@@ -37,6 +37,7 @@ ReferenceImage Reference(const Rendered& scene) {
   const std::vector<float>& planes = scene.host.planes;
   ReferenceOptions options;
   options.near_plane = scene.near_plane;
+  options.inverse_depth = scene.inverse_depth;
   std::copy(std::begin(scene.background), std::end(scene.background), options.background);
   return RenderReference({scene.host.count, scene.host.sh_degree, {planes.begin(), planes.end()}},
                          scene.view, options);
@@ -94,6 +95,18 @@ TEST_P(RenderTest, MatchesReferenceBehindOpaqueWalls) {
                               .max_opacity_logit = 8}),
                  TestView(64, 48));
   ExpectMatchesReference(scene);
+}
+
+TEST_P(RenderTest, InverseDepthMatchesReferenceAndChangesNothingElse) {
+  Rendered plain(*backend_, RandomScene({.count = 300, .seed = 2}), TestView(97, 61));
+  plain.Render();
+  Rendered scene(*backend_, RandomScene({.count = 300, .seed = 2}), TestView(97, 61));
+  scene.inverse_depth = true;
+  ExpectMatchesReference(scene);
+  EXPECT_EQ(Download(scene.color), Download(plain.color));
+  EXPECT_EQ(Download(scene.alpha), Download(plain.alpha));
+  EXPECT_EQ(Download(scene.scratch.entry_visible), Download(plain.scratch.entry_visible));
+  EXPECT_NE(Download(scene.depth), Download(plain.depth));
 }
 
 TEST_P(RenderTest, CountersAddUp) {

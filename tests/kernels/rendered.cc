@@ -28,6 +28,7 @@ void Rendered::Render() {
   args.color = color.span();
   args.alpha = alpha.span();
   args.depth = depth.span();
+  args.inverse_depth = inverse_depth;
   backend.Render(args);
 }
 

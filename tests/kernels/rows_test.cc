@@ -76,6 +76,18 @@ TEST_P(RowsTest, GiveTheColourOfTheRender) {
   }
 }
 
+TEST_P(RowsTest, GiveZAlsoAfterARenderOfInverseDepth) {
+  Rendered scene = Render();
+  const std::vector<int32_t> pixels = EveryPixelBackwards();
+  Rows plain, inverse;
+  Capture(scene, pixels, plain);
+  scene.inverse_depth = true;
+  scene.Render();
+  Capture(scene, pixels, inverse);
+  const auto want = Download(plain.depth), got = Download(inverse.depth);
+  for (size_t i = 0; i < pixels.size(); ++i) ASSERT_NEAR(got[i], want[i], 1e-5f) << i;
+}
+
 TEST_P(RowsTest, OfNoPixelsAreEmpty) {
   Rendered scene = Render();
   Rows rows;
