@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
 
@@ -34,9 +35,10 @@ class Backend {
   virtual void Zero(void* data, size_t num_bytes) = 0;
   virtual size_t bytes_in_use() const = 0;
 
-  // Rendering and stage one (ops.h).
+  // Rendering and stage one (ops.h, depth_ops.h).
   virtual void Render(const RenderArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
+  virtual void DepthLoss(const DepthLossArgs& args) = 0;
   virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;

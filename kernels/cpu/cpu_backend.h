@@ -30,6 +30,7 @@ class CpuBackend final : public Backend {
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;
+  void DepthLoss(const DepthLossArgs& args) override;
   void RenderBackward(const RenderBackwardArgs& args) override;
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;

@@ -1,0 +1,193 @@
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "kernels/cpu/cpu_backend.h"
+#include "kernels/math/depth.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBandRows = 32;  // a task, and the order of the sums
+
+struct Band {
+  int first_row, end_row;
+  DepthMoments<double> view = {}, patch = {};
+  double view_error = 0, local_error = 0;
+};
+
+struct DepthJob {
+  const DepthLossArgs* args;
+  float* x;  // [H, W] Dhat; NaN where the pixel does not count
+  DepthFit fit;
+};
+
+bool IsInside(const PixelBox& box, int x, int y) {
+  return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
+}
+
+bool FitsWindows(const DepthLossArgs& args) {
+  return args.local_form == DepthLocalForm::kWindows && args.local_weight > 0;
+}
+
+// Writes the band's x and its moments.
+void GatherBand(const DepthJob& job, Band& band) {
+  const DepthLossArgs& args = *job.args;
+  for (int y = band.first_row; y < band.end_row; ++y) {
+    DepthMoments<double> row = {}, in_patch = {};
+    for (int column = 0; column < args.width; ++column) {
+      const int64_t i = int64_t{y} * args.width + column;
+      const float prior = args.prior[i];
+      const bool counts = args.alpha[i] > args.min_alpha && args.min_prior <= prior &&
+                          prior <= args.max_prior && (args.ignore.empty() || args.ignore[i] == 0);
+      job.x[i] = counts ? NormalizedDepth(args.depth[i], args.alpha[i])
+                        : std::numeric_limits<float>::quiet_NaN();
+      if (!counts) continue;
+      const auto moments = DepthMomentsOf<double>(job.x[i], prior);
+      row = row + moments;
+      if (IsInside(args.patch, column, y)) in_patch = in_patch + moments;
+    }
+    band.view = band.view + row;
+    band.patch = band.patch + in_patch;
+  }
+}
+
+// Moments of the columns of a band of rows that moves down, as five planes of [width].
+class ColumnMoments {
+ public:
+  explicit ColumnMoments(int width) : width_(width), planes_(size_t{5} * width) {}
+
+  // sign: 1 to add the row, -1 to take it away.
+  void AddRow(const float* x, const float* d, double sign) {
+    double* const count = planes_.data();
+    double *const sum_x = count + width_, *const sum_d = sum_x + width_;
+    double *const sum_xx = sum_d + width_, *const sum_xd = sum_xx + width_;
+    for (int i = 0; i < width_; ++i) {
+      const bool counts = x[i] == x[i];
+      const double own = counts ? sign : 0, own_x = counts ? x[i] : 0, own_d = counts ? d[i] : 0;
+      count[i] += own;
+      sum_x[i] += own * own_x;
+      sum_d[i] += own * own_d;
+      sum_xx[i] += own * own_x * own_x;
+      sum_xd[i] += own * own_x * own_d;
+    }
+  }
+  DepthMoments<double> At(int i) const {
+    const double* const at = planes_.data() + i;
+    return {at[0], at[width_], at[2 * width_], at[3 * width_], at[4 * width_]};
+  }
+
+ private:
+  int64_t width_;
+  std::vector<double> planes_;
+};
+
+void ComparePixel(const DepthJob& job, int64_t i, const ScaleShift<float>& local, float local_grad,
+                  Band& band) {
+  const DepthLossArgs& args = *job.args;
+  const auto compared = CompareDepth(job.fit, local, local_grad, job.x[i], args.prior[i]);
+  const auto grad = NormalizedDepthVjp(job.x[i], args.alpha[i], compared.grad);
+  args.depth_grad[i] = grad.depth_sum;
+  args.alpha_grad[i] = grad.alpha;
+  band.view_error += compared.view_error;
+  band.local_error += compared.local_error;
+}
+
+void CompareRowInWindows(const DepthJob& job, const ColumnMoments& columns, int y, Band& band) {
+  const DepthLossArgs& args = *job.args;
+  const int radius = args.window_radius;
+  DepthMoments<double> window = {};
+  for (int column = 0; column < std::min(radius, args.width); ++column) {
+    window = window + columns.At(column);
+  }
+  for (int column = 0; column < args.width; ++column) {
+    if (column + radius < args.width) window = window + columns.At(column + radius);
+    if (column > radius) window = window - columns.At(column - radius - 1);
+    const int64_t i = int64_t{y} * args.width + column;
+    if (job.x[i] != job.x[i]) continue;
+    const auto fit = FitWindow<double>(window, job.fit.variance_floor);
+    const ScaleShift<float> local = {static_cast<float>(fit.scale), static_cast<float>(fit.shift)};
+    ComparePixel(job, i, local, job.fit.local_grad, band);
+  }
+}
+
+void CompareBandInWindows(const DepthJob& job, Band& band) {
+  const DepthLossArgs& args = *job.args;
+  ColumnMoments columns(args.width);
+  const auto add_row = [&](int y, double sign) {
+    if (y < 0 || y >= args.height) return;
+    const int64_t at = int64_t{y} * args.width;
+    columns.AddRow(job.x + at, args.prior.data + at, sign);
+  };
+  for (int y = band.first_row - args.window_radius; y < band.first_row + args.window_radius; ++y) {
+    add_row(y, 1);
+  }
+  for (int y = band.first_row; y < band.end_row; ++y) {
+    add_row(y + args.window_radius, 1);
+    CompareRowInWindows(job, columns, y, band);
+    add_row(y - args.window_radius, -1);
+  }
+}
+
+void CompareBandInPatch(const DepthJob& job, Band& band) {
+  const DepthLossArgs& args = *job.args;
+  for (int y = band.first_row; y < band.end_row; ++y) {
+    for (int column = 0; column < args.width; ++column) {
+      const int64_t i = int64_t{y} * args.width + column;
+      if (job.x[i] != job.x[i]) continue;
+      const bool inside = IsInside(args.patch, column, y);
+      ComparePixel(job, i, job.fit.patch, inside ? job.fit.local_grad : 0, band);
+    }
+  }
+}
+
+Band SumOf(const std::vector<Band>& bands) {
+  Band all = {};
+  for (const Band& band : bands) {
+    all.view = all.view + band.view;
+    all.patch = all.patch + band.patch;
+    all.view_error += band.view_error;
+    all.local_error += band.local_error;
+  }
+  return all;
+}
+
+void StoreSums(const DepthLossArgs& args, const DepthFit& fit, const Band& all) {
+  args.sums[kSumDepthView] = fit.view_grad * all.view_error;
+  args.sums[kSumDepthLocal] = fit.local_grad * all.local_error;
+  args.sums[kSumDepthPixels] = fit.usable ? all.view.count : 0;
+  args.sums[kDepthScale] = fit.view.scale;
+  args.sums[kDepthShift] = fit.view.shift;
+}
+
+}  // namespace
+
+void CpuBackend::DepthLoss(const DepthLossArgs& args) {
+  const int64_t num_pixels = int64_t{args.width} * args.height;
+  const std::unique_ptr<float[]> x(new float[num_pixels]);
+  DepthJob job = {&args, x.get(), {}};
+  std::vector<Band> bands((args.height + kBandRows - 1) / kBandRows);
+  const auto num_bands = static_cast<int64_t>(bands.size());
+  pool_.ParallelFor(num_bands, [&](int64_t i, int) {
+    bands[i].first_row = static_cast<int>(i) * kBandRows;
+    bands[i].end_row = std::min(args.height, bands[i].first_row + kBandRows);
+    GatherBand(job, bands[i]);
+  });
+  const Band all = SumOf(bands);
+  const bool in_windows = FitsWindows(args);
+  job.fit =
+      FitDepth(all.view, in_windows ? all.view : all.patch, args.view_weight, args.local_weight);
+  std::fill_n(args.alpha_grad.data, num_pixels, 0.0f);
+  std::fill_n(args.depth_grad.data, num_pixels, 0.0f);
+  if (job.fit.usable) {
+    pool_.ParallelFor(num_bands, [&](int64_t i, int) {
+      in_windows ? CompareBandInWindows(job, bands[i]) : CompareBandInPatch(job, bands[i]);
+    });
+  } else {
+    ++args.num_skipped[0];
+  }
+  StoreSums(args, job.fit, SumOf(bands));
+}
+
+}  // namespace pepeseg
