@@ -9,6 +9,7 @@
 #include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
+#include "kernels/refine_ops.h"
 
 namespace pepeseg {
 
@@ -35,13 +36,14 @@ class Backend {
   virtual void Zero(void* data, size_t num_bytes) = 0;
   virtual size_t bytes_in_use() const = 0;
 
-  // Rendering and stage one (ops.h, depth_ops.h).
+  // Rendering and stage one (ops.h, depth_ops.h, refine_ops.h).
   virtual void Render(const RenderArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
   virtual void DepthLoss(const DepthLossArgs& args) = 0;
   virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
+  virtual void RefineGaussians(const RefineGaussiansArgs& args) = 0;
   virtual void GatherRows(const GatherRowsArgs& args) = 0;
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;

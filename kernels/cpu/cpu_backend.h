@@ -34,6 +34,7 @@ class CpuBackend final : public Backend {
   void RenderBackward(const RenderBackwardArgs& args) override;
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;
+  void RefineGaussians(const RefineGaussiansArgs& args) override;
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;

@@ -50,6 +50,7 @@ class CudaBackend final : public Backend {
   void RenderBackward(const RenderBackwardArgs& args) override;
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;
+  void RefineGaussians(const RefineGaussiansArgs& args) override;
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;

@@ -18,6 +18,8 @@ PEPESEG_HD float Sqrt(float x) { return ::sqrtf(x); }
 PEPESEG_HD double Sqrt(double x) { return ::sqrt(x); }
 PEPESEG_HD float Exp(float x) { return ::expf(x); }
 PEPESEG_HD double Exp(double x) { return ::exp(x); }
+PEPESEG_HD float Log(float x) { return ::logf(x); }
+PEPESEG_HD double Log(double x) { return ::log(x); }
 PEPESEG_HD float Exp2(float x) { return ::exp2f(x); }
 PEPESEG_HD double Exp2(double x) { return ::exp2(x); }
 PEPESEG_HD float Log2(float x) { return ::log2f(x); }

@@ -1,0 +1,199 @@
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/device_planes.cuh"
+#include "kernels/cuda/launch.h"
+#include "kernels/math/refine.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr uint64_t kNoCandidate = ~uint64_t{0};
+
+struct RefineParams {
+  // Of the render; num_visible is a bound, the number is a counter.
+  const int32_t* visible_gaussian;
+  const Splat* visible_splat;
+  int64_t num_visible;
+  Room room;
+  const float *alpha, *depth;
+  ProjectionCamera<float> camera;
+  PatchMapView masks;
+  double candidate_share;
+  bool split, scale_all_axes;
+  DevicePlanes<float> gaussians, moment1, moment2;
+  int num_planes;
+  int32_t* num_steps;
+  uint8_t* refinable;
+  uint64_t* keys;           // [visible]
+  uint64_t* sorted_keys;    // [visible]
+  float* outside_shape;     // [6, visible]
+  int32_t* has_outside;     // [visible]
+  int32_t* outside_end;     // [visible] outside parts up to and with this one
+  int32_t* outside_source;  // [room_outside]
+  float* outside_out;       // [6, room_outside]
+  int64_t room_outside;
+  int64_t* counts;
+};
+
+__device__ void Count(int64_t* count, bool counts) {
+  const int num = __syncthreads_count(counts);
+  if (threadIdx.x == 0 && num > 0) {
+    atomicAdd(reinterpret_cast<unsigned long long*>(count), static_cast<unsigned long long>(num));
+  }
+}
+
+// The distance to the rendered depth, whose bits order as it does, then the index, so that equal
+// distances are in the order of their index.
+__device__ uint64_t CandidateKey(const RefineParams& p, int64_t visible) {
+  if (visible >= p.room.counters[kNumVisible] || p.room.IsVoid()) return kNoCandidate;
+  if (p.refinable[p.visible_gaussian[visible]] == 0) return kNoCandidate;
+  const Splat splat = ToSplat(LoadSplat(p.visible_splat, static_cast<int32_t>(visible)));
+  if (!(0 <= splat.x && splat.x < static_cast<float>(p.masks.width) && 0 <= splat.y &&
+        splat.y < static_cast<float>(p.masks.height))) {
+    return kNoCandidate;
+  }
+  const int64_t pixel =
+      static_cast<int64_t>(splat.y) * p.masks.width + static_cast<int64_t>(splat.x);
+  const float gap = DepthGap(p.alpha[pixel], p.depth[pixel], splat.depth);
+  if (gap < 0) return kNoCandidate;
+  return uint64_t{__float_as_uint(gap)} << 32 | static_cast<uint64_t>(visible);
+}
+
+__global__ void __launch_bounds__(kBlock) RankKernel(RefineParams p) {
+  const int64_t visible = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  const uint64_t key = visible < p.num_visible ? CandidateKey(p, visible) : +kNoCandidate;
+  if (visible < p.num_visible) p.keys[visible] = key;
+  Count(p.counts + kNumRefineRanked, key != kNoCandidate);
+}
+
+__device__ int64_t NumCandidates(const RefineParams& p) {
+  return static_cast<int64_t>(p.candidate_share * static_cast<double>(p.counts[kNumRefineRanked]));
+}
+
+__device__ void StoreShape(const GaussianShape<float>& shape, float* first, int64_t stride) {
+  first[0 * stride] = shape.mean.x;
+  first[1 * stride] = shape.mean.y;
+  first[2 * stride] = shape.mean.z;
+  first[3 * stride] = shape.log_scale.x;
+  first[4 * stride] = shape.log_scale.y;
+  first[5 * stride] = shape.log_scale.z;
+}
+
+// Whether it was made shorter.
+__device__ bool RefineOne(const RefineParams& p, int64_t visible) {
+  const int64_t i = p.visible_gaussian[visible];
+  const DevicePlanes<const float> planes = {p.gaussians.data, p.gaussians.stride};
+  const GaussianShape<float> shape = LoadShape(planes, i);
+  const Refinement<float> refinement = FindRefinement(p.camera, shape, p.masks);
+  if (!refinement.found) return false;
+  StoreShape(PartOf(shape, refinement, false, p.scale_all_axes), p.gaussians.data + i,
+             p.gaussians.stride);
+  for (int k = 0; k < p.num_planes; ++k) p.moment1.At(k, i) = p.moment2.At(k, i) = 0;
+  p.num_steps[i] = 0;
+  p.refinable[i] = 0;
+  if (p.split && HasOutsidePart(refinement)) {
+    p.has_outside[visible] = 1;
+    StoreShape(PartOf(shape, refinement, true, p.scale_all_axes), p.outside_shape + visible,
+               p.num_visible);
+  }
+  return true;
+}
+
+__global__ void __launch_bounds__(kBlock) RefineKernel(RefineParams p) {
+  const int64_t visible = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  const int64_t num_candidates = NumCandidates(p);
+  if (visible == 0) p.counts[kNumRefineCandidates] = num_candidates;
+  bool refined = false;
+  if (visible < p.num_visible) {
+    p.has_outside[visible] = 0;
+    if (num_candidates > 0 && p.keys[visible] <= p.sorted_keys[num_candidates - 1]) {
+      refined = RefineOne(p, visible);
+    }
+  }
+  Count(p.counts + kNumRefined, refined);
+}
+
+// Outside parts in the order of the visible.
+__global__ void __launch_bounds__(kBlock) CompactKernel(RefineParams p) {
+  const int64_t visible = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  if (visible >= p.num_visible) return;
+  const int64_t end = p.outside_end[visible];
+  if (visible == p.num_visible - 1) p.counts[kNumRefineSplit] = min(end, p.room_outside);
+  if (p.has_outside[visible] == 0 || end > p.room_outside) return;
+  p.outside_source[end - 1] = p.visible_gaussian[visible];
+  for (int k = 0; k < 6; ++k) {
+    p.outside_out[k * p.room_outside + end - 1] = p.outside_shape[k * p.num_visible + visible];
+  }
+}
+
+}  // namespace
+
+void CudaBackend::RefineGaussians(const RefineGaussiansArgs& args) {
+  const Turn turn(*this);
+  if (!turn) return;
+  Zero(args.counts.data, kNumRefineCounts * sizeof(int64_t));
+  const int64_t num_visible = args.render->visible_splat.size();
+  if (num_visible == 0 || args.masks.mask_area.empty()) return;
+  RefineScratch& scratch = *args.scratch;
+  scratch.keys.Reserve(*this, 2 * num_visible);
+  scratch.outside_shape.Reserve(*this, 6 * num_visible);
+  scratch.outside_position.Reserve(*this, 2 * num_visible);
+  uint64_t* keys = scratch.keys.span().data;
+  int32_t* has_outside = scratch.outside_position.span().data;
+  const int num_keys = static_cast<int>(num_visible);
+  size_t sort_bytes = 0, scan_bytes = 0;
+  cub::DeviceRadixSort::SortKeys(nullptr, sort_bytes, keys, keys, num_keys, 32, 64, stream_);
+  cub::DeviceScan::InclusiveSum(nullptr, scan_bytes, has_outside, has_outside, num_keys, stream_);
+  void* temporary = Temporary(std::max(sort_bytes, scan_bytes));
+  if (!error_.empty()) return;
+  const RefineParams p = {args.render->visible_gaussian.span().data,
+                          args.render->visible_splat.span().data,
+                          num_visible,
+                          RoomOf(*args.render),
+                          args.alpha.data,
+                          args.depth.data,
+                          MakeProjectionCamera<float>(args.view),
+                          MakePatchMapView(args.masks, args.view),
+                          args.candidate_share,
+                          args.split,
+                          args.scale_all_axes,
+                          ToDevice(args.gaussians),
+                          ToDevice(args.moment1),
+                          ToDevice(args.moment2),
+                          NumPlanes(args.gaussians.sh_degree),
+                          args.num_steps.data,
+                          args.refinable.data,
+                          keys,
+                          keys + num_visible,
+                          scratch.outside_shape.span().data,
+                          has_outside,
+                          has_outside + num_visible,
+                          args.outside_source.data,
+                          args.outside_shape.data,
+                          args.outside_source.size,
+                          args.counts.data};
+  const int num_blocks = NumBlocks(num_visible, kBlock);
+  RankKernel<<<num_blocks, kBlock, 0, stream_>>>(p);
+  Launched("rank candidates");
+  // Stable, so that equal distances stay in the order of their index.
+  Keep(cub::DeviceRadixSort::SortKeys(temporary, sort_bytes, p.keys, p.sorted_keys, num_keys, 32,
+                                      64, stream_),
+       "sorting the candidates");
+  Launched("sort candidates");
+  RefineKernel<<<num_blocks, kBlock, 0, stream_>>>(p);
+  Launched("refine");
+  Keep(cub::DeviceScan::InclusiveSum(temporary, scan_bytes, p.has_outside, p.outside_end, num_keys,
+                                     stream_),
+       "numbering the outside parts");
+  Launched("number outside parts");
+  CompactKernel<<<num_blocks, kBlock, 0, stream_>>>(p);
+  Launched("compact outside parts");
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "kernels/backend.h"
+#include "tests/kernels/rendered.h"
+
+namespace pepeseg {
+
+// Masks of a view as plain images [H, W] of 0 and 1.
+using MaskImages = std::vector<std::vector<uint8_t>>;
+
+// The mask of the pixels for which inside(x, y) holds.
+template <class Inside>
+std::vector<uint8_t> MaskWhere(const PinholeView& view, Inside inside) {
+  std::vector<uint8_t> mask;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) mask.push_back(inside(x, y) ? 1 : 0);
+  }
+  return mask;
+}
+
+// A rendered scene with the masks of its view and everything that a refinement needs. Moments and
+// step counts start at 7, all rows are refinable.
+struct Refined {
+  Refined(Backend& backend, const HostGaussians& scene, const PinholeView& view,
+          const MaskImages& masks);
+
+  RefineGaussiansArgs MakeArgs();  // to be adjusted and given to Backend::RefineGaussians
+  int64_t Count(RefineCount count) const { return Download(counts)[count]; }
+  HostGaussians Result() const;
+  bool WasRefined(int64_t i) const { return Download(refinable)[i] == 0; }
+
+  Rendered rendered;
+  int words;
+  Buffer<uint32_t> pixel_patch;
+  Buffer<uint64_t> patch_bits;
+  Buffer<int64_t> mask_area;
+  Buffer<uint8_t> refinable;
+  RefineScratch scratch;
+  Buffer<int32_t> outside_source;
+  Buffer<float> outside_shape;
+  Buffer<int64_t> counts;
+};
+
+}  // namespace pepeseg
