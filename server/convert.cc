@@ -167,6 +167,8 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
       return FileKind::kIgnoreMask;
     case v1::FILE_KIND_DEPTH:
       return FileKind::kDepth;
+    case v1::FILE_KIND_DISPARITY:
+      return FileKind::kDisparity;
     case v1::FILE_KIND_POINTS:
       return FileKind::kPoints;
     default:

@@ -40,7 +40,7 @@ bool Has(const DatasetFolder& folder, v1::FileKind kind) {
 
 }  // namespace
 
-std::optional<v1::FileKind> KindOf(absl::string_view name) {
+std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth) {
   const auto in = [&](absl::string_view folder) { return absl::StartsWith(name, folder); };
   if (in("images/") && EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"})) {
     return v1::FILE_KIND_IMAGE;
@@ -49,11 +49,13 @@ std::optional<v1::FileKind> KindOf(absl::string_view name) {
   if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
   if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
   if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
-  if (in("depth/") && EndsIn(name, {".png", ".npy", ".pfm"})) return v1::FILE_KIND_DEPTH;
+  const bool map = EndsIn(name, {".png", ".npy", ".pfm"});
+  if (in("depth/") && map) return in_depth;
+  if (in("disparity/") && map) return v1::FILE_KIND_DISPARITY;
   return std::nullopt;
 }
 
-absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder) {
+absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::FileKind in_depth) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
     return absl::NotFoundError(absl::StrCat("no such folder: ", folder.string()));
@@ -64,7 +66,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder) {
     std::error_code ignored;  // a dangling link is no regular file: left out
     if (entry->is_directory(ignored)) continue;
     const std::string name = entry->path().lexically_relative(folder).generic_string();
-    const std::optional<v1::FileKind> kind = KindOf(name);
+    const std::optional<v1::FileKind> kind = KindOf(name, in_depth);
     if (kind && entry->is_regular_file(ignored)) {
       result.files.push_back({name, *kind, entry->path()});
     } else {

@@ -16,8 +16,10 @@ namespace pepeseg::cli {
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
 //   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
 //   ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
-//   depth/...                           .png .npy .pfm
-std::optional<v1::FileKind> KindOf(absl::string_view name);
+//   depth/STEM.png|npy|pfm              far is large; or what `in_depth` says: DEPTH or DISPARITY
+//   disparity/STEM.png|npy|pfm          near is large
+std::optional<v1::FileKind> KindOf(absl::string_view name,
+                                   v1::FileKind in_depth = v1::FILE_KIND_DEPTH);
 
 struct FolderFile {
   std::string name;  // relative, with '/'
@@ -32,6 +34,7 @@ struct DatasetFolder {
 
 // NOT_FOUND: no such folder. INVALID_ARGUMENT: no photographs or no poses in it, said with what was
 // looked for. Links to files are followed, links to folders are not.
-absl::StatusOr<DatasetFolder> ReadDatasetFolder(const std::filesystem::path& folder);
+absl::StatusOr<DatasetFolder> ReadDatasetFolder(const std::filesystem::path& folder,
+                                                v1::FileKind in_depth = v1::FILE_KIND_DEPTH);
 
 }  // namespace pepeseg::cli

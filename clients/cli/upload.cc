@@ -112,11 +112,14 @@ void NoteLeftOut(const std::vector<std::string>& names) {
 struct UploadFlags {
   std::string scene;
   std::string folder;
+  std::string depth_kind = "depth";
   bool dry_run = false;
 };
 
 absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
-  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder));
+  const v1::FileKind in_depth =
+      flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
+  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
   NoteLeftOut(folder.left_out);
   if (flags.dry_run) {
     for (const FolderFile& file : folder.files) {
@@ -173,8 +176,13 @@ void AddUpload(CLI::App& app, Shell& shell) {
   verb->add_option("SCENE", flags->scene, "Id of the scene; made when it is not there")->required();
   verb->add_option("FOLDER", flags->folder,
                    "images/, sparse/0/ (COLMAP) and, if there: masks/, ignore_mask.png, ignore/, "
-                   "depth/")
+                   "depth/, disparity/")
       ->required();
+  verb->add_option("--depth-kind", flags->depth_kind,
+                   "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "
+                   "is large), as disparity/ always does")
+      ->check(CLI::IsMember({"depth", "disparity"}))
+      ->capture_default_str();
   verb->add_flag("--dry-run", flags->dry_run, "Only tell what would be brought, as what");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunUpload(shell, *flags); }; });
 }

@@ -24,6 +24,12 @@ std::string StemBelow(const std::string& name, absl::string_view folder) {
   return std::string(WithoutSuffix(WithoutFolder(name, folder)));
 }
 
+// Of a file below depth/ or disparity/, whichever its kind.
+std::string DepthStem(const std::string& name) {
+  const bool in_depth = WithoutFolder(name, "depth").size() < name.size();
+  return StemBelow(name, in_depth ? "depth" : "disparity");
+}
+
 absl::Status PutIgnoreMask(const DatasetFile& file, DatasetIndex& index) {
   if (WithoutFolder(file.name, "ignore") != "ignore_mask.png") {
     return Put(file, StemBelow(file.name, "ignore"), "ignore masks for ", index.ignore);
@@ -99,7 +105,8 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
     case FileKind::kPoints:
       return PutPoints(file, models, index);
     case FileKind::kDepth:
-      return absl::OkStatus();
+    case FileKind::kDisparity:
+      return Put(file, DepthStem(file.name), "depth maps for ", index.depth);
   }
   return absl::OkStatus();
 }

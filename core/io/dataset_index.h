@@ -18,6 +18,7 @@ struct DatasetIndex {
   // By photograph without suffix: "cam0/0001".
   std::map<std::string, const DatasetFile*> masks;
   std::map<std::string, const DatasetFile*> ignore;
+  std::map<std::string, const DatasetFile*> depth;  // of either kind
   const DatasetFile* ignore_all = nullptr;
   // One COLMAP model; points may be missing.
   const DatasetFile* cameras = nullptr;

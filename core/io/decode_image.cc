@@ -94,4 +94,15 @@ absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl:
   return image;
 }
 
+absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name) {
+  ASSIGN_OR_RETURN(const Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  if (decoded.header.format != ImageFormat::kPng) return Refused(name, "not a PNG");
+  if (decoded.pixels.channels() != 1) return Refused(name, "has colours instead of one grey value");
+  FloatImage image{decoded.header.width, decoded.header.height, {}};
+  image.values.resize(decoded.pixels.total());
+  decoded.pixels.convertTo(cv::Mat(image.height, image.width, CV_32FC1, image.values.data()),
+                           CV_32F);
+  return image;
+}
+
 }  // namespace pepeseg

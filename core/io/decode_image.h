@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/io/float_image.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
@@ -25,5 +26,8 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 
 // A PNG of 1 to 16 bits a channel, grey or colour; errors as above, and another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);
+
+// A grey PNG of 1 to 16 bits; errors as above, and colours.
+absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name);
 
 }  // namespace pepeseg

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <set>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "core/io/colmap.h"
 #include "core/io/dataset_index.h"
 #include "core/io/decode_image.h"
+#include "core/io/depth_files.h"
 #include "core/io/file_name.h"
 #include "core/io/mask_files.h"
 #include "core/io/ply_points.h"
@@ -136,6 +138,8 @@ class ViewReader {
   }
 
   int num_resized() const { return num_resized_; }
+  // Depth maps that say nothing.
+  const std::vector<std::string>& without_depth() const { return without_depth_; }
 
  private:
   // Views of one camera mostly follow each other: the last warp is kept, not all of them, as each
@@ -174,6 +178,22 @@ class ViewReader {
       view.ignore.resize(warped.size(), 0);
       for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
     }
+    const auto depth = index_.depth.find(stem);
+    return depth == index_.depth.end() ? absl::OkStatus() : ReadDepth(*depth->second, photo, view);
+  }
+
+  absl::Status ReadDepth(const DatasetFile& file, const PhotoSize& photo, View& view) {
+    view.depth.kind =
+        file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
+    ASSIGN_OR_RETURN(const FloatImage map,
+                     ReadDepthMap(file.path, file.name, view.depth.kind, photo));
+    std::vector<float> depth = warp_->Depth(map);
+    // What is not trained on has no say in the percentiles either.
+    for (size_t i = 0; i < view.ignore.size(); ++i) {
+      if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
+    }
+    view.depth.values = NormalizeDepth(std::move(depth));
+    if (view.depth.values.empty()) without_depth_.push_back(file.name);
     return absl::OkStatus();
   }
 
@@ -181,6 +201,7 @@ class ViewReader {
   const ColmapCameras& cameras_;
   double image_scale_;
   int num_resized_ = 0;
+  std::vector<std::string> without_depth_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
   Lens warp_lens_;
@@ -227,6 +248,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   }
   RETURN_IF_ERROR(CheckCompanions(matches, index.masks, "mask files", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(matches, index.ignore, "ignore masks", index.warnings));
+  RETURN_IF_ERROR(CheckCompanions(matches, index.depth, "depth maps", index.warnings));
   Capture capture;
   ASSIGN_OR_RETURN(capture.points, ReadPoints(index));
   ViewReader reader(index, cameras, options.image_scale);
@@ -237,6 +259,10 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
     capture.views.push_back(std::move(view));
   }
   capture.warnings = std::move(index.warnings);
+  if (!reader.without_depth().empty()) {
+    capture.warnings.push_back(
+        LeftOut(reader.without_depth(), "depth maps have one value everywhere, or none"));
+  }
   if (reader.num_resized() > 0) {
     capture.warnings.push_back(absl::StrCat(
         reader.num_resized(), " photographs have another size than their COLMAP cameras, which ",

@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kPoints };
+enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kDisparity, kPoints };
 
 // One file of a dataset. `name` is what its owner calls it, relative to the dataset's folder, with
 // '/' ("images/0001.jpg", "sparse/0/cameras.bin", "masks/0001.json"): metadata that matches files
@@ -27,8 +27,11 @@ struct DatasetFile {
 //   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
 //   points.ply                     points to start from in place of COLMAP's
-//   depth/...                      kept for later stages
-absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder);
+//   depth/STEM.png|npy|pfm         depth: far is large, 0 = unknown
+//   disparity/STEM.png|npy|pfm     disparity: near is large
+// `depth_folder`: what depth/ holds, where it is not what its name says.
+absl::StatusOr<std::vector<DatasetFile>> ListDataset(
+    const std::filesystem::path& folder, DepthPrior::Kind depth_folder = DepthPrior::Kind::kDepth);
 
 struct ImportOptions {
   double image_scale = 1.0;  // (0, 1]: photographs and cameras are shrunk by this, area-averaged
@@ -36,14 +39,14 @@ struct ImportOptions {
 };
 absl::Status Validate(const ImportOptions& options);
 
-// A mask belongs to the photograph of the same name without suffix and folder: masks/cam0/7.json to
-// images/cam0/7.jpg. Views are named by their photographs below images/ ("cam0/7.jpg"), whether
-// COLMAP's names have that folder or not.
+// A mask or depth map belongs to the photograph of the same name without suffix and folder:
+// masks/cam0/7.json to images/cam0/7.jpg. Views are named by their photographs below images/
+// ("cam0/7.jpg"), whether COLMAP's names have that folder or not.
 //
 // The "prepare" stage: decodes, checks and undistorts. INVALID_ARGUMENT names the file, and the
 // index, the field and the limit where there is one. No allocation follows a count that a file only
 // claims. Photographs that the poses do not list, and poses without a photograph, are left out with
-// a warning; fewer than 2 usable views is an error.
+// a warning, and so is a depth map that knows nothing; fewer than 2 usable views is an error.
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 

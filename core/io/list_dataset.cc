@@ -26,8 +26,8 @@ bool IsColmapFile(absl::string_view name) {
          (stem == "cameras" || stem == "images" || stem == "points3D");
 }
 
-// What a file is by its name, if it belongs to a dataset.
-std::optional<FileKind> KindOf(absl::string_view name) {
+// What a file is by its name, if it belongs to a dataset. `in_depth`: what depth/ holds.
+std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   const std::string suffix = Suffix(name);
   const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" || suffix == ".webp";
   if (IsUnder(name, "images") && photo) return FileKind::kImage;
@@ -35,15 +35,20 @@ std::optional<FileKind> KindOf(absl::string_view name) {
   if (IsUnder(name, "masks") && (suffix == ".json" || suffix == ".png")) return FileKind::kMask;
   if (name == "ignore_mask.png") return FileKind::kIgnoreMask;
   if (IsUnder(name, "ignore") && suffix == ".png") return FileKind::kIgnoreMask;
-  if (IsUnder(name, "depth")) return FileKind::kDepth;
+  const bool map = suffix == ".png" || suffix == ".npy" || suffix == ".pfm";
+  if (IsUnder(name, "depth") && map) return in_depth;
+  if (IsUnder(name, "disparity") && map) return FileKind::kDisparity;
   if (name == "points.ply") return FileKind::kPoints;
   return std::nullopt;
 }
 
 }  // namespace
 
-absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder) {
+absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path& folder,
+                                                     DepthPrior::Kind depth_folder) {
   namespace fs = std::filesystem;
+  const FileKind in_depth =
+      depth_folder == DepthPrior::Kind::kDepth ? FileKind::kDepth : FileKind::kDisparity;
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
     return absl::NotFoundError(absl::StrCat(folder.string(), " is not a folder"));
@@ -55,7 +60,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
     std::error_code unreadable;
     if (!entry->is_regular_file(unreadable)) continue;
     std::string name = entry->path().lexically_relative(folder).generic_string();
-    const std::optional<FileKind> kind = KindOf(name);
+    const std::optional<FileKind> kind = KindOf(name, in_depth);
     if (!kind) continue;
     any_photo = any_photo || *kind == FileKind::kImage;
     files.push_back({*kind, std::move(name), entry->path()});

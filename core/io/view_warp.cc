@@ -79,6 +79,28 @@ int Nearest(float place, int size) {
   return std::clamp(static_cast<int>(std::floor(place)), 0, size - 1);
 }
 
+// See ViewWarp::Depth. (x, y): from the map's corner, in its pixels.
+float Sample(const FloatImage& map, double x, double y) {
+  const int nearest_x = Nearest(static_cast<float>(x), map.width);
+  const int nearest_y = Nearest(static_cast<float>(y), map.height);
+  const auto at = [&map](int u, int v) {
+    return map.values[static_cast<size_t>(v) * map.width + u];
+  };
+  if (std::isnan(at(nearest_x, nearest_y))) return at(nearest_x, nearest_y);
+  const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
+  double sum = 0, weights = 0;
+  for (int i = 0; i < 4; ++i) {
+    const double tap_x = left + i % 2, tap_y = top + i / 2;
+    const double weight = (1 - std::abs(x - 0.5 - tap_x)) * (1 - std::abs(y - 0.5 - tap_y));
+    const float value = at(std::clamp(static_cast<int>(tap_x), 0, map.width - 1),
+                           std::clamp(static_cast<int>(tap_y), 0, map.height - 1));
+    if (std::isnan(value)) continue;
+    sum += weight * value;
+    weights += weight;
+  }
+  return static_cast<float>(sum / weights);
+}
+
 }  // namespace
 
 // Cuts, again and again, the side with the largest share of pixels that are not covered.
@@ -211,6 +233,30 @@ MaskSet ViewWarp::Masks(const MaskSet& masks) const {
     }
   }
   return ResampleMaskSet(masks, camera_.width, camera_.height, source_pixel);
+}
+
+Vector2d ViewWarp::PlaceInPhoto(int x, int y) const {
+  const Vector2d full((x + 0.5) * full_width_ / camera_.width,
+                      (y + 0.5) * full_height_ / camera_.height);
+  if (source_.empty()) return full;
+  const int full_x = static_cast<int>(full.x()), full_y = static_cast<int>(full.y());
+  const float* source = &source_[2 * (static_cast<size_t>(full_y) * full_width_ + full_x)];
+  // Within one pixel the lens is a shift.
+  return Vector2d(source[0], source[1]) + full - Vector2d(full_x + 0.5, full_y + 0.5);
+}
+
+std::vector<float> ViewWarp::Depth(const FloatImage& map) const {
+  const double scale_x = static_cast<double>(map.width) / photo_width_;
+  const double scale_y = static_cast<double>(map.height) / photo_height_;
+  std::vector<float> result;
+  result.reserve(static_cast<size_t>(camera_.width) * camera_.height);
+  for (int y = 0; y < camera_.height; ++y) {
+    for (int x = 0; x < camera_.width; ++x) {
+      const Vector2d place = PlaceInPhoto(x, y);
+      result.push_back(Sample(map, place.x() * scale_x, place.y() * scale_y));
+    }
+  }
+  return result;
 }
 
 }  // namespace pepeseg

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/io/float_image.h"
 #include "core/io/lens.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
@@ -29,6 +30,10 @@ class ViewWarp {
   std::vector<uint8_t> Ignore(const std::vector<uint8_t>& ignore) const;
   // Nearest.
   MaskSet Masks(const MaskSet& masks) const;
+  // [height, width] of camera(). The map may have any size and stands for the whole photograph.
+  // Bilinear over what is known; a pixel is unknown (NaN) where the nearest value is, so that what
+  // is unknown neither grows nor shrinks.
+  std::vector<float> Depth(const FloatImage& map) const;
 
  private:
   ViewWarp() = default;
@@ -36,6 +41,8 @@ class ViewWarp {
   struct Frame {  // a part of the photograph's frame, pixels
     int left = 0, top = 0, width = 0, height = 0;
   };
+  // The centre of the result's pixel, in pixels of the photograph.
+  Eigen::Vector2d PlaceInPhoto(int x, int y) const;
   static Frame CoveredPart(const Lens& lens, const std::vector<float>& source);
   void KeepPart(const Frame& part, const std::vector<float>& source);
 

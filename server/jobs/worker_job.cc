@@ -102,11 +102,15 @@ absl::Status Training::Prepare() {
     RETURN_IF_ERROR(progress_.Warn(
         absl::StrCat("and ", capture_.warnings.size() - kMaxWarnings, " more warnings")));
   }
-  double num_masks = 0;
-  for (const View& view : capture_.views) num_masks += view.masks.num_masks;
+  double num_masks = 0, num_depth_maps = 0;
+  for (const View& view : capture_.views) {
+    num_masks += view.masks.num_masks;
+    num_depth_maps += view.depth.values.empty() ? 0 : 1;
+  }
   return EndStage({{"num_views", static_cast<double>(capture_.views.size())},
                    {"num_points", static_cast<double>(capture_.points.size())},
-                   {"num_masks", num_masks}});
+                   {"num_masks", num_masks},
+                   {"num_depth_maps", num_depth_maps}});
 }
 
 absl::Status Training::Step(const StepReport& report) {

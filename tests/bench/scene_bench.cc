@@ -21,6 +21,7 @@ namespace {
 
 struct BenchOptions {
   std::string folder;
+  bool disparity = false;  // what depth/ holds
   ImportOptions import;
   ReconstructOptions reconstruct;
   int num_threads = 0;
@@ -54,6 +55,7 @@ void AddOptions(CLI::App& app, BenchOptions& options) {
   ReconstructOptions& stage = options.reconstruct;
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("folder", options.folder)->required();
+  app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_option("--threads", options.num_threads);
   app.add_option("--renders", options.renders);
@@ -148,7 +150,9 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
                         {"device", backend->name()},
                         {"steps", options.reconstruct.num_steps}};
   const Stopwatch prepare;
-  ASSIGN_OR_RETURN(const auto files, ListDataset(options.folder));
+  ASSIGN_OR_RETURN(const auto files,
+                   ListDataset(options.folder, options.disparity ? DepthPrior::Kind::kDisparity
+                                                                 : DepthPrior::Kind::kDepth));
   ASSIGN_OR_RETURN(const Capture capture, ImportCapture(files, options.import));
   out["prepare"] = prepare.Seconds();
   out["size"] = {capture.views[0].camera.width, capture.views[0].camera.height};

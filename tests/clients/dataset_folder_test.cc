@@ -43,11 +43,18 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("ignore_mask.png"), v1::FILE_KIND_IGNORE_MASK);
   EXPECT_EQ(KindOf("ignore/a.png"), v1::FILE_KIND_IGNORE_MASK);
   EXPECT_EQ(KindOf("depth/a.png"), v1::FILE_KIND_DEPTH);
+  EXPECT_EQ(KindOf("disparity/a.NPY"), v1::FILE_KIND_DISPARITY);
+}
+
+TEST(KindOf, TakesDepthForDisparityWhereToldTo) {
+  EXPECT_EQ(KindOf("depth/a.pfm", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_DISPARITY);
+  EXPECT_EQ(KindOf("masks/a.png", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_MASK);
 }
 
 TEST(KindOf, LeavesOutWhatIsNoPartOfADataset) {
-  for (const char* name : {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin",
-                           "sparse/0/project.ini", "masks/a.txt", "images.jpg", "depth/a.exr"}) {
+  for (const char* name :
+       {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin", "sparse/0/project.ini",
+        "masks/a.txt", "images.jpg", "depth/a.exr", "disparity/a.jpg"}) {
     EXPECT_FALSE(KindOf(name).has_value()) << name;
   }
 }

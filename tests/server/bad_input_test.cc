@@ -113,6 +113,21 @@ TEST_F(BadInputTest, MaskOfAnotherSize) {
   ExpectBadFile("masks/frame-000003.png");
 }
 
+TEST_F(BadInputTest, DepthMapThatClaimsABillionPixels) {
+  ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
+  depth.path = "depth/frame-000003.pfm";
+  depth.bytes = "Pf\n40000 30000\n-1\n" + std::string(4000, '\0');
+  ExpectBadFile("depth/frame-000003.pfm");
+}
+
+TEST_F(BadInputTest, DepthMapThatIsNotFinite) {
+  ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
+  depth.path = "depth/frame-000003.pfm";
+  // All bits set: not a number.
+  depth.bytes = "Pf\n4 3\n-1\n" + std::string(48, '\xff');
+  ExpectBadFile("depth/frame-000003.pfm");
+}
+
 TEST_F(BadInputTest, HugeOneBitPng) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes = testing::BlackPng(32000, 32000, 1);

@@ -18,6 +18,8 @@ inline v1::FileKind ToProto(FileKind kind) {
       return v1::FILE_KIND_IGNORE_MASK;
     case FileKind::kDepth:
       return v1::FILE_KIND_DEPTH;
+    case FileKind::kDisparity:
+      return v1::FILE_KIND_DISPARITY;
     case FileKind::kPoints:
       return v1::FILE_KIND_POINTS;
   }

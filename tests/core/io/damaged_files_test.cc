@@ -5,10 +5,12 @@
 
 #include "core/io/colmap.h"
 #include "core/io/decode_image.h"
+#include "core/io/depth_files.h"
 #include "core/io/feature_file.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/mask_files.h"
 #include "tests/core/io/colmap_files.h"
+#include "tests/core/io/float_files.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
@@ -60,6 +62,10 @@ std::vector<Reader> Readers(const TempFolder& folder) {
   const auto points = [](const auto& path, const auto& name) {
     return ReadColmapPoints(path, name).status();
   };
+  const auto depth = [](const auto& path, const auto& name) {
+    return ReadDepthMap(path, name, DepthPrior::Kind::kDepth, {"photo", 48, 32}).status();
+  };
+  const FloatImage map = {48, 32, std::vector<float>(48 * 32, 2.5f)};
   return {
       PlyReader(folder),
       FeatureReader(folder),
@@ -72,6 +78,9 @@ std::vector<Reader> Readers(const TempFolder& folder) {
       {"a.jpg", testing::Jpeg(picture), photo},
       {"a.png", testing::Png(picture), photo},
       {"label.png", testing::Png({48, 32, 1, std::vector<uint8_t>(48 * 32, 3)}), masks},
+      {"depth.png", testing::Png({48, 32, 1, std::vector<uint8_t>(48 * 32, 3)}), depth},
+      {"depth.npy", testing::Npy(map), depth},
+      {"depth.pfm", testing::Pfm(map), depth},
       {"m.json", R"([{"segmentation": {"size": [32, 48], "counts": [36, 1000, 500]}}])", masks},
   };
 }

@@ -15,8 +15,8 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
   for (const char* name :
        {"images/b.JPG", "images/sub/a.webp", "images/notes.txt", "sparse/0/cameras.bin",
         "sparse/0/project.ini", "sparse/images.txt", "sparse/1/cameras.bin", "masks/b.json",
-        "masks/sub/a.png", "ignore_mask.png", "ignore/b.png", "depth/b.npy", "points.ply",
-        "README.md", "labels/b.png"}) {
+        "masks/sub/a.png", "ignore_mask.png", "ignore/b.png", "depth/b.npy", "depth/notes.txt",
+        "disparity/b.PFM", "points.ply", "README.md", "labels/b.png"}) {
     WriteBytes(folder / name, "x");
   }
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path()));
@@ -27,6 +27,7 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
   }
   EXPECT_EQ(listed, (std::vector<std::pair<std::string, FileKind>>{
                         {"depth/b.npy", FileKind::kDepth},
+                        {"disparity/b.PFM", FileKind::kDisparity},
                         {"ignore/b.png", FileKind::kIgnoreMask},
                         {"ignore_mask.png", FileKind::kIgnoreMask},
                         {"images/b.JPG", FileKind::kImage},
@@ -36,6 +37,13 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
                         {"points.ply", FileKind::kPoints},
                         {"sparse/0/cameras.bin", FileKind::kPoses},
                         {"sparse/images.txt", FileKind::kPoses}}));
+}
+
+TEST(ListDataset, TakesDepthForDisparityWhereToldTo) {
+  const TempFolder folder;
+  for (const char* name : {"images/b.jpg", "depth/b.png"}) WriteBytes(folder / name, "x");
+  ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path(), DepthPrior::Kind::kDisparity));
+  EXPECT_EQ(files[0].kind, FileKind::kDisparity);
 }
 
 TEST(ListDataset, RefusesAnEmptyFolderAndWhatIsNone) {

@@ -1,0 +1,89 @@
+#include "core/io/depth_files.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/decode_image.h"
+#include "core/io/file_bytes.h"
+#include "core/io/file_name.h"
+#include "core/io/npy.h"
+#include "core/io/pfm.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMaxShapeError = 0.01;
+constexpr double kLowPercentile = 0.1;
+constexpr double kHighPercentile = 99.9;
+
+absl::Status Refused(absl::string_view name, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
+}
+
+absl::StatusOr<FloatImage> Decode(const std::filesystem::path& path, const std::string& name) {
+  const std::string suffix = Suffix(name);
+  if (suffix == ".png") return DecodeGrey(path, name);
+  if (suffix != ".npy" && suffix != ".pfm") {
+    return Refused(name, "depth maps come as .png, .npy or .pfm");
+  }
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  return suffix == ".npy" ? ParseNpy(name, bytes) : ParsePfm(name, bytes);
+}
+
+absl::Status CheckShape(const FloatImage& map, const std::string& name, const PhotoSize& photo) {
+  const double shape = static_cast<double>(map.width) / map.height;
+  const double photo_shape = static_cast<double>(photo.width) / photo.height;
+  if (std::abs(shape - photo_shape) <= kMaxShapeError * photo_shape) return absl::OkStatus();
+  return Refused(
+      name, absl::StrCat("has ", map.width, "x", map.height, " pixels, its photograph ", photo.name,
+                         " ", photo.width, "x", photo.height, ": not of one shape"));
+}
+
+// Partially sorts `known`, which is not empty.
+float Percentile(std::vector<float>& known, double percent) {
+  const auto rank =
+      static_cast<ptrdiff_t>(std::lround(percent / 100 * (static_cast<double>(known.size()) - 1)));
+  std::nth_element(known.begin(), known.begin() + rank, known.end());
+  return known[static_cast<size_t>(rank)];
+}
+
+}  // namespace
+
+absl::StatusOr<FloatImage> ReadDepthMap(const std::filesystem::path& path, const std::string& name,
+                                        DepthPrior::Kind kind, const PhotoSize& photo) {
+  ASSIGN_OR_RETURN(FloatImage map, Decode(path, name));
+  RETURN_IF_ERROR(CheckShape(map, name, photo));
+  const bool zero_is_unknown = kind == DepthPrior::Kind::kDepth;
+  for (size_t i = 0; i < map.values.size(); ++i) {
+    if (!std::isfinite(map.values[i])) {
+      return Refused(name, absl::StrCat("the value at x ", i % map.width, ", y ", i / map.width,
+                                        " is not finite",
+                                        zero_is_unknown ? "; 0 stands for unknown depth" : ""));
+    }
+    if (zero_is_unknown && map.values[i] == 0) {
+      map.values[i] = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  return map;
+}
+
+std::vector<float> NormalizeDepth(std::vector<float> values) {
+  std::vector<float> known;
+  known.reserve(values.size());
+  std::copy_if(values.begin(), values.end(), std::back_inserter(known),
+               [](float value) { return !std::isnan(value); });
+  if (known.empty()) return {};
+  const float low = Percentile(known, kLowPercentile);
+  const float range = Percentile(known, kHighPercentile) - low;
+  if (!(range > 0) || !std::isfinite(range)) return {};
+  for (float& value : values) {
+    if (!std::isnan(value)) value = std::clamp((value - low) / range, 0.0f, 1.0f);
+  }
+  return values;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,135 @@
+#include "core/io/npy.h"
+
+#include <cstdint>
+#include <optional>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/io/byte_reader.h"
+#include "core/io/half.h"
+#include "core/io/image_header.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::string_view kMagic("\x93NUMPY", 6);
+
+absl::Status Refused(absl::string_view name, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
+}
+
+// The text of the Python dict that heads the file; the reader stands behind it.
+std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader& reader) {
+  reader.Skip(kMagic.size());
+  const auto major = reader.Take<uint8_t>();
+  reader.Skip(1);
+  const uint32_t length = major == 1 ? reader.Take<uint16_t>() : reader.Take<uint32_t>();
+  const size_t start = reader.offset();
+  if (major < 1 || major > 3 || !reader.Skip(length)) return std::nullopt;
+  return bytes.substr(start, length);
+}
+
+// What stands behind 'key': up to the next comma outside of brackets, or to the closing brace.
+std::optional<absl::string_view> ValueOf(absl::string_view header, absl::string_view key) {
+  const std::string quoted = absl::StrCat("'", key, "':");
+  const size_t found = header.find(quoted);
+  if (found == absl::string_view::npos) return std::nullopt;
+  header.remove_prefix(found + quoted.size());
+  int depth = 0;
+  for (size_t i = 0; i < header.size(); ++i) {
+    if (depth == 0 && (header[i] == ',' || header[i] == '}')) {
+      return absl::StripAsciiWhitespace(header.substr(0, i));
+    }
+    depth += header[i] == '(' || header[i] == '[' ? 1 : 0;
+    depth -= header[i] == ')' || header[i] == ']' ? 1 : 0;
+  }
+  return std::nullopt;
+}
+
+struct Shape {
+  uint64_t height = 0, width = 0;
+};
+
+// "(480, 640)"
+std::optional<Shape> ParseShape(absl::string_view text) {
+  if (!absl::ConsumePrefix(&text, "(") || !absl::ConsumeSuffix(&text, ")")) return std::nullopt;
+  const std::vector<absl::string_view> sizes = absl::StrSplit(text, ',');
+  Shape shape;
+  if (sizes.size() != 2 || !absl::SimpleAtoi(sizes[0], &shape.height) ||
+      !absl::SimpleAtoi(sizes[1], &shape.width)) {
+    return std::nullopt;
+  }
+  return shape;
+}
+
+absl::Status CheckShape(absl::string_view name, const Shape& shape) {
+  if (shape.width == 0 || shape.height == 0) return Refused(name, "an empty array");
+  if (shape.width > kMaxImagePixels || shape.height > kMaxImagePixels ||
+      shape.width * shape.height > static_cast<uint64_t>(kMaxImagePixels)) {
+    return Refused(name, absl::StrCat(shape.width, "x", shape.height, " pixels, the limit is ",
+                                      kMaxImagePixels));
+  }
+  return absl::OkStatus();
+}
+
+template <class T>
+float Decode(T value) {
+  return static_cast<float>(value);
+}
+
+// Half precision has no type of its own here: its bits come as Half.
+struct Half {
+  uint16_t bits;
+};
+float Decode(Half value) { return FloatFromHalf(value.bits); }
+
+template <class T>
+bool TakeValues(ByteReader& reader, size_t count, std::vector<float>& values) {
+  if (reader.remaining() / sizeof(T) < count) return false;
+  values.reserve(count);
+  for (size_t i = 0; i < count; ++i) values.push_back(Decode(reader.Take<T>()));
+  return true;
+}
+
+// Nothing: another type.
+std::optional<bool> TakeArray(absl::string_view type, ByteReader& reader, FloatImage& image) {
+  const size_t count = static_cast<size_t>(image.width) * image.height;
+  if (type == "'<f2'") return TakeValues<Half>(reader, count, image.values);
+  if (type == "'<f4'") return TakeValues<float>(reader, count, image.values);
+  if (type == "'<f8'") return TakeValues<double>(reader, count, image.values);
+  if (type == "'|u1'") return TakeValues<uint8_t>(reader, count, image.values);
+  if (type == "'<u2'") return TakeValues<uint16_t>(reader, count, image.values);
+  if (type == "'<u4'") return TakeValues<uint32_t>(reader, count, image.values);
+  return std::nullopt;
+}
+
+}  // namespace
+
+absl::StatusOr<FloatImage> ParseNpy(absl::string_view name, absl::string_view bytes) {
+  if (!absl::StartsWith(bytes, kMagic)) return Refused(name, "not an NPY file");
+  ByteReader reader(bytes);
+  const auto header = TakeHeader(bytes, reader);
+  if (!header) return Refused(name, "the NPY header is cut short or of an unknown version");
+  const auto type = ValueOf(*header, "descr");
+  const auto order = ValueOf(*header, "fortran_order");
+  const auto sizes = ValueOf(*header, "shape");
+  if (!type || !order || !sizes) return Refused(name, "the NPY header is malformed");
+  const std::optional<Shape> shape = ParseShape(*sizes);
+  if (!shape) return Refused(name, "the array must have the shape (height, width)");
+  if (*order != "False") return Refused(name, "the array must be in C order");
+  RETURN_IF_ERROR(CheckShape(name, *shape));
+  FloatImage image{static_cast<int>(shape->width), static_cast<int>(shape->height), {}};
+  const std::optional<bool> whole = TakeArray(*type, reader, image);
+  if (!whole) return Refused(name, "the array must be of <f2, <f4, <f8, |u1, <u2 or <u4");
+  if (!*whole) {
+    return Refused(name, absl::StrCat("cut short: too few bytes for ", image.width, "x",
+                                      image.height, " values"));
+  }
+  return image;
+}
+
+}  // namespace pepeseg
