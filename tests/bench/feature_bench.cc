@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "core/evaluate/metrics.h"
@@ -29,6 +30,7 @@ struct BenchOptions {
   std::string folder, gaussians;
   ReconstructOptions reconstruct;
   FeatureOptions features;
+  std::string device = "cpu";  // or cuda
   int num_threads = 0;
   std::vector<int> smooth = {0};         // neighbours; 0: features as trained
   std::string pictures;                  // folder; empty: none
@@ -196,13 +198,22 @@ absl::Status WritePictures(const Segmenter& segmenter, const std::vector<ScoredV
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::unique_ptr<Backend>> MakeBackend(const BenchOptions& options) {
+  if (options.device == "cpu") return MakeCpuBackend(options.num_threads);
+  std::string error;
+  auto backend = MakeCudaBackend({}, &error);
+  if (backend == nullptr) return absl::UnavailableError(error);
+  return backend;
+}
+
 absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
-  const auto backend = MakeCpuBackend(options.num_threads);
+  ASSIGN_OR_RETURN(const auto backend, MakeBackend(options));
   ASSIGN_OR_RETURN(const auto files, ListDataset(options.folder));
   ASSIGN_OR_RETURN(const Capture capture, ImportCapture(files, {}));
   ASSIGN_OR_RETURN(Gaussians gaussians, GetGaussians(*backend, capture, options));
   const double start = CoreSeconds();
-  nlohmann::json out = {{"gaussians", gaussians.count}};
+  const auto start_time = std::chrono::steady_clock::now();
+  nlohmann::json out = {{"gaussians", gaussians.count}, {"device", backend->name()}};
   ASSIGN_OR_RETURN(FeatureField field, TrainFeatures(*backend, capture, gaussians, options.features,
                                                      [&](const StepReport& report) {
                                                        if (report.step % 500 == 1)
@@ -210,6 +221,8 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
                                                        return absl::OkStatus();
                                                      }));
   out["features_core_seconds"] = CoreSeconds() - start;
+  out["features_seconds"] =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start_time).count();
   Model model;
   model.gaussians = std::move(gaussians);
   model.field = std::move(field);
@@ -244,6 +257,7 @@ int main(int argc, char** argv) {
   app.add_option("--scales", options.features.num_scales);
   app.add_option("--rate", options.features.learning_rate);
   app.add_option("--seed", options.features.seed);
+  app.add_option("--device", options.device, "cpu or cuda");
   app.add_option("--threads", options.num_threads);
   app.add_option("--pictures", options.pictures);
   app.add_option("--scale", options.scale);

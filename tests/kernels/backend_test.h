@@ -24,11 +24,11 @@ std::unique_ptr<Backend> MakeCpuSse4();
 // nullptr without a device; with PEPESEG_REQUIRE_CUDA=1 in the environment that is a failure.
 std::unique_ptr<Backend> MakeCuda();
 
-class BackendTest : public testing::TestWithParam<BackendCase> {
+class BackendTest : public ::testing::TestWithParam<BackendCase> {
  protected:
   void SetUp() override {
     backend_ = GetParam().make();
-    if (testing::Test::HasFatalFailure()) return;
+    if (::testing::Test::HasFatalFailure()) return;
     if (backend_ == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
   }
 
@@ -41,18 +41,12 @@ class BackendTest : public testing::TestWithParam<BackendCase> {
   std::unique_ptr<Backend> backend_;
 };
 
-// For the ops that are not on CUDA yet: the steps of stage two.
-inline auto CpuBackends() {
-  return testing::Values(BackendCase{"CpuAvx3", MakeCpuAvx3}, BackendCase{"CpuAvx2", MakeCpuAvx2},
-                         BackendCase{"CpuSse4", MakeCpuSse4});
-}
-
 inline auto AllBackends() {
-  return testing::Values(BackendCase{"CpuAvx3", MakeCpuAvx3}, BackendCase{"CpuAvx2", MakeCpuAvx2},
-                         BackendCase{"CpuSse4", MakeCpuSse4}, BackendCase{"Cuda", MakeCuda});
+  return ::testing::Values(BackendCase{"CpuAvx3", MakeCpuAvx3}, BackendCase{"CpuAvx2", MakeCpuAvx2},
+                           BackendCase{"CpuSse4", MakeCpuSse4}, BackendCase{"Cuda", MakeCuda});
 }
 
-inline std::string BackendName(const testing::TestParamInfo<BackendCase>& info) {
+inline std::string BackendName(const ::testing::TestParamInfo<BackendCase>& info) {
   return info.param.name;
 }
 

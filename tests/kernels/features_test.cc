@@ -12,7 +12,7 @@
 #include "kernels/math/pair.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/central_differences.h"
-#include "tests/kernels/rendered.h"
+#include "tests/kernels/sparse_rows.h"
 
 namespace pepeseg {
 namespace {
@@ -20,50 +20,8 @@ namespace {
 using Values = std::vector<double>;
 constexpr int kSize = kFeatureSize;
 
-// Rows of random pixels of a rendered scene.
-struct Rows {
-  Rows(Backend& backend, Rendered& scene, const std::vector<int32_t>& at)
-      : pixels(backend, std::span<const int32_t>(at)) {
-    scene.Render();
-    CaptureRowsArgs args;
-    args.pixels = pixels.span();
-    args.scratch = &scene.scratch;
-    args.row_first = &first;
-    args.entry_gaussian = &gaussian;
-    args.entry_weight = &weight;
-    backend.CaptureRows(args);
-  }
-  RowSpan span() const { return {first.span(), gaussian.span(), weight.span()}; }
-
-  Buffer<int32_t> pixels, first, gaussian;
-  Buffer<float> weight;
-};
-
-struct Columns {
-  Columns(Backend& backend, const RowSpan& rows, int64_t num_gaussians) {
-    TransposeRowsArgs args;
-    args.rows = rows;
-    args.num_gaussians = num_gaussians;
-    args.gaussian = &gaussian;
-    args.first = &first;
-    args.pixel = &pixel;
-    args.weight = &weight;
-    backend.TransposeRows(args);
-  }
-  ColumnSpan span() const { return {gaussian.span(), first.span(), pixel.span(), weight.span()}; }
-
-  Buffer<int32_t> gaussian, first, pixel;
-  Buffer<float> weight;
-};
-
-std::vector<int32_t> EveryPixel(const PinholeView& view, int stride) {
-  std::vector<int32_t> pixels;
-  for (int i = 0; i < view.width * view.height; i += stride) pixels.push_back(i);
-  return pixels;
-}
-
 class FeaturesTest : public BackendTest {};
-INSTANTIATE_TEST_SUITE_P(Backends, FeaturesTest, CpuBackends(), BackendName);
+INSTANTIATE_TEST_SUITE_P(Backends, FeaturesTest, AllBackends(), BackendName);
 
 class SimilarityTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, SimilarityTest, AllBackends(), BackendName);
@@ -72,7 +30,7 @@ TEST_P(FeaturesTest, SparseRowsEqualTheDenseFeatureMap) {
   const PinholeView view = TestView(70, 50);
   Rendered scene(*backend_, RandomScene({.count = 300}), view);
   const std::vector<int32_t> pixels = EveryPixel(view, 7);
-  Rows rows(*backend_, scene, pixels);
+  SparseRows rows(*backend_, scene, pixels);
   const Buffer<float> features = Upload(*backend_, RandomValues(300 * kSize, 3));
   Buffer<Half> map(*backend_, int64_t{70} * 50 * kSize);
   Buffer<float> got(*backend_, static_cast<int64_t>(pixels.size()) * kSize);
@@ -99,8 +57,8 @@ TEST_P(FeaturesTest, SparseRowsEqualTheDenseFeatureMap) {
 TEST_P(FeaturesTest, TransposedRowsHoldTheSameEntries) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = 120}), view);
-  Rows rows(*backend_, scene, EveryPixel(view, 11));
-  Columns columns(*backend_, rows.span(), 120);
+  SparseRows rows(*backend_, scene, EveryPixel(view, 11));
+  SparseColumns columns(*backend_, rows.span(), 120);
   std::vector<std::tuple<int32_t, int32_t, float>> want, got;
   const auto first = Download(rows.first), gaussian = Download(rows.gaussian);
   const auto weight = Download(rows.weight);
@@ -235,8 +193,8 @@ TEST_P(FeaturesTest, LazyAdamEqualsDenseAdam) {
 TEST_P(FeaturesTest, UpdateGathersBackwardThroughTheRowsAndAddsTheNorm) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = 120}), view);
-  Rows rows(*backend_, scene, EveryPixel(view, 11));
-  Columns columns(*backend_, rows.span(), 120);
+  SparseRows rows(*backend_, scene, EveryPixel(view, 11));
+  SparseColumns columns(*backend_, rows.span(), 120);
   const auto num_pixels = rows.first.size() - 1;
   LazyRun run(*backend_, 120, 1);
   const std::vector<float> pixel_grad = RandomValues(num_pixels * kSize, 9);

@@ -7,6 +7,7 @@
 #include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
 #include "tests/core/query/point_gaussians.h"
+#include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -74,6 +75,34 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
     num_trained += squares > 0 ? 1 : 0;
   }
   EXPECT_GT(num_trained, 200);
+}
+
+// The whole stage, whose losses and features may differ by rounding.
+TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
+  const auto cuda = MakeCuda();
+  if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
+  const Capture capture = SmallCapture();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto train = [&](Backend& backend, std::vector<double>& losses) {
+    return TrainFeatures(backend, capture, gaussians, kShort, [&](const StepReport& report) {
+      losses.push_back(report.loss);
+      return absl::OkStatus();
+    });
+  };
+  std::vector<double> losses, cuda_losses, again;
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, train(*MakeCpuBackend(2), losses));
+  ASSERT_OK_AND_ASSIGN(const FeatureField got, train(*cuda, cuda_losses));
+  for (size_t i = 0; i < losses.size(); ++i) EXPECT_NEAR(cuda_losses[i], losses[i], 2e-3) << i;
+  double cosine = 0, num_trained = 0;
+  for (size_t i = 0; i < want.features.size(); ++i) {
+    cosine += double{got.features[i]} * want.features[i];
+    num_trained += std::pow(want.features[i], 2);
+  }
+  EXPECT_GT(num_trained, 100);
+  EXPECT_GT(cosine, 0.995 * num_trained);
+  ASSERT_OK_AND_ASSIGN(const FeatureField once_more, train(*cuda, again));
+  EXPECT_EQ(got.features, once_more.features);
+  EXPECT_EQ(got.gate, once_more.gate);
 }
 
 TEST(TrainFeatures, EndsWithTheErrorOfTheCallback) {

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/feature_ops.h"
+#include "kernels/math/pair.h"
+
+namespace pepeseg {
+
+// A feature vector as a warp holds it, a channel a lane: to the formulas of kernels/math a vector
+// of one element whose Total is the sum over the lanes. All 32 lanes must be there.
+struct Channel {
+  float v;
+  PEPESEG_HD explicit Channel(float x) : v(x) {}
+};
+static_assert(kFeatureSize == 32);
+
+PEPESEG_HD Channel operator+(Channel a, Channel b) { return Channel(a.v + b.v); }
+PEPESEG_HD Channel operator-(Channel a, Channel b) { return Channel(a.v - b.v); }
+PEPESEG_HD Channel operator*(Channel a, Channel b) { return Channel(a.v * b.v); }
+PEPESEG_HD Channel operator/(Channel a, Channel b) { return Channel(a.v / b.v); }
+PEPESEG_HD Channel MulAdd(Channel a, Channel b, Channel c) {
+  return Channel(MulAdd(a.v, b.v, c.v));
+}
+PEPESEG_HD Channel Sqrt(Channel x) { return Channel(Sqrt(x.v)); }
+PEPESEG_HD Channel Total(Channel x) {
+#ifdef __CUDA_ARCH__
+  for (int offset = 16; offset > 0; offset /= 2) x.v += __shfl_xor_sync(~0u, x.v, offset);
+#endif
+  return x;
+}
+
+// Entries of a sparse row: where it begins and ends, and which rows of features it sums.
+struct EntryRange {
+  int32_t first, end;
+  const int32_t* index;
+  const float* weight;
+};
+
+// sum over the entries of weight * rows[index], with so many loads on their way at once.
+__device__ inline float WeightedSum(const EntryRange& entries, const float* rows, int lane) {
+  constexpr int kAtOnce = 8;
+  float sum = 0;
+  for (int32_t base = entries.first; base < entries.end; base += 32) {
+    const int count = min(32, entries.end - base);
+    const int32_t index = lane < count ? entries.index[base + lane] : 0;
+    const float weight = lane < count ? entries.weight[base + lane] : 0.0f;
+    for (int k = 0; k < count; k += kAtOnce) {
+      float value[kAtOnce];
+#pragma unroll
+      for (int j = 0; j < kAtOnce; ++j) {
+        const int64_t row = __shfl_sync(~0u, index, k + j);
+        value[j] = k + j < count ? rows[row * kFeatureSize + lane] : 0.0f;
+      }
+#pragma unroll
+      for (int j = 0; j < kAtOnce; ++j) {
+        sum = MulAdd(__shfl_sync(~0u, weight, k + j), value[j], sum);
+      }
+    }
+  }
+  return sum;
+}
+
+}  // namespace pepeseg

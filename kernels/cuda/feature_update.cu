@@ -1,0 +1,114 @@
+#include <cuda_runtime.h>
+
+#include <cmath>
+
+#include "kernels/cuda/channel.cuh"
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/launch.h"
+#include "kernels/math/adam.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr int kWarps = kBlock / 32;
+
+// The powers of FeatureState's comment, as exponents of 2.
+struct Powers {
+  float log2_ratio, log2_beta1, log2_beta2;
+  float ratio_of_warp;  // ratio^32
+};
+
+// What the steps without a gradient do to a row, a term of their sum a lane.
+__device__ void ReplayRow(const FeatureCatchUpArgs& args, const Powers& powers, int64_t gaussian,
+                          int last_step) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const int64_t i = gaussian * kFeatureSize + lane;
+  const float moment1 = args.state.moment1.data[i], moment2 = args.state.moment2.data[i];
+  const int behind = args.step - last_step, count = min(behind, kMaxReplay);
+  float sum = 0, term = exp2f(static_cast<float>(lane + 1) * powers.log2_ratio);
+  for (int j = lane + 1; j <= count; j += 32) {
+    sum = MulAdd(term, args.rates.correction.data[last_step + j], sum);
+    term *= powers.ratio_of_warp;
+  }
+  const float move = -Total(Channel(sum)).v * args.rates.learning_rate;
+  const float direction = moment1 / (Sqrt(moment2) + args.rates.epsilon);
+  args.state.features.data[i] = MulAdd(move, direction, args.state.features.data[i]);
+  args.state.moment1.data[i] = exp2f(static_cast<float>(count) * powers.log2_beta1) * moment1;
+  args.state.moment2.data[i] = exp2f(static_cast<float>(behind) * powers.log2_beta2) * moment2;
+}
+
+// A warp a Gaussian.
+__global__ void __launch_bounds__(kBlock)
+    CatchUpKernel(FeatureCatchUpArgs args, Powers powers, int64_t count) {
+  const int64_t i = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
+  if (i >= count) return;
+  const int64_t gaussian = args.gaussian.size == 0 ? i : args.gaussian.data[i];
+  const int last_step = args.state.last_step.data[gaussian];
+  // Step 0 leaves no moments behind.
+  if (last_step > 0 && last_step < args.step) ReplayRow(args, powers, gaussian, last_step);
+  __syncwarp();
+  if (threadIdx.x % 32 == 0) args.state.last_step.data[gaussian] = args.step;
+}
+
+__device__ void UpdateGate(const FeatureUpdateArgs& args, const AdamRates<float>& rates) {
+  const int k = static_cast<int>(threadIdx.x);
+  if (k >= kGateSize) return;
+  args.gate.data[k] += AdamStep(rates, args.rates.learning_rate, args.gate_grad.data[k],
+                                args.gate_moment1.data[k], args.gate_moment2.data[k]);
+}
+
+// A warp a touched Gaussian; the last block has the gate.
+__global__ void __launch_bounds__(kBlock) UpdateKernel(FeatureUpdateArgs args, float norm_scale) {
+  const AdamRates<float> rates = {args.rates.beta1, args.rates.beta2, args.rates.epsilon,
+                                  args.rates.correction.data[args.step], 1};
+  if (blockIdx.x + 1 == gridDim.x) return UpdateGate(args, rates);
+  const int64_t touched = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  if (touched >= args.columns.gaussian.size) return;
+  const int64_t gaussian = args.columns.gaussian.data[touched];
+  const int64_t i = gaussian * kFeatureSize + lane;
+  const Channel feature(args.state.features.data[i]);
+  float moment1 = args.state.moment1.data[i], moment2 = args.state.moment2.data[i];
+  const EntryRange column = {args.columns.first.data[touched], args.columns.first.data[touched + 1],
+                             args.columns.pixel.data, args.columns.weight.data};
+  const float sum = WeightedSum(column, args.pixel_grad.data, lane);
+  const Channel pull = NormTermVjp(&feature, 1, Channel(norm_scale));
+  const float grad = MulAdd(pull.v, feature.v, sum);
+  args.state.features.data[i] =
+      feature.v + AdamStep(rates, args.rates.learning_rate, grad, moment1, moment2);
+  args.state.moment1.data[i] = moment1;
+  args.state.moment2.data[i] = moment2;
+  if (lane == 0) args.state.last_step.data[gaussian] = args.step;
+}
+
+Powers PowersOf(const FeatureRates& rates) {
+  const double log2_beta1 = std::log2(double{rates.beta1});
+  const double log2_beta2 = std::log2(double{rates.beta2});
+  const double log2_ratio = log2_beta1 - log2_beta2 / 2;
+  return {static_cast<float>(log2_ratio), static_cast<float>(log2_beta1),
+          static_cast<float>(log2_beta2), static_cast<float>(std::exp2(32 * log2_ratio))};
+}
+
+}  // namespace
+
+void CudaBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
+  const Turn turn(*this);
+  const int64_t count =
+      args.gaussian.empty() ? args.state.last_step.size : int64_t{args.gaussian.size};
+  if (!turn || count == 0) return;
+  CatchUpKernel<<<NumBlocks(count, kWarps), kBlock, 0, stream_>>>(args, PowersOf(args.rates),
+                                                                  count);
+  Launched("feature catch-up");
+}
+
+void CudaBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
+  const Turn turn(*this);
+  if (!turn) return;
+  const int64_t count = args.columns.gaussian.size;
+  const float norm_scale = count == 0 ? 0 : args.norm_weight / static_cast<float>(count);
+  UpdateKernel<<<NumBlocks(count, kWarps) + 1, kBlock, 0, stream_>>>(args, norm_scale);
+  Launched("feature update");
+}
+
+}  // namespace pepeseg

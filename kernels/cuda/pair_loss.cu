@@ -1,0 +1,64 @@
+#include <cuda_runtime.h>
+
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/pair_work.cuh"
+
+namespace pepeseg {
+
+PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
+  PairWork work = {};
+  work.args = args;
+  work.num_pixels = static_cast<int>(args.pixel_weight.size);
+  work.num_scales = static_cast<int>(args.scales.size);
+  work.padded = (work.num_pixels + kPairPad - 1) / kPairPad * kPairPad;
+  const int64_t padded = work.padded, scales = work.num_scales, patches = args.num_patches;
+  work.counts = arena.Take<PairCounts>(1);
+  work.patch_size = arena.Take<int32_t>(patches);
+  work.num_zeroed = arena.num_bytes();
+  work.weights = arena.Take<PairWeights>(1);
+  work.psi = arena.Take<float>(scales * kFeatureSize);
+  work.inv_norm = arena.Take<float>(scales * padded);
+  work.plan = arena.Take<PairBits>(padded * padded);
+  work.tile_part = arena.Take<PairLossPart>(NumPairTiles(work));
+  work.unit_grad = arena.Take<float>(kPairSplits * scales * padded * kFeatureSize);
+  work.psi_grad = arena.Take<float>(NumPixelBlocks(work) * scales * kFeatureSize);
+  work.norm_loss = arena.Take<double>(NumPixelBlocks(work));
+  work.agrees = arena.Take<uint32_t>(patches * patches);
+  return work;
+}
+
+// Two passes over pairs. The first computes the cosines of a tile of pairs at all scales in
+// registers, decides with them which pairs count, and leaves a word of bits a pair. The second
+// multiplies those bits with the features. Between the two the counts of positives and negatives
+// are known, so that one gradient is gathered where one pass would have to keep two apart.
+void CudaBackend::PairLoss(const PairLossArgs& args) {
+  const Turn turn(*this);
+  if (!turn) return;
+  if (args.scales.size < 1 || args.scales.size > kMaxScales || args.pixel_weight.size >= 1 << 16) {
+    return Fail("PairLoss: " + std::to_string(args.scales.size) + " scales of " +
+                std::to_string(args.pixel_weight.size) + " pixels, must be 1 to " +
+                std::to_string(kMaxScales) + " of at most 65535");
+  }
+  Arena sizes;
+  TakePairWork(args, sizes);
+  Arena arena(Temporary(sizes.num_bytes()));
+  if (!error_.empty()) return;
+  const PairWork work = TakePairWork(args, arena);
+  Zero(work.counts, work.num_zeroed);
+  LaunchGatePixels(work, stream_);
+  Launched("gate pixels");
+  if (work.num_pixels > 0) {
+    LaunchComparePatches(work, stream_);
+    Launched("compare patches");
+    LaunchPairTiles(work, stream_);
+    Launched("pair tiles");
+    LaunchUnitGradients(work, stream_);
+    Launched("unit gradients");
+    LaunchPixelGradients(work, stream_);
+    Launched("pixel gradients");
+  }
+  LaunchPairSums(work, stream_);
+  Launched("pair sums");
+}
+
+}  // namespace pepeseg
