@@ -19,6 +19,7 @@ struct StepReport {
   int64_t num_gaussians = 0;
   int64_t num_culled_degenerate = 0;  // since the start of the stage
   int64_t num_skipped_gradients = 0;  // likewise
+  int64_t num_void_renders = 0;       // likewise: steps done again, see RenderArgs::entry_room
 };
 
 // Called after each step: an error returned (CANCELLED, say) ends the stage with that error.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/density_ops.h"
 #include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
@@ -36,6 +37,16 @@ class Backend {
   virtual void Zero(void* data, size_t num_bytes) = 0;
   virtual size_t bytes_in_use() const = 0;
 
+  // Copies to the host that nobody waits for; see ReadbackQueue.
+  virtual void* AllocatePinned(size_t num_bytes) = 0;  // host memory; nullptr when there is none
+  virtual void FreePinned(void* data) = 0;
+  // Returns a ticket for WaitFor. At most kMaxReadbacks may be under way.
+  virtual int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) = 0;
+  virtual void WaitFor(int64_t ticket) = 0;
+  // How many steps of work the caller should queue before it waits for the oldest: 0 where calls
+  // are done when they return.
+  virtual int queue_depth() const = 0;
+
   // Rendering and stage one (ops.h, depth_ops.h, refine_ops.h).
   virtual void Render(const RenderArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
@@ -44,7 +55,11 @@ class Backend {
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
   virtual void RefineGaussians(const RefineGaussiansArgs& args) = 0;
+  // Density control (density_ops.h).
+  virtual void PlanDensity(const PlanDensityArgs& args) = 0;
   virtual void GatherRows(const GatherRowsArgs& args) = 0;
+
+  // Rows and features of a rendered view (ops.h).
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
@@ -56,6 +71,8 @@ class Backend {
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
 };
+
+inline constexpr int kMaxReadbacks = 64;
 
 // num_threads = 0: as many as the machine has.
 std::unique_ptr<Backend> MakeCpuBackend(int num_threads = 0);

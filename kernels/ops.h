@@ -32,14 +32,13 @@ struct RenderArgs {
   DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
   DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
   bool inverse_depth = false;    // `depth` is the sum of weight / z; nothing else changes
-  // false: the host waits until the entries are counted and makes room for them. true: it waits
-  // for nothing (so that a step can be a graph) and the render takes the room for entries that the
-  // scratch has. Where that is too small the render is void: the images are background,
-  // RenderBackward and Update with the scratch change nothing and counters[kNumVoidRenders] goes
-  // up. The caller reads the counters when it suits it and repeats what was void, first without
-  // keep_room. The sizes of the scratch's buffers are then bounds: the counters hold the numbers.
-  // The CPU backend always makes room.
-  bool keep_room = false;
+  // 0: the host waits until the (Gaussian, tile) entries are counted and makes room for them. More:
+  // it waits for nothing (so that a step can be a graph) and takes room for so many entries. Where
+  // that is too few the render is void: the images are background, RenderBackward and Update with
+  // the scratch change nothing and counters[kNumVoidRenders] goes up. The caller reads the counters
+  // when it suits it and repeats what was void, with 0. The sizes of the scratch's buffers are then
+  // bounds: the counters hold the numbers. The CPU backend always makes room.
+  int64_t entry_room = 0;
 };
 
 // Loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), means over the pixels that
@@ -105,14 +104,6 @@ struct UpdateArgs {
   GaussianPlanes moment1, moment2;  // in and out
   DeviceSpan<int32_t> num_steps;    // [N] in and out
   DensityStats stats;               // in and out
-};
-
-// Rearranges rows, for density control and reordering: row i of `to` becomes row source[i] of
-// `from`, or zeros where source[i] < 0.
-struct GatherRowsArgs {
-  DeviceSpan<const int32_t> source;  // [to.count], each < from.count
-  ConstGaussianPlanes from;
-  GaussianPlanes to;  // of the same degree; must not overlap `from`
 };
 
 // The rows of the blend matrix for chosen pixels, after Render with the same scratch: pixel p's

@@ -39,7 +39,7 @@ enum RenderCounter {
   kNumCulledDegenerate,     // not finite or not positive: quaternion norm, scale, projection
   kNumTileEntries,          // (Gaussian, tile) pairs
   kNumSkippedGradientRows,  // rows whose gradient was not finite: left out of the update
-  kNumVoidRenders,          // since the scratch was made: see RenderArgs::keep_room
+  kNumVoidRenders,          // since the scratch was made: see RenderArgs::entry_room
   kNumRenderCounters,
 };
 

@@ -17,27 +17,36 @@ bool Densifier::OpacityResetDue(int step) const {
 }
 
 absl::Status Densifier::Apply(GaussianState& state, std::mt19937_64& random) const {
-  DensityInput input;
-  input.count = state.count();
-  input.planes = state.DownloadPlanes(0, kOpacityPlane + 1);
-  input.grad_sum = state.DownloadGradSums();
-  input.num_visible = state.DownloadNumVisible();
-  DensityRules rules;
-  rules.gradient = options_.densify_gradient;
-  rules.clone_size = static_cast<float>(options_.densify_size * scene_radius_);
-  rules.min_opacity = options_.prune_opacity;
-  rules.max_count = options_.max_gaussians;
-  const DensityPlan plan = PlanDensity(input, rules, random);
-  if (plan.source.empty()) {
-    return absl::FailedPreconditionError(absl::StrCat("density control left none of ", input.count,
-                                                      " Gaussians: all are fainter ",
-                                                      "than prune_opacity ", rules.min_opacity));
+  const DensityStats stats = state.stats();
+  Buffer<int32_t> source;
+  Buffer<uint8_t> is_new;
+  Buffer<float> mean_log_scale;
+  DensityCounts counts;
+  backend_.PlanDensity({.gaussians = state.parameters(),
+                        .mean2d_grad_sum = stats.mean2d_grad_sum,
+                        .num_visible = stats.num_visible,
+                        .min_gradient = options_.densify_gradient,
+                        .clone_size = static_cast<float>(options_.densify_size * scene_radius_),
+                        .min_opacity = options_.prune_opacity,
+                        .max_count = options_.max_gaussians,
+                        .seed = static_cast<uint32_t>(random()),
+                        .source = &source,
+                        .is_new = &is_new,
+                        .mean_log_scale = &mean_log_scale,
+                        .counts = &counts});
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::ResourceExhaustedError(absl::StrCat("density control: ", error));
   }
-  if (!state.Rearrange(plan.source, plan.is_new)) {
+  if (counts.num_rows == 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("density control left none of ", state.count(),
+                     " Gaussians: all are fainter than prune_opacity ", options_.prune_opacity));
+  }
+  if (!state.Rearrange(source.span(), is_new.span())) {
     return absl::ResourceExhaustedError(
-        absl::StrCat("out of memory for ", plan.source.size(), " Gaussians"));
+        absl::StrCat("out of memory for ", counts.num_rows, " Gaussians"));
   }
-  state.UploadPlanes(kMeanPlane, plan.mean_and_log_scale);
+  state.SetMeansAndLogScales(mean_log_scale.span());
   return absl::OkStatus();
 }
 

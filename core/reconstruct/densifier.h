@@ -3,7 +3,6 @@
 #include <random>
 
 #include "absl/status/status.h"
-#include "core/reconstruct/density_plan.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/reconstruct.h"
 
@@ -13,8 +12,8 @@ namespace pepeseg {
 // count from 0 and are told after their update.
 class Densifier {
  public:
-  Densifier(const ReconstructOptions& options, double scene_radius)
-      : options_(options), scene_radius_(scene_radius) {}
+  Densifier(Backend& backend, const ReconstructOptions& options, double scene_radius)
+      : backend_(backend), options_(options), scene_radius_(scene_radius) {}
 
   bool Due(int step) const;
   bool OpacityResetDue(int step) const;
@@ -27,6 +26,7 @@ class Densifier {
   // What is to be done every `every` steps, between the two shares of the run.
   bool IsEvery(int every, int step) const;
 
+  Backend& backend_;
   ReconstructOptions options_;
   double scene_radius_;
 };

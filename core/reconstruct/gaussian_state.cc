@@ -62,43 +62,36 @@ void GaussianState::UploadPlanes(int first, std::span<const float> planes) {
   }
 }
 
-std::vector<float> GaussianState::DownloadGradSums() const {
-  std::vector<float> sums(static_cast<size_t>(count_));
-  rows_.grad_sum.Download(sums);
-  return sums;
-}
-
-std::vector<int32_t> GaussianState::DownloadNumVisible() const {
-  std::vector<int32_t> counts(static_cast<size_t>(count_));
-  rows_.num_visible.Download(counts);
-  return counts;
-}
-
-bool GaussianState::Rearrange(std::span<const int32_t> source, std::span<const uint8_t> is_new) {
-  const auto new_count = static_cast<int64_t>(source.size());
+bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new) {
+  const int64_t new_count = source.size;
   Rows next = Allocate(new_count > rows_.stride ? WithSlack(new_count) : rows_.stride);
   if (!next.allocated) return false;
-  std::vector<int32_t> old_steps(static_cast<size_t>(count_)), steps(source.size());
-  rows_.num_steps.Download(old_steps);
-  std::vector<int32_t> state_source(source.begin(), source.end());
-  for (int64_t i = 0; i < new_count; ++i) {
-    steps[i] = is_new[i] ? 0 : old_steps[source[i]];
-    if (is_new[i]) state_source[i] = -1;
-  }
-  next.num_steps.Upload(steps);
-  const Buffer<int32_t> from(backend_, source);
-  const Buffer<int32_t> state_from(backend_, std::span<const int32_t>(state_source));
-  const auto gather = [&](Buffer<float>& old_planes, Buffer<float>& planes,
-                          DeviceSpan<const int32_t> rows) {
-    backend_.GatherRows(
-        {rows, Planes(old_planes), {planes.span().data, new_count, next.stride, sh_degree_}});
+  const auto planes_of = [&](Buffer<float>& buffer) {
+    return GaussianPlanes{buffer.span().data, new_count, next.stride, sh_degree_};
   };
-  gather(rows_.parameters, next.parameters, from.span());
-  gather(rows_.moment1, next.moment1, state_from.span());
-  gather(rows_.moment2, next.moment2, state_from.span());
+  backend_.GatherRows(
+      {.source = source, .from = Planes(rows_.parameters), .to = planes_of(next.parameters)});
+  backend_.GatherRows({.source = source,
+                       .is_zero = is_new,
+                       .from = Planes(rows_.moment1),
+                       .to = planes_of(next.moment1)});
+  backend_.GatherRows({.source = source,
+                       .is_zero = is_new,
+                       .from = Planes(rows_.moment2),
+                       .to = planes_of(next.moment2),
+                       .number_from = num_steps(),
+                       .number_to = next.num_steps.span().Subspan(0, new_count)});
   rows_ = std::move(next);
   count_ = new_count;
   return true;
+}
+
+void GaussianState::SetMeansAndLogScales(DeviceSpan<const float> planes) {
+  constexpr int kNumPlanes = kRotationPlane - kMeanPlane;
+  for (int k = 0; k < kNumPlanes; ++k) {
+    backend_.Copy(parameters().Plane(kMeanPlane + k), planes.Subspan(k * count_, count_).data,
+                  static_cast<size_t>(count_) * sizeof(float));
+  }
 }
 
 void GaussianState::LimitOpacity(float opacity) {

@@ -25,15 +25,13 @@ class GaussianState {
 
   // Waits for the backend.
   Gaussians Download() const;
-  // Parameter planes [num_planes, count] from `first` on.
-  std::vector<float> DownloadPlanes(int first, int num_planes) const;
-  void UploadPlanes(int first, std::span<const float> planes);
-  std::vector<float> DownloadGradSums() const;
-  std::vector<int32_t> DownloadNumVisible() const;
 
   // Row i becomes what row source[i] was; where is_new[i], its moments and step count start at 0.
   // Statistics start afresh. False when the backend is out of memory: nothing was changed.
-  bool Rearrange(std::span<const int32_t> source, std::span<const uint8_t> is_new);
+  bool Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new);
+
+  // Means and log scales, planes [6, count].
+  void SetMeansAndLogScales(DeviceSpan<const float> planes);
 
   // No opacity is more than this from now on; the opacities' moments start at 0.
   void LimitOpacity(float opacity);
@@ -48,7 +46,9 @@ class GaussianState {
     Buffer<int32_t> num_visible;
   };
 
-  Rows Allocate(int64_t stride) const;  // all zero
+  Rows Allocate(int64_t stride) const;                                 // all zero
+  std::vector<float> DownloadPlanes(int first, int num_planes) const;  // [num_planes, count]
+  void UploadPlanes(int first, std::span<const float> planes);
   GaussianPlanes Planes(Buffer<float>& buffer) const {
     return {buffer.span().data, count_, rows_.stride, sh_degree_};
   }

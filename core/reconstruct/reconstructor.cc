@@ -53,7 +53,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
       schedule_(options, scene_radius_),
-      densifier_(options, scene_radius_),
+      densifier_(backend, options, scene_radius_),
       views_(backend, capture, options.coarse_until > 0),
       sampler_(views_.size()),
       points_(StartingPoints(capture, options, random_)),
@@ -61,11 +61,13 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       color_(backend, 3 * views_.max_pixels()),
       color_grad_(backend, 3 * views_.max_pixels()),
-      loss_sums_(backend, kNumImageLossSums) {}
+      loss_sums_(backend, kNumImageLossSums),
+      entry_rooms_(views_.size()),
+      results_(backend) {}
 
 absl::Status Reconstructor::Allocated() const {
   if (views_.allocated() && state_.allocated() && !color_.empty() && !color_grad_.empty() &&
-      !loss_sums_.empty()) {
+      !loss_sums_.empty() && results_.allocated()) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
@@ -73,7 +75,24 @@ absl::Status Reconstructor::Allocated() const {
 }
 
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  const TrainingView& view = views_.At(sampler_.Next(random_), schedule_.ShrinkAt(step_));
+  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(step_), state_.count()};
+  TrainOn(input, entry_rooms_.For(input));
+  while (results_.full()) Settle();
+
+  const bool densify = densifier_.Due(step_);
+  const bool reset = densifier_.OpacityResetDue(step_);
+  if (densify || reset || step_ + 1 == options_.num_steps) {
+    while (!results_.empty()) Settle();
+  }
+  if (densify) RETURN_IF_ERROR(densifier_.Apply(state_, random_));
+  if (reset) state_.LimitOpacity(kResetOpacity);
+  ++step_;
+  return Report();
+}
+
+// Forward, loss, backward and Adam on one view: method.md section 1.
+void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
+  const TrainingView& view = views_.At(input.view, input.shrink);
   const int sh_degree = schedule_.ShDegreeAt(step_);
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = color_.span().Subspan(0, size);
@@ -84,7 +103,8 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
                    .near_plane = static_cast<float>(kNearPlane * scene_radius_),
                    .active_sh_degree = sh_degree,
                    .scratch = &scratch_,
-                   .color = color});
+                   .color = color,
+                   .entry_room = entry_room});
   backend_.ImageLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,
                       .color = color,
@@ -105,23 +125,28 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
                    .moment2 = state_.moment2(),
                    .num_steps = state_.num_steps(),
                    .stats = state_.stats()});
-  if (densifier_.Due(step_)) RETURN_IF_ERROR(densifier_.Apply(state_, random_));
-  if (densifier_.OpacityResetDue(step_)) state_.LimitOpacity(kResetOpacity);
-  ++step_;
-  return Report();
+  results_.Push(input, loss_sums_.span(), scratch_.counters.span());
 }
 
-// Reads the sums of every step: on the CPU that costs nothing.
-absl::StatusOr<StepReport> Reconstructor::Report() {
-  double sums[kNumImageLossSums];
-  int64_t counters[kNumRenderCounters];
-  loss_sums_.Download(sums);
-  scratch_.counters.Download(counters);
+// Takes the result of the oldest step that is under way. One that lacked room is done again.
+void Reconstructor::Settle() {
+  const StepResult result = results_.Pop();
+  if (result.was_void) {
+    ++num_void_renders_;
+    constexpr int64_t kMakeRoom = 0;
+    TrainOn(result.input, kMakeRoom);
+    return;
+  }
+  entry_rooms_.Learn(result);
+  num_culled_degenerate_ += result.counters[kNumCulledDegenerate];
+  num_skipped_gradients_ += result.counters[kNumSkippedGradientRows];
+  newest_ = result;
+}
+
+absl::StatusOr<StepReport> Reconstructor::Report() const {
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::InternalError(absl::StrCat("step ", step_, ": ", error));
   }
-  num_culled_degenerate_ += counters[kNumCulledDegenerate];
-  num_skipped_gradients_ += counters[kNumSkippedGradientRows];
   StepReport report;
   report.stage = "reconstruct";
   report.step = step_;
@@ -129,6 +154,9 @@ absl::StatusOr<StepReport> Reconstructor::Report() {
   report.num_gaussians = state_.count();
   report.num_culled_degenerate = num_culled_degenerate_;
   report.num_skipped_gradients = num_skipped_gradients_;
+  report.num_void_renders = num_void_renders_;
+  if (!newest_) return report;
+  const auto& sums = newest_->loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
   report.loss = (1 - options_.ssim_weight) * sums[kSumL1] / num +
                 options_.ssim_weight * (1 - sums[kSumSsim] / num);

@@ -2,15 +2,18 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <random>
 
 #include "absl/status/statusor.h"
 #include "core/progress.h"
 #include "core/reconstruct/densifier.h"
+#include "core/reconstruct/entry_rooms.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/schedule.h"
+#include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"
 #include "core/reconstruct/view_sampler.h"
 #include "kernels/backend.h"
@@ -26,6 +29,8 @@ class Reconstructor {
                                                                const Capture& capture,
                                                                const ReconstructOptions& options);
 
+  // The loss and PSNR reported are those of the newest step that the device has finished, which may
+  // be some steps back.
   absl::StatusOr<StepReport> Step();
   Gaussians Result() const { return state_.Download(); }
 
@@ -33,7 +38,9 @@ class Reconstructor {
   Reconstructor(Backend& backend, const Capture& capture, const ReconstructOptions& options);
 
   absl::Status Allocated() const;
-  absl::StatusOr<StepReport> Report();
+  void TrainOn(const StepInput& input, int64_t entry_room);
+  void Settle();
+  absl::StatusOr<StepReport> Report() const;
 
   Backend& backend_;
   const ReconstructOptions options_;
@@ -50,7 +57,10 @@ class Reconstructor {
   Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
   Buffer<double> loss_sums_;          // [kNumImageLossSums]
   int step_ = 0;
-  int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0;
+  EntryRooms entry_rooms_;
+  StepResults results_;
+  std::optional<StepResult> newest_;
+  int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_void_renders_ = 0;
 };
 
 }  // namespace pepeseg

@@ -27,6 +27,14 @@ class CpuBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override { return bytes_in_use_; }
+  void* AllocatePinned(size_t num_bytes) override { return Allocate(num_bytes); }
+  void FreePinned(void* data) override { Free(data); }
+  int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override {
+    Copy(to_pinned, from, num_bytes);
+    return 0;
+  }
+  void WaitFor(int64_t) override {}
+  int queue_depth() const override { return 0; }
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;
@@ -35,6 +43,7 @@ class CpuBackend final : public Backend {
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;
   void RefineGaussians(const RefineGaussiansArgs& args) override;
+  void PlanDensity(const PlanDensityArgs& args) override;
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;

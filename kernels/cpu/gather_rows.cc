@@ -3,16 +3,28 @@
 #include "kernels/cpu/cpu_backend.h"
 
 namespace pepeseg {
+namespace {
+
+template <class T>
+void Gather(const GatherRowsArgs& args, const T* from, T* to) {
+  for (int64_t i = 0; i < args.source.size; ++i) {
+    assert(args.source[i] >= 0 && args.source[i] < args.from.count);
+    const bool zero = !args.is_zero.empty() && args.is_zero[i] != 0;
+    to[i] = zero ? T(0) : from[args.source[i]];
+  }
+}
+
+}  // namespace
 
 void CpuBackend::GatherRows(const GatherRowsArgs& args) {
   assert(args.from.sh_degree == args.to.sh_degree && args.source.size == args.to.count);
-  pool_.ParallelFor(NumPlanes(args.to.sh_degree), [&](int64_t k, int) {
-    const float* from = args.from.Plane(static_cast<int>(k));
-    float* to = args.to.Plane(static_cast<int>(k));
-    for (int64_t i = 0; i < args.to.count; ++i) {
-      const int32_t source = args.source[i];
-      assert(source < args.from.count);
-      to[i] = source < 0 ? 0.0f : from[source];
+  const int num_planes = NumPlanes(args.to.sh_degree);
+  pool_.ParallelFor(num_planes + 1, [&](int64_t k, int) {
+    const int plane = static_cast<int>(k);
+    if (plane < num_planes) {
+      Gather(args, args.from.Plane(plane), args.to.Plane(plane));
+    } else if (!args.number_to.empty()) {
+      Gather(args, args.number_from.data, args.number_to.data);
     }
   });
 }

@@ -13,6 +13,9 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   Keep(cudaGetDeviceProperties(&properties, options.device), "asking for the device");
   device_name_ = properties.name;
   Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  for (cudaEvent_t& event : readbacks_) {
+    Keep(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "making an event");
+  }
   Keep(cudaMallocHost(reinterpret_cast<void**>(&pinned_counters_),
                       kNumCudaCounters * sizeof(int64_t)),
        "allocating pinned memory");
@@ -29,6 +32,9 @@ CudaBackend::~CudaBackend() {
   temporary_ = {};
   if (stream_ != nullptr) cudaStreamSynchronize(stream_);
   for (const KernelMark& mark : marks_) cudaEventDestroy(mark.event);
+  for (const cudaEvent_t event : readbacks_) {
+    if (event != nullptr) cudaEventDestroy(event);
+  }
   if (pinned_counters_ != nullptr) cudaFreeHost(pinned_counters_);
   if (stream_ != nullptr) cudaStreamDestroy(stream_);
 }
@@ -159,6 +165,42 @@ void CudaBackend::Zero(void* data, size_t num_bytes) {
 size_t CudaBackend::bytes_in_use() const {
   const std::lock_guard lock(mutex_);
   return bytes_in_use_;
+}
+
+void* CudaBackend::AllocatePinned(size_t num_bytes) {
+  const Turn turn(*this);
+  void* data = nullptr;
+  if (turn) Keep(cudaMallocHost(&data, std::max<size_t>(num_bytes, 1)), "allocating pinned memory");
+  return data;
+}
+
+void CudaBackend::FreePinned(void* data) {
+  const std::lock_guard lock(mutex_);
+  cudaSetDevice(options_.device);
+  cudaStreamSynchronize(stream_);  // a copy to it may be under way
+  Keep(cudaFreeHost(data), "freeing pinned memory");
+}
+
+int64_t CudaBackend::CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) {
+  const Turn turn(*this);
+  const int64_t ticket = num_readbacks_++;
+  if (!turn) return ticket;
+  Keep(cudaMemcpyAsync(to_pinned, from, num_bytes, cudaMemcpyDeviceToHost, stream_),
+       "copying from the device");
+  Keep(cudaEventRecord(readbacks_[ticket % kMaxReadbacks], stream_), "recording an event");
+  return ticket;
+}
+
+void CudaBackend::WaitFor(int64_t ticket) {
+  cudaEvent_t event;
+  {
+    const Turn turn(*this);
+    if (!turn) return;
+    event = readbacks_[ticket % kMaxReadbacks];
+  }
+  const cudaError_t error = cudaEventSynchronize(event);
+  const std::lock_guard lock(mutex_);
+  Keep(error, "waiting for the device");
 }
 
 std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {

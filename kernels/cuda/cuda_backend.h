@@ -43,6 +43,11 @@ class CudaBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override;
+  void* AllocatePinned(size_t num_bytes) override;
+  void FreePinned(void* data) override;
+  int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override;
+  void WaitFor(int64_t ticket) override;
+  int queue_depth() const override { return 8; }
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;
@@ -51,6 +56,7 @@ class CudaBackend final : public Backend {
   void ProjectBackward(const ProjectBackwardArgs& args) override;
   void Update(const UpdateArgs& args) override;
   void RefineGaussians(const RefineGaussiansArgs& args) override;
+  void PlanDensity(const PlanDensityArgs& args) override;
   void GatherRows(const GatherRowsArgs& args) override;
   void CaptureRows(const CaptureRowsArgs& args) override;
   void RenderFeatures(const RenderFeaturesArgs& args) override;
@@ -82,6 +88,8 @@ class CudaBackend final : public Backend {
   // Scratch memory of an op's own, until the next call.
   void* Temporary(size_t num_bytes);
 
+  DensityCounts DecideFates(const PlanDensityArgs& args, DeviceSpan<uint8_t> fate);
+
   // Parts of Render.
   void ProjectGaussians(const RenderArgs& args);
   SortKeyBits MakeRoom(const RenderArgs& args);
@@ -94,7 +102,9 @@ class CudaBackend final : public Backend {
   std::string error_;
   std::unordered_map<void*, size_t> blocks_;  // sizes
   size_t bytes_in_use_ = 0;
-  int64_t* pinned_counters_ = nullptr;  // [kNumCudaCounters] on the host
+  int64_t* pinned_counters_ = nullptr;         // [kNumCudaCounters] on the host
+  cudaEvent_t readbacks_[kMaxReadbacks] = {};  // ticket k: event k % kMaxReadbacks
+  int64_t num_readbacks_ = 0;
   Buffer<std::byte> temporary_;
   struct KernelMark {
     const char* kernel;  // nullptr: an op begins

@@ -47,7 +47,7 @@ __device__ inline Splat ToSplat(const SplatWords& w) {
   return {w.a.x, w.a.y, w.a.z, w.a.w, w.b.x, w.b.y, w.b.z, w.b.w, w.c.x, w.c.y, w.c.z, w.c.w};
 }
 
-// What a render took room for. It is void when it needed more: see RenderArgs::keep_room.
+// What a render took room for. It is void when it needed more: see RenderArgs::entry_room.
 struct Room {
   const int64_t* counters;
   int64_t entries;

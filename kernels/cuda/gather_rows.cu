@@ -9,14 +9,29 @@ namespace {
 
 constexpr int kBlock = 256;
 
-__global__ void __launch_bounds__(kBlock)
-    GatherKernel(const int32_t* source, int64_t count, DevicePlanes<const float> from,
-                 DevicePlanes<float> to) {
+struct GatherParams {
+  const int32_t* source;
+  const uint8_t* is_zero;  // may be null
+  int64_t count;
+  int num_planes;
+  DevicePlanes<const float> from;
+  DevicePlanes<float> to;
+  const int32_t* number_from;
+  int32_t* number_to;  // may be null
+};
+
+// blockIdx.y: the plane, or the number behind them.
+__global__ void __launch_bounds__(kBlock) GatherKernel(GatherParams p) {
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
-  if (i >= count) return;
+  if (i >= p.count) return;
   const int plane = static_cast<int>(blockIdx.y);
-  const int32_t row = source[i];
-  to.At(plane, i) = row < 0 ? 0.0f : from.At(plane, row);
+  const int32_t row = p.source[i];
+  const bool zero = p.is_zero != nullptr && p.is_zero[i] != 0;
+  if (plane < p.num_planes) {
+    p.to.At(plane, i) = zero ? 0.0f : p.from.At(plane, row);
+  } else {
+    p.number_to[i] = zero ? 0 : p.number_from[row];
+  }
 }
 
 }  // namespace
@@ -24,9 +39,12 @@ __global__ void __launch_bounds__(kBlock)
 void CudaBackend::GatherRows(const GatherRowsArgs& args) {
   const Turn turn(*this);
   if (!turn || args.to.count == 0) return;
-  const dim3 grid(NumBlocks(args.to.count, kBlock), NumPlanes(args.to.sh_degree));
-  GatherKernel<<<grid, kBlock, 0, stream_>>>(args.source.data, args.to.count, ToDevice(args.from),
-                                             ToDevice(args.to));
+  const int num_planes = NumPlanes(args.to.sh_degree);
+  const int num_numbers = args.number_to.empty() ? 0 : 1;
+  const dim3 grid(NumBlocks(args.to.count, kBlock), num_planes + num_numbers);
+  GatherKernel<<<grid, kBlock, 0, stream_>>>({args.source.data, args.is_zero.data, args.to.count,
+                                              num_planes, ToDevice(args.from), ToDevice(args.to),
+                                              args.number_from.data, args.number_to.data});
   Launched("gather rows");
 }
 

@@ -147,8 +147,8 @@ SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   const int64_t num_tiles = int64_t{scratch.num_tiles_x} * scratch.num_tiles_y;
   const uint32_t nearest = std::bit_cast<uint32_t>(std::max(args.near_plane, 0.0f));
   SortKeyBits bits = {nearest, 31};
-  int64_t num_entries = scratch.entry_visible.capacity();
-  if (!args.keep_room || num_entries == 0) {
+  int64_t num_entries = args.entry_room;
+  if (num_entries == 0) {
     Keep(cudaMemcpyAsync(pinned_counters_, scratch.counters.span().data,
                          kNumCudaCounters * sizeof(int64_t), cudaMemcpyDeviceToHost, stream_),
          "copying the counters");

@@ -166,7 +166,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bit
   void* temporary = Temporary(bytes);
   if (!error_.empty()) return;
   if (num_visible > 0 && num_entries > 0) {
-    if (args.keep_room) {  // keys beyond the entries sort last
+    if (args.entry_room > 0) {  // keys beyond the entries sort last
       Keep(cudaMemsetAsync(sort_keys, 0xff, num_entries * sizeof(uint64_t), stream_),
            "filling the sort keys");
     }

@@ -20,6 +20,8 @@ PEPESEG_HD float Exp(float x) { return ::expf(x); }
 PEPESEG_HD double Exp(double x) { return ::exp(x); }
 PEPESEG_HD float Log(float x) { return ::logf(x); }
 PEPESEG_HD double Log(double x) { return ::log(x); }
+PEPESEG_HD float Cos(float x) { return ::cosf(x); }
+PEPESEG_HD double Cos(double x) { return ::cos(x); }
 PEPESEG_HD float Exp2(float x) { return ::exp2f(x); }
 PEPESEG_HD double Exp2(double x) { return ::exp2(x); }
 PEPESEG_HD float Log2(float x) { return ::log2f(x); }

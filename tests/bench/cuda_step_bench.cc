@@ -39,6 +39,7 @@ double StepMs(Backend& backend, RoomTraining& training, int num_steps) {
 
 struct Workload {
   double gaussians = 0, visible = 0, entries = 0, pixels = 0;  // means over the views
+  double most_entries = 0;
 };
 
 Workload Measure(RoomTraining& training, int64_t count, int width, int height) {
@@ -49,7 +50,9 @@ Workload Measure(RoomTraining& training, int64_t count, int width, int height) {
     training.Render(view);
     const auto counters = training.Counters();
     out.visible += static_cast<double>(counters[kNumVisible]) / kNumViews;
-    out.entries += static_cast<double>(counters[kNumTileEntries]) / kNumViews;
+    const auto entries = static_cast<double>(counters[kNumTileEntries]);
+    out.entries += entries / kNumViews;
+    out.most_entries = std::max(out.most_entries, entries);
   }
   return out;
 }
@@ -111,10 +114,11 @@ int Main(std::span<char*> argv) {
     };
     training.Step(0);
     const double first_loss = loss();
-    for (const bool keep_room : {false, true}) {
-      training.set_keep_room(keep_room);
+    const auto ample = static_cast<int64_t>(1.25 * workload.most_entries);
+    for (const int64_t entry_room : {int64_t{0}, ample}) {
+      training.set_entry_room(entry_room);
       std::printf("step: %.3f ms (%s)\n", StepMs(*backend, training, num_steps),
-                  keep_room ? "keeping its room" : "making room");
+                  entry_room > 0 ? "a quarter more room than needed" : "making room");
     }
     training.Step(0);
     std::printf("L1 %.4f -> %.4f, %lld void renders, %.0f MB in use\n", first_loss, loss(),

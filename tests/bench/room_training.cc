@@ -55,7 +55,7 @@ void RoomTraining::Render(int view) {
   args.gaussians = Planes(gaussians_);
   args.view = RoomView(view, kNumViews, width_, height_);
   args.active_sh_degree = kMaxShDegree;
-  args.keep_room = keep_room_;
+  args.entry_room = entry_room_;
   args.scratch = &scratch_;
   args.color = color_.span();
   backend_.Render(args);

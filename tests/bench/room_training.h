@@ -22,7 +22,7 @@ class RoomTraining {
   void Update(int view);
 
   // On the CUDA backend: see RenderArgs.
-  void set_keep_room(bool keep_room) { keep_room_ = keep_room; }
+  void set_entry_room(int64_t entry_room) { entry_room_ = entry_room; }
   std::vector<int64_t> Counters() const;
   std::vector<double> Sums() const;  // of the last ImageLoss
   std::vector<float> Gaussians() const;
@@ -37,7 +37,7 @@ class RoomTraining {
   Backend& backend_;
   int64_t count_;
   int width_, height_;
-  bool keep_room_ = false;
+  int64_t entry_room_ = 0;
   Buffer<float> gaussians_, moment1_, moment2_;
   Buffer<int32_t> num_steps_;
   Buffer<float> mean2d_grad_;

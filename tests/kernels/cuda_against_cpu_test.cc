@@ -161,10 +161,10 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
 struct Bytes {
   std::vector<float> color, gaussians, moment2;
 };
-Bytes Train(Backend& backend, const HostGaussians& host, bool keep_room) {
+Bytes Train(Backend& backend, const HostGaussians& host, int64_t entry_room) {
   Rendered scene(backend, host, TestView(200, 150));
   for (int step = 0; step < 5; ++step) {
-    scene.keep_room = keep_room && step > 0;
+    scene.entry_room = entry_room;
     scene.Render();
     scene.Backward(RandomValues(3 * 200 * 150, step));
     backend.Update(scene.MakeUpdateArgs());
@@ -172,13 +172,13 @@ Bytes Train(Backend& backend, const HostGaussians& host, bool keep_room) {
   return {Download(scene.color), Download(scene.gaussians), Download(scene.moment2)};
 }
 
-TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndWhenItsRoomIsKept) {
+TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndInAGivenRoom) {
   const HostGaussians host = RandomScene({.count = 5'000, .max_scale = 0.1f});
-  const Bytes once = Train(*cuda_, host, false), again = Train(*cuda_, host, false);
+  const Bytes once = Train(*cuda_, host, 0), again = Train(*cuda_, host, 0);
   EXPECT_EQ(once.color, again.color);
   EXPECT_EQ(once.gaussians, again.gaussians);
   EXPECT_EQ(once.moment2, again.moment2);
-  const Bytes kept = Train(*cuda_, host, true);
+  const Bytes kept = Train(*cuda_, host, 1'000'000);
   EXPECT_EQ(once.color, kept.color);
   EXPECT_EQ(once.gaussians, kept.gaussians);
 }
@@ -192,7 +192,7 @@ TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
     for (int k = 0; k < 3; ++k) host.At(kLogScalePlane + k, i) = std::log(0.3f);
   }
   scene.gaussians.Upload(host.planes);
-  scene.keep_room = true;
+  scene.entry_room = num_entries;
   scene.Render();
   EXPECT_GT(scene.Counter(kNumTileEntries), 4 * num_entries);
   EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
@@ -202,9 +202,9 @@ TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
   EXPECT_EQ(Download(scene.gaussians), host.planes);
   EXPECT_EQ(Download(scene.num_steps), std::vector<int32_t>(500));
 
-  scene.keep_room = false;
+  scene.entry_room = 0;
   scene.Render();
-  scene.keep_room = true;
+  scene.entry_room = scene.Counter(kNumTileEntries);
   scene.Render();
   EXPECT_EQ(scene.Counter(kNumVoidRenders), 1);
   scene.Backward(RandomValues(3 * 200 * 150, 1));
@@ -214,16 +214,26 @@ TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
 
 TEST_F(CudaAgainstCpuTest, GathersRows) {
   const HostGaussians host = RandomScene({.count = 50, .sh_degree = 1});
-  const std::vector<int32_t> source = {3, -1, 49, 0, 3};
+  const std::vector<int32_t> source = {3, 1, 49, 0, 3}, numbers(50, 7);
+  const std::vector<uint8_t> is_zero = {0, 1, 0, 0, 0};
   for (Backend* backend : {cpu_.get(), cuda_.get()}) {
     Buffer<float> from = Upload(*backend, host.planes);
     Buffer<float> to(*backend, 5 * NumPlanes(1));
     const Buffer<int32_t> rows(*backend, std::span<const int32_t>(source));
-    backend->GatherRows({rows.span(), PlanesIn(from, host), {to.span().data, 5, 5, 1}});
+    const Buffer<uint8_t> zero(*backend, std::span<const uint8_t>(is_zero));
+    const Buffer<int32_t> number_from(*backend, std::span<const int32_t>(numbers));
+    Buffer<int32_t> number_to(*backend, 5);
+    backend->GatherRows({.source = rows.span(),
+                         .is_zero = zero.span(),
+                         .from = PlanesIn(from, host),
+                         .to = {to.span().data, 5, 5, 1},
+                         .number_from = number_from.span(),
+                         .number_to = number_to.span()});
+    EXPECT_EQ(Download(number_to), (std::vector<int32_t>{7, 0, 7, 7, 7}));
     const auto got = Download(to);
     for (int plane = 0; plane < NumPlanes(1); ++plane) {
       for (int i = 0; i < 5; ++i) {
-        ASSERT_EQ(got[plane * 5 + i], source[i] < 0 ? 0 : host.At(plane, source[i]));
+        ASSERT_EQ(got[plane * 5 + i], is_zero[i] != 0 ? 0 : host.At(plane, source[i]));
       }
     }
   }

@@ -23,7 +23,7 @@ void Rendered::Render() {
   args.near_plane = near_plane;
   args.active_sh_degree = host.sh_degree;
   std::copy(std::begin(background), std::end(background), args.background);
-  args.keep_room = keep_room;
+  args.entry_room = entry_room;
   args.scratch = &scratch;
   args.color = color.span();
   args.alpha = alpha.span();

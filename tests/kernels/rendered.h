@@ -24,8 +24,8 @@ struct Rendered {
   PinholeView view;
   float background[3] = {0.1f, 0.3f, 0.2f};
   float near_plane = 0.05f;
-  bool keep_room = false;      // see RenderArgs
   bool inverse_depth = false;  // likewise
+  int64_t entry_room = 0;      // see RenderArgs
   Buffer<float> gaussians, moment1, moment2;
   Buffer<int32_t> num_steps;
   Buffer<float> color, alpha, depth;

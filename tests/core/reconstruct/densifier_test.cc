@@ -19,7 +19,8 @@ ReconstructOptions ShortRun() {
 }
 
 TEST(Densifier, IsDueBetweenTheTwoShares) {
-  const Densifier densifier(ShortRun(), 1);
+  const auto backend = MakeCpuBackend(1);
+  const Densifier densifier(*backend, ShortRun(), 1);
   std::vector<int> due, resets;
   for (int step = 0; step < 1000; ++step) {
     if (densifier.Due(step)) due.push_back(step + 1);
@@ -51,7 +52,7 @@ TEST(Densifier, AppliesItsPlanToTheState) {
     state.num_steps()[i] = 7;
   }
   std::mt19937_64 random(1);
-  ASSERT_OK(Densifier(ShortRun(), 1).Apply(state, random));
+  ASSERT_OK(Densifier(*backend, ShortRun(), 1).Apply(state, random));
   const Gaussians after = state.Download();
   ASSERT_EQ(after.count, 4);  // two of the first, two children of the second
   std::vector<float> colors(after.Plane(kShPlane).begin(), after.Plane(kShPlane).end());
@@ -74,7 +75,7 @@ TEST(Densifier, FailsWhenNothingIsLeft) {
   for (float& logit : faint.Plane(kOpacityPlane)) logit = -9;
   GaussianState state(*backend, faint);
   std::mt19937_64 random(1);
-  EXPECT_STATUS(Densifier(ShortRun(), 1).Apply(state, random),
+  EXPECT_STATUS(Densifier(*backend, ShortRun(), 1).Apply(state, random),
                 absl::StatusCode::kFailedPrecondition, "none of 3 Gaussians");
   EXPECT_EQ(state.count(), 3);
 }

@@ -14,6 +14,12 @@ Gaussians Numbered(int64_t count) {
   return out;
 }
 
+// On the CPU a span of the host's is one of the backend's.
+template <class T>
+DeviceSpan<const T> Span(const std::vector<T>& host) {
+  return {host.data(), static_cast<int64_t>(host.size())};
+}
+
 // The tests run on the CPU backend, whose memory the host may read.
 void Fill(GaussianPlanes planes, float value) {
   for (int k = 0; k < NumPlanes(planes.sh_degree); ++k) {
@@ -40,7 +46,7 @@ TEST(GaussianState, RearrangeCarriesMomentsAndZeroesThoseOfNewRows) {
   }
   const std::vector<int32_t> source = {2, 0, 0, 2};
   const std::vector<uint8_t> is_new = {0, 0, 1, 1};
-  ASSERT_TRUE(state.Rearrange(source, is_new));
+  ASSERT_TRUE(state.Rearrange(Span(source), Span(is_new)));
   ASSERT_EQ(state.count(), 4);
   const Gaussians after = state.Download(), before = Numbered(3);
   const float moments1[] = {12, 10, 0, 0}, moments2[] = {22, 20, 0, 0};
@@ -61,11 +67,26 @@ TEST(GaussianState, GrowsPastItsSlack) {
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(3));
   const std::vector<int32_t> source(10'000, 1);
-  ASSERT_TRUE(state.Rearrange(source, std::vector<uint8_t>(source.size(), 1)));
+  ASSERT_TRUE(state.Rearrange(Span(source), Span(std::vector<uint8_t>(source.size(), 1))));
   const Gaussians after = state.Download();
   ASSERT_EQ(after.count, 10'000);
   EXPECT_EQ(after.Plane(0)[9'999], 1);
   EXPECT_EQ(after.Plane(NumPlanes(1) - 1)[9'999], Numbered(3).planes[3 * NumPlanes(1) - 2]);
+}
+
+TEST(GaussianState, SetsMeansAndLogScalesAlone) {
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, Numbered(2));
+  std::vector<float> planes(12);
+  for (size_t i = 0; i < planes.size(); ++i) planes[i] = 100 + static_cast<float>(i);
+  state.SetMeansAndLogScales(Span(planes));
+  const Gaussians after = state.Download();
+  for (int k = 0; k < NumPlanes(1); ++k) {
+    for (int i = 0; i < 2; ++i) {
+      const float old = Numbered(2).Plane(k)[i];
+      EXPECT_EQ(after.Plane(k)[i], k < kRotationPlane ? planes[2 * k + i] : old);
+    }
+  }
 }
 
 TEST(GaussianState, LimitOpacityLowersAndForgets) {

@@ -1,0 +1,25 @@
+#include "core/reconstruct/step_results.h"
+
+#include <algorithm>
+
+namespace pepeseg {
+
+void StepResults::Push(const StepInput& input, DeviceSpan<const double> loss_sums,
+                       DeviceSpan<const int64_t> counters) {
+  inputs_.push_back(input);
+  loss_sums_.Push(loss_sums);
+  counters_.Push(counters.Subspan(0, kNumRenderCounters));
+}
+
+StepResult StepResults::Pop() {
+  StepResult result;
+  result.input = inputs_.front();
+  inputs_.pop_front();
+  std::ranges::copy(loss_sums_.Pop(), result.loss_sums.begin());
+  std::ranges::copy(counters_.Pop(), result.counters.begin());
+  result.was_void = result.counters[kNumVoidRenders] > num_void_renders_;
+  num_void_renders_ = result.counters[kNumVoidRenders];
+  return result;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "kernels/cpu/cpu_backend.h"
+#include "kernels/math/density.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kNumMoved = 6;  // planes that a child has of its own: mean and log scale
+
+struct Row {
+  int32_t source;
+  bool is_new;
+  float moved[kNumMoved];
+};
+
+float MeanGradient(const PlanDensityArgs& args, int64_t i) {
+  const int32_t views = args.num_visible[i];
+  return views == 0 ? 0.0f : args.mean2d_grad_sum[i] / static_cast<float>(views);
+}
+
+DensityFate FateOf(const PlanDensityArgs& args, const DensityBounds& bounds, int64_t i) {
+  const ConstGaussianPlanes& planes = args.gaussians;
+  float largest = planes.Plane(kLogScalePlane)[i];
+  for (int axis = 1; axis < 3; ++axis) {
+    largest = std::max(largest, planes.Plane(kLogScalePlane + axis)[i]);
+  }
+  return FateOf(bounds, planes.Plane(kOpacityPlane)[i], largest, MeanGradient(args, i));
+}
+
+// Where room is short, those with the smaller gradients are only kept.
+void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
+  std::vector<int64_t> densified;
+  int64_t num_left = 0;
+  for (size_t i = 0; i < fates.size(); ++i) {
+    num_left += fates[i] != kFatePruned;
+    if (NumRowsOf(fates[i]) == 2) densified.push_back(static_cast<int64_t>(i));
+  }
+  const auto room = static_cast<size_t>(std::max<int64_t>(0, args.max_count - num_left));
+  if (densified.size() <= room) return;
+  std::stable_sort(densified.begin(), densified.end(), [&](int64_t a, int64_t b) {
+    return MeanGradient(args, a) > MeanGradient(args, b);
+  });
+  for (size_t k = room; k < densified.size(); ++k) fates[densified[k]] = kFateKept;
+}
+
+GaussianShape<float> ShapeOf(const ConstGaussianPlanes& planes, int64_t i) {
+  const auto at = [&](int plane) { return planes.Plane(plane)[i]; };
+  return {
+      {at(kMeanPlane), at(kMeanPlane + 1), at(kMeanPlane + 2)},
+      {at(kLogScalePlane), at(kLogScalePlane + 1), at(kLogScalePlane + 2)},
+      {at(kRotationPlane), at(kRotationPlane + 1), at(kRotationPlane + 2), at(kRotationPlane + 3)}};
+}
+
+void AddRows(const PlanDensityArgs& args, int64_t i, DensityFate fate, std::vector<Row>& rows) {
+  const GaussianShape<float> shape = ShapeOf(args.gaussians, i);
+  const auto source = static_cast<int32_t>(i);
+  for (int k = 0; k < NumRowsOf(fate); ++k) {
+    Vec3<float> mean = shape.mean, log_scale = shape.log_scale;
+    if (fate == kFateSplit) {
+      const Vec3<float> normal =
+          NormalNumbers<float>(args.seed, static_cast<uint32_t>(i), static_cast<uint32_t>(k));
+      mean = ChildMean(shape, normal);
+      log_scale = log_scale - Vec3<float>{kLogSplitShrink, kLogSplitShrink, kLogSplitShrink};
+    }
+    rows.push_back({source,
+                    fate == kFateSplit || k > 0,
+                    {mean.x, mean.y, mean.z, log_scale.x, log_scale.y, log_scale.z}});
+  }
+}
+
+std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
+  float min[3], max[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    min[axis] = std::numeric_limits<float>::infinity();
+    max[axis] = -min[axis];
+    for (const Row& row : rows) {  // a NaN takes no part
+      min[axis] = std::min(min[axis], row.moved[axis]);
+      max[axis] = std::max(max[axis], row.moved[axis]);
+    }
+  }
+  const MortonGrid grid = MakeMortonGrid(min, max);
+  std::vector<std::pair<uint64_t, size_t>> codes;
+  for (size_t i = 0; i < rows.size(); ++i) codes.emplace_back(MortonCode(grid, rows[i].moved), i);
+  std::sort(codes.begin(), codes.end());
+  std::vector<size_t> order;
+  for (const auto& [code, index] : codes) order.push_back(index);
+  return order;
+}
+
+}  // namespace
+
+void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
+  const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
+                                std::log(args.min_opacity / (1 - args.min_opacity))};
+  std::vector<DensityFate> fates;
+  for (int64_t i = 0; i < args.gaussians.count; ++i) fates.push_back(FateOf(args, bounds, i));
+  LimitToRoom(args, fates);
+  std::vector<Row> rows;
+  for (size_t i = 0; i < fates.size(); ++i) {
+    AddRows(args, static_cast<int64_t>(i), fates[i], rows);
+  }
+  const auto num = [&](DensityFate fate) { return std::count(fates.begin(), fates.end(), fate); };
+  const auto num_rows = static_cast<int64_t>(rows.size());
+  *args.counts = {num_rows, num(kFateCloned), num(kFateSplit), num(kFatePruned)};
+  args.source->Reserve(*this, num_rows);
+  args.is_new->Reserve(*this, num_rows);
+  args.mean_log_scale->Reserve(*this, kNumMoved * num_rows);
+  if (rows.empty() || args.mean_log_scale->empty()) return;
+  int64_t to = 0;
+  for (const size_t from : MortonOrder(rows)) {
+    args.source->span()[to] = rows[from].source;
+    args.is_new->span()[to] = rows[from].is_new ? 1 : 0;
+    for (int k = 0; k < kNumMoved; ++k) {
+      args.mean_log_scale->span()[k * num_rows + to] = rows[from].moved[k];
+    }
+    ++to;
+  }
+}
+
+}  // namespace pepeseg

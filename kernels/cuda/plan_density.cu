@@ -1,0 +1,277 @@
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/device_planes.cuh"
+#include "kernels/cuda/launch.h"
+#include "kernels/math/density.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr int kNumMoved = 6;  // planes that a child has of its own: mean and log scale
+
+__device__ int64_t ThreadIndex() { return int64_t{blockIdx.x} * kBlock + threadIdx.x; }
+
+struct FateParams {
+  DevicePlanes<const float> gaussians;
+  int64_t count;
+  const float* mean2d_grad_sum;
+  const int32_t* num_visible;
+  DensityBounds bounds;
+  // Outputs; a key orders as the mean gradient of what is densified, and is 0 otherwise.
+  DensityFate* fate;
+  uint32_t* key;
+  int32_t* index;
+  unsigned long long* num_of_fate;  // [4]
+};
+
+__global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
+  const int64_t i = ThreadIndex();
+  DensityFate fate = kFatePruned;
+  if (i < p.count) {
+    const float largest =
+        fmaxf(p.gaussians.At(kLogScalePlane, i),
+              fmaxf(p.gaussians.At(kLogScalePlane + 1, i), p.gaussians.At(kLogScalePlane + 2, i)));
+    const int32_t views = p.num_visible[i];
+    const float gradient =
+        views == 0 ? 0.0f : __fdiv_rn(p.mean2d_grad_sum[i], static_cast<float>(views));
+    fate = FateOf(p.bounds, p.gaussians.At(kOpacityPlane, i), largest, gradient);
+    p.fate[i] = fate;
+    // The bits of a float that is not negative order as it does.
+    p.key[i] = NumRowsOf(fate) == 2 ? __float_as_uint(gradient) + 1 : 0;
+    p.index[i] = static_cast<int32_t>(i);
+  }
+  for (int f = kFatePruned; f <= kFateSplit; ++f) {
+    const int num = __syncthreads_count(i < p.count && fate == f);
+    if (threadIdx.x == 0 && num > 0) {
+      atomicAdd(p.num_of_fate + f, static_cast<unsigned long long>(num));
+    }
+  }
+}
+
+// `index` by falling key: those from `room` on, where they would be densified, are only kept.
+__global__ void __launch_bounds__(kBlock)
+    LimitKernel(const int32_t* index, int64_t room, int64_t num_densified, DensityFate* fate,
+                unsigned long long* num_of_fate) {
+  const int64_t k = room + ThreadIndex();
+  if (k >= num_densified) return;
+  const int32_t i = index[k];
+  atomicAdd(num_of_fate + fate[i], ~0ull);  // one less
+  fate[i] = kFateKept;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    CountKernel(const DensityFate* fate, int64_t count, int32_t* num_rows) {
+  const int64_t i = ThreadIndex();
+  if (i < count) num_rows[i] = NumRowsOf(fate[i]);
+}
+
+struct RowParams {
+  DevicePlanes<const float> gaussians;
+  int64_t count, num_rows;
+  uint32_t seed;
+  const DensityFate* fate;
+  const int32_t* first_row;
+  int32_t* source;
+  uint8_t* is_new;
+  float* moved;  // [kNumMoved, num_rows]
+};
+
+__global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
+  const int64_t i = ThreadIndex();
+  if (i >= p.count) return;
+  const DensityFate fate = p.fate[i];
+  const GaussianShape<float> shape = LoadShape(p.gaussians, i);
+  for (int k = 0; k < NumRowsOf(fate); ++k) {
+    Vec3<float> mean = shape.mean, log_scale = shape.log_scale;
+    if (fate == kFateSplit) {
+      mean = ChildMean(
+          shape, NormalNumbers<float>(p.seed, static_cast<uint32_t>(i), static_cast<uint32_t>(k)));
+      log_scale = log_scale - Vec3<float>{kLogSplitShrink, kLogSplitShrink, kLogSplitShrink};
+    }
+    const int64_t row = p.first_row[i] + k;
+    p.source[row] = static_cast<int32_t>(i);
+    p.is_new[row] = fate == kFateSplit || k > 0;
+    const float moved[kNumMoved] = {mean.x, mean.y, mean.z, log_scale.x, log_scale.y, log_scale.z};
+#pragma unroll
+    for (int m = 0; m < kNumMoved; ++m) p.moved[m * p.num_rows + row] = moved[m];
+  }
+}
+
+// Floats as integers of the same order.
+__device__ int32_t ToOrdered(float x) {
+  const int32_t bits = __float_as_int(x);
+  return bits >= 0 ? bits : bits ^ 0x7fffffff;
+}
+__device__ float FromOrdered(int32_t bits) {
+  return __int_as_float(bits >= 0 ? bits : bits ^ 0x7fffffff);
+}
+
+// box: smallest x, y, z, then largest, ordered; a NaN takes no part.
+__global__ void __launch_bounds__(kBlock)
+    BoxKernel(const float* moved, int64_t num_rows, int32_t* box) {
+  const int64_t i = ThreadIndex();
+  for (int axis = 0; axis < 3; ++axis) {
+    const float value = i < num_rows ? moved[axis * num_rows + i] : NAN;
+    const bool counts = value == value;
+    const int32_t smallest = __reduce_min_sync(~0u, counts ? ToOrdered(value) : INT32_MAX);
+    const int32_t largest = __reduce_max_sync(~0u, counts ? ToOrdered(value) : INT32_MIN);
+    if (threadIdx.x % 32 != 0) continue;
+    atomicMin(box + axis, smallest);
+    atomicMax(box + 3 + axis, largest);
+  }
+}
+__global__ void ResetBoxKernel(int32_t* box) {
+  box[threadIdx.x] = threadIdx.x < 3 ? INT32_MAX : INT32_MIN;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    MortonKernel(const float* moved, int64_t num_rows, const int32_t* box, uint64_t* code,
+                 int32_t* index) {
+  const int64_t i = ThreadIndex();
+  if (i >= num_rows) return;
+  float min[3], max[3], place[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    min[axis] = FromOrdered(box[axis]);
+    max[axis] = FromOrdered(box[3 + axis]);
+    place[axis] = moved[axis * num_rows + i];
+  }
+  code[i] = MortonCode(MakeMortonGrid(min, max), place);
+  index[i] = static_cast<int32_t>(i);
+}
+
+struct OrderParams {
+  int64_t num_rows;
+  const int32_t* order;
+  const int32_t* source;
+  const uint8_t* is_new;
+  const float* moved;
+  int32_t* source_out;
+  uint8_t* is_new_out;
+  float* moved_out;
+};
+__global__ void __launch_bounds__(kBlock) OrderKernel(OrderParams p) {
+  const int64_t i = ThreadIndex();
+  if (i >= p.num_rows) return;
+  const int32_t from = p.order[i];
+  p.source_out[i] = p.source[from];
+  p.is_new_out[i] = p.is_new[from];
+#pragma unroll
+  for (int m = 0; m < kNumMoved; ++m) {
+    p.moved_out[m * p.num_rows + i] = p.moved[m * p.num_rows + from];
+  }
+}
+
+template <class Key>
+struct SortBuffers {
+  SortBuffers(Backend& backend, int64_t count)
+      : keys(backend, 2 * count), values(backend, 2 * count), count(count) {}
+  cub::DoubleBuffer<Key> Keys() { return {keys.span().data, keys.span().data + count}; }
+  cub::DoubleBuffer<int32_t> Values() { return {values.span().data, values.span().data + count}; }
+  Buffer<Key> keys;
+  Buffer<int32_t> values;
+  int64_t count;
+};
+
+}  // namespace
+
+// Leaves the fates and gives the counts, whose num_rows is 0 when an error came up.
+DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<uint8_t> fate) {
+  const int64_t count = args.gaussians.count;
+  SortBuffers<uint32_t> sort(*this, count);
+  Buffer<unsigned long long> num_of_fate(*this, 4);
+  if (!error_.empty()) return {};
+  const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
+                                std::log(args.min_opacity / (1 - args.min_opacity))};
+  auto* fates = reinterpret_cast<DensityFate*>(fate.data);
+  FateKernel<<<NumBlocks(count, kBlock), kBlock, 0, stream_>>>(
+      {ToDevice(args.gaussians), count, args.mean2d_grad_sum.data, args.num_visible.data, bounds,
+       fates, sort.keys.span().data, sort.values.span().data, num_of_fate.span().data});
+  Launched("density fates");
+  unsigned long long num[4] = {};
+  num_of_fate.Download(num);
+  const auto num_densified = static_cast<int64_t>(num[kFateCloned] + num[kFateSplit]);
+  const int64_t num_left = count - static_cast<int64_t>(num[kFatePruned]);
+  const int64_t room = std::max<int64_t>(0, args.max_count - num_left);
+  if (num_densified > room) {
+    cub::DoubleBuffer<uint32_t> keys = sort.Keys();
+    cub::DoubleBuffer<int32_t> index = sort.Values();
+    size_t bytes = 0;
+    const int num_items = static_cast<int>(count);
+    cub::DeviceRadixSort::SortPairsDescending(nullptr, bytes, keys, index, num_items, 0, 32,
+                                              stream_);
+    void* temporary = Temporary(bytes);
+    if (!error_.empty()) return {};
+    Keep(cub::DeviceRadixSort::SortPairsDescending(temporary, bytes, keys, index, num_items, 0, 32,
+                                                   stream_),
+         "sorting the gradients");
+    LimitKernel<<<NumBlocks(num_densified - room, kBlock), kBlock, 0, stream_>>>(
+        index.Current(), room, num_densified, fates, num_of_fate.span().data);
+    Launched("density limit");
+    num_of_fate.Download(num);
+  }
+  if (!error_.empty()) return {};
+  const auto cloned = static_cast<int64_t>(num[kFateCloned]),
+             split = static_cast<int64_t>(num[kFateSplit]);
+  return {num_left + cloned + split, cloned, split, static_cast<int64_t>(num[kFatePruned])};
+}
+
+void CudaBackend::PlanDensity(const PlanDensityArgs& args) {
+  const Turn turn(*this);
+  *args.counts = {};
+  const int64_t count = args.gaussians.count;
+  if (!turn || count == 0) return;
+  Buffer<uint8_t> fate(*this, count);
+  Buffer<int32_t> num_rows_of(*this, count), first_row(*this, count);
+  if (!error_.empty()) return;
+  *args.counts = DecideFates(args, fate.span());
+  const int64_t num_rows = args.counts->num_rows;
+  args.source->Reserve(*this, num_rows);
+  args.is_new->Reserve(*this, num_rows);
+  args.mean_log_scale->Reserve(*this, kNumMoved * num_rows);
+  if (num_rows == 0) return;
+  Buffer<int32_t> source(*this, num_rows), box(*this, 6);
+  Buffer<uint8_t> is_new(*this, num_rows);
+  Buffer<float> moved(*this, kNumMoved * num_rows);
+  SortBuffers<uint64_t> sort(*this, num_rows);
+  if (!error_.empty()) return;
+
+  const auto* fates = reinterpret_cast<const DensityFate*>(fate.span().data);
+  const int num_blocks = NumBlocks(count, kBlock), num_row_blocks = NumBlocks(num_rows, kBlock);
+  CountKernel<<<num_blocks, kBlock, 0, stream_>>>(fates, count, num_rows_of.span().data);
+  size_t scan_bytes = 0, sort_bytes = 0;
+  const int num_items = static_cast<int>(num_rows);
+  cub::DoubleBuffer<uint64_t> codes = sort.Keys();
+  cub::DoubleBuffer<int32_t> order = sort.Values();
+  cub::DeviceScan::ExclusiveSum(nullptr, scan_bytes, num_rows_of.span().data, first_row.span().data,
+                                static_cast<int>(count), stream_);
+  cub::DeviceRadixSort::SortPairs(nullptr, sort_bytes, codes, order, num_items, 0, 3 * kMortonBits,
+                                  stream_);
+  void* temporary = Temporary(std::max(scan_bytes, sort_bytes));
+  if (!error_.empty()) return;
+  Keep(cub::DeviceScan::ExclusiveSum(temporary, scan_bytes, num_rows_of.span().data,
+                                     first_row.span().data, static_cast<int>(count), stream_),
+       "summing the rows");
+  RowKernel<<<num_blocks, kBlock, 0, stream_>>>(
+      {ToDevice(args.gaussians), count, num_rows, args.seed, fates, first_row.span().data,
+       source.span().data, is_new.span().data, moved.span().data});
+  ResetBoxKernel<<<1, 6, 0, stream_>>>(box.span().data);
+  BoxKernel<<<num_row_blocks, kBlock, 0, stream_>>>(moved.span().data, num_rows, box.span().data);
+  MortonKernel<<<num_row_blocks, kBlock, 0, stream_>>>(moved.span().data, num_rows, box.span().data,
+                                                       codes.Current(), order.Current());
+  Keep(cub::DeviceRadixSort::SortPairs(temporary, sort_bytes, codes, order, num_items, 0,
+                                       3 * kMortonBits, stream_),
+       "sorting the rows");
+  OrderKernel<<<num_row_blocks, kBlock, 0, stream_>>>(
+      {num_rows, order.Current(), source.span().data, is_new.span().data, moved.span().data,
+       args.source->span().data, args.is_new->span().data, args.mean_log_scale->span().data});
+  Launched("density rows");
+}
+
+}  // namespace pepeseg

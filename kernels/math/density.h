@@ -1,0 +1,104 @@
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/math/projection.h"
+#include "kernels/math/vec.h"
+
+// Density control (Kerbl et al. 2023, section 5), one Gaussian at a time.
+
+namespace pepeseg {
+
+// log(1.6): a child is smaller than its parent by 0.8 times the number of children.
+inline constexpr float kLogSplitShrink = 0.47000363f;
+
+// What becomes of a Gaussian.
+enum DensityFate : uint8_t { kFatePruned = 0, kFateKept = 1, kFateCloned = 2, kFateSplit = 3 };
+PEPESEG_HD int NumRowsOf(DensityFate fate) {
+  return fate == kFateSplit ? 2 : static_cast<int>(fate);
+}
+
+// Bounds of a Gaussian's fate as the parameters are stored.
+struct DensityBounds {
+  float min_gradient;
+  float clone_log_scale;
+  float min_logit;
+};
+// The fate where there is room for all.
+PEPESEG_HD DensityFate FateOf(const DensityBounds& bounds, float logit, float largest_log_scale,
+                              float mean_gradient) {
+  if (!(logit >= bounds.min_logit)) return kFatePruned;
+  if (!(mean_gradient >= bounds.min_gradient)) return kFateKept;
+  return largest_log_scale <= bounds.clone_log_scale ? kFateCloned : kFateSplit;
+}
+
+// 32 bits, every one of which depends on all of x.
+PEPESEG_HD uint32_t MixBits(uint32_t x) {
+  x = (x ^ x >> 16) * 0x7feb352du;
+  x = (x ^ x >> 15) * 0x846ca68bu;
+  return x ^ x >> 16;
+}
+
+// Numbers 0, 1, ... of a stream that `seed` and `row` name, in (0, 1).
+template <class T>
+PEPESEG_HD T UniformNumber(uint32_t seed, uint32_t row, uint32_t number) {
+  const uint32_t bits = MixBits(MixBits(MixBits(seed) ^ row) ^ number);
+  return (static_cast<T>(bits >> 8) + T(0.5)) * T(1.0 / (1 << 24));
+}
+
+// Three standard normal numbers (Box & Muller 1958).
+template <class T>
+PEPESEG_HD Vec3<T> NormalNumbers(uint32_t seed, uint32_t row, uint32_t child) {
+  constexpr T kTwoPi = T(6.283185307179586);
+  T u[4];
+  for (uint32_t k = 0; k < 4; ++k) u[k] = UniformNumber<T>(seed, row, 4 * child + k);
+  const T r0 = Sqrt(T(-2) * Log(u[0])), r1 = Sqrt(T(-2) * Log(u[1]));
+  return {r0 * Cos(kTwoPi * u[2]), r0 * Cos(kTwoPi * (u[2] - T(0.25))), r1 * Cos(kTwoPi * u[3])};
+}
+
+// A place drawn from the Gaussian.
+template <class T>
+PEPESEG_HD Vec3<T> ChildMean(const GaussianShape<T>& shape, Vec3<T> normal) {
+  const Vec3<T> deviation = {Exp(shape.log_scale.x), Exp(shape.log_scale.y),
+                             Exp(shape.log_scale.z)};
+  return shape.mean + RotationFromQuaternion(shape.rotation) * Scale(deviation, normal);
+}
+
+// The Morton code of a place in a box of cells, 21 bits an axis, x lowest; a coordinate that is not
+// finite counts as the box's smallest.
+struct MortonGrid {
+  double min[3];
+  double cells_per_unit[3];
+};
+inline constexpr int kMortonBits = 21;
+PEPESEG_HD MortonGrid MakeMortonGrid(const float* min, const float* max) {
+  MortonGrid grid;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double extent = static_cast<double>(max[axis]) - min[axis];
+    grid.min[axis] = min[axis];
+    grid.cells_per_unit[axis] = extent > 0 ? ((1 << kMortonBits) - 1) / extent : 0;
+  }
+  return grid;
+}
+// Two zero bits between any two of the low 21 bits.
+PEPESEG_HD uint64_t SpreadBits(uint64_t x) {
+  x &= 0x1fffff;
+  x = (x | x << 32) & 0x001f00000000ffff;
+  x = (x | x << 16) & 0x001f0000ff0000ff;
+  x = (x | x << 8) & 0x100f00f00f00f00f;
+  x = (x | x << 4) & 0x10c30c30c30c30c3;
+  return (x | x << 2) & 0x1249249249249249;
+}
+PEPESEG_HD uint64_t MortonCode(const MortonGrid& grid, const float* place) {
+  constexpr double kLast = (1 << kMortonBits) - 1;
+  uint64_t code = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double cell =
+        (static_cast<double>(place[axis]) - grid.min[axis]) * grid.cells_per_unit[axis];
+    const uint64_t bits = cell >= 0 && cell <= kLast ? static_cast<uint64_t>(cell) : 0;
+    code |= SpreadBits(bits) << axis;
+  }
+  return code;
+}
+
+}  // namespace pepeseg
