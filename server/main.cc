@@ -36,7 +36,11 @@ void AddFlags(CLI::App& app, Flags& flags) {
       ->capture_default_str();
   app.add_option("--data", server.data, "Data directory; made when it is not there")->required();
   app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
-  app.add_option("--threads", server.num_threads, "Threads of a job; 0: as many as there are cores")
+  app.add_option("--device", server.device,
+                 "auto, cpu, cuda or cuda:N; auto: CUDA where there is a device, else the CPU")
+      ->capture_default_str();
+  app.add_option("--threads", server.num_threads,
+                 "Threads of a job on the CPU; 0: as many as there are cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--model-memory", server.model_bytes,

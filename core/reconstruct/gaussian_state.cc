@@ -1,6 +1,7 @@
 #include "core/reconstruct/gaussian_state.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace pepeseg {
@@ -15,7 +16,7 @@ GaussianState::GaussianState(Backend& backend, const Gaussians& initial)
       sh_degree_(initial.sh_degree),
       count_(initial.count),
       rows_(Allocate(WithSlack(initial.count))) {
-  if (allocated()) UploadPlanes(0, initial.planes);
+  if (allocated()) UploadPlanes(rows_.parameters, 0, initial.planes);
 }
 
 GaussianState::Rows GaussianState::Allocate(int64_t stride) const {
@@ -42,23 +43,57 @@ Gaussians GaussianState::Download() const {
   Gaussians out;
   out.count = count_;
   out.sh_degree = sh_degree_;
-  out.planes = DownloadPlanes(0, NumPlanes(sh_degree_));
+  out.planes = DownloadPlanes(rows_.parameters, 0, NumPlanes(sh_degree_));
   return out;
 }
 
-std::vector<float> GaussianState::DownloadPlanes(int first, int num_planes) const {
+GaussianRows GaussianState::DownloadRows() const {
+  const int num_planes = NumPlanes(sh_degree_);
+  GaussianRows rows;
+  rows.shape = {count_, sh_degree_};
+  rows.parameters = DownloadPlanes(rows_.parameters, 0, num_planes);
+  rows.moment1 = DownloadPlanes(rows_.moment1, 0, num_planes);
+  rows.moment2 = DownloadPlanes(rows_.moment2, 0, num_planes);
+  const auto count = static_cast<size_t>(count_);
+  rows.num_steps.resize(count);
+  rows.grad_sum.resize(count);
+  rows.num_visible.resize(count);
+  rows_.num_steps.Download(rows.num_steps);
+  rows_.grad_sum.Download(rows.grad_sum);
+  rows_.num_visible.Download(rows.num_visible);
+  return rows;
+}
+
+bool GaussianState::Restore(const GaussianRows& rows) {
+  assert(rows.shape.sh_degree == sh_degree_);
+  rows_ = {};  // first, so that both never stand side by side
+  count_ = rows.shape.count;
+  rows_ = Allocate(WithSlack(count_));
+  if (!allocated()) return false;
+  UploadPlanes(rows_.parameters, 0, rows.parameters);
+  UploadPlanes(rows_.moment1, 0, rows.moment1);
+  UploadPlanes(rows_.moment2, 0, rows.moment2);
+  rows_.num_steps.Upload(rows.num_steps);
+  rows_.grad_sum.Upload(rows.grad_sum);
+  rows_.num_visible.Upload(rows.num_visible);
+  return true;
+}
+
+std::vector<float> GaussianState::DownloadPlanes(const Buffer<float>& buffer, int first,
+                                                 int num_planes) const {
   std::vector<float> planes(static_cast<size_t>(num_planes * count_));
   for (int k = 0; k < num_planes; ++k) {
     const std::span<float> plane(planes.data() + k * count_, static_cast<size_t>(count_));
-    rows_.parameters.Download(plane, (first + k) * rows_.stride);
+    buffer.Download(plane, (first + k) * rows_.stride);
   }
   return planes;
 }
 
-void GaussianState::UploadPlanes(int first, std::span<const float> planes) {
+void GaussianState::UploadPlanes(Buffer<float>& buffer, int first,
+                                 std::span<const float> planes) {
   const auto num_planes = static_cast<int64_t>(planes.size()) / std::max<int64_t>(1, count_);
   for (int64_t k = 0; k < num_planes; ++k) {
-    rows_.parameters.Upload(planes.subspan(k * count_, count_), (first + k) * rows_.stride);
+    buffer.Upload(planes.subspan(k * count_, count_), (first + k) * rows_.stride);
   }
 }
 
@@ -96,9 +131,9 @@ void GaussianState::SetMeansAndLogScales(DeviceSpan<const float> planes) {
 
 void GaussianState::LimitOpacity(float opacity) {
   const float limit = std::log(opacity / (1 - opacity));
-  std::vector<float> logits = DownloadPlanes(kOpacityPlane, 1);
+  std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
   for (float& logit : logits) logit = std::min(logit, limit);
-  UploadPlanes(kOpacityPlane, logits);
+  UploadPlanes(rows_.parameters, kOpacityPlane, logits);
   const std::vector<float> zeros(static_cast<size_t>(count_), 0.0f);
   rows_.moment1.Upload(zeros, kOpacityPlane * rows_.stride);
   rows_.moment2.Upload(zeros, kOpacityPlane * rows_.stride);

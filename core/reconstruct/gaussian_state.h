@@ -9,6 +9,18 @@
 
 namespace pepeseg {
 
+// All of a GaussianState, on the host.
+struct GaussianRows {
+  struct Shape {
+    int64_t count = 0, sh_degree = 0;
+  };
+  Shape shape;
+  std::vector<float> parameters, moment1, moment2;  // [NumPlanes(sh_degree), count]
+  std::vector<int32_t> num_steps;                   // [count], as are the statistics
+  std::vector<float> grad_sum;
+  std::vector<int32_t> num_visible;
+};
+
 // What stage one trains, in backend memory: the parameters with Adam's moments and step counts and
 // the statistics of density control. Planes have slack, so that rows can come and go.
 class GaussianState {
@@ -25,6 +37,10 @@ class GaussianState {
 
   // Waits for the backend.
   Gaussians Download() const;
+  GaussianRows DownloadRows() const;
+  // Becomes what the rows say, which must be of this state's degree. False when the backend is out
+  // of memory: nothing is left.
+  bool Restore(const GaussianRows& rows);
 
   // Row i becomes what row source[i] was; where is_new[i], its moments and step count start at 0.
   // Statistics start afresh. False when the backend is out of memory: nothing was changed.
@@ -46,9 +62,10 @@ class GaussianState {
     Buffer<int32_t> num_visible;
   };
 
-  Rows Allocate(int64_t stride) const;                                 // all zero
-  std::vector<float> DownloadPlanes(int first, int num_planes) const;  // [num_planes, count]
-  void UploadPlanes(int first, std::span<const float> planes);
+  Rows Allocate(int64_t stride) const;  // all zero
+  // [num_planes, count]
+  std::vector<float> DownloadPlanes(const Buffer<float>& buffer, int first, int num_planes) const;
+  void UploadPlanes(Buffer<float>& buffer, int first, std::span<const float> planes);
   GaussianPlanes Planes(Buffer<float>& buffer) const {
     return {buffer.span().data, count_, rows_.stride, sh_degree_};
   }

@@ -55,11 +55,15 @@ absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
                                       const ReconstructOptions& options, ProgressFn progress) {
   ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
                    Reconstructor::Create(backend, capture, options));
-  for (int step = 0; step < options.num_steps; ++step) {
-    ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
+  return FinishReconstruction(*reconstructor, progress);
+}
+
+absl::StatusOr<Gaussians> FinishReconstruction(Reconstructor& reconstructor, ProgressFn progress) {
+  while (!reconstructor.done()) {
+    ASSIGN_OR_RETURN(const StepReport report, reconstructor.Step());
     RETURN_IF_ERROR(progress(report));
   }
-  return reconstructor->Result();
+  return reconstructor.Result();
 }
 
 }  // namespace pepeseg

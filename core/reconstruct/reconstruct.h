@@ -45,4 +45,8 @@ absl::Status Validate(const ReconstructOptions& options);
 absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
                                       const ReconstructOptions& options, ProgressFn progress);
 
+class Reconstructor;
+// The rest of its steps, as Reconstruct does them; `progress` may Save it.
+absl::StatusOr<Gaussians> FinishReconstruction(Reconstructor& reconstructor, ProgressFn progress);
+
 }  // namespace pepeseg

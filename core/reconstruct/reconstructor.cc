@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
@@ -72,6 +73,66 @@ absl::Status Reconstructor::Allocated() const {
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
                                                    " views and ", state_.count(), " Gaussians"));
+}
+
+absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Resume(
+    Backend& backend, const Capture& capture, const ReconstructOptions& options,
+    const ReconstructCheckpoint& checkpoint) {
+  RETURN_IF_ERROR(Validate(checkpoint));
+  ASSIGN_OR_RETURN(std::unique_ptr<Reconstructor> reconstructor, Create(backend, capture, options));
+  RETURN_IF_ERROR(reconstructor->CheckOurs(checkpoint));
+  RETURN_IF_ERROR(reconstructor->Restore(checkpoint));
+  return reconstructor;
+}
+
+absl::Status Reconstructor::CheckOurs(const ReconstructCheckpoint& checkpoint) const {
+  if (checkpoint.counters.step > options_.num_steps) {
+    return absl::DataLossError(
+        absl::StrCat("is of step ", checkpoint.counters.step, " of ", options_.num_steps));
+  }
+  if (checkpoint.gaussians.shape.sh_degree != options_.sh_degree) {
+    return absl::DataLossError(absl::StrCat("has degree ", checkpoint.gaussians.shape.sh_degree,
+                                            ", the options say ", options_.sh_degree));
+  }
+  std::vector<bool> seen(static_cast<size_t>(views_.size()), false);
+  for (const int32_t view : checkpoint.views_left) {
+    if (view < 0 || view >= views_.size() || seen[view]) {
+      return absl::DataLossError(
+          absl::StrCat("view ", view, " of ", views_.size(), " does not exist or is left twice"));
+    }
+    seen[view] = true;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
+  std::istringstream random(checkpoint.random);
+  random >> random_;
+  if (random.fail()) return absl::DataLossError("the state of the random engine is none");
+  sampler_.Restore({checkpoint.views_left.begin(), checkpoint.views_left.end()});
+  step_ = static_cast<int>(checkpoint.counters.step);
+  num_culled_degenerate_ = checkpoint.counters.num_culled_degenerate;
+  num_skipped_gradients_ = checkpoint.counters.num_skipped_gradients;
+  num_void_renders_ = checkpoint.counters.num_void_renders;
+  if (state_.Restore(checkpoint.gaussians)) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("out of memory for ", checkpoint.gaussians.shape.count, " Gaussians"));
+}
+
+absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
+  while (!results_.empty()) Settle();
+  ReconstructCheckpoint checkpoint;
+  checkpoint.counters = {step_, num_culled_degenerate_, num_skipped_gradients_, num_void_renders_};
+  std::ostringstream random;
+  random << random_;
+  checkpoint.random = random.str();
+  checkpoint.views_left.assign(sampler_.left().begin(), sampler_.left().end());
+  checkpoint.gaussians = state_.DownloadRows();
+  // What a broken device answers is no state.
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(absl::StrCat("after step ", step_, ": ", error));
+  }
+  return checkpoint;
 }
 
 absl::StatusOr<StepReport> Reconstructor::Step() {

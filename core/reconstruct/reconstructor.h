@@ -12,6 +12,7 @@
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/reconstruct_checkpoint.h"
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"
@@ -29,15 +30,27 @@ class Reconstructor {
                                                                const Capture& capture,
                                                                const ReconstructOptions& options);
 
+  // Goes on from a checkpoint of the same capture and options. DATA_LOSS: it cannot be of them, or
+  // Validate refuses it.
+  static absl::StatusOr<std::unique_ptr<Reconstructor>> Resume(
+      Backend& backend, const Capture& capture, const ReconstructOptions& options,
+      const ReconstructCheckpoint& checkpoint);
+
+  // True after options.num_steps steps.
+  bool done() const { return step_ >= options_.num_steps; }
   // The loss and PSNR reported are those of the newest step that the device has finished, which may
   // be some steps back.
   absl::StatusOr<StepReport> Step();
+  // Between two steps; waits for the backend, whose error it tells.
+  absl::StatusOr<ReconstructCheckpoint> Save();
   Gaussians Result() const { return state_.Download(); }
 
  private:
   Reconstructor(Backend& backend, const Capture& capture, const ReconstructOptions& options);
 
   absl::Status Allocated() const;
+  absl::Status CheckOurs(const ReconstructCheckpoint& checkpoint) const;
+  absl::Status Restore(const ReconstructCheckpoint& checkpoint);
   void TrainOn(const StepInput& input, int64_t entry_room);
   void Settle();
   absl::StatusOr<StepReport> Report() const;

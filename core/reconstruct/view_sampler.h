@@ -1,6 +1,7 @@
 #pragma once
 
 #include <random>
+#include <utility>
 #include <vector>
 
 namespace pepeseg {
@@ -11,6 +12,11 @@ class ViewSampler {
   explicit ViewSampler(int count) : count_(count) {}
 
   int Next(std::mt19937_64& random);
+
+  // What this round has not given yet, the next one at the back.
+  const std::vector<int>& left() const { return left_; }
+  // Goes on with what `left` says: each in [0, count), none twice.
+  void Restore(std::vector<int> left) { left_ = std::move(left); }
 
  private:
   int count_;

@@ -45,11 +45,15 @@ JobSpec DecodeSpec(const Json& json) {
   JobSpec spec;
   spec.job = json.at("job").get<std::string>();
   spec.fence = json.at("fence").get<int64_t>();
+  spec.device = json.at("device").get<std::string>();
   spec.num_threads = json.at("num_threads").get<int>();
+  spec.checkpoint_seconds = json.at("checkpoint_seconds").get<int64_t>();
+  spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
   spec.memory_limit = json.at("memory_limit").get<int64_t>();
   for (const Json& file : json.at("files")) {
     spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
-                          file.at("path").get<std::string>()});
+                          file.at("path").get<std::string>(),
+                          file.at("sha256").get<std::string>()});
   }
   return spec;
 }
@@ -92,6 +96,10 @@ std::filesystem::path JobFolder::reconstruction(int64_t fence) const {
   return attempt(fence) / "reconstruct";
 }
 
+std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
+  return attempt(fence) / "checkpoints";
+}
+
 absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
   std::string options;
   if (!google::protobuf::util::MessageToJsonString(spec.options, &options).ok()) {
@@ -99,12 +107,16 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
   }
   Json json = {{"job", spec.job},
                {"fence", spec.fence},
+               {"device", spec.device},
                {"num_threads", spec.num_threads},
+               {"checkpoint_seconds", spec.checkpoint_seconds},
+               {"checkpoint_steps", spec.checkpoint_steps},
                {"memory_limit", spec.memory_limit},
                {"options", Json::parse(options, nullptr, false)},
                {"files", Json::array()}};
   for (const JobSpecFile& file : spec.files) {
-    json["files"].push_back({{"name", file.name}, {"kind", file.kind}, {"path", file.path}});
+    json["files"].push_back(
+        {{"name", file.name}, {"kind", file.kind}, {"path", file.path}, {"sha256", file.sha256}});
   }
   return WriteFileAtomically(SpecPath(path_), Dump(json));
 }

@@ -14,14 +14,16 @@
 //   spec.json            server -> worker: what to do
 //   events.log           progress (event_log.h)
 //   worker.log           the worker's standard output and error
-//   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result
+//   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result;
+//                        checkpoints/: its state on the way there
 //   result-FENCE.json    worker -> server: how it ended
 namespace pepeseg {
 
 struct JobSpecFile {
-  std::string name;  // the client's, for matching and errors
-  int kind = 0;      // pepeseg.v1.FileKind
-  std::string path;  // of the bytes
+  std::string name;    // the client's, for matching and errors
+  int kind = 0;        // pepeseg.v1.FileKind
+  std::string path;    // of the bytes
+  std::string sha256;  // of the bytes
 };
 
 struct JobSpec {
@@ -29,8 +31,12 @@ struct JobSpec {
   int64_t fence = 0;
   std::vector<JobSpecFile> files;
   v1::TrainingOptions options;  // effective ones
+  std::string device;           // Device::id: opened as it is, or the attempt fails
   int num_threads = 0;
-  int64_t memory_limit = 0;  // bytes of address space; 0: none
+  // Stage one saves its state after so many seconds or steps, whichever come first.
+  int64_t checkpoint_seconds = 60;
+  int64_t checkpoint_steps = 1000;
+  int64_t memory_limit = 0;  // bytes of host memory; 0: what the machine has
 };
 
 struct JobResult {
@@ -57,6 +63,7 @@ class JobFolder {
   std::filesystem::path worker_log() const { return path_ / "worker.log"; }
   std::filesystem::path attempt(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
+  std::filesystem::path checkpoints(int64_t fence) const;
 
   absl::Status WriteSpec(const JobSpec& spec) const;
   absl::StatusOr<JobSpec> ReadSpec() const;

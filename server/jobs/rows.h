@@ -53,6 +53,7 @@ struct JobRow {
   int64_t dataset = 0;  // number of a sealed dataset of the scene
   JobState state = JobState::kQueued;
   std::string stage;              // "prepare", "reconstruct", ...; empty before the first
+  std::string device;             // Backend::name(), of the newest attempt; empty before
   std::string options;            // serialised pepeseg.v1.TrainingOptions as asked for
   std::string effective_options;  // likewise, every field filled in
   std::string request_id;
@@ -71,6 +72,7 @@ struct ModelRow {
   std::string scene;
   int64_t number = 0;  // from 1, never reused
   std::string job;
+  std::string device;   // JobRow's, of the attempt that made it
   std::string folder;   // below the data directory: for core/io/model_file.h
   std::string metrics;  // JSON object of numbers: Model::metrics
   int64_t num_gaussians = 0;

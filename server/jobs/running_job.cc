@@ -73,6 +73,7 @@ absl::Status RunningJob::WriteSpec() const {
   JobSpec spec;
   spec.job = job_.id;
   spec.fence = job_.fence;
+  spec.device = context_.options.device;
   spec.num_threads = context_.options.num_threads;
   spec.memory_limit = context_.options.memory_limit;
   if (!spec.options.ParseFromString(job_.effective_options)) {
@@ -81,7 +82,8 @@ absl::Status RunningJob::WriteSpec() const {
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    context_.store.ListDatasetFiles(job_.scene, job_.dataset));
   for (const DatasetFileRow& file : files) {
-    spec.files.push_back({file.path, file.kind, context_.options.file_path(file).string()});
+    spec.files.push_back(
+        {file.path, file.kind, context_.options.file_path(file).string(), file.sha256});
   }
   return folder_.WriteSpec(spec);
 }

@@ -83,11 +83,15 @@ constexpr const char* kModels =
     " create_time BIGINT NOT NULL,"
     " PRIMARY KEY (scene, number))";
 
+constexpr const char* kJobDevices = "ALTER TABLE jobs ADD COLUMN device TEXT NOT NULL DEFAULT ''";
+constexpr const char* kModelDevices =
+    "ALTER TABLE models ADD COLUMN device TEXT NOT NULL DEFAULT ''";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
-  assert(to == 1);
-  static_cast<void>(to);
+  assert(to >= 1 && to <= kSchemaVersion);
+  if (to == 2) return {kJobDevices, kModelDevices};
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

@@ -63,8 +63,8 @@ class Store {
   absl::StatusOr<std::optional<JobRow>> FindActiveJob(const std::string& scene);
 
   // The queue. Writes of an attempt carry its fence: ABORTED when the job is not RUNNING under it.
-  // Takes the oldest QUEUED job and makes it RUNNING with the next fence.
-  absl::StatusOr<std::optional<JobRow>> ClaimJob();
+  // Takes the oldest QUEUED job and makes it RUNNING on `device` with the next fence.
+  absl::StatusOr<std::optional<JobRow>> ClaimJob(const std::string& device);
   absl::StatusOr<std::vector<JobRow>> ListRunningJobs();
   absl::Status SetJobStage(const std::string& id, int64_t fence, const std::string& stage);
   // A QUEUED job is CANCELLED at once; of a RUNNING one the wish is noted; else nothing changes.

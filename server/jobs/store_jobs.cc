@@ -97,12 +97,13 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   std::string options;
   std::string effective;
   soci::statement select =
-      (sql.prepare << "SELECT number, scene, dataset, state, stage, options, effective_options,"
-                      " request_id, fence, cancel_requested, error_code, error_message, model,"
-                      " create_time, start_time, end_time FROM jobs WHERE "
-                   << where_order << " LIMIT :limit",
+      (sql.prepare
+           << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
+              " request_id, fence, cancel_requested, error_code, error_message, model,"
+              " create_time, start_time, end_time FROM jobs WHERE "
+           << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
-       soci::into(row.stage), soci::into(options), soci::into(effective),
+       soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
        soci::into(row.request_id), soci::into(row.fence), soci::into(cancel_requested),
        soci::into(row.error_code), soci::into(row.error_message), soci::into(row.model),
        soci::into(create_time), soci::into(start_time), soci::into(end_time), soci::use(key),

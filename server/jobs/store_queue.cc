@@ -21,12 +21,13 @@ void UpdateJob(soci::session& sql, const JobRow& job) {
   const int cancel_requested = job.cancel_requested ? 1 : 0;
   const int64_t start_time = ToMicros(job.start_time);
   const int64_t end_time = ToMicros(job.end_time);
-  sql << "UPDATE jobs SET state = :state, stage = :stage, fence = :fence, cancel_requested = :c,"
+  sql << "UPDATE jobs SET state = :state, stage = :stage, device = :device, fence = :fence,"
+         " cancel_requested = :c,"
          " error_code = :code, error_message = :message, model = :model, start_time = :start,"
          " end_time = :end WHERE number = :number",
-      soci::use(state), soci::use(job.stage), soci::use(job.fence), soci::use(cancel_requested),
-      soci::use(job.error_code), soci::use(job.error_message), soci::use(job.model),
-      soci::use(start_time), soci::use(end_time), soci::use(job.number);
+      soci::use(state), soci::use(job.stage), soci::use(job.device), soci::use(job.fence),
+      soci::use(cancel_requested), soci::use(job.error_code), soci::use(job.error_message),
+      soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
 }
 
 void MarkCancelled(JobRow& job) {
@@ -38,15 +39,16 @@ void MarkCancelled(JobRow& job) {
 
 }  // namespace
 
-absl::StatusOr<std::optional<JobRow>> Store::ClaimJob() {
+absl::StatusOr<std::optional<JobRow>> Store::ClaimJob(const std::string& device) {
   using Claimed = std::optional<JobRow>;
-  return database_->Query<Claimed>([](soci::session& sql) -> absl::StatusOr<Claimed> {
+  return database_->Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
     std::vector<JobRow> queued =
         SelectJobs(sql, "state = :queued ORDER BY number", static_cast<int>(JobState::kQueued), 1);
     if (queued.empty()) return Claimed();
     JobRow job = queued[0];
     job.state = JobState::kRunning;
     job.stage.clear();
+    job.device = device;
     job.fence += 1;
     job.start_time = absl::Now();
     UpdateJob(sql, job);
@@ -116,14 +118,16 @@ absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence
     ModelRow row = model;
     row.scene = job.scene;
     row.job = job.id;
+    row.device = job.device;
     row.number = TakeNumber(sql, job.scene, "next_model");
     row.create_time = absl::Now();
     const int64_t now = ToMicros(row.create_time);
-    sql << "INSERT INTO models (scene, number, job, folder, metrics, num_gaussians, num_bytes,"
-           " create_time) VALUES (:scene, :number, :job, :folder, :metrics, :count, :bytes, :now)",
-        soci::use(row.scene), soci::use(row.number), soci::use(row.job), soci::use(row.folder),
-        soci::use(row.metrics), soci::use(row.num_gaussians), soci::use(row.num_bytes),
-        soci::use(now);
+    sql << "INSERT INTO models (scene, number, job, device, folder, metrics, num_gaussians,"
+           " num_bytes, create_time) VALUES (:scene, :number, :job, :device, :folder, :metrics, "
+           ":count, :bytes, :now)",
+        soci::use(row.scene), soci::use(row.number), soci::use(row.job), soci::use(row.device),
+        soci::use(row.folder), soci::use(row.metrics), soci::use(row.num_gaussians),
+        soci::use(row.num_bytes), soci::use(now);
     job.state = JobState::kSucceeded;
     job.model = row.number;
     job.end_time = row.create_time;

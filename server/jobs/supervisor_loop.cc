@@ -91,7 +91,7 @@ void Supervisor::Loop::Claim() {
       const std::lock_guard lock(mutex_);
       if (!claiming_ || stopping_) return;
     }
-    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob();
+    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
     if (!job.ok()) spdlog::error("claiming a job: {}", job.status().ToString());
     if (!job.ok() || !job->has_value()) return;
     StartJob(**job);

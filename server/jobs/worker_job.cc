@@ -14,11 +14,13 @@
 #include "core/features/train_features.h"
 #include "core/io/import.h"
 #include "core/io/model_file.h"
-#include "core/reconstruct/reconstruct.h"
+#include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
+#include "server/device.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_progress.h"
 
 namespace pepeseg {
@@ -30,11 +32,13 @@ constexpr size_t kMaxWarnings = 100;
 // What the stages hand on.
 class Training {
  public:
-  Training(const WorkerJob& job, TrainingSettings settings)
+  Training(const WorkerJob& job, TrainingSettings settings, std::unique_ptr<Backend> backend)
       : job_(job),
         settings_(std::move(settings)),
-        backend_(MakeCpuBackend(job.spec.num_threads)),
-        progress_(job.log) {}
+        backend_(std::move(backend)),
+        progress_(job.log),
+        checkpoints_(job.folder, job.spec, ReconstructIdentity(job.spec, ToProto(settings_)),
+                     [this](const std::string& message) { Warn(message); }) {}
 
   absl::Status Prepare();
   absl::Status ReconstructScene();
@@ -44,6 +48,7 @@ class Training {
  private:
   absl::StatusOr<std::vector<DatasetFile>> Files() const;
   absl::Status Step(const StepReport& report);
+  void Warn(const std::string& message);
   absl::StatusOr<Gaussians> ReconstructOrResume();
   std::optional<Gaussians> FindEarlierReconstruction() const;
   absl::Status ScoreScene();
@@ -56,6 +61,7 @@ class Training {
   TrainingSettings settings_;
   std::unique_ptr<Backend> backend_;
   WorkerProgress progress_;
+  WorkerCheckpoints checkpoints_;
   std::string stage_;
   Capture capture_;
   Model model_;
@@ -121,6 +127,11 @@ absl::Status Training::Step(const StepReport& report) {
   return progress_.Step(report);
 }
 
+void Training::Warn(const std::string& message) {
+  spdlog::warn("{}", message);
+  progress_.Warn(message).IgnoreError();  // it is in the worker's log
+}
+
 // An earlier attempt of this job may have got so far: same files, options and seed, so the same
 // Gaussians.
 std::optional<Gaussians> Training::FindEarlierReconstruction() const {
@@ -135,10 +146,20 @@ std::optional<Gaussians> Training::FindEarlierReconstruction() const {
 
 absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
   if (std::optional<Gaussians> earlier = FindEarlierReconstruction()) return *std::move(earlier);
+  ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
+                   checkpoints_.CreateOrResume(*backend_, capture_, settings_.reconstruct));
+  if (checkpoints_.first_step() > 0) {
+    progress_.GoOnFrom(checkpoints_.first_step());
+    model_.metrics["resumed_from_step"] = static_cast<double>(checkpoints_.first_step());
+  }
   job_.stop.polled = true;
   absl::StatusOr<Gaussians> gaussians =
-      Reconstruct(*backend_, capture_, settings_.reconstruct,
-                  [this](const StepReport& report) { return Step(report); });
+      FinishReconstruction(*reconstructor, [&](const StepReport& report) {
+        absl::Status status = Step(report);
+        if (absl::IsCancelled(status)) checkpoints_.Save(*reconstructor, report.step);
+        if (status.ok()) checkpoints_.SaveIfDue(*reconstructor, report.step);
+        return status;
+      });
   job_.stop.polled = false;
   RETURN_IF_ERROR(gaussians.status());
   RETURN_IF_ERROR(CheckDevice());
@@ -154,6 +175,7 @@ absl::Status Training::ReconstructScene() {
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());
   RETURN_IF_ERROR(WriteModel(folder, model_));
+  checkpoints_.RemoveAll();
   RETURN_IF_ERROR(EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}));
   return ScoreScene();
 }
@@ -242,7 +264,9 @@ absl::StatusOr<JobResult> Training::Index() {
 
 absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job) {
   ASSIGN_OR_RETURN(TrainingSettings settings, TrainingSettingsFromProto(job.spec.options));
-  Training training(job, std::move(settings));
+  ASSIGN_OR_RETURN(Device device, OpenDevice(job.spec.device, job.spec.num_threads));
+  spdlog::info("computing on {}", device.backend->name());
+  Training training(job, std::move(settings), std::move(device.backend));
   RETURN_IF_ERROR(training.Prepare());
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.TrainSceneFeatures());

@@ -47,7 +47,9 @@ rlim_t PhysicalBytes() {
 
 absl::Status LimitResources(int64_t memory_limit, int num_threads) {
   const rlim_t memory = memory_limit > 0 ? static_cast<rlim_t>(memory_limit) : PhysicalBytes();
-  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_AS, memory));
+  // Not RLIMIT_AS: CUDA reserves address space as large as all memory of host and devices, and
+  // touches none of it.
+  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, memory));
   const long threads = num_threads > 0 ? num_threads : sysconf(_SC_NPROCESSORS_ONLN);
   RETURN_IF_ERROR(Limit(RLIMIT_CPU, kMaxSeconds * static_cast<rlim_t>(std::max(threads, 1L))));
   RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kMaxFileBytes));
@@ -60,7 +62,7 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
 
 int64_t MemoryLimit() {
   rlimit limit{};
-  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return 0;
+  if (getrlimit(RLIMIT_DATA, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return 0;
   return static_cast<int64_t>(limit.rlim_cur);
 }
 

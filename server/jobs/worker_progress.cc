@@ -37,6 +37,7 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
   stage_ = stage;
   stage_start_ = Clock::now();
   last_event_ = stage_start_;
+  first_step_ = 0;
   last_step_ = 0;
   psnr_sum_ = 0;
   num_psnr_ = 0;
@@ -44,6 +45,8 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
   event.mutable_stage_started()->set_stage(stage);
   return log_.Append(std::move(event));
 }
+
+void WorkerProgress::GoOnFrom(int64_t step) { first_step_ = last_step_ = step; }
 
 absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics) {
   v1::JobEvent event;
@@ -66,7 +69,7 @@ absl::Status WorkerProgress::Step(const StepReport& report) {
     ++num_psnr_;
   }
   const Clock::time_point now = Clock::now();
-  const bool first_or_last = report.step == 1 || report.step == report.num_steps;
+  const bool first_or_last = report.step == first_step_ + 1 || report.step == report.num_steps;
   if (!first_or_last && now - last_event_ < interval_) return absl::OkStatus();
   v1::JobEvent event;
   *event.mutable_progress() = Describe(report);
@@ -90,8 +93,8 @@ v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
   const double elapsed = seconds_in_stage();
   *progress.mutable_elapsed() = ToProto(elapsed);
   const auto left = static_cast<double>(report.num_steps - report.step);
-  if (report.step > 0) {
-    *progress.mutable_eta() = ToProto(elapsed / static_cast<double>(report.step) * left);
+  if (const int64_t done = report.step - first_step_; done > 0) {
+    *progress.mutable_eta() = ToProto(elapsed / static_cast<double>(done) * left);
   }
   const double since_last = Seconds(Clock::now() - last_event_);
   if (since_last > 0) {

@@ -23,6 +23,8 @@ class WorkerProgress {
       : log_(log), interval_(interval) {}
 
   absl::Status StartStage(const std::string& stage);
+  // The stage began with what an earlier attempt did in `step` steps: its pace is without them.
+  void GoOnFrom(int64_t step);
   absl::Status Step(const StepReport& report);
   // `metrics`: what the stage measured of its result.
   absl::Status EndStage(const std::map<std::string, double>& metrics);
@@ -38,8 +40,9 @@ class WorkerProgress {
   std::string stage_;
   Clock::time_point stage_start_ = Clock::now();
   Clock::time_point last_event_;
-  int64_t last_step_ = 0;  // told of
-  double psnr_sum_ = 0;    // over the steps since then that measured it
+  int64_t first_step_ = 0;  // steps that an earlier attempt did
+  int64_t last_step_ = 0;   // told of
+  double psnr_sum_ = 0;     // over the steps since then that measured it
   int64_t num_psnr_ = 0;
 };
 

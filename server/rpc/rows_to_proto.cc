@@ -36,6 +36,7 @@ v1::Model ToProto(const ModelRow& row) {
   v1::Model proto;
   proto.set_name(ChildName(row.scene, "models", row.number));
   proto.set_job(JobName(row.job));
+  proto.set_device(row.device);
   *proto.mutable_create_time() = ToProto(row.create_time);
   proto.set_num_gaussians(row.num_gaussians);
   proto.set_num_bytes(row.num_bytes);
@@ -65,6 +66,7 @@ v1::Job ToProto(const JobRow& row) {
   proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
   proto.set_state(ToProto(row.state));
   proto.set_stage(row.stage);
+  proto.set_device(row.device);
   proto.mutable_effective_options()->ParseFromString(row.effective_options);
   if (row.state == JobState::kFailed) {
     *proto.mutable_error() =

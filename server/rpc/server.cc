@@ -3,6 +3,7 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <utility>
@@ -10,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/status_macros.h"
+#include "server/device.h"
 #include "server/layout.h"
 #include "server/rpc/dataset_service.h"
 #include "server/rpc/directory_lock.h"
@@ -63,6 +65,14 @@ absl::Status CheckOptions(const ServerOptions& options) {
   return absl::OkStatus();
 }
 
+void LogDevice(const Device& device) {
+  if (device.reason.empty()) {
+    spdlog::info("computing on {}", device.backend->name());
+  } else {
+    spdlog::info("computing on {}: {}", device.backend->name(), device.reason);
+  }
+}
+
 }  // namespace
 
 bool IsLoopback(const std::string& listen) {
@@ -80,7 +90,7 @@ struct Server::Parts {
   std::unique_ptr<DirectoryLock> lock;
   std::unique_ptr<Store> store;
   std::unique_ptr<BlobStore> blobs;
-  std::unique_ptr<Backend> backend;
+  Device device;  // of queries; a worker opens its own by the same id
   std::unique_ptr<ModelCache> models;
   std::unique_ptr<Supervisor> supervisor;
   StreamRegistry streams{kTick};
@@ -102,20 +112,23 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data));
   ASSIGN_OR_RETURN(store, Store::Open("sqlite:" + DatabasePath(options.data).string()));
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
-  backend = MakeCpuBackend(options.num_threads);
+  ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
+  LogDevice(device);
   models =
       std::make_unique<ModelCache>(options.model_bytes > 0 ? options.model_bytes : HalfOfMemory());
   SupervisorOptions jobs_options;
   jobs_options.data_folder = options.data;
   jobs_options.worker = options.worker;
+  jobs_options.device = device.id;
+  jobs_options.device_name = device.backend->name();
   jobs_options.num_threads = options.num_threads;
   jobs_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
     return store->Path(file.sha256);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(jobs_options)));
-  const ServiceContext context{options.data, store.get(),   supervisor.get(),
-                               blobs.get(),  backend.get(), models.get(),
-                               &pool,        &query_pool,   &streams};
+  const ServiceContext context{options.data, store.get(),          supervisor.get(),
+                               blobs.get(),  device.backend.get(), models.get(),
+                               &pool,        &query_pool,          &streams};
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);

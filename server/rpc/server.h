@@ -17,6 +17,7 @@ struct ServerOptions {
   bool reflection = false;             // tells anybody what methods there are
   std::filesystem::path data;          // made when it is not there; for one server at a time
   std::filesystem::path worker;        // the pepeseg-worker program
+  std::string device = "auto";         // of jobs and queries, see OpenDevice
   int num_threads = 0;                 // of a job and of a query; 0: as many as the machine has
   int64_t model_bytes = 0;             // budget of models in memory; 0: half of the machine's
 };
@@ -28,7 +29,7 @@ bool IsLoopback(const std::string& listen);
 class Server {
  public:
   // FAILED_PRECONDITION: a listener beyond this machine without `insecure`, a data directory that
-  // another server uses, a worker that is no program.
+  // another server uses, a worker that is no program, a device that cannot be had.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
   // Shutdown without grace, unless it was called.
   ~Server();

@@ -25,16 +25,24 @@ TEST_F(JobFolderTest, SpecComesBackAsWritten) {
   JobSpec spec;
   spec.job = "j3";
   spec.fence = 2;
-  spec.files = {{"images/ä \"quoted\".jpg", 1, "/blobs/ab"}, {"sparse/0/images.bin", 2, "/b"}};
+  spec.files = {{"images/ä \"quoted\".jpg", 1, "/blobs/ab", "ab"},
+                {"sparse/0/images.bin", 2, "/b", ""}};
   spec.options.mutable_reconstruct()->set_seed(18446744073709551615u);
   spec.options.mutable_reconstruct()->set_mean_learning_rate(1.6e-4f);
+  spec.device = "cuda:1";
   spec.num_threads = 4;
   spec.memory_limit = int64_t{1} << 40;
+  spec.checkpoint_seconds = 7;
+  spec.checkpoint_steps = 8;
   ASSERT_TRUE(job_.WriteSpec(spec).ok());
   const auto read = job_.ReadSpec();
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->job, spec.job);
   EXPECT_EQ(read->fence, spec.fence);
+  EXPECT_EQ(read->device, spec.device);
+  EXPECT_EQ(read->checkpoint_seconds, 7);
+  EXPECT_EQ(read->checkpoint_steps, 8);
+  EXPECT_EQ(read->files.at(0).sha256, "ab");
   ASSERT_EQ(read->files.size(), 2u);
   EXPECT_EQ(read->files[0].name, spec.files[0].name);
   EXPECT_EQ(read->files[1].kind, 2);

@@ -203,14 +203,16 @@ TEST_F(StoreTest, ClaimsOldestFirstWithARisingFence) {
   MakeTrainable("b");
   ASSERT_TRUE(Train("a").ok());
   ASSERT_TRUE(Train("b").ok());
-  const auto claimed = store_->ClaimJob();
+  const auto claimed = store_->ClaimJob("cpu");
   ASSERT_TRUE(claimed.ok() && claimed->has_value()) << claimed.status();
   EXPECT_EQ((*claimed)->id, "j1");
   EXPECT_EQ((*claimed)->fence, 1);
-  EXPECT_EQ((*store_->ClaimJob())->id, "j2");
-  EXPECT_FALSE(store_->ClaimJob()->has_value());
+  EXPECT_EQ((*claimed)->device, "cpu");
+  EXPECT_EQ((*store_->ClaimJob("cpu"))->id, "j2");
+  EXPECT_FALSE(store_->ClaimJob("cpu")->has_value());
   ASSERT_TRUE(store_->RequeueJob("j1", 1).ok());
-  EXPECT_EQ((*store_->ClaimJob())->fence, 2);
+  EXPECT_EQ((*store_->ClaimJob("cuda"))->fence, 2);
+  EXPECT_EQ(store_->GetJob("j1")->device, "cuda");
   // The first attempt lost its claim: it changes nothing any more.
   EXPECT_EQ(store_->SetJobStage("j1", 1, "features").code(), absl::StatusCode::kAborted);
   EXPECT_EQ(store_->CommitModel("j1", 1, {}).status().code(), absl::StatusCode::kAborted);
@@ -225,7 +227,7 @@ TEST_F(StoreTest, CommitsAModelWithItsJob) {
   const auto none = store_->GetLiveModel("a").status();
   EXPECT_EQ(none.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(none.message()), HasSubstr("jobs/j1"));
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   ModelRow model;
   model.folder = "jobs/j1/attempt-1";
   model.metrics = R"({"psnr": 21.5})";
@@ -246,7 +248,7 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
   for (int i = 1; i <= 3; ++i) {
     const auto job = Train("a");
     ASSERT_TRUE(job.ok()) << job.status();
-    ASSERT_TRUE((*store_->ClaimJob()).has_value());
+    ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
     ASSERT_TRUE(store_->CommitModel(job->id, 1, {}).ok());
   }
   EXPECT_EQ(store_->GetLiveModel("a")->number, 3);
@@ -258,14 +260,14 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
   EXPECT_EQ(store_->GetLiveModel("a")->number, 2);
   EXPECT_EQ(store_->DeleteModel("a", 3).code(), absl::StatusCode::kNotFound);
   const auto job = Train("a");
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->CommitModel(job->id, 1, {})->number, 4);
 }
 
 TEST_F(StoreTest, EndsAJobWithItsReason) {
   MakeTrainable("a");
   ASSERT_TRUE(Train("a").ok());
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   ASSERT_TRUE(store_->EndJob("j1", 1, absl::InvalidArgumentError("images/x.jpg: no")).ok());
   const auto job = store_->GetJob("j1");
   EXPECT_EQ(job->state, JobState::kFailed);
@@ -277,7 +279,7 @@ TEST_F(StoreTest, EndsAJobWithItsReason) {
 TEST_F(StoreTest, CancelOfARunningJobSurvivesItsRequeue) {
   MakeTrainable("a");
   ASSERT_TRUE(Train("a").ok());
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->RequestCancel("j1")->state, JobState::kRunning);
   EXPECT_TRUE(store_->GetJob("j1")->cancel_requested);
   EXPECT_EQ(store_->RequeueJob("j1", 1)->state, JobState::kCancelled);
@@ -288,7 +290,7 @@ TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {
     MakeTrainable(scene);
     ASSERT_TRUE(Train(scene).ok());
   }
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   const auto all = store_->ListJobs({}, {2, ""});
   ASSERT_EQ(all->rows.size(), 2u);
   EXPECT_EQ(all->rows[0].id, "j3");

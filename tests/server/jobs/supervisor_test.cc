@@ -244,7 +244,7 @@ TEST_F(SupervisorTest, StopTakesNoNewJobs) {
 TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   Restart();
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
@@ -254,9 +254,9 @@ TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
 TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   ASSERT_TRUE(store_->RequeueJob(job, 1).ok());
-  ASSERT_TRUE((*store_->ClaimJob()).has_value());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   Restart();  // the second of two attempts is over
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);

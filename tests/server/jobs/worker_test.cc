@@ -1,111 +1,14 @@
-// The worker program on a real capture, through its job folder, as the supervisor runs it.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <csignal>
 #include <fstream>
 
-#include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "core/io/file_bytes.h"
-#include "core/io/import.h"
 #include "core/io/model_file.h"
-#include "pepeseg/v1/dataset_service.pb.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
-#include "server/jobs/process.h"
-#include "tests/server/file_kind.h"
-#include "tests/testing/temp_folder.h"
+#include "tests/server/jobs/worker_fixture.h"
 
 namespace pepeseg {
 namespace {
 
 using ::testing::HasSubstr;
-
-class WorkerTest : public ::testing::Test {
- protected:
-  WorkerTest() : job_(folder_.path() / "j1") {
-    std::filesystem::create_directories(job_.path());
-    const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
-    EXPECT_TRUE(files.ok()) << files.status();
-    for (const DatasetFile& file : *files) {
-      spec_.files.push_back({file.name, testing::ToProto(file.kind), file.path.string()});
-    }
-    spec_.job = "j1";
-    spec_.fence = 1;
-    spec_.num_threads = 2;
-    // 80x60 pixels and few steps: all of the way, none of the quality.
-    spec_.options.mutable_import()->set_image_scale(0.125);
-    spec_.options.mutable_reconstruct()->set_num_steps(60);
-    spec_.options.mutable_reconstruct()->set_num_random_points(500);
-    spec_.options.mutable_features()->set_num_steps(20);
-    spec_.options.mutable_features()->set_num_pixels(200);
-    spec_.options.mutable_features()->set_steps_per_chunk(20);
-  }
-
-  std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
-    EXPECT_TRUE(job_.WriteSpec(spec_).ok());
-    auto worker = WorkerProcess::Launch(
-        {PEPESEG_WORKER,
-         {absl::StrCat("--job=", job_.path().string()), absl::StrCat("--parent=", parent)},
-         job_.worker_log()});
-    EXPECT_TRUE(worker.ok()) << worker.status();
-    return std::move(worker).value();
-  }
-
-  WorkerProcess::End WaitFor(WorkerProcess& worker) {
-    for (int i = 0; i < 12000; ++i) {
-      if (const auto end = worker.Poll()) return *end;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "the worker did not end within 120 s";
-    return {};
-  }
-
-  WorkerProcess::End Run() { return WaitFor(*Launch(getpid())); }
-
-  void ExpectExit(const WorkerProcess::End& end, WorkerExit exit) {
-    EXPECT_EQ(end.signal, 0) << ReadFileTail(job_.worker_log(), 2000);
-    EXPECT_EQ(end.exit_code, static_cast<int>(exit)) << ReadFileTail(job_.worker_log(), 2000);
-  }
-
-  // Runs, and wants it to fail for the file named, with nothing left of the attempt.
-  void ExpectBadFile(const std::string& name) {
-    ExpectExit(Run(), WorkerExit::kFailed);
-    const auto result = job_.ReadResult(spec_.fence);
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ(result->status.code(), absl::StatusCode::kInvalidArgument) << result->status;
-    EXPECT_THAT(std::string(result->status.message()), HasSubstr(name));
-    EXPECT_FALSE(std::filesystem::exists(job_.attempt(spec_.fence)));
-  }
-
-  // The bytes of the file of a spec, replaced by those given.
-  JobSpecFile& Replace(const std::string& name, const std::string& bytes) {
-    for (JobSpecFile& file : spec_.files) {
-      if (file.name != name) continue;
-      file.path = (folder_.path() / "replaced").string();
-      std::ofstream(file.path, std::ios::binary) << bytes;
-      return file;
-    }
-    ADD_FAILURE() << "no file " << name;
-    return spec_.files.front();
-  }
-
-  std::string BytesOf(const std::string& name) {
-    return ReadFile(PEPESEG_TEST_DATA "/apc_shelf/" + name, name, 1 << 30).value_or("");
-  }
-
-  std::vector<v1::JobEvent> Events() {
-    EventLogReader reader(job_.events());
-    return reader.Read(100000).value_or(std::vector<v1::JobEvent>());
-  }
-
-  testing::TempFolder folder_;
-  JobFolder job_;
-  JobSpec spec_;
-};
 
 bool HasProgress(const std::vector<v1::JobEvent>& events) {
   return std::any_of(events.begin(), events.end(),
@@ -125,6 +28,7 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   EXPECT_GT(model->metrics.at("psnr"), 5);
   EXPECT_GT(model->metrics.at("seconds_reconstruct"), 0);
   EXPECT_GT(model->metrics.at("num_masks"), 0);
+  EXPECT_THAT(model->facts.at("device"), HasSubstr("cpu (2 threads"));
   EXPECT_THAT(model->facts.at("options"), HasSubstr("\"numSteps\":60"));
   EXPECT_FALSE(std::filesystem::exists(job_.reconstruction(1)));
 }
@@ -160,6 +64,7 @@ TEST_F(WorkerTest, StopsAtTheNextStepWhenToldTo) {
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->status.code(), absl::StatusCode::kCancelled);
   EXPECT_THAT(std::string(result->status.message()), HasSubstr("stage reconstruct"));
+  EXPECT_FALSE(std::filesystem::is_empty(job_.checkpoints(1)));
 }
 
 TEST_F(WorkerTest, ResumesAfterStageOneWithTheSameBytes) {
@@ -193,7 +98,7 @@ TEST_F(WorkerTest, NamesAPhotographThatIsNone) {
 
 TEST_F(WorkerTest, SaysWhatItCannotAllocate) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "sanitizers reserve more address space than any limit leaves";
+  GTEST_SKIP() << "sanitizers map more memory than any limit leaves";
 #endif
   spec_.memory_limit = int64_t{400} << 20;
   // The photographs fit; so many Gaussians do not.
@@ -207,6 +112,15 @@ TEST_F(WorkerTest, SaysWhatItCannotAllocate) {
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_THAT(std::string(result->status.message()), HasSubstr("out of memory"));
+}
+
+TEST_F(WorkerTest, FailsOnADeviceThatIsNotThere) {
+  spec_.device = "cuda:1000";
+  ExpectExit(Run(), WorkerExit::kFailed);
+  const auto result = job_.ReadResult(1);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(result->status.message()), HasSubstr("device cuda:1000: "));
 }
 
 TEST_F(WorkerTest, RefusesABrokenSpec) {

@@ -65,6 +65,7 @@ TEST_F(JobServiceTest, TrainsAndTellsItAll) {
   request.mutable_options()->mutable_reconstruct()->set_num_steps(77);
   ASSERT_TRUE(Train(request).ok());
   EXPECT_EQ(job.name(), "jobs/j1");
+  EXPECT_EQ(job.device(), "");  // not started yet
   EXPECT_EQ(job.effective_options().reconstruct().num_steps(), 77);
   EXPECT_TRUE(job.effective_options().features().has_learning_rate());
   const Watched watched = Watch(job.name());
@@ -78,6 +79,7 @@ TEST_F(JobServiceTest, TrainsAndTellsItAll) {
     sequence = watched.events[i].sequence();
   }
   const v1::Job after = running.Await("jobs/j1");
+  EXPECT_EQ(after.device().find("cpu (1 thread, "), 0u) << after.device();
   EXPECT_EQ(after.state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(after.model(), "scenes/shelf/models/1");
   EXPECT_EQ(after.scene(), "scenes/shelf");

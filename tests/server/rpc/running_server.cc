@@ -62,6 +62,7 @@ std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const Te
 RunningServer::RunningServer(const std::string& worker) {
   options.data = folder / "data";
   options.worker = worker;
+  options.device = "cpu";
   options.num_threads = 1;
   auto started = Server::Start(options);
   EXPECT_TRUE(started.ok()) << started.status();

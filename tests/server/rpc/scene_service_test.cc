@@ -132,6 +132,7 @@ TEST_F(SceneServiceTest, ListsTheModelsOfItsJobs) {
   EXPECT_EQ(models.models(0).name(), second.model());
   EXPECT_EQ(models.models(0).job(), second.name());
   EXPECT_EQ(models.models(0).metrics().at("psnr"), 20.5);
+  EXPECT_EQ(models.models(0).device().find("cpu (1 thread, "), 0u);
   EXPECT_EQ(models.models(0).num_gaussians(), 7);
   grpc::ClientContext live_context;
   v1::GetModelRequest live;

@@ -56,6 +56,17 @@ TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
+TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  options.device = "cuda:1000";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("device cuda:1000: "), std::string::npos);
+}
+
 TEST(ServerStart, RefusesATakenPort) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;

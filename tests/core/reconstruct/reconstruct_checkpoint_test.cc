@@ -1,0 +1,193 @@
+#include "core/reconstruct/reconstruct_checkpoint.h"
+
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/reconstruct/reconstructor.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+const Capture& Synthetic() {
+  static const Capture capture = testing::MakeSyntheticScene().capture;
+  return capture;
+}
+
+// Coarse until step 30 (a quarter until 15), density control at 25, 50 and 75, an opacity reset
+// at 40.
+ReconstructOptions Options() {
+  ReconstructOptions options;
+  options.num_steps = 90;
+  options.coarse_until = 1.0 / 3;
+  options.densify_from = 0.1;
+  options.densify_until = 0.9;
+  options.densify_every = 25;
+  options.opacity_reset_every = 40;
+  options.max_gaussians = 4000;
+  return options;
+}
+
+std::unique_ptr<Reconstructor> Fresh(Backend& backend) {
+  return Reconstructor::Create(backend, Synthetic(), Options()).value();
+}
+
+void StepTo(Reconstructor& reconstructor, int step, int from = 0) {
+  for (int i = from; i < step; ++i) ASSERT_OK(reconstructor.Step());
+}
+
+ReconstructCheckpoint CheckpointAt(int step) {
+  const auto backend = MakeCpuBackend(2);
+  const auto reconstructor = Fresh(*backend);
+  StepTo(*reconstructor, step);
+  return reconstructor->Save().value();
+}
+
+// Through a file, as another process would.
+ReconstructCheckpoint WriteAndRead(const ReconstructCheckpoint& checkpoint) {
+  const testing::TempFolder folder;
+  const std::filesystem::path path = folder.path() / "checkpoint";
+  EXPECT_OK(WriteCheckpoint(path, {"reconstruct", "", 0}, SectionsOf(checkpoint)));
+  const auto file = ReadCheckpoint(path);
+  EXPECT_OK(file);
+  auto read = ReconstructCheckpointOf(file->sections);
+  EXPECT_OK(read);
+  return *std::move(read);
+}
+
+TEST(ReconstructCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
+  const auto backend = MakeCpuBackend(2);
+  const auto unbroken = Fresh(*backend);
+  StepTo(*unbroken, 90);
+  const Gaussians expected = unbroken->Result();
+  EXPECT_GT(expected.count, 700);  // density control took part
+  // From the start, within both coarse phases and at their ends, around each kind of density
+  // control, and at the end.
+  for (const int step : {0, 7, 15, 16, 24, 25, 26, 30, 39, 40, 41, 75, 89, 90}) {
+    const ReconstructCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
+    // Another number of threads, as another machine might have.
+    const auto other = MakeCpuBackend(1);
+    ASSERT_OK_AND_ASSIGN(const auto resumed,
+                         Reconstructor::Resume(*other, Synthetic(), Options(), checkpoint));
+    StepTo(*resumed, 90, step);
+    EXPECT_TRUE(resumed->done());
+    EXPECT_EQ(resumed->Result().planes, expected.planes) << "broken off after step " << step;
+  }
+}
+
+TEST(ReconstructCheckpoint, ReportsGoOnWhereTheyStopped) {
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto resumed,
+                       Reconstructor::Resume(*backend, Synthetic(), Options(), CheckpointAt(30)));
+  ASSERT_OK_AND_ASSIGN(const StepReport report, resumed->Step());
+  EXPECT_EQ(report.step, 31);
+  const auto unbroken = Fresh(*backend);
+  StepTo(*unbroken, 30);
+  ASSERT_OK_AND_ASSIGN(const StepReport expected, unbroken->Step());
+  EXPECT_EQ(report.loss, expected.loss);
+  EXPECT_EQ(report.psnr, expected.psnr);
+  EXPECT_EQ(report.num_gaussians, expected.num_gaussians);
+}
+
+TEST(ReconstructCheckpoint, SavingChangesNothing) {
+  const auto backend = MakeCpuBackend(2);
+  const auto saved = Fresh(*backend);
+  for (int step = 0; step < 60; ++step) {
+    ASSERT_OK(saved->Step());
+    ASSERT_OK(saved->Save());
+  }
+  const auto untouched = Fresh(*backend);
+  StepTo(*untouched, 60);
+  EXPECT_EQ(saved->Result().planes, untouched->Result().planes);
+}
+
+TEST(ReconstructCheckpoint, EverySectionIsNeededAndNoOtherTaken) {
+  const ReconstructCheckpoint checkpoint = CheckpointAt(3);
+  const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
+  std::set<std::string> names;
+  for (size_t i = 0; i < sections.size(); ++i) {
+    EXPECT_TRUE(names.insert(sections[i].name).second) << sections[i].name;
+    std::vector<CheckpointSection> without = sections;
+    without.erase(without.begin() + static_cast<std::ptrdiff_t>(i));
+    EXPECT_STATUS(ReconstructCheckpointOf(without), absl::StatusCode::kDataLoss, sections[i].name);
+    std::vector<CheckpointSection> newer = sections;
+    newer[i].version += 1;
+    EXPECT_STATUS(ReconstructCheckpointOf(newer), absl::StatusCode::kDataLoss, "version");
+  }
+  std::vector<CheckpointSection> more = sections;
+  more.push_back({"from_the_future", 1, ""});
+  EXPECT_STATUS(ReconstructCheckpointOf(more), absl::StatusCode::kDataLoss, "knows");
+  std::vector<CheckpointSection> twice = sections;
+  twice.push_back(sections[0]);
+  EXPECT_STATUS(ReconstructCheckpointOf(twice), absl::StatusCode::kDataLoss, "knows");
+}
+
+TEST(ReconstructCheckpoint, SectionsOfAnotherSizeAreRefused) {
+  const ReconstructCheckpoint checkpoint = CheckpointAt(3);
+  const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
+  for (size_t i = 0; i < sections.size(); ++i) {
+    // Any string may be the engine's, and any number of views may be left: Resume looks at those.
+    if (sections[i].name == "random" || sections[i].name == "views_left") continue;
+    for (const size_t cut : {1, 4}) {
+      std::vector<CheckpointSection> shorter = sections;
+      shorter[i].bytes.remove_suffix(cut);
+      SCOPED_TRACE(sections[i].name);
+      EXPECT_STATUS(ReconstructCheckpointOf(shorter), absl::StatusCode::kDataLoss,
+                    sections[i].name);
+    }
+  }
+}
+
+TEST(ReconstructCheckpoint, NumbersThatAreNotFiniteAreRefused) {
+  const ReconstructCheckpoint good = CheckpointAt(3);
+  EXPECT_OK(Validate(good));
+  const auto backend = MakeCpuBackend(1);
+  for (const float bad : {kNan, kInf, -kInf}) {
+    for (std::vector<float> GaussianRows::*plane :
+         {&GaussianRows::parameters, &GaussianRows::moment1, &GaussianRows::moment2,
+          &GaussianRows::grad_sum}) {
+      ReconstructCheckpoint checkpoint = good;
+      (checkpoint.gaussians.*plane).back() = bad;
+      EXPECT_STATUS(Validate(checkpoint), absl::StatusCode::kDataLoss, "not finite");
+      EXPECT_STATUS(ReconstructCheckpointOf(SectionsOf(checkpoint)), absl::StatusCode::kDataLoss,
+                    "not finite");
+      EXPECT_STATUS(Reconstructor::Resume(*backend, Synthetic(), Options(), checkpoint),
+                    absl::StatusCode::kDataLoss, "not finite");
+    }
+  }
+}
+
+TEST(ReconstructCheckpoint, ResumeRefusesWhatIsOfAnotherRun) {
+  const ReconstructCheckpoint good = CheckpointAt(60);
+  const auto backend = MakeCpuBackend(1);
+  const auto expect = [&](const ReconstructCheckpoint& checkpoint,
+                          const ReconstructOptions& options, const char* why) {
+    EXPECT_STATUS(Reconstructor::Resume(*backend, Synthetic(), options, checkpoint),
+                  absl::StatusCode::kDataLoss, why);
+  };
+  ReconstructOptions shorter = Options();
+  shorter.num_steps = 59;
+  expect(good, shorter, "step 60 of 59");
+  ReconstructOptions flatter = Options();
+  flatter.sh_degree = 1;
+  expect(good, flatter, "degree");
+  for (const std::vector<int32_t>& views : {std::vector<int32_t>{-1}, {10}, {3, 4, 3}}) {
+    ReconstructCheckpoint bad = good;
+    bad.views_left = views;
+    expect(bad, Options(), "view");
+  }
+  for (const char* random : {"", "1 2 3", "x"}) {
+    ReconstructCheckpoint bad = good;
+    bad.random = random;
+    expect(bad, Options(), "random engine");
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,65 @@
+#include "server/device.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+// The reason why this build, on this machine, has no CUDA; empty: it has.
+std::string CudaError() {
+  std::string error;
+  MakeCudaBackend({}, &error);
+  return error;
+}
+
+TEST(Device, CpuIsTakenWhenAskedFor) {
+  const auto device = OpenDevice("cpu", 3);
+  ASSERT_TRUE(device.ok()) << device.status();
+  EXPECT_EQ(device->id, "cpu");
+  EXPECT_EQ(device->reason, "");
+  EXPECT_THAT(device->backend->name(), StartsWith("cpu (3 threads"));
+}
+
+TEST(Device, AutoTakesCudaOrSaysWhyNot) {
+  const auto device = OpenDevice("auto", 1);
+  ASSERT_TRUE(device.ok()) << device.status();
+  EXPECT_EQ(device->reason, CudaError());
+  EXPECT_EQ(device->id, device->reason.empty() ? "cuda:0" : "cpu");
+  EXPECT_THAT(device->backend->name(), StartsWith(device->reason.empty() ? "cuda 0" : "cpu (1"));
+}
+
+TEST(Device, AnswersToItsIdAgain) {
+  const auto first = OpenDevice("auto", 1);
+  ASSERT_TRUE(first.ok()) << first.status();
+  const auto second = OpenDevice(first->id, 1);
+  ASSERT_TRUE(second.ok()) << second.status();
+  EXPECT_EQ(second->id, first->id);
+  EXPECT_EQ(second->backend->name(), first->backend->name());
+}
+
+TEST(Device, CudaByNameIsAnErrorWithTheReasonWhereThereIsNone) {
+  const std::string error = CudaError();
+  for (const char* wanted : {"cuda", "cuda:0", "cuda:999"}) {
+    const auto device = OpenDevice(wanted, 1);
+    if (error.empty() && std::string(wanted) != "cuda:999") {
+      EXPECT_TRUE(device.ok()) << device.status();
+      continue;
+    }
+    EXPECT_EQ(device.status().code(), absl::StatusCode::kFailedPrecondition) << wanted;
+    EXPECT_THAT(std::string(device.status().message()), HasSubstr(error.empty() ? "999" : error));
+  }
+}
+
+TEST(Device, OtherWordsAreRefused) {
+  for (const char* wanted : {"", "gpu", "CPU", "cuda:", "cuda:-1", "cuda: 1", "cuda:+1", "cuda:1x",
+                             "cuda1", "cuda:99999999999999999999", "cuda:1024", "autocuda"}) {
+    EXPECT_EQ(OpenDevice(wanted, 1).status().code(), absl::StatusCode::kInvalidArgument) << wanted;
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

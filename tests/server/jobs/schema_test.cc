@@ -1,0 +1,48 @@
+#include "server/jobs/schema.h"
+
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/soci.h"
+#include "server/jobs/store.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+// A database as the first release left it, with a finished job and its model.
+void WriteFirstVersion(const std::string& path) {
+  soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", path, "\""));
+  sql << "CREATE TABLE schema_version (version INTEGER NOT NULL)";
+  for (const char* statement : SchemaStep(1)) sql << statement;
+  sql << "INSERT INTO schema_version (version) VALUES (1)";
+  sql << "INSERT INTO scenes VALUES ('a', 'A', '', 1, 2, 2)";
+  sql << "INSERT INTO datasets VALUES ('a', 1, 1, '', 1, 2, 0, 0)";
+  sql << "INSERT INTO jobs VALUES (1, 'a', 1, 2, 'index', '', '', '', 1, 0, 0, '', 1, 3, 4, 5)";
+  sql << "INSERT INTO models VALUES ('a', 1, 'j1', 'jobs/j1/attempt-1', '{}', 7, 8, 5)";
+  sql << "UPDATE job_numbers SET next_job = 2";
+}
+
+TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
+  const testing::TempFolder folder;
+  const std::string path = (folder.path() / "store.db").string();
+  WriteFirstVersion(path);
+  const auto store = Store::Open("sqlite:" + path);
+  ASSERT_TRUE(store.ok()) << store.status();
+  const auto job = (*store)->GetJob("j1");
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->state, JobState::kSucceeded);
+  EXPECT_EQ(job->device, "");  // nobody noted it then
+  const auto model = (*store)->GetLiveModel("a");
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->num_gaussians, 7);
+  EXPECT_EQ(model->device, "");
+  JobRow next;
+  next.scene = "a";
+  next.dataset = 1;
+  ASSERT_TRUE((*store)->CreateJob(next).ok());
+  EXPECT_EQ((**(*store)->ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
+}
+
+}  // namespace
+}  // namespace pepeseg

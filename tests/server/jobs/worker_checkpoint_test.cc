@@ -1,0 +1,176 @@
+// A worker that was killed in stage one, and the attempt that comes after it.
+#include <algorithm>
+#include <csignal>
+#include <limits>
+
+#include "core/io/checkpoint.h"
+#include "core/reconstruct/reconstruct_checkpoint.h"
+#include "tests/server/jobs/worker_fixture.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+using Paths = std::vector<std::filesystem::path>;
+
+class WorkerCheckpointTest : public WorkerTest {
+ protected:
+  WorkerCheckpointTest() {
+    spec_.options.mutable_reconstruct()->set_num_steps(400);
+    spec_.options.mutable_reconstruct()->set_densify_every(50);
+    spec_.checkpoint_steps = 10;
+  }
+
+  // Of attempt 1, by step.
+  Paths Checkpoints() {
+    Paths paths;
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(job_.checkpoints(1), error)) {
+      if (entry.path().extension() == ".ckpt") paths.push_back(entry.path());
+    }
+    std::sort(paths.begin(), paths.end());
+    return paths;
+  }
+
+  // Attempt 1, killed once it has both generations and gone from one to the next.
+  Paths RunAndKill() {
+    const auto worker = Launch(getpid());
+    std::string first;
+    for (int i = 0; i < 6000; ++i) {
+      const Paths paths = Checkpoints();
+      if (first.empty() && !paths.empty()) first = paths.front().string();
+      if (paths.size() == 2 && paths.front() != first) break;
+      absl::SleepFor(absl::Milliseconds(5));
+    }
+    worker->Signal(SIGKILL);
+    EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
+    const Paths paths = Checkpoints();
+    // Three while the third's arrival is not yet the first's end.
+    EXPECT_GE(paths.size(), 2u);
+    EXPECT_LE(paths.size(), 3u);
+    return paths;
+  }
+
+  // Attempt `fence`, to its end: the bytes of its Gaussians.
+  std::string Finish(int64_t fence) {
+    spec_.fence = fence;
+    ExpectExit(Run(), WorkerExit::kSucceeded);
+    return ReadFile(job_.attempt(fence) / "gaussians.ply", "gaussians.ply", 1 << 30).value_or("");
+  }
+
+  // The step that an attempt began at: that before its first report.
+  int64_t FirstStepOf(int64_t fence) {
+    int64_t prepares = 0;
+    for (const v1::JobEvent& event : Events()) {
+      if (event.has_stage_started() && event.stage_started().stage() == "prepare") ++prepares;
+      if (prepares == fence && event.has_progress()) return event.progress().step() - 1;
+    }
+    return -1;
+  }
+
+  std::vector<std::string> Warnings() {
+    std::vector<std::string> warnings;
+    for (const v1::JobEvent& event : Events()) {
+      if (event.has_warning()) warnings.push_back(event.warning().message());
+    }
+    return warnings;
+  }
+
+  static int64_t StepOf(const std::filesystem::path& path) {
+    return std::stoll(path.filename().string().substr(5));
+  }
+
+  // The bytes of an attempt that nothing broke off.
+  std::string Unbroken() {
+    const JobFolder broken = job_;
+    job_ = JobFolder(folder_.path() / "unbroken");
+    std::filesystem::create_directories(job_.path());
+    std::string bytes = Finish(1);
+    job_ = broken;
+    return bytes;
+  }
+};
+
+TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
+  const std::string unbroken = Unbroken();
+  const Paths paths = RunAndKill();
+  EXPECT_EQ(Finish(2), unbroken);
+  EXPECT_EQ(FirstStepOf(2), StepOf(paths.back()));
+  EXPECT_THAT(Warnings(), ::testing::IsEmpty());
+  const auto result = job_.ReadResult(2);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->metrics.at("resumed_from_step"), StepOf(paths.back()));
+  for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
+}
+
+TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
+  spec_.checkpoint_steps = 1'000'000;  // none but that of the stop
+  const std::string unbroken = Unbroken();
+  const auto worker = Launch(getpid());
+  for (int i = 0; i < 6000 && FirstStepOf(1) < 0; ++i) absl::SleepFor(absl::Milliseconds(5));
+  absl::SleepFor(absl::Milliseconds(200));
+  worker->Signal(SIGTERM);
+  ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
+  const Paths paths = Checkpoints();
+  ASSERT_EQ(paths.size(), 1u);
+  const auto result = job_.ReadResult(1);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(std::string(result->status.message()),
+              HasSubstr(absl::StrCat("at step ", StepOf(paths[0]), " of 400")));
+  EXPECT_EQ(Finish(2), unbroken);
+  EXPECT_EQ(FirstStepOf(2), StepOf(paths[0]));
+}
+
+TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
+  const std::string unbroken = Unbroken();
+  const Paths paths = RunAndKill();
+  std::filesystem::resize_file(paths.back(), std::filesystem::file_size(paths.back()) / 2);
+  EXPECT_EQ(Finish(2), unbroken);
+  EXPECT_EQ(FirstStepOf(2), StepOf(paths[paths.size() - 2]));
+  const std::vector<std::string> warnings = Warnings();
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("attempt-1/checkpoints/" + paths.back().filename().string()));
+  EXPECT_THAT(warnings[0], HasSubstr("truncated"));
+}
+
+TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
+  const std::string unbroken = Unbroken();
+  const Paths paths = RunAndKill();
+  for (const std::filesystem::path& path : paths) {
+    std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
+    file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(path) / 2));
+    file.put('\x55').put('\x55');
+  }
+  EXPECT_EQ(Finish(2), unbroken);
+  EXPECT_EQ(FirstStepOf(2), 0);
+  EXPECT_THAT(Warnings(), ::testing::Each(HasSubstr("checksum")));
+  EXPECT_EQ(Warnings().size(), paths.size());
+}
+
+TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
+  const Paths paths = RunAndKill();
+  spec_.files[0].sha256 = "another";
+  Finish(2);
+  EXPECT_EQ(FirstStepOf(2), 0);
+  EXPECT_EQ(Warnings().size(), paths.size());
+  EXPECT_THAT(Warnings(), ::testing::Each(HasSubstr("other files or options")));
+}
+
+TEST_F(WorkerCheckpointTest, NanIsNeverTrainedOn) {
+  const Paths paths = RunAndKill();
+  for (const std::filesystem::path& path : paths) {
+    const auto file = ReadCheckpoint(path);
+    ASSERT_TRUE(file.ok()) << file.status();
+    auto checkpoint = ReconstructCheckpointOf(file->sections);
+    ASSERT_TRUE(checkpoint.ok()) << checkpoint.status();
+    checkpoint->gaussians.moment2[5] = std::numeric_limits<float>::quiet_NaN();
+    const CheckpointHeader header = file->header;
+    ASSERT_TRUE(WriteCheckpoint(path, header, SectionsOf(*checkpoint)).ok());
+  }
+  Finish(2);
+  EXPECT_EQ(FirstStepOf(2), 0);
+  EXPECT_THAT(Warnings(), ::testing::Each(HasSubstr("moment2[5] is nan")));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/io/file_bytes.h"
+#include "core/io/import.h"
+#include "pepeseg/v1/dataset_service.pb.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_folder.h"
+#include "server/jobs/process.h"
+#include "tests/server/file_kind.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+
+// The worker program on a real capture, through its job folder, as the supervisor runs it.
+class WorkerTest : public ::testing::Test {
+ protected:
+  WorkerTest() : job_(folder_.path() / "j1") {
+    std::filesystem::create_directories(job_.path());
+    const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
+    EXPECT_TRUE(files.ok()) << files.status();
+    for (const DatasetFile& file : *files) {
+      spec_.files.push_back({file.name, testing::ToProto(file.kind), file.path.string(), ""});
+    }
+    spec_.job = "j1";
+    spec_.fence = 1;
+    spec_.device = "cpu";
+    spec_.num_threads = 2;
+    // 80x60 pixels and few steps: all of the way, none of the quality.
+    spec_.options.mutable_import()->set_image_scale(0.125);
+    spec_.options.mutable_reconstruct()->set_num_steps(60);
+    spec_.options.mutable_reconstruct()->set_num_random_points(500);
+    spec_.options.mutable_features()->set_num_steps(20);
+    spec_.options.mutable_features()->set_num_pixels(200);
+    spec_.options.mutable_features()->set_steps_per_chunk(20);
+  }
+
+  std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
+    EXPECT_TRUE(job_.WriteSpec(spec_).ok());
+    auto worker = WorkerProcess::Launch(
+        {PEPESEG_WORKER,
+         {absl::StrCat("--job=", job_.path().string()), absl::StrCat("--parent=", parent)},
+         job_.worker_log()});
+    EXPECT_TRUE(worker.ok()) << worker.status();
+    return std::move(worker).value();
+  }
+
+  WorkerProcess::End WaitFor(WorkerProcess& worker) {
+    for (int i = 0; i < 12000; ++i) {
+      if (const auto end = worker.Poll()) return *end;
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "the worker did not end within 120 s";
+    return {};
+  }
+
+  WorkerProcess::End Run() { return WaitFor(*Launch(getpid())); }
+
+  void ExpectExit(const WorkerProcess::End& end, WorkerExit exit) {
+    EXPECT_EQ(end.signal, 0) << ReadFileTail(job_.worker_log(), 2000);
+    EXPECT_EQ(end.exit_code, static_cast<int>(exit)) << ReadFileTail(job_.worker_log(), 2000);
+  }
+
+  // Runs, and wants it to fail for the file named, with nothing left of the attempt.
+  void ExpectBadFile(const std::string& name) {
+    ExpectExit(Run(), WorkerExit::kFailed);
+    const auto result = job_.ReadResult(spec_.fence);
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ(result->status.code(), absl::StatusCode::kInvalidArgument) << result->status;
+    EXPECT_THAT(std::string(result->status.message()), ::testing::HasSubstr(name));
+    EXPECT_FALSE(std::filesystem::exists(job_.attempt(spec_.fence)));
+  }
+
+  // The bytes of the file of a spec, replaced by those given.
+  JobSpecFile& Replace(const std::string& name, const std::string& bytes) {
+    for (JobSpecFile& file : spec_.files) {
+      if (file.name != name) continue;
+      file.path = (folder_.path() / "replaced").string();
+      std::ofstream(file.path, std::ios::binary) << bytes;
+      return file;
+    }
+    ADD_FAILURE() << "no file " << name;
+    return spec_.files.front();
+  }
+
+  std::string BytesOf(const std::string& name) {
+    return ReadFile(PEPESEG_TEST_DATA "/apc_shelf/" + name, name, 1 << 30).value_or("");
+  }
+
+  std::vector<v1::JobEvent> Events() {
+    EventLogReader reader(job_.events());
+    return reader.Read(100000).value_or(std::vector<v1::JobEvent>());
+  }
+
+  testing::TempFolder folder_;
+  JobFolder job_;
+  JobSpec spec_;
+};
+
+}  // namespace pepeseg
