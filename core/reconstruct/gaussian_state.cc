@@ -89,8 +89,7 @@ std::vector<float> GaussianState::DownloadPlanes(const Buffer<float>& buffer, in
   return planes;
 }
 
-void GaussianState::UploadPlanes(Buffer<float>& buffer, int first,
-                                 std::span<const float> planes) {
+void GaussianState::UploadPlanes(Buffer<float>& buffer, int first, std::span<const float> planes) {
   const auto num_planes = static_cast<int64_t>(planes.size()) / std::max<int64_t>(1, count_);
   for (int64_t k = 0; k < num_planes; ++k) {
     buffer.Upload(planes.subspan(k * count_, count_), (first + k) * rows_.stride);
