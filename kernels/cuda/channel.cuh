@@ -37,9 +37,9 @@ struct EntryRange {
   const float* weight;
 };
 
-// sum over the entries of weight * rows[index], with so many loads on their way at once.
-__device__ inline float WeightedSum(const EntryRange& entries, const float* rows, int lane) {
-  constexpr int kAtOnce = 8;
+// sum over the entries of weight * rows[index], with kAtOnce loads on their way at once.
+template <int kAtOnce>
+__device__ float WeightedSum(const EntryRange& entries, const float* rows, int lane) {
   float sum = 0;
   for (int32_t base = entries.first; base < entries.end; base += 32) {
     const int count = min(32, entries.end - base);

@@ -17,7 +17,7 @@ __global__ void __launch_bounds__(kBlock) FeatureRowsKernel(FeatureRowsArgs args
   const EntryRange row = {args.rows.first.data[pixel], args.rows.first.data[pixel + 1],
                           args.rows.gaussian.data, args.rows.weight.data};
   args.pixel_features.data[pixel * kFeatureSize + lane] =
-      WeightedSum(row, args.features.data, lane);
+      WeightedSum<16>(row, args.features.data, lane);
 }
 
 }  // namespace

@@ -19,36 +19,53 @@ struct Powers {
   float ratio_of_warp;  // ratio^32
 };
 
-// What the steps without a gradient do to a row, a term of their sum a lane.
-__device__ void ReplayRow(const FeatureCatchUpArgs& args, const Powers& powers, int64_t gaussian,
-                          int last_step) {
-  const int lane = static_cast<int>(threadIdx.x) % 32;
-  const int64_t i = gaussian * kFeatureSize + lane;
-  const float moment1 = args.state.moment1.data[i], moment2 = args.state.moment2.data[i];
-  const int behind = args.step - last_step, count = min(behind, kMaxReplay);
-  float sum = 0, term = exp2f(static_cast<float>(lane + 1) * powers.log2_ratio);
-  for (int j = lane + 1; j <= count; j += 32) {
-    sum = MulAdd(term, args.rates.correction.data[last_step + j], sum);
-    term *= powers.ratio_of_warp;
-  }
-  const float move = -Total(Channel(sum)).v * args.rates.learning_rate;
-  const float direction = moment1 / (Sqrt(moment2) + args.rates.epsilon);
-  args.state.features.data[i] = MulAdd(move, direction, args.state.features.data[i]);
-  args.state.moment1.data[i] = exp2f(static_cast<float>(count) * powers.log2_beta1) * moment1;
-  args.state.moment2.data[i] = exp2f(static_cast<float>(behind) * powers.log2_beta2) * moment2;
+struct Row {
+  float feature, moment1, moment2;
+};
+__device__ Row LoadRow(const FeatureState& state, int64_t i) {
+  return {state.features.data[i], state.moment1.data[i], state.moment2.data[i]};
+}
+__device__ void StoreRow(const Row& row, int64_t i, const FeatureState& state) {
+  state.features.data[i] = row.feature;
+  state.moment1.data[i] = row.moment1;
+  state.moment2.data[i] = row.moment2;
 }
 
-// A warp a Gaussian.
+// The sum of FeatureState's comment, a term a lane.
+__device__ float ReplaySum(const FeatureCatchUpArgs& args, const Powers& powers, int last_step) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const int count = min(args.step - last_step, kMaxReplay);
+  float sum = 0, term = exp2f(static_cast<float>(lane + 1) * powers.log2_ratio);
+#pragma unroll
+  for (int base = 1; base <= kMaxReplay; base += 32) {
+    const int j = base + lane;
+    if (j <= count) sum = MulAdd(term, args.rates.correction.data[last_step + j], sum);
+    term *= powers.ratio_of_warp;
+  }
+  return Total(Channel(sum)).v;
+}
+
+// A warp a Gaussian. Its row is on its way before it is known whether it has to move.
 __global__ void __launch_bounds__(kBlock)
     CatchUpKernel(FeatureCatchUpArgs args, Powers powers, int64_t count) {
-  const int64_t i = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
-  if (i >= count) return;
-  const int64_t gaussian = args.gaussian.size == 0 ? i : args.gaussian.data[i];
+  const int64_t touched = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
+  if (touched >= count) return;
+  const int64_t gaussian = args.gaussian.size == 0 ? touched : args.gaussian.data[touched];
+  const int lane = static_cast<int>(threadIdx.x) % 32;
   const int last_step = args.state.last_step.data[gaussian];
+  Row row = LoadRow(args.state, gaussian * kFeatureSize + lane);
   // Step 0 leaves no moments behind.
-  if (last_step > 0 && last_step < args.step) ReplayRow(args, powers, gaussian, last_step);
+  if (last_step > 0 && last_step < args.step) {
+    const int behind = args.step - last_step;
+    const float move = -ReplaySum(args, powers, last_step) * args.rates.learning_rate;
+    const float direction = row.moment1 / (Sqrt(row.moment2) + args.rates.epsilon);
+    row.feature = MulAdd(move, direction, row.feature);
+    row.moment1 *= exp2f(static_cast<float>(min(behind, kMaxReplay)) * powers.log2_beta1);
+    row.moment2 *= exp2f(static_cast<float>(behind) * powers.log2_beta2);
+    StoreRow(row, gaussian * kFeatureSize + lane, args.state);
+  }
   __syncwarp();
-  if (threadIdx.x % 32 == 0) args.state.last_step.data[gaussian] = args.step;
+  if (lane == 0) args.state.last_step.data[gaussian] = args.step;
 }
 
 __device__ void UpdateGate(const FeatureUpdateArgs& args, const AdamRates<float>& rates) {
@@ -68,17 +85,15 @@ __global__ void __launch_bounds__(kBlock) UpdateKernel(FeatureUpdateArgs args, f
   if (touched >= args.columns.gaussian.size) return;
   const int64_t gaussian = args.columns.gaussian.data[touched];
   const int64_t i = gaussian * kFeatureSize + lane;
-  const Channel feature(args.state.features.data[i]);
-  float moment1 = args.state.moment1.data[i], moment2 = args.state.moment2.data[i];
+  Row row = LoadRow(args.state, i);
   const EntryRange column = {args.columns.first.data[touched], args.columns.first.data[touched + 1],
                              args.columns.pixel.data, args.columns.weight.data};
-  const float sum = WeightedSum(column, args.pixel_grad.data, lane);
+  const float sum = WeightedSum<4>(column, args.pixel_grad.data, lane);
+  const Channel feature(row.feature);
   const Channel pull = NormTermVjp(&feature, 1, Channel(norm_scale));
-  const float grad = MulAdd(pull.v, feature.v, sum);
-  args.state.features.data[i] =
-      feature.v + AdamStep(rates, args.rates.learning_rate, grad, moment1, moment2);
-  args.state.moment1.data[i] = moment1;
-  args.state.moment2.data[i] = moment2;
+  row.feature += AdamStep(rates, args.rates.learning_rate, MulAdd(pull.v, feature.v, sum),
+                          row.moment1, row.moment2);
+  StoreRow(row, i, args.state);
   if (lane == 0) args.state.last_step.data[gaussian] = args.step;
 }
 

@@ -1,182 +1,203 @@
 #include <cuda_runtime.h>
 
-#include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/pair_work.cuh"
-#include "kernels/math/gate.h"
+#include "kernels/cuda/tensor_core.cuh"
+#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kRows = kPairPad;  // pixels p of a block
+constexpr int kWarpRows = 32;    // of a warp: two products of 16
 constexpr int kColumns = 32;     // pixels q at a time
-constexpr int kOwn = 4;          // a thread has kOwn pixels x kOwn channels
-constexpr int kChannelGroups = kFeatureSize / kOwn;
-constexpr int kBlock = kRows / kOwn * kChannelGroups;
+constexpr int kScales = 2;       // at once: they share the words of the plan and the weights
+constexpr int kBlock = kRows / kWarpRows * 32;
+constexpr int kParts = kFeatureSize / 8;  // products of 8 channels
 
-struct Batch {
-  alignas(16) float cosine_grad[kColumns][kRows];    // d loss / d cosine
-  alignas(16) float column[kColumns][kFeatureSize];  // F / |psi F|
+// F / |psi F| of some pixels q, in the order of SlotOf. The stride keeps the lanes of a product in
+// different banks.
+struct Columns {
+  alignas(16) TwoParts at[kScales][kColumns][kFeatureSize + 4];
+  alignas(16) float weight[kColumns];
 };
 
-// What turns a word of the plan into a gradient, of one scale and one pixel p.
-struct RowGrad {
-  int pull_bit, push_bit;
-  float pull, push;   // -1 / positives, 1 / negatives
-  float base, slope;  // of the weight, with that of p
-};
+// A lane j of four reads the plan in runs of four q, 16 h + 4 j to 16 h + 4 j + 3, of which a
+// product takes two: q = 16 h + 4 j + 2 k + e in step 2 h + k, as number j + 4 e of its eight.
+__device__ int SlotOf(int q) { return (q / 16 * 2 + q / 2 % 2) * 8 + q / 4 % 4 + q % 2 * 4; }
 
-__device__ float Inverse(unsigned long long count) {
-  return count == 0 ? 0.0f : static_cast<float>(1 / static_cast<double>(count));
-}
-
-__device__ RowGrad RowGradOf(const PairWork& work, int scale, int p) {
-  const PairWeights weights = *work.weights;
-  const float weight = p < work.num_pixels ? work.args.pixel_weight.data[p] : 0.0f;
-  return {scale,
-          kPushShift + scale,
-          PositiveTermVjp(Inverse(work.counts->positives)),
-          Inverse(work.counts->negatives),
-          weights.base,
-          weights.slope * weight};
-}
-
-__device__ void LoadColumns(const PairWork& work, int scale, int first, Batch& batch) {
+__device__ void LoadColumns(const PairWork& work, int first_scale, int first, Columns& columns) {
   constexpr int kWords = kFeatureSize / 4;
   const auto* features = reinterpret_cast<const float4*>(work.args.pixel_features.data);
 #pragma unroll
   for (int i = static_cast<int>(threadIdx.x); i < kColumns * kWords; i += kBlock) {
-    const int q = first + i / kWords;
+    const int q = first + i / kWords, slot = SlotOf(i / kWords), channel = i % kWords * 4;
     float4 f = {0, 0, 0, 0};
     if (q < work.num_pixels) f = features[q * kWords + i % kWords];
-    const float inv_norm = work.inv_norm[scale * work.padded + q];
-    *reinterpret_cast<float4*>(&batch.column[i / kWords][i % kWords * 4]) = {
-        inv_norm * f.x, inv_norm * f.y, inv_norm * f.z, inv_norm * f.w};
-  }
-}
-
-// The plan is symmetric: rows q are read, pixels p side by side.
-__device__ void LoadCosineGrads(const PairWork& work, const RowGrad& grad, int first, int p,
-                                Batch& batch) {
-  const int last = work.num_pixels - 1, part = static_cast<int>(threadIdx.x) / kRows;
+    const float feature[4] = {f.x, f.y, f.z, f.w};
 #pragma unroll
-  for (int i = part; i < kColumns; i += kBlock / kRows) {
-    const int q = first + i;
-    const PairBits bits = work.plan[int64_t{q} * work.padded + p];
-    const float weight = MulAdd(grad.slope, work.args.pixel_weight.data[min(q, last)], grad.base);
-    const float push = (bits >> grad.push_bit & 1u) != 0 ? grad.push : 0.0f;
-    batch.cosine_grad[i][p % kRows] =
-        weight * ((bits >> grad.pull_bit & 1u) != 0 ? grad.pull : push);
-  }
-}
-
-__device__ void AddBatch(const Batch& batch, int row, int channel, float (&sum)[kOwn][kOwn]) {
+    for (int s = 0; s < kScales; ++s) {
+      const int scale = min(first_scale + s, work.num_scales - 1);
+      const float inv_norm = work.inv_norm[scale * work.padded + q];
 #pragma unroll
-  for (int q = 0; q < kColumns; ++q) {
-    const float4 a = *reinterpret_cast<const float4*>(&batch.cosine_grad[q][row]);
-    const float4 b = *reinterpret_cast<const float4*>(&batch.column[q][channel]);
-    const float grad[kOwn] = {a.x, a.y, a.z, a.w}, value[kOwn] = {b.x, b.y, b.z, b.w};
-#pragma unroll
-    for (int i = 0; i < kOwn; ++i) {
-#pragma unroll
-      for (int k = 0; k < kOwn; ++k) sum[i][k] = MulAdd(grad[i], value[k], sum[i][k]);
+      for (int k = 0; k < 4; ++k) {
+        columns.at[s][slot][channel + k] = Split(inv_norm * feature[k]);
+      }
     }
   }
+  if (threadIdx.x >= kColumns) return;
+  const int q = first + static_cast<int>(threadIdx.x);
+  columns.weight[threadIdx.x] = q < work.num_pixels ? work.args.pixel_weight.data[q] : 0.0f;
 }
 
-// sum over q of (d loss / d cosine) F_q / |psi F_q|, for kRows pixels p at one scale, over one part
-// of the q.
-__global__ void __launch_bounds__(kBlock) UnitGradientKernel(PairWork work) {
-  __shared__ Batch batch;
-  const int first_row = static_cast<int>(blockIdx.x) * kRows;
-  const int scale = static_cast<int>(blockIdx.y), split = static_cast<int>(blockIdx.z);
-  const int num_batches = work.padded / kColumns;
-  const int own = first_row + static_cast<int>(threadIdx.x) % kRows;
-  const int row = static_cast<int>(threadIdx.x) / kChannelGroups * kOwn;
-  const int channel = static_cast<int>(threadIdx.x) % kChannelGroups * kOwn;
-  const RowGrad grad = RowGradOf(work, scale, own);
-  float sum[kOwn][kOwn] = {};
-  const int end = num_batches * (split + 1) / kPairSplits;
-  for (int i = num_batches * split / kPairSplits; i < end; ++i) {
-    __syncthreads();
-    LoadColumns(work, scale, i * kColumns, batch);
-    LoadCosineGrads(work, grad, i * kColumns, own, batch);
-    __syncthreads();
-    AddBatch(batch, row, channel, sum);
-  }
-  const int64_t place = (int64_t{split} * work.num_scales + scale) * work.padded + first_row + row;
-#pragma unroll
-  for (int i = 0; i < kOwn; ++i) {
-    *reinterpret_cast<float4*>(&work.unit_grad[(place + i) * kFeatureSize + channel]) = {
-        sum[i][0], sum[i][1], sum[i][2], sum[i][3]};
-  }
-}
-
-// A pixel's gradient through its gated and normalised features.
-constexpr int kPixelBlock = 32 * kPixelWarps;
-struct PixelShared {
-  float psi_grad[kPixelWarps][kMaxScales * kFeatureSize];
-  double norm_loss[kPixelWarps];
+// Of a lane's four pixels p: 8 apart, from `p` on.
+struct Rows {
+  int p;
+  // d loss / d cosine is base + slope * weight of q, where the pair pulls resp. pushes.
+  float pull_base, push_base, pull_slope[4], push_slope[4];
 };
 
-__device__ Channel BackwardPixel(const PairWork& work, int p, const Channel& feature,
-                                 float* psi_grads) {
-  const int lane = static_cast<int>(threadIdx.x) % 32;
-  Channel grad(0);
-  for (int scale = 0; scale < work.num_scales; ++scale) {
-    float sum = 0;
+__device__ Rows RowsOf(const PairWork& work, int p) {
+  const PairWeights weights = *work.weights;
+  const float pull = PositiveTermVjp(Inverse(work.counts->positives));
+  const float push = Inverse(work.counts->negatives);
+  Rows rows = {p, pull * weights.base, push * weights.base, {}, {}};
 #pragma unroll
-    for (int split = 0; split < kPairSplits; ++split) {
-      const int64_t row = (int64_t{split} * work.num_scales + scale) * work.padded + p;
-      sum += work.unit_grad[row * kFeatureSize + lane];
-    }
-    const Channel psi(work.psi[scale * kFeatureSize + lane]);
-    const Channel unit_grad = psi * Channel(sum);
-    Channel psi_grad(0);
-    GatedUnitVjp(&psi, &feature, 1, &unit_grad, &grad, &psi_grad);
-    psi_grads[scale * kFeatureSize + lane] = psi_grad.v;
+  for (int k = 0; k < 4; ++k) {
+    const float weight = work.args.pixel_weight.data[min(p + 8 * k, work.num_pixels - 1)];
+    rows.pull_slope[k] = pull * weights.slope * weight;
+    rows.push_slope[k] = push * weights.slope * weight;
   }
-  return grad;
+  return rows;
 }
 
-// A warp a pixel.
-__global__ void __launch_bounds__(kPixelBlock) PixelGradientKernel(PairWork work) {
-  __shared__ PixelShared shared;
+struct Words {
+  uint4 bits[4][2];  // of a pixel p and a run of q
+};
+__device__ void LoadWords(const PairWork& work, int first, int p, Words& words) {
+  const int q = first + static_cast<int>(threadIdx.x) % 4 * 4;
+#pragma unroll
+  for (int k = 0; k < 4; ++k) {
+#pragma unroll
+    for (int h = 0; h < 2; ++h) {
+      words.bits[k][h] = *reinterpret_cast<const uint4*>(
+          &work.plan[int64_t{p + 8 * k} * work.padded + q + 16 * h]);
+    }
+  }
+}
+
+struct Sums {
+  float at[kScales][2][kParts][4];
+};
+
+// Two q of a run against the four p, as the numbers of two products.
+struct PairGrads {
+  uint32_t bits[2][4];
+  float pull[2][4], push[2][4];
+};
+__device__ PairGrads PairGradsOf(const Rows& rows, const Words& words, const float4& weights,
+                                 int step) {
+  PairGrads out;
+#pragma unroll
+  for (int k = 0; k < 4; ++k) {
+    const uint4 run = words.bits[k][step / 2];
+    const bool late = step % 2 != 0;
+    const uint32_t bits[2] = {late ? run.z : run.x, late ? run.w : run.y};
+    const float weight[2] = {late ? weights.z : weights.x, late ? weights.w : weights.y};
+#pragma unroll
+    for (int e = 0; e < 2; ++e) {
+      out.bits[k / 2][k % 2 + 2 * e] = bits[e];
+      out.pull[k / 2][k % 2 + 2 * e] = MulAdd(rows.pull_slope[k], weight[e], rows.pull_base);
+      out.push[k / 2][k % 2 + 2 * e] = MulAdd(rows.push_slope[k], weight[e], rows.push_base);
+    }
+  }
+  return out;
+}
+
+__device__ void AddProducts(const PairGrads& grads, int scale, const TwoParts* column,
+                            float (&sum)[2][kParts][4]) {
+  constexpr int kFourRows = 4 * (kFeatureSize + 4);
+  SplitB b[kParts];
+#pragma unroll
+  for (int part = 0; part < kParts; ++part) {
+    const TwoParts one = column[8 * part], other = column[8 * part + kFourRows];
+    b[part] = {{one.high, other.high}, {one.low, other.low}};
+  }
+  const uint32_t pulls = 1u << scale, pushes = pulls << kPushShift;
+#pragma unroll
+  for (int m = 0; m < 2; ++m) {
+    float cosine_grad[4];
+#pragma unroll
+    for (int e = 0; e < 4; ++e) {
+      const float pushed = (grads.bits[m][e] & pushes) != 0 ? grads.push[m][e] : 0.0f;
+      cosine_grad[e] = (grads.bits[m][e] & pulls) != 0 ? grads.pull[m][e] : pushed;
+    }
+    const SplitA a = SplitOf(cosine_grad);
+#pragma unroll
+    for (int part = 0; part < kParts; ++part) Multiply(a, b[part], sum[m][part]);
+  }
+}
+
+__device__ void AddColumns(const Rows& rows, const Words& words, int first_scale,
+                           const Columns& columns, Sums& sums) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+#pragma unroll
+  for (int step = 0; step < kColumns / 8; ++step) {
+    const float4 weights =
+        *reinterpret_cast<const float4*>(&columns.weight[step / 2 * 16 + lane % 4 * 4]);
+    const PairGrads grads = PairGradsOf(rows, words, weights, step);
+#pragma unroll
+    for (int s = 0; s < kScales; ++s) {
+      AddProducts(grads, first_scale + s, &columns.at[s][8 * step + lane % 4][lane / 4],
+                  sums.at[s]);
+    }
+  }
+}
+
+__device__ void StoreSums(const PairWork& work, int scale, int p,
+                          const float (&sum)[2][kParts][4]) {
+  const int channel = static_cast<int>(threadIdx.x) % 4 * 2;
+  const int64_t row = (int64_t{blockIdx.z} * work.num_scales + scale) * work.padded + p;
+#pragma unroll
+  for (int m = 0; m < 2; ++m) {
+#pragma unroll
+    for (int part = 0; part < kParts; ++part) {
+      float* to = work.unit_grad + (row + 16 * m) * kFeatureSize + 8 * part + channel;
+      *reinterpret_cast<float2*>(to) = {sum[m][part][0], sum[m][part][1]};
+      *reinterpret_cast<float2*>(to + 8 * kFeatureSize) = {sum[m][part][2], sum[m][part][3]};
+    }
+  }
+}
+
+// sum over q of (d loss / d cosine) F_q / |psi F_q|, for kRows pixels p at kScales scales, over one
+// part of the q.
+__global__ void __launch_bounds__(kBlock, 3) UnitGradientKernel(PairWork work) {
+  __shared__ Columns columns;
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
-  const int p = static_cast<int>(blockIdx.x) * kPixelWarps + warp;
-  const bool is_pixel = p < work.num_pixels;  // a row of padding has no gradient
-  const int64_t i = int64_t{p} * kFeatureSize + lane;
-  const Channel feature(is_pixel ? work.args.pixel_features.data[i] : 0.0f);
-  Channel grad = BackwardPixel(work, p, feature, shared.psi_grad[warp]);
-  float norm_loss = 0;
-  if (is_pixel && work.args.pixel_alpha.data[p] > work.args.min_norm_alpha) {
-    norm_loss = NormTerm(&feature, 1).v;
-    const Channel pull = NormTermVjp(&feature, 1, Channel(Inverse(work.counts->norm_pixels)));
-    grad = MulAdd(pull, feature, grad);
+  const int p = static_cast<int>(blockIdx.x) * kRows + kWarpRows * warp + lane / 4;
+  const int first_scale = static_cast<int>(blockIdx.y) * kScales;
+  const int split = static_cast<int>(blockIdx.z), num_batches = work.padded / kColumns;
+  const Rows rows = RowsOf(work, p);
+  Sums sums = {};
+  const int end = num_batches * (split + 1) / kPairSplits;
+  for (int i = num_batches * split / kPairSplits; i < end; ++i) {
+    Words words;
+    LoadWords(work, i * kColumns, p, words);
+    __syncthreads();
+    LoadColumns(work, first_scale, i * kColumns, columns);
+    __syncthreads();
+    AddColumns(rows, words, first_scale, columns, sums);
   }
-  if (is_pixel) work.args.pixel_grad.data[i] = grad.v;
-  if (lane == 0) shared.norm_loss[warp] = static_cast<double>(norm_loss);
-  __syncthreads();
-  const int num_psi = work.num_scales * kFeatureSize;
-  for (int at = static_cast<int>(threadIdx.x); at < num_psi; at += kPixelBlock) {
-    float sum = 0;
-    for (const auto& of_warp : shared.psi_grad) sum += of_warp[at];
-    work.psi_grad[blockIdx.x * num_psi + at] = sum;
+#pragma unroll
+  for (int s = 0; s < kScales; ++s) {
+    if (first_scale + s < work.num_scales) StoreSums(work, first_scale + s, p, sums.at[s]);
   }
-  if (threadIdx.x != 0) return;
-  double sum = 0;
-  for (const double of_warp : shared.norm_loss) sum += of_warp;
-  work.norm_loss[blockIdx.x] = sum;
 }
 
 }  // namespace
 
 void LaunchUnitGradients(const PairWork& work, cudaStream_t stream) {
-  const dim3 grid(work.padded / kRows, work.num_scales, kPairSplits);
+  const dim3 grid(work.padded / kRows, (work.num_scales + kScales - 1) / kScales, kPairSplits);
   UnitGradientKernel<<<grid, kBlock, 0, stream>>>(work);
-}
-
-void LaunchPixelGradients(const PairWork& work, cudaStream_t stream) {
-  PixelGradientKernel<<<NumPixelBlocks(work), kPixelBlock, 0, stream>>>(work);
 }
 
 }  // namespace pepeseg

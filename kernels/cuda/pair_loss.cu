@@ -13,8 +13,6 @@ PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
   work.padded = (work.num_pixels + kPairPad - 1) / kPairPad * kPairPad;
   const int64_t padded = work.padded, scales = work.num_scales, patches = args.num_patches;
   work.counts = arena.Take<PairCounts>(1);
-  work.patch_size = arena.Take<int32_t>(patches);
-  work.num_zeroed = arena.num_bytes();
   work.weights = arena.Take<PairWeights>(1);
   work.psi = arena.Take<float>(scales * kFeatureSize);
   work.inv_norm = arena.Take<float>(scales * padded);
@@ -44,12 +42,10 @@ void CudaBackend::PairLoss(const PairLossArgs& args) {
   Arena arena(Temporary(sizes.num_bytes()));
   if (!error_.empty()) return;
   const PairWork work = TakePairWork(args, arena);
-  Zero(work.counts, work.num_zeroed);
-  LaunchGatePixels(work, stream_);
-  Launched("gate pixels");
+  Zero(work.counts, sizeof(PairCounts));
+  LaunchPairPlan(work, stream_);
+  Launched("pair plan");
   if (work.num_pixels > 0) {
-    LaunchComparePatches(work, stream_);
-    Launched("compare patches");
     LaunchPairTiles(work, stream_);
     Launched("pair tiles");
     LaunchUnitGradients(work, stream_);

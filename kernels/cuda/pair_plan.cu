@@ -3,7 +3,6 @@
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/pair_work.cuh"
-#include "kernels/cuda/running_sum.cuh"
 #include "kernels/math/gate.h"
 
 namespace pepeseg {
@@ -75,69 +74,94 @@ __device__ void SurveyPixels(const PairWork& work) {
   work.counts->norm_pixels = static_cast<unsigned long long>(num_norm_pixels);
 }
 
-// A warp a pixel; the last block does the survey.
-__global__ void __launch_bounds__(kBlock) GateKernel(PairWork work) {
-  if (blockIdx.x + 1 == gridDim.x) return SurveyPixels(work);
-  const int p = static_cast<int>(blockIdx.x * kWarps + threadIdx.x / 32);
+// 1 / |psi * F| at all scales; a warp a pixel.
+__device__ void GatePixel(const PairWork& work, int p) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   if (p >= work.padded) return;
   const bool is_pixel = p < work.num_pixels;
   const Channel feature(is_pixel ? work.args.pixel_features.data[p * kFeatureSize + lane] : 0.0f);
+#pragma unroll 4
   for (int scale = 0; scale < work.num_scales; ++scale) {
     const Channel psi(PsiOf(work, scale, lane));
     Channel unit(0);
     const Channel inv_norm = GatedUnit(&psi, &feature, 1, &unit);
     if (lane == 0) work.inv_norm[scale * work.padded + p] = is_pixel ? inv_norm.v : 0.0f;
   }
-  if (lane == 0 && is_pixel) atomicAdd(&work.patch_size[work.args.pixel_patch.data[p]], 1);
 }
 
+// G of two patches at all scales.
 __device__ uint32_t AgreesOf(const PairWork& work, int a, int b) {
-  const int64_t words = work.args.label_words;
-  const uint64_t* labels = work.args.labels.data;
+  const int64_t words = work.args.label_words, stride = work.args.num_patches * words;
+  const uint64_t *of_a = work.args.labels.data + a * words, *of_b = of_a + (b - a) * words;
   uint32_t agrees = 0;
-  for (int scale = 0; scale < work.num_scales; ++scale) {
-    uint64_t common = 0;
-    for (int64_t w = 0; w < words; ++w) common |= labels[a * words + w] & labels[b * words + w];
-    agrees |= static_cast<uint32_t>(common != 0) << scale;
-    labels += work.args.num_patches * words;
+  for (int64_t w = 0; w < words; ++w) {
+#pragma unroll
+    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads on their way at once
+      const int64_t at = min(scale, work.num_scales - 1) * stride + w;
+      const bool common = (of_a[at] & of_b[at]) != 0 && scale < work.num_scales;
+      agrees |= static_cast<uint32_t>(common) << scale;
+    }
   }
   return agrees;
 }
 
-// A thread a pair of patches: G at all scales, and how many pairs of pixels that is.
-__global__ void __launch_bounds__(kBlock) CompareKernel(PairWork work) {
-  const int num_patches = work.args.num_patches;
-  const int a = static_cast<int>(blockIdx.y);
-  const int b = static_cast<int>(blockIdx.x * kBlock + threadIdx.x);
-  uint32_t agrees = 0;
-  uint64_t num_pairs = 0;
-  if (b < num_patches) {
-    agrees = AgreesOf(work, a, b);
-    work.agrees[int64_t{a} * num_patches + b] = agrees;
-    const uint64_t size = work.patch_size[a];
-    if (b < a) num_pairs = size * static_cast<uint64_t>(work.patch_size[b]);
-    if (b == a) num_pairs = size * (size - 1) / 2;
-  }
+// Pixels by what a patch has in common with theirs.
+struct PixelClasses {
+  int own, positive, negative, hard;
+};
+
+__device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, int patch,
+                             PixelClasses& classes) {
   const uint32_t all = (1u << work.num_scales) - 1u;
-  const uint64_t positive = WarpSum(agrees == all ? num_pairs : 0);
-  const uint64_t negative = WarpSum(agrees == 0 ? num_pairs : 0);
-  const uint64_t hard = WarpSum(agrees != 0 && agrees != all ? num_pairs : 0);
-  if (threadIdx.x % 32 != 0) return;
-  if (positive > 0) atomicAdd(&work.counts->constant_positive, positive);
-  if (negative > 0) atomicAdd(&work.counts->constant_negative, negative);
-  if (hard > 0) atomicAdd(&work.counts->hard, hard);
+  PixelClasses own = {};
+  for (int p = static_cast<int>(threadIdx.x); p < work.num_pixels; p += kBlock) {
+    const int other = work.args.pixel_patch.data[p];
+    const uint32_t agrees = agrees_row[other];
+    own.own += other == patch ? 1 : 0;
+    own.positive += agrees == all ? 1 : 0;
+    own.negative += agrees == 0 ? 1 : 0;
+    own.hard += agrees != all && agrees != 0 ? 1 : 0;
+  }
+  if (own.own > 0) atomicAdd(&classes.own, own.own);
+  if (own.positive > 0) atomicAdd(&classes.positive, own.positive);
+  if (own.negative > 0) atomicAdd(&classes.negative, own.negative);
+  if (own.hard > 0) atomicAdd(&classes.hard, own.hard);
+}
+
+// A block a patch: its row of `agrees`, and its pixels' pairs with all pixels, both ways round.
+__device__ void ComparePatch(const PairWork& work, int patch) {
+  __shared__ PixelClasses classes;
+  uint32_t* row = work.agrees + int64_t{patch} * work.args.num_patches;
+  if (threadIdx.x == 0) classes = {};
+  for (int b = static_cast<int>(threadIdx.x); b < work.args.num_patches; b += kBlock) {
+    row[b] = AgreesOf(work, patch, b);
+  }
+  __syncthreads();
+  CountClasses(work, row, patch, classes);
+  __syncthreads();
+  if (threadIdx.x != 0 || classes.own == 0) return;
+  const uint32_t all = (1u << work.num_scales) - 1u, agrees = row[patch];
+  const auto add = [&](unsigned long long& pairs, int count, bool has_itself) {
+    const int others = count - static_cast<int>(has_itself);
+    if (others > 0) atomicAdd(&pairs, uint64_t{1} * classes.own * others);
+  };
+  add(work.counts->constant_positive, classes.positive, agrees == all);
+  add(work.counts->constant_negative, classes.negative, agrees == 0);
+  add(work.counts->hard, classes.hard, agrees != all && agrees != 0);
+}
+
+__global__ void __launch_bounds__(kBlock) PlanKernel(PairWork work) {
+  const int block = static_cast<int>(blockIdx.x), num_patches = work.args.num_patches;
+  if (block == 0) return SurveyPixels(work);
+  if (block <= num_patches) return ComparePatch(work, block - 1);
+  GatePixel(work, (block - 1 - num_patches) * kWarps + static_cast<int>(threadIdx.x) / 32);
 }
 
 }  // namespace
 
-void LaunchGatePixels(const PairWork& work, cudaStream_t stream) {
-  GateKernel<<<NumBlocks(work.padded, kWarps) + 1, kBlock, 0, stream>>>(work);
-}
-
-void LaunchComparePatches(const PairWork& work, cudaStream_t stream) {
-  const dim3 grid(NumBlocks(work.args.num_patches, kBlock), work.args.num_patches);
-  CompareKernel<<<grid, kBlock, 0, stream>>>(work);
+void LaunchPairPlan(const PairWork& work, cudaStream_t stream) {
+  const int num_blocks = 1 + work.args.num_patches + NumBlocks(work.padded, kWarps);
+  PlanKernel<<<num_blocks, kBlock, 0, stream>>>(work);
 }
 
 }  // namespace pepeseg

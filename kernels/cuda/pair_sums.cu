@@ -9,40 +9,41 @@ namespace {
 constexpr int kBlock = 512;
 constexpr int kWarps = kBlock / 32;
 
+// The losses' sums, in the order of kLosses.
+constexpr int kNumLosses = 3;
+__constant__ const int kLosses[kNumLosses] = {kPositiveLoss, kNegativeLoss, kNormLoss};
+
 struct Shared {
   float psi_grad[kWarps][kMaxScales * kFeatureSize];
-  double loss[kWarps];
+  double loss[kWarps][kNumLosses];
 };
 
-// The same order each time; thread 0 gets the sum.
-__device__ double BlockSum(double value, Shared& shared) {
-  for (int offset = 16; offset > 0; offset /= 2) value += __shfl_xor_sync(~0u, value, offset);
-  __syncthreads();
-  if (threadIdx.x % 32 == 0) shared.loss[threadIdx.x / 32] = value;
-  __syncthreads();
-  double sum = 0;
-  for (const double of_warp : shared.loss) sum += of_warp;
-  return sum;
-}
-
+// The same order each time.
 __device__ void SumLosses(const PairWork& work, int num_tiles, int num_pixel_blocks,
                           Shared& shared) {
-  double positive = 0, negative = 0, norm = 0;
+  double loss[kNumLosses] = {};
   for (int i = static_cast<int>(threadIdx.x); i < num_tiles; i += kBlock) {
-    positive += work.tile_part[i].positive;
-    negative += work.tile_part[i].negative;
+    loss[0] += work.tile_part[i].positive;
+    loss[1] += work.tile_part[i].negative;
   }
   for (int i = static_cast<int>(threadIdx.x); i < num_pixel_blocks; i += kBlock) {
-    norm += work.norm_loss[i];
+    loss[2] += work.norm_loss[i];
   }
-  positive = BlockSum(positive, shared);
-  negative = BlockSum(negative, shared);
-  norm = BlockSum(norm, shared);
-  if (threadIdx.x != 0) return;
+#pragma unroll
+  for (int k = 0; k < kNumLosses; ++k) {
+    for (int offset = 16; offset > 0; offset /= 2) {
+      loss[k] += __shfl_xor_sync(~0u, loss[k], offset);
+    }
+    if (threadIdx.x % 32 == 0) shared.loss[threadIdx.x / 32][k] = loss[k];
+  }
+  __syncthreads();
   double* sums = work.args.sums.data;
-  sums[kPositiveLoss] = positive;
-  sums[kNegativeLoss] = negative;
-  sums[kNormLoss] = norm;
+  if (threadIdx.x < kNumLosses) {
+    double sum = 0;
+    for (const auto& of_warp : shared.loss) sum += of_warp[threadIdx.x];
+    sums[kLosses[threadIdx.x]] = sum;
+  }
+  if (threadIdx.x != 0) return;
   sums[kNumPositives] = static_cast<double>(work.counts->positives);
   sums[kNumNegatives] = static_cast<double>(work.counts->negatives);
   sums[kNumNormPixels] = static_cast<double>(work.counts->norm_pixels);
@@ -53,11 +54,12 @@ __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shar
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   const int num_psi = work.num_scales * kFeatureSize;
   float sum[kMaxScales] = {};
+#pragma unroll 2
   for (int block = warp; block < num_pixel_blocks; block += kWarps) {
+    const float* parts = work.psi_grad + block * num_psi + lane;
 #pragma unroll
-    for (int scale = 0; scale < kMaxScales; ++scale) {
-      if (scale >= work.num_scales) break;
-      sum[scale] += work.psi_grad[block * num_psi + scale * kFeatureSize + lane];
+    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads on their way at once
+      sum[scale] += parts[min(scale, work.num_scales - 1) * kFeatureSize];
     }
   }
 #pragma unroll
@@ -82,18 +84,18 @@ __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shar
   work.args.gate_grad.data[kFeatureSize + lane] = bias_grad;
 }
 
-// One block adds what the tiles and the blocks of pixels have left.
+// Adds what the tiles and the blocks of pixels have left: a block the gate, one the losses.
 __global__ void __launch_bounds__(kBlock)
     SumKernel(PairWork work, int num_tiles, int num_pixel_blocks) {
   __shared__ Shared shared;
+  if (blockIdx.x == 0) return SumGate(work, num_pixel_blocks, shared);
   SumLosses(work, num_tiles, num_pixel_blocks, shared);
-  SumGate(work, num_pixel_blocks, shared);
 }
 
 }  // namespace
 
 void LaunchPairSums(const PairWork& work, cudaStream_t stream) {
-  SumKernel<<<1, kBlock, 0, stream>>>(work, NumPairTiles(work), NumPixelBlocks(work));
+  SumKernel<<<2, kBlock, 0, stream>>>(work, NumPairTiles(work), NumPixelBlocks(work));
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cuda_runtime_api.h>
+#include <cuda_runtime.h>
 
 #include <cstdint>
 
@@ -11,7 +11,7 @@ namespace pepeseg {
 
 // Counts of one PairLoss, added up by atomics: integers, so in any order. They start as 0.
 struct PairCounts {
-  // All pairs by their labels: G the same at all scales or not.
+  // All pairs by their labels, each both ways round: G the same at all scales or not.
   unsigned long long hard, constant_positive, constant_negative;
   // Of the chosen pairs, (pair, scale).
   unsigned long long positives, negatives;
@@ -35,8 +35,8 @@ inline constexpr int kPushShift = 16;
 static_assert(kMaxScales <= kPushShift);
 
 inline constexpr int kPairTile = 32;   // pixels a side of a tile of pairs
-inline constexpr int kPairSplits = 4;  // parts of the sum over the other pixels of a pair
-inline constexpr int kPairPad = 64;    // pixels are padded to a multiple of this
+inline constexpr int kPairSplits = 8;  // parts of the sum over the other pixels of a pair
+inline constexpr int kPairPad = 128;   // pixels are padded to a multiple of this
 inline constexpr int kPixelWarps = 8;  // pixels a block in the pass over pixels
 
 // What the kernels of PairLoss share. Arrays stand in the backend's temporary memory.
@@ -44,7 +44,6 @@ struct PairWork {
   PairLossArgs args;
   int num_pixels, padded, num_scales;
   PairCounts* counts;
-  int32_t* patch_size;      // [num_patches] pixels; begins as 0, behind the counts
   PairWeights* weights;     // [1]
   float* psi;               // [scales, 32]
   float* inv_norm;          // [scales, padded] 1 / |psi * F|, 0 in the padding
@@ -55,7 +54,6 @@ struct PairWork {
   float* unit_grad;   // [splits, scales, padded, 32]
   float* psi_grad;    // [pixel blocks, scales, 32]
   double* norm_loss;  // [pixel blocks]
-  size_t num_zeroed;  // bytes from `counts` that must begin as 0
 };
 
 // Lays the arrays out; to be called on an empty arena first to learn their size.
@@ -69,9 +67,13 @@ inline int NumPixelBlocks(const PairWork& work) {
   return (work.num_pixels + kPixelWarps - 1) / kPixelWarps;
 }
 
+// 0 where nothing counts.
+__device__ inline float Inverse(unsigned long long count) {
+  return count == 0 ? 0.0f : static_cast<float>(1 / static_cast<double>(count));
+}
+
 // The passes, in their order. What depends on no feature, and the norms of gated features:
-void LaunchGatePixels(const PairWork& work, cudaStream_t stream);
-void LaunchComparePatches(const PairWork& work, cudaStream_t stream);
+void LaunchPairPlan(const PairWork& work, cudaStream_t stream);
 // Cosines of all pairs at all scales, never stored: which pairs count, and the losses.
 void LaunchPairTiles(const PairWork& work, cudaStream_t stream);
 // From the plan to the gradients; the sums of all passes.

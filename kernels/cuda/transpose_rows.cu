@@ -1,10 +1,10 @@
 #include <cuda_runtime.h>
+#include <thrust/iterator/counting_iterator.h>
 
 #include <algorithm>
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
-#include <cub/device/device_run_length_encode.cuh>
-#include <cub/device/device_scan.cuh>
+#include <cub/device/device_select.cuh>
 
 #include "kernels/cuda/arena.h"
 #include "kernels/cuda/cuda_backend.h"
@@ -30,18 +30,34 @@ __global__ void __launch_bounds__(kBlock)
   }
 }
 
-__global__ void __launch_bounds__(kBlock)
-    SplitKernel(const PixelAndWeight* value, int count, int32_t* pixel, float* weight) {
+// Whether an entry is the first of its Gaussian, once they are sorted.
+struct IsFirst {
+  const int32_t* gaussian;
+  __device__ bool operator()(int32_t i) const { return i == 0 || gaussian[i] != gaussian[i - 1]; }
+};
+using Places = thrust::counting_iterator<int32_t>;
+
+struct ColumnParams {
+  const int32_t* gaussian;  // [count] sorted
+  const PixelAndWeight* value;
+  const int32_t* num_touched;
+  int count;
+  int32_t *column_gaussian, *first, *pixel;
+  float* weight;
+};
+__global__ void __launch_bounds__(kBlock) ColumnKernel(ColumnParams p) {
   const int i = static_cast<int>(blockIdx.x) * kBlock + static_cast<int>(threadIdx.x);
-  if (i >= count) return;
-  pixel[i] = static_cast<int32_t>(value[i] >> 32);
-  weight[i] = __uint_as_float(static_cast<uint32_t>(value[i]));
+  if (i >= p.count) return;
+  p.pixel[i] = static_cast<int32_t>(p.value[i] >> 32);
+  p.weight[i] = __uint_as_float(static_cast<uint32_t>(p.value[i]));
+  const int32_t num_touched = *p.num_touched;
+  if (i < num_touched) p.column_gaussian[i] = p.gaussian[p.first[i]];
+  if (i == 0) p.first[num_touched] = p.count;
 }
 
 struct TransposeScratch {
   int32_t *gaussian, *other_gaussian;  // [entries]
   PixelAndWeight *value, *other_value;
-  int32_t* count;        // [entries + 1] entries of a touched Gaussian
   int32_t* num_touched;  // [1]
   std::byte* cub;
   size_t cub_bytes;
@@ -51,7 +67,6 @@ TransposeScratch TakeScratch(Arena& arena, int count, size_t cub_bytes) {
           arena.Take<int32_t>(count),
           arena.Take<PixelAndWeight>(count),
           arena.Take<PixelAndWeight>(count),
-          arena.Take<int32_t>(count + 1),
           arena.Take<int32_t>(1),
           arena.Take<std::byte>(static_cast<int64_t>(cub_bytes)),
           cub_bytes};
@@ -61,16 +76,15 @@ int NumBits(int64_t num_gaussians) {
   return std::bit_width(static_cast<uint64_t>(std::max<int64_t>(num_gaussians - 1, 1)));
 }
 
-// What the sort, the run lengths and their sum need, one after the other.
+// What the sort and the selection need, one after the other.
 size_t CubBytes(int count, int num_bits) {
   cub::DoubleBuffer<int32_t> gaussians;
   cub::DoubleBuffer<PixelAndWeight> values;
   int32_t* none = nullptr;
-  size_t sort = 0, runs = 0, sum = 0;
+  size_t sort = 0, select = 0;
   cub::DeviceRadixSort::SortPairs(nullptr, sort, gaussians, values, count, 0, num_bits);
-  cub::DeviceRunLengthEncode::Encode(nullptr, runs, none, none, none, none, count);
-  cub::DeviceScan::ExclusiveSum(nullptr, sum, none, none, count + 1);
-  return std::max({sort, runs, sum});
+  cub::DeviceSelect::If(nullptr, select, Places(0), none, none, count, IsFirst{none});
+  return std::max(sort, select);
 }
 
 // An entry's Gaussian and the rest of it, sorted: stable, so that pixels stay ascending.
@@ -90,11 +104,15 @@ cudaError_t SortByGaussian(const Entries& entries, const TransposeRowsArgs& args
       cub::DeviceRadixSort::SortPairs(scratch.cub, scratch.cub_bytes, gaussians, values,
                                       entries.count, 0, entries.num_bits, stream);
   if (sorted != cudaSuccess) return sorted;
-  SplitKernel<<<NumBlocks(entries.count, kBlock), kBlock, 0, stream>>>(
-      values.Current(), entries.count, args.pixel->span().data, args.weight->span().data);
-  return cub::DeviceRunLengthEncode::Encode(scratch.cub, scratch.cub_bytes, gaussians.Current(),
-                                            args.gaussian->span().data, scratch.count,
-                                            scratch.num_touched, entries.count, stream);
+  const cudaError_t selected = cub::DeviceSelect::If(
+      scratch.cub, scratch.cub_bytes, Places(0), args.first->span().data, scratch.num_touched,
+      entries.count, IsFirst{gaussians.Current()}, stream);
+  if (selected != cudaSuccess) return selected;
+  ColumnKernel<<<NumBlocks(entries.count, kBlock), kBlock, 0, stream>>>(
+      {gaussians.Current(), values.Current(), scratch.num_touched, entries.count,
+       args.gaussian->span().data, args.first->span().data, args.pixel->span().data,
+       args.weight->span().data});
+  return cudaGetLastError();
 }
 
 }  // namespace
@@ -104,11 +122,16 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   const Turn turn(*this);
   const int64_t num_pixels = args.rows.first.size - 1;
   if (!turn || num_pixels < 0) return;
-  int32_t begin = 0, end = 0;
-  CopyToHost(&begin, args.rows.first.data, sizeof(begin));
-  CopyToHost(&end, args.rows.first.data + num_pixels, sizeof(end));
+  auto* sizes_read = reinterpret_cast<int32_t*>(pinned_counters_);
+  const auto read = [&](const int32_t* from, int place) {
+    Keep(cudaMemcpyAsync(sizes_read + place, from, sizeof(*from), cudaMemcpyDeviceToHost, stream_),
+         "reading the sizes of rows");
+  };
+  read(args.rows.first.data, 0);
+  read(args.rows.first.data + num_pixels, 1);
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
   if (!error_.empty()) return;
-  const int count = end - begin;
+  const int begin = sizes_read[0], count = sizes_read[1] - begin;
   args.gaussian->Reserve(*this, count);
   args.first->Reserve(*this, count + 1);
   args.pixel->Reserve(*this, count);
@@ -123,14 +146,11 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   if (count == 0) return args.first->Zero();
 
   Keep(SortByGaussian(entries, args, scratch, stream_), "sorting the row entries");
-  Launched("sort row entries");
-  int32_t num_touched = 0;
-  CopyToHost(&num_touched, scratch.num_touched, sizeof(num_touched));
+  Launched("transpose rows");
+  read(scratch.num_touched, 0);
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
   if (!error_.empty()) return;
-  Keep(cub::DeviceScan::ExclusiveSum(scratch.cub, scratch.cub_bytes, scratch.count,
-                                     args.first->span().data, num_touched + 1, stream_),
-       "summing the columns");
-  Launched("sum columns");
+  const int64_t num_touched = sizes_read[0];
   args.gaussian->Resize(num_touched);
   args.first->Resize(num_touched + 1);
 }
