@@ -171,6 +171,8 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
       return FileKind::kDisparity;
     case v1::FILE_KIND_POINTS:
       return FileKind::kPoints;
+    case v1::FILE_KIND_GAUSSIANS:
+      return FileKind::kGaussians;
     default:
       return absl::InvalidArgumentError(
           absl::StrCat("kind: ", static_cast<int>(kind), " is no kind of file"));
@@ -192,6 +194,15 @@ v1::View ToProto(const ModelView& view) {
   for (double value : {q.w(), q.x(), q.y(), q.z()}) pose.add_rotation(value);
   for (double value : view.cam_from_world.translation) pose.add_translation(value);
   proto.set_held_out(view.held_out);
+  if (view.scores) *proto.mutable_scores() = ToProto(*view.scores);
+  return proto;
+}
+
+v1::ImageScores ToProto(const ImageScores& scores) {
+  v1::ImageScores proto;
+  proto.set_psnr(scores.psnr);
+  proto.set_ssim(scores.ssim);
+  if (scores.lpips) proto.set_lpips(*scores.lpips);
   return proto;
 }
 

@@ -37,6 +37,7 @@ v1::TrainingOptions ToProto(const TrainingSettings& settings);
 absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind);
 
 v1::View ToProto(const ModelView& view);
+v1::ImageScores ToProto(const ImageScores& scores);
 // INVALID_ARGUMENT names the field, below `field`, that is not finite or out of range.
 absl::StatusOr<ModelView> FreeViewFromProto(const v1::Viewpoint::FreeCamera& proto,
                                             const std::string& field);

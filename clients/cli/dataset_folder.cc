@@ -49,6 +49,8 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
   if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
   if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
   if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
+  if (name == "points.ply") return v1::FILE_KIND_POINTS;
+  if (name == "gaussians.ply") return v1::FILE_KIND_GAUSSIANS;
   const bool map = EndsIn(name, {".png", ".npy", ".pfm"});
   if (in("depth/") && map) return in_depth;
   if (in("disparity/") && map) return v1::FILE_KIND_DISPARITY;

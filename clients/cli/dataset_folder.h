@@ -16,6 +16,8 @@ namespace pepeseg::cli {
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
 //   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
 //   ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
+//   points.ply                          points to start from in place of COLMAP's
+//   gaussians.ply                       3DGS's layout: taken in place of a reconstruction
 //   depth/STEM.png|npy|pfm              far is large; or what `in_depth` says: DEPTH or DISPARITY
 //   disparity/STEM.png|npy|pfm          near is large
 std::optional<v1::FileKind> KindOf(absl::string_view name,

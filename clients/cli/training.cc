@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/option_setting.h"
+#include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
 #include "clients/cli/watch.h"
@@ -63,8 +64,12 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   Note(job.name());
   ASSIGN_OR_RETURN(const v1::Job ended,
                    WatchJob(connection, job.name(), [](const v1::JobEvent& /*event*/) {}));
-  shell.json ? PrintJson(ended) : Print(absl::StrCat("trained: ", ended.model()));
-  return absl::OkStatus();
+  if (shell.json) {
+    PrintJson(ended);
+    return absl::OkStatus();
+  }
+  Print(absl::StrCat("trained: ", ended.model()));
+  return PrintScores(connection, ended.model());
 }
 
 absl::Status RunCancel(const Shell& shell, const std::string& job) {

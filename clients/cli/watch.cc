@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/progress_line.h"
+#include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
 
@@ -24,7 +25,9 @@ double Seconds(const google::protobuf::Duration& duration) {
 
 std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
   std::string text =
-      absl::StrFormat("%-11s done in %.1f s", ended.stage(), Seconds(ended.elapsed()));
+      ended.skipped().empty()
+          ? absl::StrFormat("%-11s done in %.1f s", ended.stage(), Seconds(ended.elapsed()))
+          : absl::StrFormat("%-11s skipped: %s", ended.stage(), ended.skipped());
   for (const auto& [name, value] : ended.metrics()) {
     absl::StrAppendFormat(&text, "  %s %.4g", name, value);
   }
@@ -106,8 +109,9 @@ absl::Status RunWatch(const Shell& shell, const WatchFlags& flags) {
     if (shell.json) PrintJson(event);
   });
   RETURN_IF_ERROR(job.status());
-  if (!shell.json) Print(absl::StrCat(job->name(), " succeeded: ", job->model()));
-  return absl::OkStatus();
+  if (shell.json) return absl::OkStatus();
+  Print(absl::StrCat(job->name(), " succeeded: ", job->model()));
+  return PrintScores(connection, job->model());
 }
 
 }  // namespace

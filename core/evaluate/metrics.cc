@@ -27,6 +27,19 @@ absl::Status CheckView(const View& view) {
   return absl::OkStatus();
 }
 
+// The planes of a rendering as the photograph's interleaved pixels; ignored ones are its own.
+std::vector<float> Interleaved(const Buffer<float>& color, const View& view) {
+  const size_t num_pixels = view.photo.pixels.size() / 3;
+  std::vector<float> planes(3 * num_pixels), pixels(3 * num_pixels);
+  color.Download(std::span<float>(planes));
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const bool ignored = !view.ignore.empty() && view.ignore[i / 3] != 0;
+    pixels[i] = ignored ? static_cast<float>(view.photo.pixels[i]) / 255
+                        : std::clamp(planes[i % 3 * num_pixels + i / 3], 0.0f, 1.0f);
+  }
+  return pixels;
+}
+
 class ViewScorer {
  public:
   ViewScorer(Backend& backend, const Gaussians& gaussians, double scene_radius)
@@ -36,7 +49,7 @@ class ViewScorer {
         planes_(backend, std::span<const float>(gaussians.planes)),
         sums_(backend, kNumImageLossSums) {}
 
-  absl::StatusOr<ImageScores> Score(const View& view) {
+  absl::StatusOr<ImageScores> Score(const View& view, const PerceptualDistance& lpips) {
     RETURN_IF_ERROR(CheckView(view));
     const int width = view.camera.width, height = view.camera.height;
     Buffer<float> color(backend_, int64_t{3} * width * height);
@@ -65,7 +78,11 @@ class ViewScorer {
           absl::StrCat("view ", view.name, ": the ignore mask leaves no pixel to score"));
     }
     const double mse = std::max(kMinMse, sums[kSumSquared] / sums[kSumPixelChannels]);
-    return ImageScores{-10 * std::log10(mse), sums[kSumSsim] / sums[kSumPixelChannels]};
+    ImageScores scores{-10 * std::log10(mse), sums[kSumSsim] / sums[kSumPixelChannels], {}};
+    if (lpips) {
+      ASSIGN_OR_RETURN(scores.lpips, lpips(view.photo, Interleaved(color, view)));
+    }
+    return scores;
   }
 
  private:
@@ -80,12 +97,13 @@ class ViewScorer {
 }  // namespace
 
 absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Capture& capture,
-                                                     const Gaussians& gaussians) {
+                                                     const Gaussians& gaussians,
+                                                     const PerceptualDistance& lpips) {
   ViewScorer scorer(backend, gaussians, SceneRadius(capture));
   std::vector<ViewScores> scores;
   for (const View& view : capture.views) {
     if (!view.held_out) continue;
-    ASSIGN_OR_RETURN(const ImageScores score, scorer.Score(view));
+    ASSIGN_OR_RETURN(const ImageScores score, scorer.Score(view, lpips));
     scores.push_back({view.name, score});
   }
   return scores;
@@ -93,12 +111,18 @@ absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Cap
 
 ImageScores Mean(std::span<const ViewScores> scores) {
   ImageScores mean;
+  double lpips = 0, num_lpips = 0;
   for (const ViewScores& view : scores) {
     mean.psnr += view.scores.psnr;
     mean.ssim += view.scores.ssim;
+    lpips += view.scores.lpips.value_or(0);
+    num_lpips += view.scores.lpips ? 1 : 0;
   }
   const auto count = static_cast<double>(std::max<size_t>(1, scores.size()));
-  return {mean.psnr / count, mean.ssim / count};
+  mean.psnr /= count;
+  mean.ssim /= count;
+  if (num_lpips > 0) mean.lpips = lpips / num_lpips;
+  return mean;
 }
 
 double Iou(std::span<const uint8_t> prediction, std::span<const uint8_t> truth,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -8,24 +9,26 @@
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
+#include "core/scene/image_scores.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
-
-// Of a view or a mean over views; pixels under the ignore mask are left out.
-struct ImageScores {
-  double psnr = 0;  // dB, peak 1
-  double ssim = 0;  // 11x11 Gaussian window, sigma 1.5
-};
 
 struct ViewScores {
   std::string view;
   ImageScores scores;
 };
 
+// A distance of a rendering to its photograph, [height, width, 3] in [0, 1] both.
+using PerceptualDistance =
+    std::function<absl::StatusOr<double>(const Image& photo, std::span<const float> rendering)>;
+
 // Renders every held-out view and scores it against its photograph, in the capture's order.
+// `lpips`, where there is one, sees the photograph's own pixels in place of ignored ones.
 absl::StatusOr<std::vector<ViewScores>> ScoreHeldOut(Backend& backend, const Capture& capture,
-                                                     const Gaussians& gaussians);
+                                                     const Gaussians& gaussians,
+                                                     const PerceptualDistance& lpips = nullptr);
+// Its LPIPS is over the views that have one.
 ImageScores Mean(std::span<const ViewScores> scores);
 
 // |P and G| / |P or G|; both empty: 1. Masks of equal size; pixels with a non-zero `ignore` are

@@ -104,6 +104,10 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
       return PutModelFile(file, models);
     case FileKind::kPoints:
       return PutPoints(file, models, index);
+    case FileKind::kGaussians:
+      if (index.gaussians != nullptr) return TwoFor("files of Gaussians", *index.gaussians, file);
+      index.gaussians = &file;
+      return absl::OkStatus();
     case FileKind::kDepth:
     case FileKind::kDisparity:
       return Put(file, DepthStem(file.name), "depth maps for ", index.depth);

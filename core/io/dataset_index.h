@@ -25,6 +25,7 @@ struct DatasetIndex {
   const DatasetFile* images = nullptr;
   const DatasetFile* colmap_points = nullptr;
   const DatasetFile* ply_points = nullptr;
+  const DatasetFile* gaussians = nullptr;
   std::vector<std::string> warnings;
 };
 

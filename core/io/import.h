@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kDisparity, kPoints };
+enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kDisparity, kPoints, kGaussians };
 
 // One file of a dataset. `name` is what its owner calls it, relative to the dataset's folder, with
 // '/' ("images/0001.jpg", "sparse/0/cameras.bin", "masks/0001.json"): metadata that matches files
@@ -27,6 +27,7 @@ struct DatasetFile {
 //   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
 //   points.ply                     points to start from in place of COLMAP's
+//   gaussians.ply                  Gaussians to take in place of stage one's (gaussian_ply.h)
 //   depth/STEM.png|npy|pfm         depth: far is large, 0 = unknown
 //   disparity/STEM.png|npy|pfm     disparity: near is large
 // `depth_folder`: what depth/ holds, where it is not what its name says.
@@ -47,6 +48,7 @@ absl::Status Validate(const ImportOptions& options);
 // index, the field and the limit where there is one. No allocation follows a count that a file only
 // claims. Photographs that the poses do not list, and poses without a photograph, are left out with
 // a warning, and so is a depth map that knows nothing; fewer than 2 usable views is an error.
+// Gaussians are only seen to be one file: they are no part of the capture.
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 

@@ -39,6 +39,7 @@ std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   if (IsUnder(name, "depth") && map) return in_depth;
   if (IsUnder(name, "disparity") && map) return FileKind::kDisparity;
   if (name == "points.ply") return FileKind::kPoints;
+  if (name == "gaussians.ply") return FileKind::kGaussians;
   return std::nullopt;
 }
 

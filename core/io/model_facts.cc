@@ -1,6 +1,7 @@
 #include "core/io/model_facts.h"
 
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,17 +15,25 @@ using nlohmann::json;
 
 constexpr int kVersion = 1;
 
+json FormatScores(const ImageScores& scores) {
+  json object = {{"psnr", scores.psnr}, {"ssim", scores.ssim}};
+  if (scores.lpips) object["lpips"] = *scores.lpips;
+  return object;
+}
+
 json FormatView(const ModelView& view) {
   const Eigen::Quaterniond& q = view.cam_from_world.rotation;
   const Eigen::Vector3d& t = view.cam_from_world.translation;
-  return {{"name", view.name},
-          {"width", view.camera.width},
-          {"height", view.camera.height},
-          {"focal", {view.camera.fx, view.camera.fy}},
-          {"principal_point", {view.camera.cx, view.camera.cy}},
-          {"rotation", {q.w(), q.x(), q.y(), q.z()}},
-          {"translation", {t.x(), t.y(), t.z()}},
-          {"held_out", view.held_out}};
+  json object = {{"name", view.name},
+                 {"width", view.camera.width},
+                 {"height", view.camera.height},
+                 {"focal", {view.camera.fx, view.camera.fy}},
+                 {"principal_point", {view.camera.cx, view.camera.cy}},
+                 {"rotation", {q.w(), q.x(), q.y(), q.z()}},
+                 {"translation", {t.x(), t.y(), t.z()}},
+                 {"held_out", view.held_out}};
+  if (view.scores) object["scores"] = FormatScores(*view.scores);
+  return object;
 }
 
 absl::Status Malformed(absl::string_view what) {
@@ -51,6 +60,19 @@ bool TakeNumbers(const json& object, const char* key, double (&values)[n]) {
   return true;
 }
 
+bool ParseScores(const json& value, ImageScores& scores) {
+  if (!value.is_object()) return false;
+  const auto number = [&value](const char* key) -> std::optional<double> {
+    const auto found = value.find(key);
+    if (found == value.end() || !found->is_number()) return std::nullopt;
+    return found->get<double>();
+  };
+  const std::optional<double> psnr = number("psnr"), ssim = number("ssim");
+  if (!psnr || !ssim) return false;
+  scores = {*psnr, *ssim, number("lpips")};
+  return true;
+}
+
 bool ParseView(const json& value, ModelView& view) {
   if (!value.is_object()) return false;
   const auto name = value.find("name");
@@ -59,6 +81,8 @@ bool ParseView(const json& value, ModelView& view) {
   if (held_out == value.end() || !held_out->is_boolean()) return false;
   view.name = name->get<std::string>();
   view.held_out = held_out->get<bool>();
+  const auto scores = value.find("scores");
+  if (scores != value.end() && !ParseScores(*scores, view.scores.emplace())) return false;
   double focal[2], center[2], q[4], t[3];
   if (!TakeInt(value, "width", view.camera.width) ||
       !TakeInt(value, "height", view.camera.height) || !TakeNumbers(value, "focal", focal) ||

@@ -12,8 +12,10 @@ namespace pepeseg {
 //   {"version": 1, "scene_radius": 1.5, "metrics": {...}, "facts": {...},
 //    "views": [{"name": "...", "width": 640, "height": 480, "focal": [fx, fy],
 //               "principal_point": [cx, cy], "rotation": [w, x, y, z],
-//               "translation": [x, y, z], "held_out": false}]}
-// Rotation and translation are cam_from_world. A metric that is not finite is left out.
+//               "translation": [x, y, z], "held_out": true,
+//               "scores": {"psnr": 24.1, "ssim": 0.81, "lpips": 0.2}}]}
+// Rotation and translation are cam_from_world. A metric that is not finite is left out; so are
+// scores where there are none.
 std::string FormatModelFacts(const Model& model);
 
 // Fills the same parts of `model`. DATA_LOSS names what is malformed.

@@ -3,11 +3,13 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/scene/camera.h"
 #include "core/scene/gaussians.h"
+#include "core/scene/image_scores.h"
 
 namespace pepeseg {
 
@@ -25,6 +27,7 @@ struct ModelView {
   Camera camera;
   Pose cam_from_world;
   bool held_out = false;
+  std::optional<ImageScores> scores;  // of a held-out view
 };
 
 // Everything that a query needs; loading one never needs the photographs.

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/evaluate/metrics.h"
 #include "core/features/train_features.h"
+#include "core/io/gaussian_ply.h"
 #include "core/io/import.h"
 #include "core/io/model_file.h"
 #include "core/reconstruct/reconstructor.h"
@@ -22,6 +23,7 @@
 #include "server/jobs/file_error.h"
 #include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_progress.h"
+#include "server/jobs/worker_scores.h"
 
 namespace pepeseg {
 namespace {
@@ -49,12 +51,15 @@ class Training {
   absl::StatusOr<std::vector<DatasetFile>> Files() const;
   absl::Status Step(const StepReport& report);
   void Warn(const std::string& message);
+  absl::Status TakeGivenGaussians();
+  absl::Status TrainGaussians();
   absl::StatusOr<Gaussians> ReconstructOrResume();
   std::optional<Gaussians> FindEarlierReconstruction() const;
+  absl::Status WriteModelTo(const std::filesystem::path& folder) const;
   absl::Status ScoreScene();
   absl::Status CheckDevice() const;
   absl::Status StartStage(const std::string& stage);
-  absl::Status EndStage(std::map<std::string, double> metrics);
+  absl::Status EndStage(std::map<std::string, double> metrics, v1::JobEvent::StageEnded end = {});
   void DescribeModel();
 
   const WorkerJob& job_;
@@ -64,6 +69,7 @@ class Training {
   WorkerCheckpoints checkpoints_;
   std::string stage_;
   Capture capture_;
+  std::optional<DatasetFile> given_gaussians_;
   Model model_;
 };
 
@@ -74,12 +80,13 @@ absl::Status Training::StartStage(const std::string& stage) {
   return progress_.StartStage(stage);
 }
 
-absl::Status Training::EndStage(std::map<std::string, double> metrics) {
+absl::Status Training::EndStage(std::map<std::string, double> metrics,
+                                v1::JobEvent::StageEnded end) {
   const double seconds = progress_.seconds_in_stage();
   spdlog::info("stage {} took {:.2f} s", stage_, seconds);
   metrics["seconds_" + stage_] = seconds;
   for (const auto& [name, value] : metrics) model_.metrics[name] = value;
-  return progress_.EndStage(metrics);
+  return progress_.EndStage(metrics, std::move(end));
 }
 
 absl::Status Training::CheckDevice() const {
@@ -100,13 +107,14 @@ absl::Status Training::Prepare() {
   RETURN_IF_ERROR(StartStage("prepare"));
   ASSIGN_OR_RETURN(const std::vector<DatasetFile> files, Files());
   ASSIGN_OR_RETURN(capture_, ImportCapture(files, settings_.import));
+  for (const DatasetFile& file : files) {
+    if (file.kind == FileKind::kGaussians) given_gaussians_ = file;
+  }
   for (size_t i = 0; i < capture_.warnings.size() && i < kMaxWarnings; ++i) {
-    spdlog::warn("{}", capture_.warnings[i]);
-    RETURN_IF_ERROR(progress_.Warn(capture_.warnings[i]));
+    Warn(capture_.warnings[i]);
   }
   if (capture_.warnings.size() > kMaxWarnings) {
-    RETURN_IF_ERROR(progress_.Warn(
-        absl::StrCat("and ", capture_.warnings.size() - kMaxWarnings, " more warnings")));
+    Warn(absl::StrCat("and ", capture_.warnings.size() - kMaxWarnings, " more warnings"));
   }
   double num_masks = 0, num_depth_maps = 0;
   for (const View& view : capture_.views) {
@@ -169,15 +177,35 @@ absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
 absl::Status Training::ReconstructScene() {
   RETURN_IF_ERROR(StartStage("reconstruct"));
   DescribeModel();
+  RETURN_IF_ERROR(given_gaussians_ ? TakeGivenGaussians() : TrainGaussians());
+  return ScoreScene();
+}
+
+absl::Status Training::TakeGivenGaussians() {
+  ASSIGN_OR_RETURN(model_.gaussians,
+                   ReadGaussianPly(given_gaussians_->path, given_gaussians_->name));
+  if (model_.gaussians.count == 0) {
+    return absl::InvalidArgumentError(given_gaussians_->name + ": has no Gaussians");
+  }
+  model_.facts["gaussians"] = "given as " + given_gaussians_->name;
+  v1::JobEvent::StageEnded end;
+  end.set_skipped("given");
+  return EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}, end);
+}
+
+absl::Status Training::TrainGaussians() {
   ASSIGN_OR_RETURN(model_.gaussians, ReconstructOrResume());
   const std::filesystem::path folder = job_.folder.reconstruction(job_.spec.fence);
+  RETURN_IF_ERROR(WriteModelTo(folder));
+  checkpoints_.RemoveAll();
+  return EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
+}
+
+absl::Status Training::WriteModelTo(const std::filesystem::path& folder) const {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());
-  RETURN_IF_ERROR(WriteModel(folder, model_));
-  checkpoints_.RemoveAll();
-  RETURN_IF_ERROR(EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}));
-  return ScoreScene();
+  return WriteModel(folder, model_);
 }
 
 absl::Status Training::ScoreScene() {
@@ -185,12 +213,7 @@ absl::Status Training::ScoreScene() {
   ASSIGN_OR_RETURN(const std::vector<ViewScores> scores,
                    ScoreHeldOut(*backend_, capture_, model_.gaussians));
   RETURN_IF_ERROR(CheckDevice());
-  if (scores.empty()) return EndStage({});
-  for (const ViewScores& view : scores) {
-    spdlog::info("{}: PSNR {:.2f} dB, SSIM {:.4f}", view.view, view.scores.psnr, view.scores.ssim);
-  }
-  const ImageScores mean = Mean(scores);
-  return EndStage({{"psnr", mean.psnr}, {"ssim", mean.ssim}});
+  return EndStage(KeepScores(scores, model_), DescribeScores(scores));
 }
 
 absl::Status Training::TrainSceneFeatures() {
@@ -212,7 +235,7 @@ absl::Status Training::TrainSceneFeatures() {
 
 void Training::DescribeModel() {
   for (const View& view : capture_.views) {
-    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
+    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out, {}});
   }
   model_.scene_radius = SceneRadius(capture_);
   model_.facts["job"] = job_.spec.job;
@@ -250,7 +273,7 @@ absl::StatusOr<JobResult> Training::Index() {
   getrusage(RUSAGE_SELF, &usage);
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
   const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
-  RETURN_IF_ERROR(WriteModel(folder, model_));
+  RETURN_IF_ERROR(WriteModelTo(folder));
   RemoveReconstructions(job_);
   RETURN_IF_ERROR(EndStage({}));
   JobResult result;

@@ -48,12 +48,13 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
 
 void WorkerProgress::GoOnFrom(int64_t step) { first_step_ = last_step_ = step; }
 
-absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics) {
-  v1::JobEvent event;
-  v1::JobEvent::StageEnded& end = *event.mutable_stage_ended();
+absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics,
+                                      v1::JobEvent::StageEnded end) {
   end.set_stage(stage_);
   *end.mutable_elapsed() = ToProto(seconds_in_stage());
   for (const auto& [name, value] : metrics) (*end.mutable_metrics())[name] = value;
+  v1::JobEvent event;
+  *event.mutable_stage_ended() = std::move(end);
   return log_.Append(std::move(event));
 }
 

@@ -26,8 +26,9 @@ class WorkerProgress {
   // The stage began with what an earlier attempt did in `step` steps: its pace is without them.
   void GoOnFrom(int64_t step);
   absl::Status Step(const StepReport& report);
-  // `metrics`: what the stage measured of its result.
-  absl::Status EndStage(const std::map<std::string, double>& metrics);
+  // `metrics`: what the stage measured of its result. `end`: what else there is to tell.
+  absl::Status EndStage(const std::map<std::string, double>& metrics,
+                        v1::JobEvent::StageEnded end = {});
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;

@@ -44,6 +44,8 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("ignore/a.png"), v1::FILE_KIND_IGNORE_MASK);
   EXPECT_EQ(KindOf("depth/a.png"), v1::FILE_KIND_DEPTH);
   EXPECT_EQ(KindOf("disparity/a.NPY"), v1::FILE_KIND_DISPARITY);
+  EXPECT_EQ(KindOf("points.ply"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("gaussians.ply"), v1::FILE_KIND_GAUSSIANS);
 }
 
 TEST(KindOf, TakesDepthForDisparityWhereToldTo) {

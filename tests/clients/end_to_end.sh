@@ -42,6 +42,7 @@ expect 6 pepeseg segment shelf --view frame-000000.jpg --point 100,60
 expect 4 pepeseg train shelf --steps 0
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
+grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'no scores of the views'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
@@ -57,6 +58,13 @@ expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'no rendering'
 expect 0 pepeseg export shelf "$work/shelf.ply"
 [[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is no PLY'
+
+mkdir "$work/given"
+cp -r "$dataset"/{images,sparse,masks,ignore_mask.png} "$work/given"
+cp "$work/shelf.ply" "$work/given/gaussians.ply"
+expect 0 pepeseg upload given "$work/given"
+expect 0 pepeseg train given --feature-steps 30 --image-scale 0.25 -o features.num_pixels=200
+grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are trained again'
 
 job=$(pepeseg train shelf --steps 30000 --detach)
 expect 6 pepeseg train shelf --detach

@@ -128,6 +128,22 @@ TEST_F(BadInputTest, DepthMapThatIsNotFinite) {
   ExpectBadFile("depth/frame-000003.pfm");
 }
 
+TEST_F(BadInputTest, GaussiansThatAreACloudOfPoints) {
+  files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
+                    "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\n"
+                    "property float y\nproperty float z\nend_header\n" +
+                        std::string(24, '\0')});
+  ExpectBadFile("gaussians.ply: has no property");
+}
+
+TEST_F(BadInputTest, GaussiansThatClaimABillion) {
+  files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
+                    "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
+                    "property float x\nend_header\n" +
+                        std::string(24, '\0')});
+  ExpectBadFile("gaussians.ply: declares 1000000000 vertices");
+}
+
 TEST_F(BadInputTest, HugeOneBitPng) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes = testing::BlackPng(32000, 32000, 1);

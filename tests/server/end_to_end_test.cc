@@ -86,6 +86,35 @@ void ExpectWholeStory(const std::vector<v1::JobEvent>& events) {
               ::testing::ElementsAre("evaluate", "features", "index", "prepare", "reconstruct"));
 }
 
+const v1::JobEvent::StageEnded& EndOf(const std::string& stage,
+                                      const std::vector<v1::JobEvent>& events) {
+  for (const v1::JobEvent& event : events) {
+    if (event.stage_ended().stage() == stage) return event.stage_ended();
+  }
+  ADD_FAILURE() << "no end of stage " << stage;
+  return v1::JobEvent::StageEnded::default_instance();
+}
+
+// Of the views that are held out, by name: their scores are told one by one.
+void ExpectScores(const v1::JobEvent::StageEnded& evaluate, const std::vector<v1::View>& views) {
+  ASSERT_EQ(evaluate.views_size(), 2);
+  EXPECT_EQ(evaluate.views(0).view(), "frame-000000.jpg");
+  EXPECT_EQ(evaluate.views(1).view(), "frame-000008.jpg");
+  double psnr = 0, ssim = 0;
+  for (const v1::JobEvent::ViewScores& scored : evaluate.views()) {
+    psnr += scored.scores().psnr() / 2;
+    ssim += scored.scores().ssim() / 2;
+    EXPECT_FALSE(scored.scores().has_lpips());
+    for (const v1::View& view : views) {
+      if (view.view() != scored.view()) continue;
+      EXPECT_EQ(view.scores().DebugString(), scored.scores().DebugString());
+    }
+  }
+  EXPECT_DOUBLE_EQ(evaluate.metrics().at("psnr"), psnr);
+  EXPECT_DOUBLE_EQ(evaluate.metrics().at("ssim"), ssim);
+  for (const v1::View& view : views) EXPECT_EQ(view.has_scores(), view.held_out()) << view.view();
+}
+
 TEST_F(EndToEndTest, FromPhotographsToASegment) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
@@ -95,6 +124,7 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
   EXPECT_GT(model.metrics().at("psnr"), 10);
   ASSERT_OK_AND_ASSIGN(const auto views, client_->ListViews(model.name()));
   ASSERT_EQ(views.size(), 15u);
+  ExpectScores(EndOf("evaluate", events), views);
   const v1::View& view = views[0];
   EXPECT_TRUE(view.held_out());
   ASSERT_OK_AND_ASSIGN(const auto picture, client_->Render(model.name(), view.view()));
@@ -119,6 +149,29 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
   EXPECT_EQ(ply.substr(0, 4), "ply\n");
   EXPECT_THAT(ply.substr(0, 300),
               HasSubstr("element vertex " + std::to_string(model.num_gaussians()) + "\n"));
+}
+
+TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
+  const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
+  ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
+  ASSERT_OK_AND_ASSIGN(const std::string ply, client_->Export("scenes/shelf/models/1"));
+
+  auto files = testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf");
+  files.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS, ply});
+  ASSERT_OK(client_->CreateScene("given"));
+  ASSERT_OK_AND_ASSIGN(const std::string dataset, client_->Upload("given", files));
+  const std::string second = Train("given", dataset, QuickOptions());
+  ASSERT_OK_AND_ASSIGN(const auto given_events, client_->Watch(second));
+  ExpectWholeStory(given_events);
+  EXPECT_EQ(EndOf("reconstruct", events).skipped(), "");
+  EXPECT_EQ(EndOf("reconstruct", given_events).skipped(), "given");
+  for (const v1::JobEvent& event : given_events) {
+    EXPECT_NE(event.progress().stage(), "reconstruct");
+  }
+  EXPECT_EQ(EndOf("evaluate", events).metrics().at("psnr"),
+            EndOf("evaluate", given_events).metrics().at("psnr"));
+  ASSERT_OK_AND_ASSIGN(const std::string again, client_->Export("scenes/given/models/1"));
+  EXPECT_TRUE(again == ply);
 }
 
 TEST_F(EndToEndTest, KilledWorkerFailsItsJobAndTheNextOneRuns) {

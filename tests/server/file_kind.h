@@ -22,6 +22,8 @@ inline v1::FileKind ToProto(FileKind kind) {
       return v1::FILE_KIND_DISPARITY;
     case FileKind::kPoints:
       return v1::FILE_KIND_POINTS;
+    case FileKind::kGaussians:
+      return v1::FILE_KIND_GAUSSIANS;
   }
   return v1::FILE_KIND_UNSPECIFIED;
 }

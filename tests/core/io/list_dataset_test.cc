@@ -16,7 +16,7 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
        {"images/b.JPG", "images/sub/a.webp", "images/notes.txt", "sparse/0/cameras.bin",
         "sparse/0/project.ini", "sparse/images.txt", "sparse/1/cameras.bin", "masks/b.json",
         "masks/sub/a.png", "ignore_mask.png", "ignore/b.png", "depth/b.npy", "depth/notes.txt",
-        "disparity/b.PFM", "points.ply", "README.md", "labels/b.png"}) {
+        "disparity/b.PFM", "points.ply", "gaussians.ply", "README.md", "labels/b.png"}) {
     WriteBytes(folder / name, "x");
   }
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path()));
@@ -28,6 +28,7 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
   EXPECT_EQ(listed, (std::vector<std::pair<std::string, FileKind>>{
                         {"depth/b.npy", FileKind::kDepth},
                         {"disparity/b.PFM", FileKind::kDisparity},
+                        {"gaussians.ply", FileKind::kGaussians},
                         {"ignore/b.png", FileKind::kIgnoreMask},
                         {"ignore_mask.png", FileKind::kIgnoreMask},
                         {"images/b.JPG", FileKind::kImage},

@@ -33,6 +33,9 @@ Model MakeModel(bool with_features) {
   view.cam_from_world.translation = {1.0 / 7, -2e-9, 3e5};
   view.held_out = true;
   model.views = {view, view};
+  model.views[0].scores = {24.25, 0.8125, 0.1};
+  model.views[1].scores = {1.0 / 3, -0.5, {}};
+  model.views.push_back(view);
   model.scene_radius = 1.0 / 9;
   model.metrics = {{"psnr", 23.456789012345}, {"none", std::numeric_limits<double>::quiet_NaN()}};
   model.facts = {{"seed", "1"}, {"odd", "\xFF\"\n"}};
@@ -48,7 +51,14 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.field.features, model.field.features);
   EXPECT_EQ(read.field.gate, model.field.gate);
   EXPECT_EQ(read.field.scale_quantiles, model.field.scale_quantiles);
-  ASSERT_EQ(read.views.size(), 2u);
+  ASSERT_EQ(read.views.size(), 3u);
+  ASSERT_TRUE(read.views[0].scores && read.views[1].scores);
+  EXPECT_EQ(read.views[0].scores->psnr, 24.25);
+  EXPECT_EQ(read.views[0].scores->lpips, 0.1);
+  EXPECT_EQ(read.views[1].scores->psnr, 1.0 / 3);
+  EXPECT_EQ(read.views[1].scores->ssim, -0.5);
+  EXPECT_FALSE(read.views[1].scores->lpips.has_value());
+  EXPECT_FALSE(read.views[2].scores.has_value());
   EXPECT_EQ(read.views[0].name, model.views[0].name);
   EXPECT_EQ(read.views[0].camera.fy, 1.0 / 3);
   EXPECT_EQ(read.views[0].camera.width, 640);

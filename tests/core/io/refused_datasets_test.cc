@@ -116,6 +116,17 @@ TEST(RefusedDataset, TwoPosesOrFilesForOnePhotograph) {
   EXPECT_STATUS(masks.Import(), kInvalidArgument, "masks/a.json and masks/a.png");
 }
 
+TEST(RefusedDataset, TwoFilesOfGaussians) {
+  SmallDataset dataset;
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
+  files.push_back({FileKind::kGaussians, "a.ply", dataset.folder / "a.ply"});
+  EXPECT_OK(ImportCapture(files, {}));
+  files.push_back({FileKind::kGaussians, "b.ply", dataset.folder / "b.ply"});
+  EXPECT_STATUS(ImportCapture(files, {}), kInvalidArgument,
+                "two files of Gaussians: a.ply and b.ply");
+}
+
 TEST(RefusedDataset, AMaskThatCouldBelongToTwoPhotographs) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "images/a.png", testing::Png(testing::Picture(40, 30)));
