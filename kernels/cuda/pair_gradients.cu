@@ -14,39 +14,56 @@ constexpr int kScales = 2;       // at once: they share the words of the plan an
 constexpr int kBlock = kRows / kWarpRows * 32;
 constexpr int kParts = kFeatureSize / 8;  // products of 8 channels
 
-// F / |psi F| of some pixels q, in the order of SlotOf. The stride keeps the lanes of a product in
-// different banks.
+// F / |psi F| of some pixels q, a word two q at a channel: the high parts, then the low parts. The
+// stride keeps the lanes of a product in different banks.
 struct Columns {
-  alignas(16) TwoParts at[kScales][kColumns][kFeatureSize + 4];
+  alignas(16) uint4 at[kScales][kColumns / 2][kFeatureSize + 2];
   alignas(16) float weight[kColumns];
 };
 
 // A lane j of four reads the plan in runs of four q, 16 h + 4 j to 16 h + 4 j + 3, of which a
-// product takes two: q = 16 h + 4 j + 2 k + e in step 2 h + k, as number j + 4 e of its eight.
-__device__ int SlotOf(int q) { return (q / 16 * 2 + q / 2 % 2) * 8 + q / 4 % 4 + q % 2 * 4; }
+// product takes two: q = 16 h + 4 j + 2 k + e in step 2 h + k, as number j + 4 e of its eight. The
+// place of two such q among the steps' rows:
+__device__ int PlaceOf(int pair) { return (pair / 8 * 2 + pair % 2) * 4 + pair / 2 % 4; }
 
-__device__ void LoadColumns(const PairWork& work, int first_scale, int first, Columns& columns) {
-  constexpr int kWords = kFeatureSize / 4;
-  const auto* features = reinterpret_cast<const float4*>(work.args.pixel_features.data);
+// A thread's part of Columns on its way: two q at every eighth channel.
+constexpr int kEighths = kFeatureSize / 8;
+static_assert(kBlock == kColumns / 2 * 8);
+struct Fetched {
+  float feature[2][kEighths];
+  float2 inv_norm[kScales];
+  float weight;
+};
+__device__ void FetchColumns(const PairWork& work, int first_scale, int first, Fetched& fetched) {
+  const int q = first + static_cast<int>(threadIdx.x) / 8 * 2;
 #pragma unroll
-  for (int i = static_cast<int>(threadIdx.x); i < kColumns * kWords; i += kBlock) {
-    const int q = first + i / kWords, slot = SlotOf(i / kWords), channel = i % kWords * 4;
-    float4 f = {0, 0, 0, 0};
-    if (q < work.num_pixels) f = features[q * kWords + i % kWords];
-    const float feature[4] = {f.x, f.y, f.z, f.w};
+  for (int e = 0; e < 2; ++e) {
+    const float* feature = work.args.pixel_features.data + (q + e) * kFeatureSize + threadIdx.x % 8;
 #pragma unroll
-    for (int s = 0; s < kScales; ++s) {
-      const int scale = min(first_scale + s, work.num_scales - 1);
-      const float inv_norm = work.inv_norm[scale * work.padded + q];
-#pragma unroll
-      for (int k = 0; k < 4; ++k) {
-        columns.at[s][slot][channel + k] = Split(inv_norm * feature[k]);
-      }
+    for (int k = 0; k < kEighths; ++k) {
+      fetched.feature[e][k] = q + e < work.num_pixels ? feature[8 * k] : 0.0f;
     }
   }
-  if (threadIdx.x >= kColumns) return;
-  const int q = first + static_cast<int>(threadIdx.x);
-  columns.weight[threadIdx.x] = q < work.num_pixels ? work.args.pixel_weight.data[q] : 0.0f;
+#pragma unroll
+  for (int s = 0; s < kScales; ++s) {
+    const int scale = min(first_scale + s, work.num_scales - 1);
+    fetched.inv_norm[s] = *reinterpret_cast<const float2*>(&work.inv_norm[scale * work.padded + q]);
+  }
+  const int own = first + static_cast<int>(threadIdx.x) % kColumns;
+  fetched.weight = work.args.pixel_weight.data[min(own, work.num_pixels - 1)];
+}
+__device__ void StoreColumns(const Fetched& fetched, Columns& columns) {
+  const int place = PlaceOf(static_cast<int>(threadIdx.x) / 8);
+#pragma unroll
+  for (int s = 0; s < kScales; ++s) {
+#pragma unroll
+    for (int k = 0; k < kEighths; ++k) {
+      const TwoParts one = Split(fetched.inv_norm[s].x * fetched.feature[0][k]);
+      const TwoParts other = Split(fetched.inv_norm[s].y * fetched.feature[1][k]);
+      columns.at[s][place][threadIdx.x % 8 + 8 * k] = {one.high, other.high, one.low, other.low};
+    }
+  }
+  if (threadIdx.x < kColumns) columns.weight[threadIdx.x] = fetched.weight;
 }
 
 // Of a lane's four pixels p: 8 apart, from `p` on.
@@ -113,14 +130,13 @@ __device__ PairGrads PairGradsOf(const Rows& rows, const Words& words, const flo
   return out;
 }
 
-__device__ void AddProducts(const PairGrads& grads, int scale, const TwoParts* column,
+__device__ void AddProducts(const PairGrads& grads, int scale, const uint4* column,
                             float (&sum)[2][kParts][4]) {
-  constexpr int kFourRows = 4 * (kFeatureSize + 4);
   SplitB b[kParts];
 #pragma unroll
   for (int part = 0; part < kParts; ++part) {
-    const TwoParts one = column[8 * part], other = column[8 * part + kFourRows];
-    b[part] = {{one.high, other.high}, {one.low, other.low}};
+    const uint4 word = column[8 * part];
+    b[part] = {{word.x, word.y}, {word.z, word.w}};
   }
   const uint32_t pulls = 1u << scale, pushes = pulls << kPushShift;
 #pragma unroll
@@ -147,7 +163,7 @@ __device__ void AddColumns(const Rows& rows, const Words& words, int first_scale
     const PairGrads grads = PairGradsOf(rows, words, weights, step);
 #pragma unroll
     for (int s = 0; s < kScales; ++s) {
-      AddProducts(grads, first_scale + s, &columns.at[s][8 * step + lane % 4][lane / 4],
+      AddProducts(grads, first_scale + s, &columns.at[s][4 * step + lane % 4][lane / 4],
                   sums.at[s]);
     }
   }
@@ -170,22 +186,33 @@ __device__ void StoreSums(const PairWork& work, int scale, int p,
 
 // sum over q of (d loss / d cosine) F_q / |psi F_q|, for kRows pixels p at kScales scales, over one
 // part of the q.
-__global__ void __launch_bounds__(kBlock, 3) UnitGradientKernel(PairWork work) {
-  __shared__ Columns columns;
+__global__ void __launch_bounds__(kBlock, 2) UnitGradientKernel(PairWork work) {
+  __shared__ Columns columns[2];
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   const int p = static_cast<int>(blockIdx.x) * kRows + kWarpRows * warp + lane / 4;
   const int first_scale = static_cast<int>(blockIdx.y) * kScales;
   const int split = static_cast<int>(blockIdx.z), num_batches = work.padded / kColumns;
+  const int begin = num_batches * split / kPairSplits;
+  const int end = num_batches * (split + 1) / kPairSplits;
   const Rows rows = RowsOf(work, p);
   Sums sums = {};
-  const int end = num_batches * (split + 1) / kPairSplits;
-  for (int i = num_batches * split / kPairSplits; i < end; ++i) {
-    Words words;
-    LoadWords(work, i * kColumns, p, words);
+  Words words;
+  Fetched fetched;
+  if (begin < end) {
+    LoadWords(work, begin * kColumns, p, words);
+    FetchColumns(work, first_scale, begin * kColumns, fetched);
+    StoreColumns(fetched, columns[begin % 2]);
+  }
+  for (int i = begin; i < end; ++i) {
     __syncthreads();
-    LoadColumns(work, first_scale, i * kColumns, columns);
-    __syncthreads();
-    AddColumns(rows, words, first_scale, columns, sums);
+    // The next are on their way while these are multiplied; the last are fetched once more.
+    const int next = min(i + 1, end - 1) * kColumns;
+    Words next_words;
+    LoadWords(work, next, p, next_words);
+    FetchColumns(work, first_scale, next, fetched);
+    AddColumns(rows, words, first_scale, columns[i % 2], sums);
+    StoreColumns(fetched, columns[(i + 1) % 2]);
+    words = next_words;
   }
 #pragma unroll
   for (int s = 0; s < kScales; ++s) {

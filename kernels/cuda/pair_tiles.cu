@@ -87,14 +87,19 @@ __device__ void Correlate(const Sides& sides, const float* psi2, float (&sum)[kP
   const auto* words = reinterpret_cast<const float4*>(psi2);
   const float4 a = words[threadIdx.x % 4 * 2], b = words[threadIdx.x % 4 * 2 + 1];
   const float scale[kChannels] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w};
+  float mixed[kParts][4] = {};
 #pragma unroll
   for (int k = 0; k < kSteps; ++k) {
     const SplitA rows = SplitOf(
         {scale[2 * k] * sides.row[0][2 * k], scale[2 * k] * sides.row[1][2 * k],
          scale[2 * k + 1] * sides.row[0][2 * k + 1], scale[2 * k + 1] * sides.row[1][2 * k + 1]});
 #pragma unroll
-    for (int part = 0; part < kParts; ++part) Multiply(rows, sides.column[part][k], sum[part]);
+    for (int part = 0; part < kParts; ++part) {
+      Multiply(rows, sides.column[part][k], sum[part], mixed[part]);
+    }
   }
+#pragma unroll
+  for (int at = 0; at < kPairs; ++at) sum[at / 4][at % 4] += mixed[at / 4][at % 4];
 }
 
 // A pair's cosine at one scale.

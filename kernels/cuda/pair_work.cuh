@@ -35,7 +35,7 @@ inline constexpr int kPushShift = 16;
 static_assert(kMaxScales <= kPushShift);
 
 inline constexpr int kPairTile = 32;   // pixels a side of a tile of pairs
-inline constexpr int kPairSplits = 8;  // parts of the sum over the other pixels of a pair
+inline constexpr int kPairSplits = 6;  // parts of the sum over the other pixels of a pair
 inline constexpr int kPairPad = 128;   // pixels are padded to a multiple of this
 inline constexpr int kPixelWarps = 8;  // pixels a block in the pass over pixels
 

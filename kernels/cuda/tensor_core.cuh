@@ -44,6 +44,13 @@ __device__ inline SplitA SplitOf(const float (&a)[4]) {
   }
   return out;
 }
+// The mixed parts have a sum of their own, so that products need not wait for each other.
+__device__ inline void Multiply(const SplitA& a, const SplitB& b, float (&sum)[4],
+                                float (&mixed)[4]) {
+  Multiply(a.high, b.high, sum);
+  Multiply(a.low, b.high, mixed);
+  Multiply(a.high, b.low, mixed);
+}
 __device__ inline void Multiply(const SplitA& a, const SplitB& b, float (&sum)[4]) {
   Multiply(a.low, b.high, sum);
   Multiply(a.high, b.low, sum);

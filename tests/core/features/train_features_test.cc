@@ -77,29 +77,31 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
   EXPECT_GT(num_trained, 200);
 }
 
-// The whole stage, whose losses and features may differ by rounding.
+// The whole stage. A pair whose cosine rounds to the other side of a threshold moves a loss by some
+// 3e-3 and may grow to 6e-2 at a single later step, with features of cosine 0.9999: so much 1e-7 to
+// 1e-5 of noise do on the CPU too.
 TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
   const auto cuda = MakeCuda();
   if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
-  const auto train = [&](Backend& backend, std::vector<double>& losses) {
+  const auto train = [&](Backend& backend, double& mean_loss) {
     return TrainFeatures(backend, capture, gaussians, kShort, [&](const StepReport& report) {
-      losses.push_back(report.loss);
+      mean_loss += report.loss / kShort.num_steps;
       return absl::OkStatus();
     });
   };
-  std::vector<double> losses, cuda_losses, again;
-  ASSERT_OK_AND_ASSIGN(const FeatureField want, train(*MakeCpuBackend(2), losses));
-  ASSERT_OK_AND_ASSIGN(const FeatureField got, train(*cuda, cuda_losses));
-  for (size_t i = 0; i < losses.size(); ++i) EXPECT_NEAR(cuda_losses[i], losses[i], 2e-3) << i;
+  double loss = 0, cuda_loss = 0, again = 0;
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, train(*MakeCpuBackend(2), loss));
+  ASSERT_OK_AND_ASSIGN(const FeatureField got, train(*cuda, cuda_loss));
+  EXPECT_NEAR(cuda_loss, loss, 0.01);
   double cosine = 0, num_trained = 0;
   for (size_t i = 0; i < want.features.size(); ++i) {
     cosine += double{got.features[i]} * want.features[i];
     num_trained += std::pow(want.features[i], 2);
   }
   EXPECT_GT(num_trained, 100);
-  EXPECT_GT(cosine, 0.995 * num_trained);
+  EXPECT_GT(cosine, 0.999 * num_trained);
   ASSERT_OK_AND_ASSIGN(const FeatureField once_more, train(*cuda, again));
   EXPECT_EQ(got.features, once_more.features);
   EXPECT_EQ(got.gate, once_more.gate);
