@@ -48,7 +48,7 @@ struct RefineGaussiansArgs {
   RefineScratch* scratch = nullptr;
   GaussianPlanes gaussians, moment1, moment2;  // in and out
   DeviceSpan<int32_t> num_steps;               // [N] in and out
-  DeviceSpan<uint8_t> refinable;               // [N] in and out
+  DeviceSpan<int32_t> refinable;               // [N] in and out: 0 or 1
   // The outside parts in the order of their Gaussians: those beyond the room are left out.
   DeviceSpan<int32_t> outside_source;  // [room] -> Gaussian
   DeviceSpan<float> outside_shape;     // [6, room] mean and log scales, for planes 0 to 5

@@ -9,6 +9,11 @@ namespace {
 
 int64_t WithSlack(int64_t count) { return count + count / 4 + 1024; }
 
+// None of an empty buffer.
+DeviceSpan<int32_t> FirstOf(Buffer<int32_t>& buffer, int64_t count) {
+  return buffer.empty() ? DeviceSpan<int32_t>() : buffer.span().Subspan(0, count);
+}
+
 }  // namespace
 
 GaussianState::GaussianState(Backend& backend, const Gaussians& initial)
@@ -100,6 +105,10 @@ bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const
   const int64_t new_count = source.size;
   Rows next = Allocate(new_count > rows_.stride ? WithSlack(new_count) : rows_.stride);
   if (!next.allocated) return false;
+  if (!rows_.refinable.empty()) {
+    next.refinable = Buffer<int32_t>(backend_, next.stride);
+    if (next.refinable.empty()) return false;
+  }
   const auto planes_of = [&](Buffer<float>& buffer) {
     return GaussianPlanes{buffer.span().data, new_count, next.stride, sh_degree_};
   };
@@ -108,7 +117,9 @@ bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const
   backend_.GatherRows({.source = source,
                        .is_zero = is_new,
                        .from = Planes(rows_.moment1),
-                       .to = planes_of(next.moment1)});
+                       .to = planes_of(next.moment1),
+                       .number_from = rows_.refinable.span(),
+                       .number_to = FirstOf(next.refinable, new_count)});
   backend_.GatherRows({.source = source,
                        .is_zero = is_new,
                        .from = Planes(rows_.moment2),
@@ -117,6 +128,73 @@ bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const
                        .number_to = next.num_steps.span().Subspan(0, new_count)});
   rows_ = std::move(next);
   count_ = new_count;
+  return true;
+}
+
+bool GaussianState::OpenRefinement() {
+  rows_.refinable = Buffer<int32_t>(backend_, rows_.stride);
+  if (rows_.refinable.empty()) return false;
+  rows_.refinable.Upload(std::vector<int32_t>(static_cast<size_t>(count_), 1));
+  return true;
+}
+
+bool GaussianState::Grow(int64_t stride) {
+  Rows next = Allocate(stride);
+  if (!next.allocated) return false;
+  if (!rows_.refinable.empty()) {
+    next.refinable = Buffer<int32_t>(backend_, stride);
+    if (next.refinable.empty()) return false;
+  }
+  const auto copy = [&]<class T>(Buffer<T>& from, Buffer<T>& to, int num_planes) {
+    for (int64_t k = 0; k < num_planes && !from.empty(); ++k) {
+      backend_.Copy(to.span().data + k * stride, from.span().data + k * rows_.stride,
+                    static_cast<size_t>(count_) * sizeof(T));
+    }
+  };
+  const int num_planes = NumPlanes(sh_degree_);
+  copy(rows_.parameters, next.parameters, num_planes);
+  copy(rows_.moment1, next.moment1, num_planes);
+  copy(rows_.moment2, next.moment2, num_planes);
+  copy(rows_.num_steps, next.num_steps, 1);
+  copy(rows_.grad_sum, next.grad_sum, 1);
+  copy(rows_.num_visible, next.num_visible, 1);
+  copy(rows_.refinable, next.refinable, 1);
+  rows_ = std::move(next);
+  return true;
+}
+
+bool GaussianState::Append(DeviceSpan<const int32_t> source,
+                           DeviceSpan<const float> mean_log_scale) {
+  const int64_t num_new = source.size, first = count_;
+  if (num_new == 0) return true;
+  if (first + num_new > rows_.stride && !Grow(WithSlack(first + num_new))) return false;
+  const Buffer<uint8_t> all(backend_, std::vector<uint8_t>(static_cast<size_t>(num_new), 1));
+  if (all.empty()) return false;
+  const auto gather = [&](Buffer<float>& buffer, DeviceSpan<const uint8_t> is_zero) {
+    const GaussianPlanes from = Planes(buffer);
+    backend_.GatherRows({.source = source,
+                         .is_zero = is_zero,
+                         .from = from,
+                         .to = {from.data + first, num_new, from.stride, sh_degree_}});
+  };
+  gather(rows_.parameters, {});
+  gather(rows_.moment1, all.span());
+  gather(rows_.moment2, all.span());
+  const auto zero = [&]<class T>(Buffer<T>& buffer) {
+    if (buffer.empty()) return;
+    backend_.Zero(buffer.span().data + first, static_cast<size_t>(num_new) * sizeof(T));
+  };
+  zero(rows_.num_steps);
+  zero(rows_.grad_sum);
+  zero(rows_.num_visible);
+  zero(rows_.refinable);
+  constexpr int kNumPlanes = kRotationPlane - kMeanPlane;
+  const int64_t stride = mean_log_scale.size / kNumPlanes;
+  for (int k = 0; k < kNumPlanes; ++k) {
+    backend_.Copy(rows_.parameters.span().data + (kMeanPlane + k) * rows_.stride + first,
+                  mean_log_scale.data + k * stride, static_cast<size_t>(num_new) * sizeof(float));
+  }
+  count_ += num_new;
   return true;
 }
 

@@ -46,6 +46,17 @@ class GaussianState {
   // Statistics start afresh. False when the backend is out of memory: nothing was changed.
   bool Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new);
 
+  // While refinement is open, 1 for a row that may yet be refined and 0 for others; rows that come
+  // later are 0. False when the backend is out of memory.
+  bool OpenRefinement();  // all rows that there are may be
+  void CloseRefinement() { rows_.refinable = {}; }
+  DeviceSpan<int32_t> refinable() { return rows_.refinable.span().Subspan(0, count_); }
+
+  // New rows behind the present ones, whose order and statistics stay: copies of rows `source` but
+  // for the means and log scales, planes [6, stride] with stride >= source.size. False when the
+  // backend is out of memory: nothing was changed.
+  bool Append(DeviceSpan<const int32_t> source, DeviceSpan<const float> mean_log_scale);
+
   // Means and log scales, planes [6, count].
   void SetMeansAndLogScales(DeviceSpan<const float> planes);
 
@@ -60,9 +71,11 @@ class GaussianState {
     Buffer<int32_t> num_steps;                   // [stride], as are the statistics
     Buffer<float> grad_sum;
     Buffer<int32_t> num_visible;
+    Buffer<int32_t> refinable;  // empty while refinement is not open
   };
 
   Rows Allocate(int64_t stride) const;  // all zero
+  bool Grow(int64_t stride);            // rows stay as they are
   // [num_planes, count]
   std::vector<float> DownloadPlanes(const Buffer<float>& buffer, int first, int num_planes) const;
   void UploadPlanes(Buffer<float>& buffer, int first, std::span<const float> planes);

@@ -39,6 +39,15 @@ absl::Status ValidateDensityControl(const ReconstructOptions& options) {
   return InRange("max_gaussians", static_cast<double>(options.max_gaussians), 1, 100e6);
 }
 
+absl::Status ValidateRefinement(const ReconstructOptions& options) {
+  RETURN_IF_ERROR(InRange("refine_keep", static_cast<double>(options.refine_keep),
+                          static_cast<double>(RefineKeep::kNone),
+                          static_cast<double>(RefineKeep::kSplitAllAxes)));
+  RETURN_IF_ERROR(InRange("refine_from", options.refine_from, 0, 1));
+  RETURN_IF_ERROR(InRange("refine_length", options.refine_length, 0, 1));
+  return InRange("refine_candidates", options.refine_candidates, 0, 1);
+}
+
 }  // namespace
 
 absl::Status Validate(const ReconstructOptions& options) {
@@ -48,6 +57,7 @@ absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(ValidateLearningRates(options));
   RETURN_IF_ERROR(InRange("coarse_until", options.coarse_until, 0, 1));
   RETURN_IF_ERROR(ValidateDensityControl(options));
+  RETURN_IF_ERROR(ValidateRefinement(options));
   return InRange("num_random_points", static_cast<double>(options.num_random_points), 1, 10e6);
 }
 

@@ -11,6 +11,14 @@
 
 namespace pepeseg {
 
+// What refinement does to a Gaussian that crosses the border of a mask (method.md section 1).
+enum class RefineKeep {
+  kNone = 1,          // nothing
+  kShrink = 2,        // it becomes its part inside the mask
+  kSplit = 3,         // likewise, and the part outside becomes a Gaussian too
+  kSplitAllAxes = 4,  // likewise, all axes of both shrunk by 0.8 of the part's share
+};
+
 // Stage one. Defaults follow 3DGS (Kerbl et al. 2023); schedules are in shares of num_steps so that
 // a short run is a short version of the reference one.
 struct ReconstructOptions {
@@ -35,6 +43,12 @@ struct ReconstructOptions {
   float prune_opacity = 0.005f;
   int opacity_reset_every = 3000;  // steps; runs shorter than twice this have none
   int64_t max_gaussians = 1'000'000;
+  // Gaussian refinement, on views with masks. Its window begins at the first step at full size from
+  // refine_from on; each view comes twice at most.
+  RefineKeep refine_keep = RefineKeep::kShrink;
+  double refine_from = 4000.0 / 30000;   // share of num_steps
+  double refine_length = 200.0 / 30000;  // share of num_steps
+  double refine_candidates = 0.1;        // share of the Gaussians in a view, by depth error
   // What to start from when the capture has no points, drawn inside the cameras' reach.
   int64_t num_random_points = 20'000;
   uint64_t seed = 1;

@@ -55,6 +55,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       random_(options.seed),
       schedule_(options, scene_radius_),
       densifier_(backend, options, scene_radius_),
+      refiner_(backend, capture, options, schedule_),
       views_(backend, capture, options.coarse_until > 0),
       sampler_(views_.size()),
       points_(StartingPoints(capture, options, random_)),
@@ -67,8 +68,8 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       results_(backend) {}
 
 absl::Status Reconstructor::Allocated() const {
-  if (views_.allocated() && state_.allocated() && !color_.empty() && !color_grad_.empty() &&
-      !loss_sums_.empty() && results_.allocated()) {
+  if (views_.allocated() && refiner_.allocated() && state_.allocated() && !color_.empty() &&
+      !color_grad_.empty() && !loss_sums_.empty() && results_.allocated()) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
@@ -142,11 +143,14 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
 
   const bool densify = densifier_.Due(step_);
   const bool reset = densifier_.OpacityResetDue(step_);
-  if (densify || reset || step_ + 1 == options_.num_steps) {
+  const bool refine = !densify && refiner_.Due(step_);
+  if (densify || reset || refine || step_ + 1 == options_.num_steps) {
     while (!results_.empty()) Settle();
   }
   if (densify) RETURN_IF_ERROR(densifier_.Apply(state_, random_));
   if (reset) state_.LimitOpacity(kResetOpacity);
+  if (refine) RETURN_IF_ERROR(Refine(input));
+  refiner_.EndStep(step_, state_);
   ++step_;
   return Report();
 }
@@ -204,6 +208,12 @@ void Reconstructor::Settle() {
   newest_ = result;
 }
 
+absl::Status Reconstructor::Refine(const StepInput& input) {
+  return refiner_.Apply({input.view, views_.At(input.view, input.shrink).pinhole,
+                         static_cast<float>(kNearPlane * scene_radius_)},
+                        state_);
+}
+
 absl::StatusOr<StepReport> Reconstructor::Report() const {
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::InternalError(absl::StrCat("step ", step_, ": ", error));
@@ -216,6 +226,8 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   report.num_culled_degenerate = num_culled_degenerate_;
   report.num_skipped_gradients = num_skipped_gradients_;
   report.num_void_renders = num_void_renders_;
+  report.num_refined = refiner_.num_refined();
+  report.num_refine_split = refiner_.num_split();
   if (!newest_) return report;
   const auto& sums = newest_->loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored

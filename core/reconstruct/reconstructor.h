@@ -13,6 +13,7 @@
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
+#include "core/reconstruct/refiner.h"
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"
@@ -53,6 +54,7 @@ class Reconstructor {
   absl::Status Restore(const ReconstructCheckpoint& checkpoint);
   void TrainOn(const StepInput& input, int64_t entry_room);
   void Settle();
+  absl::Status Refine(const StepInput& input);
   absl::StatusOr<StepReport> Report() const;
 
   Backend& backend_;
@@ -61,6 +63,7 @@ class Reconstructor {
   std::mt19937_64 random_;
   const Schedule schedule_;
   const Densifier densifier_;
+  Refiner refiner_;
   const TrainingViews views_;
   ViewSampler sampler_;
   const std::vector<ScenePoint> points_;

@@ -29,7 +29,7 @@ struct RefineParams {
   DevicePlanes<float> gaussians, moment1, moment2;
   int num_planes;
   int32_t* num_steps;
-  uint8_t* refinable;
+  int32_t* refinable;
   uint64_t* keys;           // [visible]
   uint64_t* sorted_keys;    // [visible]
   float* outside_shape;     // [6, visible]

@@ -78,6 +78,10 @@ void AddOptions(CLI::App& app, BenchOptions& options) {
   app.add_option("--prune-opacity", stage.prune_opacity);
   app.add_option("--opacity-reset-every", stage.opacity_reset_every);
   app.add_option("--max-gaussians", stage.max_gaussians);
+  app.add_option("--refine-keep", stage.refine_keep, "1 none, 2 shrink, 3 split, 4 split all axes");
+  app.add_option("--refine-from", stage.refine_from);
+  app.add_option("--refine-length", stage.refine_length);
+  app.add_option("--refine-candidates", stage.refine_candidates);
   app.add_option("--random-points", stage.num_random_points);
   app.add_option("--seed", stage.seed);
 }
@@ -173,6 +177,8 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   out["reconstruct"] = reconstruct.Seconds();
   out["gaussians"] = gaussians.count;
   out["culled_degenerate"] = last.num_culled_degenerate;
+  out["refined"] = last.num_refined;
+  out["refine_split"] = last.num_refine_split;
   out["skipped_gradients"] = last.num_skipped_gradients;
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(*backend, capture, gaussians));
   for (const ViewScores& view : scores) {

@@ -161,7 +161,7 @@ TEST_P(RefineTest, LeavesAloneWhereTheDepthIsUnknown) {
 TEST_P(RefineTest, OfEqualDistancesTakesTheFirst) {
   const HostGaussians scene = Needles(std::vector<Needle>(21));
   Refined refined(*backend_, scene, FrontView(), {Columns(0, 60)});
-  std::vector<uint8_t> refinable(21, 1);
+  std::vector<int32_t> refinable(21, 1);
   refinable[1] = 0;
   refined.refinable.Upload(refinable);
   RefineGaussiansArgs args = refined.MakeArgs();
@@ -244,7 +244,7 @@ TEST_P(RefineTest, SplitStopsAtTheRoomThatIsLeft) {
   EXPECT_THAT(Download(refined.outside_source), ::testing::ElementsAre(0, 1, 0));
   args.outside_source = {};
   args.outside_shape = {};
-  refined.refinable.Upload(std::vector<uint8_t>(3, 1));
+  refined.refinable.Upload(std::vector<int32_t>(3, 1));
   backend_->RefineGaussians(args);
   EXPECT_EQ(refined.Count(kNumRefineSplit), 0);
 }

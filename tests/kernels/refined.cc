@@ -28,7 +28,7 @@ Refined::Refined(Backend& backend, const HostGaussians& scene, const PinholeView
   pixel_patch = Buffer<uint32_t>(backend, std::span<const uint32_t>(patches));
   patch_bits = Buffer<uint64_t>(backend, std::span<const uint64_t>(bits));
   mask_area = Buffer<int64_t>(backend, std::span<const int64_t>(areas));
-  refinable.Upload(std::vector<uint8_t>(scene.count, 1));
+  refinable.Upload(std::vector<int32_t>(scene.count, 1));
   const std::vector<float> sevens(scene.planes.size(), 7);
   rendered.moment1.Upload(sevens);
   rendered.moment2.Upload(sevens);

@@ -37,7 +37,7 @@ struct Refined {
   Buffer<uint32_t> pixel_patch;
   Buffer<uint64_t> patch_bits;
   Buffer<int64_t> mask_area;
-  Buffer<uint8_t> refinable;
+  Buffer<int32_t> refinable;
   RefineScratch scratch;
   Buffer<int32_t> outside_source;
   Buffer<float> outside_shape;

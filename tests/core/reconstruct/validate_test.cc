@@ -41,6 +41,11 @@ TEST(ValidateReconstructOptions, NamesEachFieldThatIsOutOfRange) {
       {"prune_opacity", [](Options& o) { o.prune_opacity = 0.9f; }},
       {"opacity_reset_every", [](Options& o) { o.opacity_reset_every = 0; }},
       {"max_gaussians", [](Options& o) { o.max_gaussians = 0; }},
+      {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(0); }},
+      {"refine_keep", [](Options& o) { o.refine_keep = static_cast<RefineKeep>(5); }},
+      {"refine_from", [](Options& o) { o.refine_from = -0.1; }},
+      {"refine_length", [=](Options& o) { o.refine_length = nan; }},
+      {"refine_candidates", [](Options& o) { o.refine_candidates = 1.1; }},
       {"num_random_points", [](Options& o) { o.num_random_points = 0; }},
   };
   for (const BadOption& bad : cases) {
