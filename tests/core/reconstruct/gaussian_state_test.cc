@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 
 namespace pepeseg {
 namespace {
@@ -72,6 +73,70 @@ TEST(GaussianState, GrowsPastItsSlack) {
   ASSERT_EQ(after.count, 10'000);
   EXPECT_EQ(after.Plane(0)[9'999], 1);
   EXPECT_EQ(after.Plane(NumPlanes(1) - 1)[9'999], Numbered(3).planes[3 * NumPlanes(1) - 2]);
+}
+
+// Rows 2 and 0 once more, with means and log scales counting from 500 in planes of 3.
+TEST(GaussianState, AppendsRowsWithShapesOfTheirOwn) {
+  const int64_t count = 3;
+  const auto backend = MakeCpuBackend(1);
+  GaussianState state(*backend, Numbered(count));
+  ASSERT_TRUE(state.OpenRefinement());
+  Fill(state.moment1(), 10);
+  Fill(state.moment2(), 20);
+  for (int64_t i = 0; i < count; ++i) {
+    state.num_steps()[i] = state.stats().num_visible[i] = static_cast<int32_t>(100 + i);
+    state.stats().mean2d_grad_sum[i] = static_cast<float>(i);
+    state.refinable()[i] = static_cast<int32_t>(i % 2);
+  }
+  const std::vector<int32_t> source = {2, 0};
+  std::vector<float> shapes(18);
+  std::iota(shapes.begin(), shapes.end(), 500.0f);
+  ASSERT_TRUE(state.Append(Span(source), Span(shapes)));
+  ASSERT_EQ(state.count(), count + 2);
+  const Gaussians after = state.Download(), before = Numbered(count);
+  for (int k = 0; k < NumPlanes(1); ++k) {
+    for (int64_t i = 0; i < count; ++i) {
+      ASSERT_EQ(after.Plane(k)[i], before.Plane(k)[i]);
+      ASSERT_EQ(state.moment1().Plane(k)[i], static_cast<float>(10 + i));
+      ASSERT_EQ(state.moment2().Plane(k)[i], static_cast<float>(20 + i));
+    }
+    for (int64_t i = 0; i < 2; ++i) {
+      const float want = k < 6 ? static_cast<float>(500 + 3 * k + i) : before.Plane(k)[source[i]];
+      EXPECT_EQ(after.Plane(k)[count + i], want);
+      EXPECT_EQ(state.moment1().Plane(k)[count + i], 0);
+      EXPECT_EQ(state.moment2().Plane(k)[count + i], 0);
+    }
+  }
+  for (int64_t i = 0; i < count + 2; ++i) {
+    const bool is_new = i >= count;
+    ASSERT_EQ(state.num_steps()[i], is_new ? 0 : 100 + i);
+    ASSERT_EQ(state.stats().num_visible[i], is_new ? 0 : 100 + i);
+    ASSERT_EQ(state.stats().mean2d_grad_sum[i], is_new ? 0 : static_cast<float>(i));
+    ASSERT_EQ(state.refinable()[i], is_new ? 0 : i % 2);
+  }
+}
+
+TEST(GaussianState, AppendsPastItsSlack) {
+  const auto backend = MakeCpuBackend(1);
+  const int64_t count = 1000;
+  GaussianState state(*backend, Numbered(count));
+  const std::vector<int32_t> source(2000, 999);
+  std::vector<float> shapes(6 * 2000, 5.0f);
+  ASSERT_TRUE(state.OpenRefinement());
+  state.stats().num_visible[7] = 70;
+  Fill(state.moment2(), 20);
+  ASSERT_TRUE(state.Append(Span(source), Span(shapes)));
+  const Gaussians after = state.Download(), before = Numbered(count);
+  ASSERT_EQ(after.count, 3000);
+  for (int k = 0; k < NumPlanes(1); ++k) {
+    EXPECT_EQ(after.Plane(k)[999], before.Plane(k)[999]);
+    EXPECT_EQ(after.Plane(k)[2999], k < 6 ? 5.0f : before.Plane(k)[999]);
+    EXPECT_EQ(state.moment2().Plane(k)[999], 1019);
+    EXPECT_EQ(state.moment2().Plane(k)[2999], 0);
+  }
+  EXPECT_EQ(state.stats().num_visible[7], 70);
+  EXPECT_EQ(state.refinable()[999], 1);
+  EXPECT_EQ(state.refinable()[1000], 0);
 }
 
 TEST(GaussianState, SetsMeansAndLogScalesAlone) {

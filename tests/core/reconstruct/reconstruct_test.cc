@@ -43,6 +43,8 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountAndRun) {
   ReconstructOptions options = ShortRun(120);
   options.coarse_until = 0.3;
   options.opacity_reset_every = 50;
+  options.refine_keep = RefineKeep::kSplit;
+  options.refine_length = 0.1;
   std::vector<Gaussians> results;
   for (const int num_threads : {1, 2, 2}) {
     const auto backend = MakeCpuBackend(num_threads);
@@ -78,6 +80,30 @@ TEST(Reconstruct, LearnsTheSyntheticScene) {
   EXPECT_EQ(last.num_culled_degenerate, 0);
   EXPECT_EQ(last.num_skipped_gradients, 0);
   EXPECT_GT(last.psnr, 20);
+}
+
+TEST(Reconstruct, RefinesAtTheBordersOfMasks) {
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = ShortRun(150);
+  options.densify_until = 0.9;
+  options.refine_from = 0.4;
+  options.refine_length = 0.2;
+  for (const RefineKeep keep : {RefineKeep::kNone, RefineKeep::kShrink, RefineKeep::kSplit}) {
+    options.refine_keep = keep;
+    StepReport last;
+    std::vector<int64_t> refining;
+    ASSERT_OK(Reconstruct(*backend, Synthetic(), options, [&](const StepReport& report) {
+      if (report.num_refined > last.num_refined) refining.push_back(report.step);
+      last = report;
+      return absl::OkStatus();
+    }));
+    EXPECT_EQ(last.num_refined > 0, keep != RefineKeep::kNone);
+    EXPECT_EQ(last.num_refine_split > 0, keep == RefineKeep::kSplit);
+    if (keep == RefineKeep::kNone) continue;
+    EXPECT_GE(refining.front(), 61);
+    EXPECT_LE(refining.back(), 80);  // 10 training views, each twice
+    EXPECT_THAT(refining, ::testing::Not(::testing::Contains(75)));  // density control
+  }
 }
 
 TEST(Reconstruct, LearnsWithoutPoints) {
