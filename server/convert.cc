@@ -32,15 +32,20 @@
   FIELD(max_gaussians) \
   FIELD(num_random_points) \
   FIELD(seed) \
-  FIELD(coarse_until)
+  FIELD(coarse_until) \
+  FIELD(refine_keep) \
+  FIELD(refine_from) \
+  FIELD(refine_length) \
+  FIELD(refine_candidates)
 // clang-format on
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps)                    \
   FIELD(num_pixels) FIELD(num_scales) FIELD(learning_rate) FIELD(steps_per_chunk) FIELD(seed)
 
+// The casts are for enums, whose numbers are the same on both sides.
 #define PEPESEG_OVERLAY(name) \
-  if (proto.has_##name()) options->name = proto.name();
-#define PEPESEG_SET(name) proto->set_##name(options.name);
+  if (proto.has_##name()) options->name = static_cast<decltype(options->name)>(proto.name());
+#define PEPESEG_SET(name) proto->set_##name(static_cast<decltype(proto->name())>(options.name));
 
 namespace pepeseg {
 namespace {
