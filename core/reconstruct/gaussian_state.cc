@@ -66,6 +66,9 @@ GaussianRows GaussianState::DownloadRows() const {
   rows_.num_steps.Download(rows.num_steps);
   rows_.grad_sum.Download(rows.grad_sum);
   rows_.num_visible.Download(rows.num_visible);
+  if (!refinement_open()) return rows;
+  rows.refinable.resize(count);
+  rows_.refinable.Download(rows.refinable);
   return rows;
 }
 
@@ -81,6 +84,9 @@ bool GaussianState::Restore(const GaussianRows& rows) {
   rows_.num_steps.Upload(rows.num_steps);
   rows_.grad_sum.Upload(rows.grad_sum);
   rows_.num_visible.Upload(rows.num_visible);
+  if (rows.refinable.empty()) return true;
+  if (!OpenRefinement()) return false;
+  rows_.refinable.Upload(rows.refinable);
   return true;
 }
 

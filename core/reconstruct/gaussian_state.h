@@ -19,6 +19,7 @@ struct GaussianRows {
   std::vector<int32_t> num_steps;                   // [count], as are the statistics
   std::vector<float> grad_sum;
   std::vector<int32_t> num_visible;
+  std::vector<int32_t> refinable;  // [count], or empty while refinement is not open
 };
 
 // What stage one trains, in backend memory: the parameters with Adam's moments and step counts and
@@ -50,6 +51,7 @@ class GaussianState {
   // later are 0. False when the backend is out of memory.
   bool OpenRefinement();  // all rows that there are may be
   void CloseRefinement() { rows_.refinable = {}; }
+  bool refinement_open() const { return !rows_.refinable.empty(); }
   DeviceSpan<int32_t> refinable() { return rows_.refinable.span().Subspan(0, count_); }
 
   // New rows behind the present ones, whose order and statistics stay: copies of rows `source` but

@@ -15,7 +15,7 @@ namespace {
 // The one list of sections, for writing and for reading: name, version, value.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
-  visit("counters", 1, checkpoint.counters);
+  visit("counters", 2, checkpoint.counters);
   visit("random", 1, checkpoint.random);
   visit("views_left", 1, checkpoint.views_left);
   visit("gaussians", 1, checkpoint.gaussians.shape);
@@ -25,6 +25,7 @@ void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("num_steps", 1, checkpoint.gaussians.num_steps);
   visit("grad_sum", 1, checkpoint.gaussians.grad_sum);
   visit("num_visible", 1, checkpoint.gaussians.num_visible);
+  visit("refinable", 1, checkpoint.gaussians.refinable);
 }
 
 template <class T>
@@ -97,6 +98,9 @@ absl::Status ValidateRows(const GaussianRows& rows) {
   RETURN_IF_ERROR(CheckSize("num_steps", rows.num_steps.size(), count));
   RETURN_IF_ERROR(CheckSize("grad_sum", rows.grad_sum.size(), count));
   RETURN_IF_ERROR(CheckSize("num_visible", rows.num_visible.size(), count));
+  if (!rows.refinable.empty()) {
+    RETURN_IF_ERROR(CheckSize("refinable", rows.refinable.size(), count));
+  }
   RETURN_IF_ERROR(CheckFinite("parameters", rows.parameters));
   RETURN_IF_ERROR(CheckFinite("moment1", rows.moment1));
   RETURN_IF_ERROR(CheckFinite("moment2", rows.moment2));

@@ -115,6 +115,7 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
   num_culled_degenerate_ = checkpoint.counters.num_culled_degenerate;
   num_skipped_gradients_ = checkpoint.counters.num_skipped_gradients;
   num_void_renders_ = checkpoint.counters.num_void_renders;
+  refiner_.Restore({checkpoint.counters.num_refined, checkpoint.counters.num_refine_split});
   if (state_.Restore(checkpoint.gaussians)) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       absl::StrCat("out of memory for ", checkpoint.gaussians.shape.count, " Gaussians"));
@@ -123,7 +124,12 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
 absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
   while (!results_.empty()) Settle();
   ReconstructCheckpoint checkpoint;
-  checkpoint.counters = {step_, num_culled_degenerate_, num_skipped_gradients_, num_void_renders_};
+  checkpoint.counters = {step_,
+                         num_culled_degenerate_,
+                         num_skipped_gradients_,
+                         num_void_renders_,
+                         refiner_.counts().num_refined,
+                         refiner_.counts().num_split};
   std::ostringstream random;
   random << random_;
   checkpoint.random = random.str();
@@ -226,8 +232,8 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   report.num_culled_degenerate = num_culled_degenerate_;
   report.num_skipped_gradients = num_skipped_gradients_;
   report.num_void_renders = num_void_renders_;
-  report.num_refined = refiner_.num_refined();
-  report.num_refine_split = refiner_.num_split();
+  report.num_refined = refiner_.counts().num_refined;
+  report.num_refine_split = refiner_.counts().num_split;
   if (!newest_) return report;
   const auto& sums = newest_->loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored

@@ -36,9 +36,8 @@ Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOpti
 bool Refiner::Due(int step) const { return masks_ && step >= first_ && step < end_; }
 
 absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
-  const bool opens = !working_;
-  if (opens) working_.emplace();
-  if (opens && !state.OpenRefinement()) {
+  if (!working_) working_.emplace();
+  if (!state.refinement_open() && !state.OpenRefinement()) {
     return absl::ResourceExhaustedError(
         absl::StrCat("refinement: out of memory for ", state.count(), " Gaussians"));
   }
@@ -53,8 +52,8 @@ absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::ResourceExhaustedError(absl::StrCat("refinement: ", error));
   }
-  num_refined_ += counts[kNumRefined];
-  num_split_ += counts[kNumRefineSplit];
+  counts_.num_refined += counts[kNumRefined];
+  counts_.num_split += counts[kNumRefineSplit];
   if (!state.Append(args.outside_source.Subspan(0, counts[kNumRefineSplit]), args.outside_shape)) {
     return absl::ResourceExhaustedError(
         absl::StrCat("refinement: out of memory for ", counts[kNumRefineSplit], " more Gaussians"));

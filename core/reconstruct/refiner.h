@@ -39,9 +39,12 @@ class Refiner {
   // After each step: gives the memory back when the window is over.
   void EndStep(int step, GaussianState& state);
 
-  // Since the start of the stage.
-  int64_t num_refined() const { return num_refined_; }
-  int64_t num_split() const { return num_split_; }
+  struct Counts {
+    int64_t num_refined = 0;  // Gaussians that were shortened, since the start of the stage
+    int64_t num_split = 0;    // Gaussians that were added
+  };
+  const Counts& counts() const { return counts_; }
+  void Restore(const Counts& counts) { counts_ = counts; }
 
  private:
   struct Working {
@@ -61,7 +64,7 @@ class Refiner {
   std::optional<ViewMasks> masks_;  // none: nothing is ever due
   std::optional<Working> working_;
   int first_ = 0, end_ = 0;  // steps of the window
-  int64_t num_refined_ = 0, num_split_ = 0;
+  Counts counts_;
 };
 
 }  // namespace pepeseg

@@ -20,8 +20,8 @@ const Capture& Synthetic() {
   return capture;
 }
 
-// Coarse until step 30 (a quarter until 15), density control at 25, 50 and 75, an opacity reset
-// at 40.
+// Coarse until step 30 (a quarter until 15), then refinement until 39, density control at 25, 50
+// and 75, an opacity reset at 40.
 ReconstructOptions Options() {
   ReconstructOptions options;
   options.num_steps = 90;
@@ -31,6 +31,8 @@ ReconstructOptions Options() {
   options.densify_every = 25;
   options.opacity_reset_every = 40;
   options.max_gaussians = 4000;
+  options.refine_keep = RefineKeep::kSplit;
+  options.refine_length = 0.1;
   return options;
 }
 
@@ -69,7 +71,7 @@ TEST(ReconstructCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
   EXPECT_GT(expected.count, 700);  // density control took part
   // From the start, within both coarse phases and at their ends, around each kind of density
   // control, and at the end.
-  for (const int step : {0, 7, 15, 16, 24, 25, 26, 30, 39, 40, 41, 75, 89, 90}) {
+  for (const int step : {0, 7, 15, 16, 24, 25, 26, 30, 31, 38, 39, 40, 41, 75, 89, 90}) {
     const ReconstructCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
     // Another number of threads, as another machine might have.
     const auto other = MakeCpuBackend(1);
@@ -84,15 +86,18 @@ TEST(ReconstructCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
 TEST(ReconstructCheckpoint, ReportsGoOnWhereTheyStopped) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto resumed,
-                       Reconstructor::Resume(*backend, Synthetic(), Options(), CheckpointAt(30)));
+                       Reconstructor::Resume(*backend, Synthetic(), Options(), CheckpointAt(33)));
   ASSERT_OK_AND_ASSIGN(const StepReport report, resumed->Step());
-  EXPECT_EQ(report.step, 31);
+  EXPECT_EQ(report.step, 34);
   const auto unbroken = Fresh(*backend);
-  StepTo(*unbroken, 30);
+  StepTo(*unbroken, 33);
   ASSERT_OK_AND_ASSIGN(const StepReport expected, unbroken->Step());
   EXPECT_EQ(report.loss, expected.loss);
   EXPECT_EQ(report.psnr, expected.psnr);
   EXPECT_EQ(report.num_gaussians, expected.num_gaussians);
+  EXPECT_GT(report.num_refined, 0);
+  EXPECT_EQ(report.num_refined, expected.num_refined);
+  EXPECT_EQ(report.num_refine_split, expected.num_refine_split);
 }
 
 TEST(ReconstructCheckpoint, SavingChangesNothing) {
@@ -129,7 +134,7 @@ TEST(ReconstructCheckpoint, EverySectionIsNeededAndNoOtherTaken) {
 }
 
 TEST(ReconstructCheckpoint, SectionsOfAnotherSizeAreRefused) {
-  const ReconstructCheckpoint checkpoint = CheckpointAt(3);
+  const ReconstructCheckpoint checkpoint = CheckpointAt(33);
   const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   for (size_t i = 0; i < sections.size(); ++i) {
     // Any string may be the engine's, and any number of views may be left: Resume looks at those.

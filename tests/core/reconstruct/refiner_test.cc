@@ -101,12 +101,12 @@ TEST(Refiner, IsNeverDueWithoutMasksOrWhenItIsOff) {
 TEST(Refiner, ShortensAShareOfTheGaussiansOfEachViewOnce) {
   Fixture it(WithKeep(RefineKeep::kShrink));
   ASSERT_OK(it.Apply(0));
-  EXPECT_EQ(it.refiner.num_refined(), 2);  // a tenth of 20
+  EXPECT_EQ(it.refiner.counts().num_refined, 2);  // a tenth of 20
   ASSERT_OK(it.Apply(1));
-  EXPECT_EQ(it.refiner.num_refined(), 3);  // a tenth of the 18 that are left
-  ASSERT_OK(it.Apply(2));                  // has no masks
-  EXPECT_EQ(it.refiner.num_refined(), 3);
-  EXPECT_EQ(it.refiner.num_split(), 0);
+  EXPECT_EQ(it.refiner.counts().num_refined, 3);  // a tenth of the 18 that are left
+  ASSERT_OK(it.Apply(2));                         // has no masks
+  EXPECT_EQ(it.refiner.counts().num_refined, 3);
+  EXPECT_EQ(it.refiner.counts().num_split, 0);
   const Gaussians after = it.state.Download();
   for (int i = 0; i < 20; ++i) {
     EXPECT_NEAR(std::exp(after.Plane(kLogScalePlane)[i]), i < 3 ? 0.4f / 3 : 0.2f, 1e-5f) << i;
@@ -118,8 +118,8 @@ TEST(Refiner, SplitAppendsThePartsOutside) {
   options.refine_candidates = 0.2;
   Fixture it(options);
   ASSERT_OK(it.Apply(0));
-  EXPECT_EQ(it.refiner.num_refined(), 4);
-  EXPECT_EQ(it.refiner.num_split(), 4);
+  EXPECT_EQ(it.refiner.counts().num_refined, 4);
+  EXPECT_EQ(it.refiner.counts().num_split, 4);
   const Gaussians after = it.state.Download();
   ASSERT_EQ(after.count, 24);
   for (int i = 0; i < 4; ++i) {
@@ -138,11 +138,11 @@ TEST(Refiner, SplitKeepsToTheLimitOfGaussians) {
   options.max_gaussians = 23;
   Fixture it(options);
   ASSERT_OK(it.Apply(0));
-  EXPECT_EQ(it.refiner.num_refined(), 10);
-  EXPECT_EQ(it.refiner.num_split(), 3);
+  EXPECT_EQ(it.refiner.counts().num_refined, 10);
+  EXPECT_EQ(it.refiner.counts().num_split, 3);
   ASSERT_OK(it.Apply(1));
   EXPECT_EQ(it.state.count(), 23);
-  EXPECT_EQ(it.refiner.num_refined(), 15);
+  EXPECT_EQ(it.refiner.counts().num_refined, 15);
 }
 
 TEST(Refiner, LeavesAloneWhatCameAfterTheWindowOpened) {
@@ -154,7 +154,7 @@ TEST(Refiner, LeavesAloneWhatCameAfterTheWindowOpened) {
   const Buffer<uint8_t> is_new(*it.backend, std::vector<uint8_t>{0, 1, 0, 1, 0});
   ASSERT_TRUE(it.state.Rearrange(source.span(), is_new.span()));
   ASSERT_OK(it.Apply(0));
-  EXPECT_EQ(it.refiner.num_refined(), 3);
+  EXPECT_EQ(it.refiner.counts().num_refined, 3);
   const Gaussians after = it.state.Download();
   const bool want[] = {true, false, true, false, true};
   for (int i = 0; i < 5; ++i) EXPECT_EQ(after.Plane(kMeanPlane)[i] != 0, want[i]) << i;
@@ -169,7 +169,7 @@ TEST(Refiner, GivesItsMemoryBackWhenTheWindowEnds) {
   it.refiner.EndStep(4005, it.state);
   EXPECT_LT(it.backend->bytes_in_use(), before);  // the masks too
   EXPECT_FALSE(it.refiner.Due(4005));
-  EXPECT_EQ(it.refiner.num_refined(), 2);
+  EXPECT_EQ(it.refiner.counts().num_refined, 2);
 }
 
 }  // namespace
