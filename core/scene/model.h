@@ -27,7 +27,7 @@ struct ModelView {
   Camera camera;
   Pose cam_from_world;
   bool held_out = false;
-  std::optional<ImageScores> scores;  // of a held-out view
+  std::optional<ImageScores> scores = std::nullopt;  // of a held-out view
 };
 
 // Everything that a query needs; loading one never needs the photographs.

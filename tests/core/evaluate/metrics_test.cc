@@ -88,7 +88,7 @@ TEST(ScoreHeldOut, NamesTheViewThatCannotBeScored) {
 }
 
 TEST(Mean, AveragesEachScore) {
-  const std::vector<ViewScores> scores = {{"a", {20, 0.5, {}}}, {"b", {30, 0.9, {}}}};
+  const std::vector<ViewScores> scores = {{"a", {20, 0.5}}, {"b", {30, 0.9}}};
   EXPECT_DOUBLE_EQ(Mean(scores).psnr, 25);
   EXPECT_DOUBLE_EQ(Mean(scores).ssim, 0.7);
   EXPECT_DOUBLE_EQ(Mean({}).psnr, 0);

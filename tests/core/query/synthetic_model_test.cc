@@ -70,7 +70,7 @@ TEST(TrainedFeatures, AClickSegmentsItsObjectInAHeldOutView) {
   for (size_t v = 0; v < scene.capture.views.size(); ++v) {
     const View& view = scene.capture.views[v];
     if (!view.held_out) continue;
-    const ModelView target = {view.name, view.camera, view.cam_from_world, true, {}};
+    const ModelView target = {view.name, view.camera, view.cam_from_world, true};
     for (int label = 1; label <= testing::kNumObjects; ++label) {
       std::vector<uint8_t> truth;
       for (const uint8_t at : scene.labels[v]) truth.push_back(at == label ? 1 : 0);
