@@ -66,6 +66,7 @@ struct Fixture {
 
 ReconstructOptions WithKeep(RefineKeep keep) {
   ReconstructOptions options;
+  options.num_steps = 30000;
   options.refine_keep = keep;
   return options;
 }
@@ -76,7 +77,7 @@ TEST(Refiner, VisitsEachViewTwiceFromItsShareOn) {
 }
 
 TEST(Refiner, TheWindowIsAShareOfTheRun) {
-  ReconstructOptions options;
+  ReconstructOptions options = WithKeep(RefineKeep::kShrink);
   const auto many = Fixture(options, 150).DueSteps();
   ASSERT_EQ(many.size(), 200u);
   EXPECT_EQ(many.front(), 4000);
@@ -87,7 +88,7 @@ TEST(Refiner, TheWindowIsAShareOfTheRun) {
 }
 
 TEST(Refiner, TheWindowWaitsForPhotographsAtFullSize) {
-  ReconstructOptions options;
+  ReconstructOptions options = WithKeep(RefineKeep::kShrink);
   options.num_steps = 3000;
   options.coarse_until = 0.4;
   EXPECT_EQ(Fixture(options, 150).DueSteps().front(), 1200);
