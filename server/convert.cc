@@ -36,7 +36,9 @@
   FIELD(refine_keep) \
   FIELD(refine_from) \
   FIELD(refine_length) \
-  FIELD(refine_candidates)
+  FIELD(refine_candidates) \
+  FIELD(pixels_per_gaussian) \
+  FIELD(opacity_decay)
 // clang-format on
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps)                    \

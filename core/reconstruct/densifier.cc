@@ -1,8 +1,15 @@
 #include "core/reconstruct/densifier.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 
 namespace pepeseg {
+namespace {
+
+constexpr float kBudgetedShare = 0.25f;  // of densify_gradient: the budget chooses
+
+}  // namespace
 
 bool Densifier::IsEvery(int every, int step) const {
   const int done = step + 1;
@@ -13,27 +20,41 @@ bool Densifier::IsEvery(int every, int step) const {
 bool Densifier::Due(int step) const { return IsEvery(options_.densify_every, step); }
 
 bool Densifier::OpacityResetDue(int step) const {
-  return IsEvery(options_.opacity_reset_every, step);
+  return !budgeted() && IsEvery(options_.opacity_reset_every, step);
 }
 
-absl::Status Densifier::Apply(GaussianState& state, std::mt19937_64& random) const {
+int64_t Densifier::BudgetAt(int step) const {
+  if (!budgeted()) return options_.max_gaussians;
+  const double most =
+      std::min(static_cast<double>(options_.max_gaussians),
+               static_cast<double>(scene_.num_training_pixels) / options_.pixels_per_gaussian);
+  const auto first = static_cast<double>(scene_.num_initial);
+  const double share = static_cast<double>(step + 1) / options_.num_steps;
+  const double span = options_.densify_until - options_.densify_from;
+  const double passed =
+      span > 0 ? std::clamp((share - options_.densify_from) / span, 0.0, 1.0) : 1.0;
+  return static_cast<int64_t>(first + std::max(0.0, most - first) * passed);
+}
+
+absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& random) const {
   const DensityStats stats = state.stats();
   Buffer<int32_t> source;
   Buffer<uint8_t> is_new;
   Buffer<float> mean_log_scale;
   DensityCounts counts;
-  backend_.PlanDensity({.gaussians = state.parameters(),
-                        .mean2d_grad_sum = stats.mean2d_grad_sum,
-                        .num_visible = stats.num_visible,
-                        .min_gradient = options_.densify_gradient,
-                        .clone_size = static_cast<float>(options_.densify_size * scene_radius_),
-                        .min_opacity = options_.prune_opacity,
-                        .max_count = options_.max_gaussians,
-                        .seed = static_cast<uint32_t>(random()),
-                        .source = &source,
-                        .is_new = &is_new,
-                        .mean_log_scale = &mean_log_scale,
-                        .counts = &counts});
+  backend_.PlanDensity(
+      {.gaussians = state.parameters(),
+       .mean2d_grad_sum = stats.mean2d_grad_sum,
+       .num_visible = stats.num_visible,
+       .min_gradient = (budgeted() ? kBudgetedShare : 1) * options_.densify_gradient,
+       .clone_size = static_cast<float>(options_.densify_size * scene_.radius),
+       .min_opacity = options_.prune_opacity,
+       .max_count = BudgetAt(step),
+       .seed = static_cast<uint32_t>(random()),
+       .source = &source,
+       .is_new = &is_new,
+       .mean_log_scale = &mean_log_scale,
+       .counts = &counts});
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::ResourceExhaustedError(absl::StrCat("density control: ", error));
   }
@@ -47,6 +68,7 @@ absl::Status Densifier::Apply(GaussianState& state, std::mt19937_64& random) con
         absl::StrCat("out of memory for ", counts.num_rows, " Gaussians"));
   }
   state.SetMeansAndLogScales(mean_log_scale.span());
+  if (budgeted()) state.FadeOpacity(options_.opacity_decay);
   return absl::OkStatus();
 }
 

@@ -212,6 +212,15 @@ void GaussianState::SetMeansAndLogScales(DeviceSpan<const float> planes) {
   }
 }
 
+void GaussianState::FadeOpacity(float factor) {
+  std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
+  for (float& logit : logits) {
+    const float opacity = factor / (1 + std::exp(-logit));
+    logit = std::log(opacity / (1 - opacity));
+  }
+  UploadPlanes(rows_.parameters, kOpacityPlane, logits);
+}
+
 void GaussianState::LimitOpacity(float opacity) {
   const float limit = std::log(opacity / (1 - opacity));
   std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);

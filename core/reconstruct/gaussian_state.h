@@ -64,6 +64,8 @@ class GaussianState {
 
   // No opacity is more than this from now on; the opacities' moments start at 0.
   void LimitOpacity(float opacity);
+  // Opacities are multiplied by `factor`; moments stay.
+  void FadeOpacity(float factor);
 
  private:
   struct Rows {

@@ -36,6 +36,8 @@ absl::Status ValidateDensityControl(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("densify_size", options.densify_size, 0, 1e9));
   RETURN_IF_ERROR(InRange("prune_opacity", options.prune_opacity, 0, 0.5));
   RETURN_IF_ERROR(InRange("opacity_reset_every", options.opacity_reset_every, 1, 1e9));
+  RETURN_IF_ERROR(InRange("pixels_per_gaussian", options.pixels_per_gaussian, 0, 1e9));
+  RETURN_IF_ERROR(InRange("opacity_decay", options.opacity_decay, 0.01, 1));
   return InRange("max_gaussians", static_cast<double>(options.max_gaussians), 1, 100e6);
 }
 

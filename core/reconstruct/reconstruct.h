@@ -22,7 +22,7 @@ enum class RefineKeep {
 // Stage one. Defaults follow 3DGS (Kerbl et al. 2023); schedules are in shares of num_steps so that
 // a short run is a short version of the reference one.
 struct ReconstructOptions {
-  int num_steps = 30000;
+  int num_steps = 10000;
   int sh_degree = 3;                         // 0..3, rises by one every num_steps / 30
   float ssim_weight = 0.2f;                  // of 1 - SSIM; L1 gets the rest
   float mean_learning_rate = 1.6e-4f;        // times the scene radius, at the start
@@ -35,14 +35,22 @@ struct ReconstructOptions {
   // num_steps, at half of it for the second half. 0: full size throughout.
   double coarse_until = 0;
   // Adaptive density control.
-  double densify_from = 1.0 / 60;  // share of num_steps (500 of 30,000)
+  double densify_from = 1.0 / 60;  // share of num_steps
   double densify_until = 0.5;      // share of num_steps
   int densify_every = 100;         // steps
   float densify_gradient = 2e-4f;  // mean |d loss / d mean2d|, NDC units
   float densify_size = 0.01f;      // of the scene radius: clone below, split above
   float prune_opacity = 0.005f;
-  int opacity_reset_every = 3000;  // steps; runs shorter than twice this have none
+  int opacity_reset_every = 3000;  // steps; not in the budgeted schedule
   int64_t max_gaussians = 1'000'000;
+  // The budgeted schedule: density control aims at one Gaussian for so many pixels of the training
+  // photographs (within max_gaussians), grows to it linearly in its time, and densifies those with
+  // the largest gradients first, down to a quarter of densify_gradient. At each of its rounds
+  // opacities are multiplied by opacity_decay, in place of the resets: what the photographs do not
+  // pull back fades and is pruned. 0: the reference schedule, all over densify_gradient, and
+  // resets.
+  double pixels_per_gaussian = 50;
+  float opacity_decay = 0.95f;
   // Gaussian refinement, on views with masks. Its window begins at the first step at full size from
   // refine_from on; each view comes twice at most.
   RefineKeep refine_keep = RefineKeep::kShrink;

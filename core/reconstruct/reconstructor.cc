@@ -54,13 +54,13 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
       schedule_(options, scene_radius_),
-      densifier_(backend, options, scene_radius_),
       refiner_(backend, capture, options, schedule_),
       views_(backend, capture, options.coarse_until > 0),
       sampler_(views_.size()),
       points_(StartingPoints(capture, options, random_)),
       log_scales_(BoundLogScales(capture, points_)),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
+      densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
       color_(backend, 3 * views_.max_pixels()),
       color_grad_(backend, 3 * views_.max_pixels()),
       loss_sums_(backend, kNumImageLossSums),
@@ -153,7 +153,7 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   if (densify || reset || refine || step_ + 1 == options_.num_steps) {
     while (!results_.empty()) Settle();
   }
-  if (densify) RETURN_IF_ERROR(densifier_.Apply(state_, random_));
+  if (densify) RETURN_IF_ERROR(densifier_.Apply(step_, state_, random_));
   if (reset) state_.LimitOpacity(kResetOpacity);
   if (refine) RETURN_IF_ERROR(Refine(input));
   refiner_.EndStep(step_, state_);

@@ -62,13 +62,13 @@ class Reconstructor {
   const double scene_radius_;
   std::mt19937_64 random_;
   const Schedule schedule_;
-  const Densifier densifier_;
   Refiner refiner_;
   const TrainingViews views_;
   ViewSampler sampler_;
   const std::vector<ScenePoint> points_;
   const LogScaleBounds log_scales_;
   GaussianState state_;
+  const Densifier densifier_;
   RenderScratch scratch_;
   Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
   Buffer<double> loss_sums_;          // [kNumImageLossSums]

@@ -60,6 +60,7 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture, bool coar
       sizes[size] = Upload(backend, view, 1 << size);
       const PinholeView& pinhole = sizes[size].pinhole;
       const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
+      if (size == 0) num_pixels_ += num_pixels;
       max_pixels_ = std::max(max_pixels_, num_pixels);
       allocated_ = allocated_ && sizes[size].photo.size() == 3 * num_pixels &&
                    (view.ignore.empty() || sizes[size].ignore.size() == num_pixels);

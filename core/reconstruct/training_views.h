@@ -26,12 +26,13 @@ class TrainingViews {
   // shrink: 1, or 2 or 4 when made with `coarse`.
   const TrainingView& At(int view, int shrink) const { return views_[view][shrink / 2]; }
   int64_t max_pixels() const { return max_pixels_; }
-  bool allocated() const { return allocated_; }  // false: the backend is out of memory
+  int64_t num_pixels() const { return num_pixels_; }  // of all views at full size
+  bool allocated() const { return allocated_; }       // false: the backend is out of memory
 
  private:
   static constexpr int kNumSizes = 3;
   std::vector<std::array<TrainingView, kNumSizes>> views_;  // by shrink / 2
-  int64_t max_pixels_ = 0;
+  int64_t max_pixels_ = 0, num_pixels_ = 0;
   bool allocated_ = true;
 };
 

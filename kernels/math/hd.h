@@ -8,8 +8,12 @@
 // the code takes the instruction set of its caller.
 #ifdef __CUDACC__
 #define PEPESEG_HD __host__ __device__ __forceinline__
+// Not inlined on a device: each place it is inlined to may fuse multiplications and additions in
+// another way. For what two kernels must find equal to the last bit. Arguments by value.
+#define PEPESEG_HD_SAME_BITS inline __host__ __device__ __noinline__
 #else
 #define PEPESEG_HD inline __attribute__((always_inline))
+#define PEPESEG_HD_SAME_BITS PEPESEG_HD
 #endif
 
 namespace pepeseg {

@@ -63,24 +63,37 @@ PEPESEG_HD int ClampToTiles(float tile, int end) {
   return static_cast<int>(Min(Max(tile, 0.0f), static_cast<float>(end)));
 }
 
+// The rows of tiles that a splat may reach.
+struct TileRows {
+  SplatExtent extent;
+  int first, end;
+};
+PEPESEG_HD_SAME_BITS TileRows TileRowsOf(Splat splat, int num_rows) {
+  constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
+  const SplatExtent extent = MakeSplatExtent(splat);
+  const float top = splat.y - extent.half_height, bottom = splat.y + extent.half_height;
+  return {extent, ClampToTiles(::ceilf((top - kLast) * kInvSize), num_rows),
+          ClampToTiles(::floorf((bottom - kFirst) * kInvSize) + 1, num_rows)};
+}
+// The tiles of row tile_y that hold a pixel centre in reach of a splat at (x, y).
+PEPESEG_HD_SAME_BITS TileRun TileRunOf(SplatExtent extent, float x, float y, int tile_y,
+                                       int num_columns) {
+  constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
+  const float top = static_cast<float>(tile_y * kTileSize) - y;
+  const BandCover cover = CoverOfBand(extent, top + kFirst, top + kLast);
+  const int first = ClampToTiles(::ceilf((x + cover.left - kLast) * kInvSize), num_columns);
+  const int end = ClampToTiles(::floorf((x + cover.right - kFirst) * kInvSize) + 1, num_columns);
+  return {tile_y * num_columns + first, end - first};
+}
+
 // Calls fn(run) for the tiles that hold a pixel centre in reach of the splat, row by row: exact for
 // the ellipse against the rectangle of a tile's pixel centres.
 template <class Fn>
 PEPESEG_HD void ForEachTileRun(const Splat& splat, const TileGrid& grid, Fn&& fn) {
-  constexpr float kFirst = 0.5f, kLast = kTileSize - 0.5f, kInvSize = 1.0f / kTileSize;
-  const SplatExtent extent = MakeSplatExtent(splat);
-  const float half_height = extent.half_height;
-  const int first_y = ClampToTiles(::ceilf((splat.y - half_height - kLast) * kInvSize), grid.num_y);
-  const int end_y =
-      ClampToTiles(::floorf((splat.y + half_height - kFirst) * kInvSize) + 1, grid.num_y);
-  for (int tile_y = first_y; tile_y < end_y; ++tile_y) {
-    const float top = static_cast<float>(tile_y * kTileSize) - splat.y;
-    const BandCover cover = CoverOfBand(extent, top + kFirst, top + kLast);
-    const int first_x =
-        ClampToTiles(::ceilf((splat.x + cover.left - kLast) * kInvSize), grid.num_x);
-    const int end_x =
-        ClampToTiles(::floorf((splat.x + cover.right - kFirst) * kInvSize) + 1, grid.num_x);
-    if (first_x < end_x) fn(TileRun{tile_y * grid.num_x + first_x, end_x - first_x});
+  const TileRows rows = TileRowsOf(splat, grid.num_y);
+  for (int tile_y = rows.first; tile_y < rows.end; ++tile_y) {
+    const TileRun run = TileRunOf(rows.extent, splat.x, splat.y, tile_y, grid.num_x);
+    if (run.count > 0) fn(run);
   }
 }
 

@@ -15,6 +15,7 @@
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/pinhole_view.h"
 #include "core/status_macros.h"
+#include "tests/bench/stage_one_flags.h"
 
 namespace pepeseg {
 namespace {
@@ -52,38 +53,13 @@ class Stopwatch {
 };
 
 void AddOptions(CLI::App& app, BenchOptions& options) {
-  ReconstructOptions& stage = options.reconstruct;
-  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  AddStageOneFlags(app, options.reconstruct);
   app.add_option("folder", options.folder)->required();
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_option("--threads", options.num_threads);
   app.add_option("--renders", options.renders);
   app.add_flag("--verbose", options.verbose);
-  app.add_option("--steps", stage.num_steps);
-  app.add_option("--sh", stage.sh_degree);
-  app.add_option("--ssim-weight", stage.ssim_weight);
-  app.add_option("--mean-rate", stage.mean_learning_rate);
-  app.add_option("--mean-rate-final", stage.mean_learning_rate_final);
-  app.add_option("--scale-rate", stage.log_scale_learning_rate);
-  app.add_option("--rotation-rate", stage.rotation_learning_rate);
-  app.add_option("--opacity-rate", stage.opacity_learning_rate);
-  app.add_option("--sh-rate", stage.sh_learning_rate);
-  app.add_option("--coarse-until", stage.coarse_until);
-  app.add_option("--densify-from", stage.densify_from);
-  app.add_option("--densify-until", stage.densify_until);
-  app.add_option("--densify-every", stage.densify_every);
-  app.add_option("--densify-gradient", stage.densify_gradient);
-  app.add_option("--densify-size", stage.densify_size);
-  app.add_option("--prune-opacity", stage.prune_opacity);
-  app.add_option("--opacity-reset-every", stage.opacity_reset_every);
-  app.add_option("--max-gaussians", stage.max_gaussians);
-  app.add_option("--refine-keep", stage.refine_keep, "1 none, 2 shrink, 3 split, 4 split all axes");
-  app.add_option("--refine-from", stage.refine_from);
-  app.add_option("--refine-length", stage.refine_length);
-  app.add_option("--refine-candidates", stage.refine_candidates);
-  app.add_option("--random-points", stage.num_random_points);
-  app.add_option("--seed", stage.seed);
 }
 
 Image RenderView(Backend& backend, const Gaussians& gaussians, const View& view, float near_plane) {

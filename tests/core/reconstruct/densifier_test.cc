@@ -15,12 +15,13 @@ ReconstructOptions ShortRun() {
   options.densify_until = 0.5;
   options.densify_every = 100;
   options.opacity_reset_every = 200;
+  options.pixels_per_gaussian = 0;
   return options;
 }
 
 TEST(Densifier, IsDueBetweenTheTwoShares) {
   const auto backend = MakeCpuBackend(1);
-  const Densifier densifier(*backend, ShortRun(), 1);
+  const Densifier densifier(*backend, ShortRun(), {});
   std::vector<int> due, resets;
   for (int step = 0; step < 1000; ++step) {
     if (densifier.Due(step)) due.push_back(step + 1);
@@ -28,6 +29,38 @@ TEST(Densifier, IsDueBetweenTheTwoShares) {
   }
   EXPECT_EQ(due, (std::vector<int>{100, 200, 300, 400}));
   EXPECT_EQ(resets, (std::vector<int>{200, 400}));
+}
+
+TEST(Densifier, FadesInPlaceOfResetsWithinABudget) {
+  const auto backend = MakeCpuBackend(1);
+  ReconstructOptions options = ShortRun();
+  options.pixels_per_gaussian = 20;
+  const Densifier densifier(*backend, options, {});
+  EXPECT_FALSE(densifier.OpacityResetDue(199));
+  Gaussians initial = Gaussians::Zero(1, 0);
+  initial.Plane(kRotationPlane)[0] = 1;
+  initial.Plane(kOpacityPlane)[0] = 0;
+  GaussianState state(*backend, initial);
+  std::mt19937_64 random(1);
+  ASSERT_OK(densifier.Apply(199, state, random));
+  const float opacity = 1 / (1 + std::exp(-state.Download().Plane(kOpacityPlane)[0]));
+  EXPECT_NEAR(opacity, 0.5f * options.opacity_decay, 1e-6);
+}
+
+TEST(Densifier, GrowsItsBudgetToAShareOfThePixels) {
+  const auto backend = MakeCpuBackend(1);
+  ReconstructOptions options = ShortRun();
+  const DensityScene scene = {.num_training_pixels = 100'000, .num_initial = 1000};
+  EXPECT_EQ(Densifier(*backend, options, scene).BudgetAt(200), options.max_gaussians);
+  options.pixels_per_gaussian = 20;
+  const Densifier densifier(*backend, options, scene);
+  EXPECT_EQ(densifier.BudgetAt(99), 1000);   // at densify_from
+  EXPECT_EQ(densifier.BudgetAt(299), 3000);  // half way
+  EXPECT_EQ(densifier.BudgetAt(499), 5000);
+  options.max_gaussians = 3000;
+  EXPECT_EQ(Densifier(*backend, options, scene).BudgetAt(499), 3000);
+  options.pixels_per_gaussian = 1000;  // fewer than there are: none goes, none comes
+  EXPECT_EQ(Densifier(*backend, options, scene).BudgetAt(499), 1000);
 }
 
 Gaussians ThreeGaussians() {
@@ -52,7 +85,7 @@ TEST(Densifier, AppliesItsPlanToTheState) {
     state.num_steps()[i] = 7;
   }
   std::mt19937_64 random(1);
-  ASSERT_OK(Densifier(*backend, ShortRun(), 1).Apply(state, random));
+  ASSERT_OK(Densifier(*backend, ShortRun(), {}).Apply(99, state, random));
   const Gaussians after = state.Download();
   ASSERT_EQ(after.count, 4);  // two of the first, two children of the second
   std::vector<float> colors(after.Plane(kShPlane).begin(), after.Plane(kShPlane).end());
@@ -75,7 +108,7 @@ TEST(Densifier, FailsWhenNothingIsLeft) {
   for (float& logit : faint.Plane(kOpacityPlane)) logit = -9;
   GaussianState state(*backend, faint);
   std::mt19937_64 random(1);
-  EXPECT_STATUS(Densifier(*backend, ShortRun(), 1).Apply(state, random),
+  EXPECT_STATUS(Densifier(*backend, ShortRun(), {}).Apply(99, state, random),
                 absl::StatusCode::kFailedPrecondition, "none of 3 Gaussians");
   EXPECT_EQ(state.count(), 3);
 }

@@ -154,6 +154,20 @@ TEST(GaussianState, SetsMeansAndLogScalesAlone) {
   }
 }
 
+TEST(GaussianState, FadeOpacityMultipliesIt) {
+  const auto backend = MakeCpuBackend(1);
+  Gaussians initial = Numbered(3);
+  const float logits[] = {3, -9, 15};
+  for (int i = 0; i < 3; ++i) initial.Plane(kOpacityPlane)[i] = logits[i];
+  GaussianState state(*backend, initial);
+  state.FadeOpacity(0.9f);
+  const Gaussians after = state.Download();
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(1 / (1 + std::exp(-after.Plane(kOpacityPlane)[i])),
+                0.9 / (1 + std::exp(-logits[i])), 1e-6);
+  }
+}
+
 TEST(GaussianState, LimitOpacityLowersAndForgets) {
   const auto backend = MakeCpuBackend(1);
   Gaussians initial = Numbered(2);

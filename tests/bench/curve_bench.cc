@@ -1,0 +1,114 @@
+// Error against time of stage one: trains on a capture pack and scores the held-out views at set
+// shares of the run, with the clock stopped. One table row a score.
+
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "core/evaluate/metrics.h"
+#include "core/reconstruct/reconstructor.h"
+#include "core/status_macros.h"
+#include "tests/bench/capture_pack.h"
+#include "tests/bench/stage_one_flags.h"
+
+namespace pepeseg {
+namespace {
+
+struct BenchOptions {
+  std::string pack;
+  std::string device = "cpu";
+  std::string name = "run";
+  int num_scores = 10;
+  int num_seeds = 1;
+  bool strip_depth = false, strip_masks = false;
+  bool kernels = false;
+  ReconstructOptions reconstruct;
+};
+
+std::unique_ptr<Backend> MakeBackend(const BenchOptions& options, std::vector<KernelTime>* times) {
+  if (options.device == "cpu") return MakeCpuBackend();
+  std::string error;
+  auto backend = MakeCudaBackend({.kernel_times = options.kernels ? times : nullptr}, &error);
+  if (backend == nullptr) std::cerr << error << "\n";
+  return backend;
+}
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+absl::Status Score(Backend& backend, const Capture& capture, const Gaussians& gaussians,
+                   std::string& cells) {
+  ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, gaussians));
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.3f | %.4f", Mean(scores).psnr, Mean(scores).ssim);
+  cells = text;
+  return absl::OkStatus();
+}
+
+absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions& options,
+                   uint64_t seed) {
+  ReconstructOptions stage = options.reconstruct;
+  stage.seed = seed;
+  double seconds = 0, start = Now();
+  ASSIGN_OR_RETURN(const auto reconstructor, Reconstructor::Create(backend, capture, stage));
+  for (int step = 1; step <= stage.num_steps; ++step) {
+    ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
+    const int64_t share = int64_t{step} * options.num_scores / stage.num_steps;
+    if (share == int64_t{step - 1} * options.num_scores / stage.num_steps) continue;
+    backend.Sync();
+    seconds += Now() - start;
+    std::string cells;
+    RETURN_IF_ERROR(Score(backend, capture, reconstructor->Result(), cells));
+    std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f |\n", options.name.c_str(),
+                static_cast<int>(seed), step, seconds, static_cast<long>(report.num_gaussians),
+                cells.c_str(), report.loss, static_cast<long>(report.num_void_renders),
+                1e-6 * static_cast<double>(backend.bytes_in_use()));
+    std::fflush(stdout);
+    start = Now();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Run(const BenchOptions& options) {
+  ASSIGN_OR_RETURN(Capture capture, ReadCapturePack(options.pack));
+  for (View& view : capture.views) {
+    if (options.strip_depth) view.depth = {};
+    if (options.strip_masks) view.masks = {};
+  }
+  std::vector<KernelTime> times;
+  const auto backend = MakeBackend(options, &times);
+  if (backend == nullptr) return absl::UnavailableError("no such device");
+  for (int k = 0; k < options.num_seeds; ++k) {
+    RETURN_IF_ERROR(Train(*backend, capture, options, options.reconstruct.seed + k));
+  }
+  backend->Sync();
+  for (const KernelTime& time : times) {
+    std::printf("| %s | %.1f ms | %ld calls | %.1f us |\n", time.name.c_str(), time.ms,
+                static_cast<long>(time.calls), 1e3 * time.ms / static_cast<double>(time.calls));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  CLI::App app("Held-out PSNR and SSIM against seconds of stage one");
+  pepeseg::BenchOptions options;
+  app.add_option("pack", options.pack)->required();
+  app.add_option("--device", options.device, "cpu or cuda");
+  app.add_option("--name", options.name, "first column");
+  app.add_option("--scores", options.num_scores);
+  app.add_option("--seeds", options.num_seeds);
+  app.add_flag("--no-depth", options.strip_depth);
+  app.add_flag("--no-masks", options.strip_masks);
+  app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
+  pepeseg::AddStageOneFlags(app, options.reconstruct);
+  CLI11_PARSE(app, argc, argv);
+  const absl::Status status = pepeseg::Run(options);
+  if (!status.ok()) std::cerr << status << "\n";
+  return status.ok() ? 0 : 1;
+}

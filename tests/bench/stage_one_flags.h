@@ -1,0 +1,40 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "core/reconstruct/reconstruct.h"
+
+namespace pepeseg {
+
+// The options of stage one as flags of a bench.
+inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  app.add_option("--steps", stage.num_steps);
+  app.add_option("--sh", stage.sh_degree);
+  app.add_option("--ssim-weight", stage.ssim_weight);
+  app.add_option("--mean-rate", stage.mean_learning_rate);
+  app.add_option("--mean-rate-final", stage.mean_learning_rate_final);
+  app.add_option("--scale-rate", stage.log_scale_learning_rate);
+  app.add_option("--rotation-rate", stage.rotation_learning_rate);
+  app.add_option("--opacity-rate", stage.opacity_learning_rate);
+  app.add_option("--sh-rate", stage.sh_learning_rate);
+  app.add_option("--coarse-until", stage.coarse_until);
+  app.add_option("--densify-from", stage.densify_from);
+  app.add_option("--densify-until", stage.densify_until);
+  app.add_option("--densify-every", stage.densify_every);
+  app.add_option("--densify-gradient", stage.densify_gradient);
+  app.add_option("--densify-size", stage.densify_size);
+  app.add_option("--prune-opacity", stage.prune_opacity);
+  app.add_option("--opacity-reset-every", stage.opacity_reset_every);
+  app.add_option("--pixels-per-gaussian", stage.pixels_per_gaussian);
+  app.add_option("--opacity-decay", stage.opacity_decay);
+  app.add_option("--max-gaussians", stage.max_gaussians);
+  app.add_option("--refine-keep", stage.refine_keep, "1 none, 2 shrink, 3 split, 4 split all axes");
+  app.add_option("--refine-from", stage.refine_from);
+  app.add_option("--refine-length", stage.refine_length);
+  app.add_option("--refine-candidates", stage.refine_candidates);
+  app.add_option("--random-points", stage.num_random_points);
+  app.add_option("--seed", stage.seed);
+}
+
+}  // namespace pepeseg
