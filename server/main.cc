@@ -39,6 +39,9 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--device", server.device,
                  "auto, cpu, cuda or cuda:N; auto: CUDA where there is a device, else the CPU")
       ->capture_default_str();
+  app.add_option("--lpips-weights", server.lpips_weights,
+                 "ONNX file of LPIPS, exported as README.md says: held-out views are scored by it")
+      ->type_name("FILE");
   app.add_option("--threads", server.num_threads,
                  "Threads of a job on the CPU; 0: as many as there are cores")
       ->check(CLI::Range(0, 1024))
@@ -104,6 +107,9 @@ int main(int argc, char** argv) {
   const sigset_t stop_signals = BlockStopSignals();
   flags.server.data = std::filesystem::absolute(flags.server.data);
   flags.server.worker = std::filesystem::absolute(flags.server.worker);
+  if (!flags.server.lpips_weights.empty()) {
+    flags.server.lpips_weights = std::filesystem::absolute(flags.server.lpips_weights);
+  }
   if (!flags.port_file.empty()) flags.port_file = std::filesystem::absolute(flags.port_file);
   return Serve(flags, stop_signals);
 }

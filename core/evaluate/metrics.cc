@@ -79,9 +79,7 @@ class ViewScorer {
     }
     const double mse = std::max(kMinMse, sums[kSumSquared] / sums[kSumPixelChannels]);
     ImageScores scores{-10 * std::log10(mse), sums[kSumSsim] / sums[kSumPixelChannels], {}};
-    if (lpips) {
-      ASSIGN_OR_RETURN(scores.lpips, lpips(view.photo, Interleaved(color, view)));
-    }
+    if (lpips) scores.lpips = lpips(view.photo, Interleaved(color, view));
     return scores;
   }
 

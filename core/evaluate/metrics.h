@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -19,9 +20,9 @@ struct ViewScores {
   ImageScores scores;
 };
 
-// A distance of a rendering to its photograph, [height, width, 3] in [0, 1] both.
+// Of a photograph and a rendering [height, width, 3] in [0, 1]; nothing: it cannot be measured.
 using PerceptualDistance =
-    std::function<absl::StatusOr<double>(const Image& photo, std::span<const float> rendering)>;
+    std::function<std::optional<double>(const Image& photo, std::span<const float> rendering)>;
 
 // Renders every held-out view and scores it against its photograph, in the capture's order.
 // `lpips`, where there is one, sees the photograph's own pixels in place of ignored ones.

@@ -59,11 +59,13 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   RETURN_IF_ERROR(AppendState(folder, job));
   running->FollowLog();
   RETURN_IF_ERROR(running->WriteSpec());
+  std::vector<std::string> arguments = {absl::StrCat("--job=", folder.path().string()),
+                                        absl::StrCat("--parent=", getpid())};
+  if (const std::filesystem::path& weights = context.options.lpips_weights; !weights.empty()) {
+    arguments.push_back(absl::StrCat("--lpips-weights=", weights.string()));
+  }
   ASSIGN_OR_RETURN(running->process_,
-                   WorkerProcess::Launch({context.options.worker,
-                                          {absl::StrCat("--job=", folder.path().string()),
-                                           absl::StrCat("--parent=", getpid())},
-                                          folder.worker_log()}));
+                   WorkerProcess::Launch({context.options.worker, arguments, folder.worker_log()}));
   spdlog::info("jobs/{}: attempt {} runs as process {}", job.id, job.fence,
                running->process_->pid());
   return running;

@@ -22,6 +22,7 @@
 #include "server/device.h"
 #include "server/jobs/file_error.h"
 #include "server/jobs/worker_checkpoints.h"
+#include "server/jobs/worker_folders.h"
 #include "server/jobs/worker_progress.h"
 #include "server/jobs/worker_scores.h"
 
@@ -34,9 +35,11 @@ constexpr size_t kMaxWarnings = 100;
 // What the stages hand on.
 class Training {
  public:
-  Training(const WorkerJob& job, TrainingSettings settings, std::unique_ptr<Backend> backend)
+  Training(const WorkerJob& job, TrainingSettings settings, HeldOutScorer scorer,
+           std::unique_ptr<Backend> backend)
       : job_(job),
         settings_(std::move(settings)),
+        scorer_(std::move(scorer)),
         backend_(std::move(backend)),
         progress_(job.log),
         checkpoints_(job.folder, job.spec, ReconstructIdentity(job.spec, ToProto(settings_)),
@@ -64,6 +67,7 @@ class Training {
 
   const WorkerJob& job_;
   TrainingSettings settings_;
+  HeldOutScorer scorer_;
   std::unique_ptr<Backend> backend_;
   WorkerProgress progress_;
   WorkerCheckpoints checkpoints_;
@@ -211,7 +215,8 @@ absl::Status Training::WriteModelTo(const std::filesystem::path& folder) const {
 absl::Status Training::ScoreScene() {
   RETURN_IF_ERROR(StartStage("evaluate"));
   ASSIGN_OR_RETURN(const std::vector<ViewScores> scores,
-                   ScoreHeldOut(*backend_, capture_, model_.gaussians));
+                   scorer_.Score(*backend_, capture_, model_.gaussians,
+                                 [this](const std::string& message) { Warn(message); }));
   RETURN_IF_ERROR(CheckDevice());
   return EndStage(KeepScores(scores, model_), DescribeScores(scores));
 }
@@ -235,7 +240,7 @@ absl::Status Training::TrainSceneFeatures() {
 
 void Training::DescribeModel() {
   for (const View& view : capture_.views) {
-    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out, {}});
+    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
   }
   model_.scene_radius = SceneRadius(capture_);
   model_.facts["job"] = job_.spec.job;
@@ -247,26 +252,6 @@ void Training::DescribeModel() {
   }
 }
 
-// Stage one's results are part of the model now.
-void RemoveReconstructions(const WorkerJob& job) {
-  std::error_code ignored;
-  for (int64_t fence = 1; fence < job.spec.fence; ++fence) {
-    std::filesystem::remove_all(job.folder.attempt(fence), ignored);
-  }
-  std::filesystem::remove_all(job.folder.reconstruction(job.spec.fence), ignored);
-}
-
-absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {
-  int64_t num_bytes = 0;
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (entry->is_regular_file(error)) num_bytes += static_cast<int64_t>(entry->file_size(error));
-  }
-  if (error) return FileError(folder, "list", error.value());
-  return num_bytes;
-}
-
 absl::StatusOr<JobResult> Training::Index() {
   RETURN_IF_ERROR(StartStage("index"));
   rusage usage{};
@@ -274,7 +259,7 @@ absl::StatusOr<JobResult> Training::Index() {
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
   const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));
-  RemoveReconstructions(job_);
+  RemoveReconstructions(job_.folder, job_.spec.fence);
   RETURN_IF_ERROR(EndStage({}));
   JobResult result;
   result.metrics = model_.metrics;
@@ -287,9 +272,10 @@ absl::StatusOr<JobResult> Training::Index() {
 
 absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job) {
   ASSIGN_OR_RETURN(TrainingSettings settings, TrainingSettingsFromProto(job.spec.options));
+  ASSIGN_OR_RETURN(HeldOutScorer scorer, HeldOutScorer::Create(job.lpips_weights));
   ASSIGN_OR_RETURN(Device device, OpenDevice(job.spec.device, job.spec.num_threads));
   spdlog::info("computing on {}", device.backend->name());
-  Training training(job, std::move(settings), std::move(device.backend));
+  Training training(job, std::move(settings), std::move(scorer), std::move(device.backend));
   RETURN_IF_ERROR(training.Prepare());
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.TrainSceneFeatures());

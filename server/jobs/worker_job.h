@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 
 #include "absl/status/statusor.h"
 #include "server/jobs/event_log.h"
@@ -20,12 +21,14 @@ struct WorkerJob {
   const JobSpec& spec;
   EventLogWriter& log;
   StopSwitch& stop;
+  std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
 };
 
 // The stages of a training, one after the other: prepare -> reconstruct -> features -> index. The
 // model stands in folder.attempt(spec.fence) when it answers OK. Stage one's result is kept beside
 // it until then, so that an attempt after a stop of the server need not train it again.
-// INVALID_ARGUMENT names the file that is wrong; CANCELLED: `stop` was set.
+// INVALID_ARGUMENT names the file, of the dataset or of the weights, that is wrong; CANCELLED:
+// `stop` was set.
 absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job);
 
 }  // namespace pepeseg

@@ -31,6 +31,7 @@ void OnTerminate(int) {
 
 struct Arguments {
   std::string folder;
+  std::string lpips_weights;
   pid_t parent = 0;
 };
 
@@ -39,6 +40,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     const std::string word = argv[i];
     if (word.starts_with("--job=")) {
       arguments->folder = word.substr(std::strlen("--job="));
+    } else if (word.starts_with("--lpips-weights=")) {
+      arguments->lpips_weights = word.substr(std::strlen("--lpips-weights="));
     } else if (!word.starts_with("--parent=") ||
                !absl::SimpleAtoi(word.substr(std::strlen("--parent=")), &arguments->parent)) {
       return false;
@@ -63,12 +66,13 @@ WorkerExit ExitOf(const absl::Status& status) {
   return absl::IsCancelled(status) ? WorkerExit::kCancelled : WorkerExit::kFailed;
 }
 
-WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec) {
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const std::string& lpips_weights) {
   absl::StatusOr<std::unique_ptr<EventLogWriter>> log = EventLogWriter::Open(folder.events());
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
-    absl::StatusOr<JobResult> made = RunWithinMemory({folder, spec, **log, stop_switch});
+    absl::StatusOr<JobResult> made =
+        RunWithinMemory({folder, spec, **log, stop_switch, lpips_weights});
     if (made.ok()) {
       result = *std::move(made);
     } else {
@@ -93,7 +97,7 @@ WorkerExit Run(const Arguments& arguments) {
     return WorkerExit::kBadSpec;
   }
   YieldToServer();
-  return RunJob(folder, *spec);
+  return RunJob(folder, *spec, arguments.lpips_weights);
 }
 
 }  // namespace
@@ -103,7 +107,7 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_logger_st("worker"));
   pepeseg::Arguments arguments;
   if (!pepeseg::Parse(argc, argv, &arguments)) {
-    spdlog::error("usage: pepeseg-worker --job=FOLDER [--parent=PID]");
+    spdlog::error("usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx]");
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }
   std::signal(SIGTERM, pepeseg::OnTerminate);

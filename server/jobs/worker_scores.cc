@@ -2,9 +2,34 @@
 
 #include <spdlog/spdlog.h>
 
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
 #include "server/convert.h"
 
 namespace pepeseg {
+
+absl::StatusOr<HeldOutScorer> HeldOutScorer::Create(const std::filesystem::path& lpips_weights) {
+  HeldOutScorer scorer;
+  if (lpips_weights.empty()) return scorer;
+  ASSIGN_OR_RETURN(scorer.lpips_, Lpips::Open(lpips_weights));
+  return scorer;
+}
+
+absl::StatusOr<std::vector<ViewScores>> HeldOutScorer::Score(
+    Backend& backend, const Capture& capture, const Gaussians& gaussians,
+    absl::FunctionRef<void(const std::string&)> warn) {
+  if (!lpips_) return ScoreHeldOut(backend, capture, gaussians);
+  bool warned = false;
+  const auto distance = [&](const Image& photo,
+                            std::span<const float> rendering) -> std::optional<double> {
+    const absl::StatusOr<double> lpips = lpips_->Distance(photo, rendering);
+    if (lpips.ok()) return *lpips;
+    if (!warned) warn(absl::StrCat("no LPIPS: ", lpips.status().message()));
+    warned = true;
+    return std::nullopt;
+  };
+  return ScoreHeldOut(backend, capture, gaussians, distance);
+}
 
 std::map<std::string, double> KeepScores(std::span<const ViewScores> scores, Model& model) {
   if (scores.empty()) return {};

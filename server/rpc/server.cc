@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/io/lpips.h"
 #include "core/status_macros.h"
 #include "server/device.h"
 #include "server/layout.h"
@@ -112,6 +113,8 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data));
   ASSIGN_OR_RETURN(store, Store::Open("sqlite:" + DatabasePath(options.data).string()));
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
+  // Only to refuse them now rather than in the first job.
+  if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
   LogDevice(device);
   models =
@@ -119,6 +122,7 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   SupervisorOptions jobs_options;
   jobs_options.data_folder = options.data;
   jobs_options.worker = options.worker;
+  jobs_options.lpips_weights = options.lpips_weights;
   jobs_options.device = device.id;
   jobs_options.device_name = device.backend->name();
   jobs_options.num_threads = options.num_threads;

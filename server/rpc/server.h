@@ -12,14 +12,15 @@
 namespace pepeseg {
 
 struct ServerOptions {
-  std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
-  bool insecure = false;               // listens beyond this machine, without encryption
-  bool reflection = false;             // tells anybody what methods there are
-  std::filesystem::path data;          // made when it is not there; for one server at a time
-  std::filesystem::path worker;        // the pepeseg-worker program
-  std::string device = "auto";         // of jobs and queries, see OpenDevice
-  int num_threads = 0;                 // of a job and of a query; 0: as many as the machine has
-  int64_t model_bytes = 0;             // budget of models in memory; 0: half of the machine's
+  std::string listen = "127.0.0.1:0";   // HOST:PORT, port 0: a free one; or unix:PATH
+  bool insecure = false;                // listens beyond this machine, without encryption
+  bool reflection = false;              // tells anybody what methods there are
+  std::filesystem::path data;           // made when it is not there; for one server at a time
+  std::filesystem::path worker;         // the pepeseg-worker program
+  std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
+  std::string device = "auto";          // of jobs and queries, see OpenDevice
+  int num_threads = 0;                  // of a job and of a query; 0: as many as the machine has
+  int64_t model_bytes = 0;              // budget of models in memory; 0: half of the machine's
 };
 
 // Whether HOST:PORT or unix:PATH can be reached from this machine only.
@@ -30,6 +31,7 @@ class Server {
  public:
   // FAILED_PRECONDITION: a listener beyond this machine without `insecure`, a data directory that
   // another server uses, a worker that is no program, a device that cannot be had.
+  // INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
   // Shutdown without grace, unless it was called.
   ~Server();

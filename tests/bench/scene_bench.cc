@@ -12,6 +12,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/io/encode_png.h"
 #include "core/io/import.h"
+#include "core/io/lpips.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/pinhole_view.h"
 #include "core/status_macros.h"
@@ -26,6 +27,7 @@ struct BenchOptions {
   ImportOptions import;
   ReconstructOptions reconstruct;
   int num_threads = 0;
+  std::string lpips;    // ONNX file; empty: not measured
   std::string renders;  // folder; empty: none
   bool verbose = false;
 };
@@ -58,6 +60,7 @@ void AddOptions(CLI::App& app, BenchOptions& options) {
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_option("--threads", options.num_threads);
+  app.add_option("--lpips", options.lpips, "ONNX file, see README.md");
   app.add_option("--renders", options.renders);
   app.add_flag("--verbose", options.verbose);
 }
@@ -124,6 +127,18 @@ absl::Status WriteRenders(Backend& backend, const Capture& capture, const Gaussi
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::vector<ViewScores>> Score(Backend& backend, const Capture& capture,
+                                              const Gaussians& gaussians,
+                                              const std::string& weights) {
+  if (weights.empty()) return ScoreHeldOut(backend, capture, gaussians);
+  ASSIGN_OR_RETURN(Lpips lpips, Lpips::Open(weights));
+  return ScoreHeldOut(backend, capture, gaussians,
+                      [&lpips](const Image& photo, std::span<const float> rendering) {
+                        const absl::StatusOr<double> distance = lpips.Distance(photo, rendering);
+                        return distance.ok() ? std::optional<double>(*distance) : std::nullopt;
+                      });
+}
+
 absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   const auto backend = MakeCpuBackend(options.num_threads);
   nlohmann::json out = {{"folder", options.folder},
@@ -156,11 +171,13 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   out["refined"] = last.num_refined;
   out["refine_split"] = last.num_refine_split;
   out["skipped_gradients"] = last.num_skipped_gradients;
-  ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(*backend, capture, gaussians));
+  ASSIGN_OR_RETURN(const auto scores, Score(*backend, capture, gaussians, options.lpips));
   for (const ViewScores& view : scores) {
     out["held_out"].push_back(
         {{"view", view.view}, {"psnr", view.scores.psnr}, {"ssim", view.scores.ssim}});
+    if (view.scores.lpips) out["held_out"].back()["lpips"] = *view.scores.lpips;
   }
+  if (const auto lpips = Mean(scores).lpips) out["lpips"] = *lpips;
   out["psnr"] = Mean(scores).psnr;
   out["ssim"] = Mean(scores).ssim;
   Capture training = capture;

@@ -40,10 +40,10 @@ class EndToEndTest : public ::testing::Test {
  protected:
   EndToEndTest() { Restart(); }
 
-  void Restart() {
+  void Restart(const std::vector<std::string>& more = {}) {
     client_.reset();
     server_.reset();
-    server_ = std::make_unique<PepesegdProcess>(folder_ / "data");
+    server_ = std::make_unique<PepesegdProcess>(folder_ / "data", more);
     client_ = std::make_unique<ServiceClient>(server_->channel());
   }
 
@@ -172,6 +172,25 @@ TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
             EndOf("evaluate", given_events).metrics().at("psnr"));
   ASSERT_OK_AND_ASSIGN(const std::string again, client_->Export("scenes/given/models/1"));
   EXPECT_TRUE(again == ply);
+}
+
+TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
+  server_->Terminate();
+  Restart({"--lpips-weights=" PEPESEG_TEST_DATA "/lpips/tiny.onnx"});
+  v1::TrainingOptions options = QuickOptions();
+  options.mutable_features()->set_num_steps(10);
+  const std::string job = Train("shelf", UploadShelf("shelf"), options);
+  ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
+  const v1::JobEvent::StageEnded& evaluate = EndOf("evaluate", events);
+  ASSERT_EQ(evaluate.views_size(), 2);
+  const double first = evaluate.views(0).scores().lpips();
+  const double second = evaluate.views(1).scores().lpips();
+  EXPECT_GT(first, 0);
+  EXPECT_GT(second, 0);
+  ASSERT_TRUE(evaluate.metrics().contains("lpips"));
+  EXPECT_DOUBLE_EQ(evaluate.metrics().at("lpips"), (first + second) / 2);
+  ASSERT_OK_AND_ASSIGN(const v1::Model model, client_->GetModel("scenes/shelf/models/live"));
+  EXPECT_EQ(model.metrics().at("lpips"), evaluate.metrics().at("lpips"));
 }
 
 TEST_F(EndToEndTest, KilledWorkerFailsItsJobAndTheNextOneRuns) {

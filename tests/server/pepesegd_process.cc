@@ -19,17 +19,21 @@ constexpr absl::Duration kPause = absl::Milliseconds(10);
 
 }  // namespace
 
-PepesegdProcess::PepesegdProcess(const std::filesystem::path& data) : log_(data) {
+PepesegdProcess::PepesegdProcess(const std::filesystem::path& data,
+                                 const std::vector<std::string>& more)
+    : log_(data) {
   log_ += ".log";
   std::filesystem::path port_file = data;
   port_file += ".port";
   std::filesystem::remove(port_file);
-  auto process =
-      WorkerProcess::Launch({PEPESEG_PEPESEGD,
-                             {absl::StrCat("--data=", data.string()), "--listen=127.0.0.1:0",
-                              "--threads=2", "--grace=5", absl::StrCat("--worker=", PEPESEG_WORKER),
-                              absl::StrCat("--port-file=", port_file.string())},
-                             log_});
+  std::vector<std::string> arguments = {absl::StrCat("--data=", data.string()),
+                                        "--listen=127.0.0.1:0",
+                                        "--threads=2",
+                                        "--grace=5",
+                                        absl::StrCat("--worker=", PEPESEG_WORKER),
+                                        absl::StrCat("--port-file=", port_file.string())};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  auto process = WorkerProcess::Launch({PEPESEG_PEPESEGD, arguments, log_});
   EXPECT_TRUE(process.ok()) << process.status();
   if (!process.ok()) return;
   process_ = std::move(process).value();

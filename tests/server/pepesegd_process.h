@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "server/jobs/process.h"
 
@@ -14,7 +16,9 @@ namespace pepeseg::testing {
 class PepesegdProcess {
  public:
   // Waits until it answers. The data directory may be one that an earlier server left.
-  explicit PepesegdProcess(const std::filesystem::path& data);
+  // `more`: further arguments.
+  explicit PepesegdProcess(const std::filesystem::path& data,
+                           const std::vector<std::string>& more = {});
 
   std::shared_ptr<grpc::Channel> channel() const { return channel_; }
   bool alive() { return process_ != nullptr && !process_->Poll().has_value(); }

@@ -43,6 +43,29 @@ TEST(ScoreHeldOut, MatchesHandComputedPsnrOfAFlatImage) {
   EXPECT_NEAR(scores[1].scores.ssim, 1, 1e-6);
 }
 
+TEST(ScoreHeldOut, ShowsTheDistanceTheRenderingWithIgnoredPixelsAsInThePhotograph) {
+  Capture capture = TwoHeldOutViews(51, 102);
+  capture.views[0].ignore.assign(20 * 16, 0);
+  capture.views[0].ignore[7] = 1;
+  const auto backend = MakeCpuBackend(1);
+  const auto distance = [](const Image& photo,
+                           std::span<const float> rendering) -> std::optional<double> {
+    if (photo.pixels[0] == 102) return std::nullopt;
+    EXPECT_EQ(rendering.size(), 20u * 16 * 3);
+    for (size_t i = 0; i < rendering.size(); ++i) {
+      EXPECT_EQ(rendering[i], i / 3 == 7 ? 0.2f : 0.0f) << i;
+    }
+    return 0.25;
+  };
+  ASSERT_OK_AND_ASSIGN(const auto scores,
+                       ScoreHeldOut(*backend, capture, BehindTheCameras(), distance));
+  EXPECT_EQ(scores[0].scores.lpips, 0.25);
+  EXPECT_EQ(scores[1].scores.lpips, std::nullopt);
+  EXPECT_EQ(Mean(scores).lpips, 0.25);
+  ASSERT_OK_AND_ASSIGN(const auto without, ScoreHeldOut(*backend, capture, BehindTheCameras()));
+  EXPECT_EQ(Mean(without).lpips, std::nullopt);
+}
+
 TEST(ScoreHeldOut, MatchesHandComputedSsimOfOnePixel) {
   Capture capture = TwoHeldOutViews(51, 51);
   // One pixel counts; ignored ones show the photograph in both images. So its window, which lies

@@ -67,6 +67,21 @@ TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
   EXPECT_NE(refused.status().message().find("device cuda:1000: "), std::string::npos);
 }
 
+TEST(ServerStart, RefusesWeightsThatAreNone) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  options.lpips_weights = folder / "lpips.onnx";
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
+  std::ofstream(folder / "lpips.onnx") << "no network";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("lpips.onnx: not an ONNX network"), std::string::npos);
+  options.lpips_weights = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
 TEST(ServerStart, RefusesATakenPort) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;

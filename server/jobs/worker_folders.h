@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "absl/status/statusor.h"
+#include "server/jobs/job_folder.h"
+
+namespace pepeseg {
+
+// Stage one's results of this attempt and of earlier ones, once they are part of a model.
+void RemoveReconstructions(const JobFolder& job, int64_t fence);
+
+// Of the files in a folder, without those in folders below it.
+absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder);
+
+}  // namespace pepeseg

@@ -1,0 +1,118 @@
+#include "core/io/lpips.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tests/core/io/small_dataset.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr char kTiny[] = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
+
+using Features = std::array<double, 2>;
+
+// The network of tests/data/lpips/tiny.txtpb, of one image in [0, 1].
+struct TinyFeatures {
+  int width, height;
+  std::vector<Features> fine, coarse;
+
+  TinyFeatures(int width, int height, std::span<const float> pixels)
+      : width(width), height(height) {
+    const auto relu = [](double value) { return std::max(0.0, value); };
+    for (size_t i = 0; i < pixels.size(); i += 3) {
+      const double r = 2 * (2.0 * pixels[i] - 1) + 0.0625;
+      const double g = 2.25 * (2.0 * pixels[i + 1] - 1) + 0.1875;
+      const double b = 2.5 * (2.0 * pixels[i + 2] - 1) + 0.375;
+      fine.push_back({relu(0.5 * r - 0.25 * g + 0.125 * b + 0.25),
+                      relu(-0.375 * r + 0.5 * g + 0.25 * b + 0.125)});
+    }
+    for (int y = 0; y + 1 < height; y += 2) {
+      for (int x = 0; x + 1 < width; x += 2) {
+        Features most = {};
+        for (const int i : {0, 1, width, width + 1}) {
+          for (int k = 0; k < 2; ++k) most[k] = std::max(most[k], fine[y * width + x + i][k]);
+        }
+        coarse.push_back({relu(0.75 * most[0] - 0.5 * most[1] + 0.0625),
+                          relu(0.25 * most[0] + 0.5 * most[1] + 0.125)});
+      }
+    }
+  }
+};
+
+double MeanError(const std::vector<Features>& a, const std::vector<Features>& b, Features weights) {
+  double sum = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double norm_a = std::hypot(a[i][0], a[i][1]) + 1e-10;
+    const double norm_b = std::hypot(b[i][0], b[i][1]) + 1e-10;
+    for (int k = 0; k < 2; ++k) {
+      sum += weights[k] * std::pow(a[i][k] / norm_a - b[i][k] / norm_b, 2);
+    }
+  }
+  return sum / static_cast<double>(a.size());
+}
+
+std::vector<float> Rendering(const Image& photo) {
+  std::vector<float> pixels;
+  for (size_t i = 0; i < photo.pixels.size(); ++i) {
+    const auto shade = static_cast<float>(i % 7) / 7;
+    pixels.push_back(0.7f * static_cast<float>(photo.pixels[i]) / 255 + 0.3f * shade);
+  }
+  return pixels;
+}
+
+double Reference(const Image& photo, std::span<const float> rendering) {
+  std::vector<float> pixels;
+  for (const uint8_t value : photo.pixels) pixels.push_back(static_cast<float>(value) / 255);
+  const TinyFeatures a(photo.width, photo.height, pixels);
+  const TinyFeatures b(photo.width, photo.height, rendering);
+  return MeanError(a.fine, b.fine, {0.5, 0.25}) + MeanError(a.coarse, b.coarse, {0.125, 1});
+}
+
+TEST(Lpips, IsWhatTheNetworkSaysAtEverySize) {
+  ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
+  for (const auto& [width, height] :
+       {std::pair{64, 64}, {48, 32}, {640, 480}, {31, 75}, {64, 64}}) {
+    const Image photo = testing::Picture(width, height);
+    const std::vector<float> rendering = Rendering(photo);
+    const double expected = Reference(photo, rendering);
+    EXPECT_GT(expected, 0.005);
+    ASSERT_OK_AND_ASSIGN(const double distance, lpips.Distance(photo, rendering));
+    EXPECT_NEAR(distance, expected, 1e-5 * expected) << width << "x" << height;
+  }
+}
+
+TEST(Lpips, OfEqualImagesIsZero) {
+  ASSERT_OK_AND_ASSIGN(Lpips lpips, Lpips::Open(kTiny));
+  const Image photo = testing::Picture(40, 30);
+  std::vector<float> rendering;
+  for (const uint8_t value : photo.pixels) rendering.push_back(static_cast<float>(value) / 255);
+  ASSERT_OK_AND_ASSIGN(const double distance, lpips.Distance(photo, rendering));
+  EXPECT_NEAR(distance, 0, 1e-9);
+}
+
+TEST(Lpips, RefusesFilesThatAreNoSuchNetwork) {
+  using absl::StatusCode::kInvalidArgument;
+  const testing::TempFolder folder;
+  const auto open = [&](const std::string& bytes) {
+    testing::WriteBytes(folder / "weights.onnx", bytes);
+    return Lpips::Open(folder / "weights.onnx").status();
+  };
+  EXPECT_EQ(Lpips::Open(folder / "none.onnx").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_STATUS(open("no network"), kInvalidArgument, "weights.onnx: ");
+  std::string bytes = testing::ReadBytes(kTiny);
+  EXPECT_OK(open(bytes));
+  EXPECT_STATUS(open(bytes.substr(0, bytes.size() / 2)), kInvalidArgument, "weights.onnx: ");
+  // As torch names the inputs of LPIPS that is exported as it stands.
+  for (size_t at = 0; (at = bytes.find("photo", at)) != std::string::npos; ++at) {
+    bytes.replace(at, 5, "input");
+  }
+  EXPECT_STATUS(open(bytes), kInvalidArgument, "photo");
+}
+
+}  // namespace
+}  // namespace pepeseg
