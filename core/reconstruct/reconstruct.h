@@ -53,7 +53,7 @@ struct ReconstructOptions {
   float opacity_decay = 0.95f;
   // Gaussian refinement, on views with masks. Its window begins at the first step at full size from
   // refine_from on; each view comes twice at most.
-  RefineKeep refine_keep = RefineKeep::kShrink;
+  RefineKeep refine_keep = RefineKeep::kSplit;
   double refine_from = 4000.0 / 30000;   // share of num_steps
   double refine_length = 200.0 / 30000;  // share of num_steps
   double refine_candidates = 0.1;        // share of the Gaussians in a view, by depth error
