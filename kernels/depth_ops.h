@@ -25,7 +25,7 @@ struct PixelBox {
 //   local_weight * the same with a fit of its own for each window, or over the patch with one fit.
 // A window of the wrong sign, or a patch that carries no fit, has no gradient. A view that carries
 // no fit - few pixels, next to no spread of Dhat, a <= 0 - is skipped: all gradients and sums are 0
-// and num_skipped goes up.
+// but kDepthSkipped, which is 1.
 struct DepthLossArgs {
   int width = 0;
   int height = 0;
@@ -42,7 +42,6 @@ struct DepthLossArgs {
   DeviceSpan<float> alpha_grad;  // [H, W]
   DeviceSpan<float> depth_grad;  // [H, W] of the sum, not of Dhat
   DeviceSpan<double> sums;       // [kNumDepthLossSums]
-  DeviceSpan<int64_t> num_skipped;  // [1] in and out
 };
 enum DepthLossSum {
   kSumDepthView,    // weighted: this view's part of the loss
@@ -50,6 +49,7 @@ enum DepthLossSum {
   kSumDepthPixels,  // that count
   kDepthScale,      // a and b
   kDepthShift,
+  kDepthSkipped,
   kNumDepthLossSums
 };
 

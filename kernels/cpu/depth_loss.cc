@@ -159,6 +159,7 @@ void StoreSums(const DepthLossArgs& args, const DepthFit& fit, const Band& all) 
   args.sums[kSumDepthPixels] = fit.usable ? all.view.count : 0;
   args.sums[kDepthScale] = fit.view.scale;
   args.sums[kDepthShift] = fit.view.shift;
+  args.sums[kDepthSkipped] = fit.usable ? 0 : 1;
 }
 
 }  // namespace
@@ -184,8 +185,6 @@ void CpuBackend::DepthLoss(const DepthLossArgs& args) {
     pool_.ParallelFor(num_bands, [&](int64_t i, int) {
       in_windows ? CompareBandInWindows(job, bands[i]) : CompareBandInPatch(job, bands[i]);
     });
-  } else {
-    ++args.num_skipped[0];
   }
   StoreSums(args, job.fit, SumOf(bands));
 }

@@ -48,7 +48,6 @@ struct DepthParams {
   double* pixel_count;
   float *alpha_grad, *depth_grad;
   double* sums;
-  int64_t* num_skipped;
 };
 
 __device__ bool IsInside(const PixelBox& box, int x, int y) {
@@ -106,7 +105,6 @@ __global__ void __launch_bounds__(kBlock) FitKernel(DepthParams p, int num_gathe
   if (threadIdx.x != 0) return;
   *p.fit = FitDepth(all.view, p.in_windows ? all.view : all.patch, p.view_weight, p.local_weight);
   *p.pixel_count = p.fit->usable ? all.view.count : 0;
-  if (!p.fit->usable) ++*p.num_skipped;
 }
 
 struct AddMoments {
@@ -211,6 +209,7 @@ __global__ void __launch_bounds__(kBlock) StoreSumsKernel(DepthParams p, int num
   p.sums[kSumDepthPixels] = *p.pixel_count;
   p.sums[kDepthScale] = p.fit->view.scale;
   p.sums[kDepthShift] = p.fit->view.shift;
+  p.sums[kDepthSkipped] = p.fit->usable ? 0 : 1;
 }
 
 // Places one after the other in a piece of memory, each at a multiple of 16 bytes.
@@ -267,8 +266,7 @@ void CudaBackend::DepthLoss(const DepthLossArgs& args) {
                               reinterpret_cast<double*>(memory + pixel_count),
                               args.alpha_grad.data,
                               args.depth_grad.data,
-                              args.sums.data,
-                              args.num_skipped.data};
+                              args.sums.data};
   GatherKernel<<<num_gathered, kBlock, 0, stream_>>>(params);
   Launched("gather depth");
   FitKernel<<<1, kBlock, 0, stream_>>>(params, num_gathered);
