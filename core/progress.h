@@ -21,7 +21,9 @@ struct StepReport {
   int64_t num_skipped_gradients = 0;  // likewise
   int64_t num_void_renders = 0;       // likewise: steps done again, see RenderArgs::entry_room
   int64_t num_refined = 0;  // since the start of the stage: Gaussians that refinement shortened
-  int64_t num_refine_split = 0;  // likewise: Gaussians that it added
+  int64_t num_refine_split = 0;    // likewise: Gaussians that it added
+  int64_t num_skipped_depths = 0;  // likewise: steps whose view's depth could not be fitted
+  double depth_loss = std::numeric_limits<double>::quiet_NaN();  // weighted; not part of `loss`
 };
 
 // Called after each step: an error returned (CANCELLED, say) ends the stage with that error.

@@ -10,8 +10,8 @@ namespace pepeseg {
 
 // Where the prior is fitted besides the whole view.
 enum class DepthLocalForm {
-  kWindows,  // in the window around each pixel, for the residual at that pixel
-  kPatch,    // in one rectangle
+  kWindows = 1,  // in the window around each pixel, for the residual at that pixel
+  kPatch = 2,    // in one rectangle
 };
 
 struct PixelBox {

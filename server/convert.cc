@@ -33,6 +33,12 @@
   FIELD(num_random_points) \
   FIELD(seed) \
   FIELD(coarse_until) \
+  FIELD(depth_weight) \
+  FIELD(depth_weight_final) \
+  FIELD(depth_local_weight) \
+  FIELD(depth_local_form) \
+  FIELD(depth_window) \
+  FIELD(capture_kind) \
   FIELD(refine_keep) \
   FIELD(refine_from) \
   FIELD(refine_length) \

@@ -2,6 +2,8 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -35,6 +37,18 @@ bool ParseAndSet(absl::string_view text, Parse parse, Set set) {
   return true;
 }
 
+// An enum's value by its name, which may leave out what all of them begin with: "patch".
+bool SetEnum(absl::string_view text, const FieldDescriptor& field, Message& message) {
+  const std::string name = absl::AsciiStrToUpper(text);
+  for (int i = 0; i < field.enum_type()->value_count(); ++i) {
+    const auto& value = *field.enum_type()->value(i);
+    if (value.name() != name && !absl::EndsWith(value.name(), "_" + name)) continue;
+    message.GetReflection()->SetEnum(&message, &field, &value);
+    return true;
+  }
+  return false;
+}
+
 // False when the text is no value of the field's type.
 bool SetField(absl::string_view text, const FieldDescriptor& field, Message& message) {
   const auto& reflection = *message.GetReflection();
@@ -55,6 +69,8 @@ bool SetField(absl::string_view text, const FieldDescriptor& field, Message& mes
       return ParseAndSet<double>(text, absl::SimpleAtod, with(&R::SetDouble));
     case FieldDescriptor::CPPTYPE_BOOL:
       return ParseAndSet<bool>(text, absl::SimpleAtob, with(&R::SetBool));
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return SetEnum(text, field, message);
     default:
       return false;  // the options of the contract have no other type
   }

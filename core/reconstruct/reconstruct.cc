@@ -28,6 +28,18 @@ absl::Status ValidateLearningRates(const ReconstructOptions& options) {
   return InRange("sh_learning_rate", options.sh_learning_rate, 0, kMax);
 }
 
+absl::Status ValidateDepth(const ReconstructOptions& options) {
+  constexpr double kMaxWeight = 10;
+  if (options.depth_weight != -1) {
+    RETURN_IF_ERROR(InRange("depth_weight", options.depth_weight, 0, kMaxWeight));
+  }
+  RETURN_IF_ERROR(InRange("depth_weight_final", options.depth_weight_final, 0, kMaxWeight));
+  RETURN_IF_ERROR(InRange("depth_local_weight", options.depth_local_weight, 0, kMaxWeight));
+  RETURN_IF_ERROR(InRange("depth_local_form", static_cast<int>(options.depth_local_form), 1, 2));
+  RETURN_IF_ERROR(InRange("depth_window", options.depth_window, 0, 0.5));
+  return InRange("capture_kind", static_cast<int>(options.capture_kind), 0, 2);
+}
+
 absl::Status ValidateDensityControl(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("densify_from", options.densify_from, 0, 1));
   RETURN_IF_ERROR(InRange("densify_until", options.densify_until, 0, 1));
@@ -58,6 +70,7 @@ absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(InRange("ssim_weight", options.ssim_weight, 0, 1));
   RETURN_IF_ERROR(ValidateLearningRates(options));
   RETURN_IF_ERROR(InRange("coarse_until", options.coarse_until, 0, 1));
+  RETURN_IF_ERROR(ValidateDepth(options));
   RETURN_IF_ERROR(ValidateDensityControl(options));
   RETURN_IF_ERROR(ValidateRefinement(options));
   return InRange("num_random_points", static_cast<double>(options.num_random_points), 1, 10e6);

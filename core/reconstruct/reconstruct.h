@@ -5,6 +5,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/progress.h"
+#include "core/reconstruct/capture_kind.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 #include "kernels/backend.h"
@@ -34,6 +35,13 @@ struct ReconstructOptions {
   // Coarse to fine: photographs at a quarter of their size for the first half of this share of
   // num_steps, at half of it for the second half. 0: full size throughout.
   double coarse_until = 0;
+  // Depth loss, on views with a depth prior (method.md section 1).
+  float depth_weight = -1;  // at the start. -1: 0.05 on an orbit, 0.1 where views face forward
+  float depth_weight_final = 0.015f;  // at the end, at most depth_weight; reversed sigmoid between
+  float depth_local_weight = 0.25f;   // of local fits, times the depth weight
+  DepthLocalForm depth_local_form = DepthLocalForm::kWindows;
+  float depth_window = 0.025f;  // radius of the local windows, share of the view's width
+  CaptureKind capture_kind = CaptureKind::kAutomatic;
   // Adaptive density control.
   double densify_from = 1.0 / 60;  // share of num_steps
   double densify_until = 0.5;      // share of num_steps

@@ -29,6 +29,11 @@ absl::Status CheckTrainable(const Capture& capture) {
           absl::StrCat("view ", view.name, ": the ignore mask has ", view.ignore.size(),
                        " pixels, the photograph ", num_pixels));
     }
+    if (!view.depth.values.empty() && view.depth.values.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the depth prior has ", view.depth.values.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
     ++num_training;
   }
   if (num_training > 0) return absl::OkStatus();
@@ -50,12 +55,12 @@ absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
 Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
-      options_(options),
+      options_(WithDepthWeight(options, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
-      schedule_(options, scene_radius_),
+      schedule_(options_, scene_radius_),
       refiner_(backend, capture, options, schedule_),
-      views_(backend, capture, options.coarse_until > 0),
+      views_(backend, capture, {options.coarse_until > 0, options_.depth_weight > 0}),
       sampler_(views_.size()),
       points_(StartingPoints(capture, options, random_)),
       log_scales_(BoundLogScales(capture, points_)),
@@ -63,13 +68,15 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),
       color_(backend, 3 * views_.max_pixels()),
       color_grad_(backend, 3 * views_.max_pixels()),
-      loss_sums_(backend, kNumImageLossSums),
+      depth_term_(backend, options_, views_.max_pixels()),
+      loss_sums_(backend, kNumLossSums),
       entry_rooms_(views_.size()),
       results_(backend) {}
 
 absl::Status Reconstructor::Allocated() const {
   if (views_.allocated() && refiner_.allocated() && state_.allocated() && !color_.empty() &&
-      !color_grad_.empty() && !loss_sums_.empty() && results_.allocated()) {
+      !color_grad_.empty() && !loss_sums_.empty() && depth_term_.allocated() &&
+      results_.allocated()) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(absl::StrCat("out of memory for ", views_.size(),
@@ -143,7 +150,9 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
 }
 
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(step_), state_.count()};
+  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(step_), state_.count(), {}};
+  input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
+                                    schedule_.DepthWeightAt(step_), random_);
   TrainOn(input, entry_rooms_.For(input));
   while (results_.full()) Settle();
 
@@ -168,6 +177,7 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = color_.span().Subspan(0, size);
   const auto color_grad = color_grad_.span().Subspan(0, size);
+  const DepthImages depth = depth_term_.ImagesFor(view, input.depth);
 
   backend_.Render({.gaussians = state_.parameters(),
                    .view = view.pinhole,
@@ -175,6 +185,9 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
                    .active_sh_degree = sh_degree,
                    .scratch = &scratch_,
                    .color = color,
+                   .alpha = depth.alpha,
+                   .depth = depth.depth,
+                   .inverse_depth = depth.inverse_depth,
                    .entry_room = entry_room});
   backend_.ImageLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,
@@ -183,8 +196,14 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
                       .ignore = view.ignore.span(),
                       .ssim_weight = options_.ssim_weight,
                       .color_grad = color_grad,
-                      .sums = loss_sums_.span()});
-  backend_.RenderBackward({.view = view.pinhole, .color_grad = color_grad, .scratch = &scratch_});
+                      .sums = loss_sums_.span().Subspan(0, kNumImageLossSums)});
+  depth_term_.Compare(view, input.depth,
+                      loss_sums_.span().Subspan(kFirstDepthSum, kNumDepthLossSums));
+  backend_.RenderBackward({.view = view.pinhole,
+                           .color_grad = color_grad,
+                           .alpha_grad = depth.alpha_grad,
+                           .depth_grad = depth.depth_grad,
+                           .scratch = &scratch_});
   backend_.Update({.view = view.pinhole,
                    .active_sh_degree = sh_degree,
                    .learning_rates = schedule_.RatesAt(step_),
@@ -211,6 +230,9 @@ void Reconstructor::Settle() {
   entry_rooms_.Learn(result);
   num_culled_degenerate_ += result.counters[kNumCulledDegenerate];
   num_skipped_gradients_ += result.counters[kNumSkippedGradientRows];
+  if (result.input.depth.weight > 0) {
+    num_skipped_depths_ += result.loss_sums[kFirstDepthSum + kDepthSkipped] > 0;
+  }
   newest_ = result;
 }
 
@@ -234,6 +256,7 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   report.num_void_renders = num_void_renders_;
   report.num_refined = refiner_.counts().num_refined;
   report.num_refine_split = refiner_.counts().num_split;
+  report.num_skipped_depths = num_skipped_depths_;
   if (!newest_) return report;
   const auto& sums = newest_->loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
@@ -241,6 +264,10 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
                 options_.ssim_weight * (1 - sums[kSumSsim] / num);
   const double mse = std::max(1e-10, sums[kSumSquared] / num);
   report.psnr = -10 * std::log10(mse);
+  if (newest_->input.depth.weight > 0) {
+    report.depth_loss =
+        sums[kFirstDepthSum + kSumDepthView] + sums[kFirstDepthSum + kSumDepthLocal];
+  }
   return report;
 }
 

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/progress.h"
 #include "core/reconstruct/densifier.h"
+#include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/entry_rooms.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
@@ -71,12 +72,14 @@ class Reconstructor {
   const Densifier densifier_;
   RenderScratch scratch_;
   Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
-  Buffer<double> loss_sums_;          // [kNumImageLossSums]
+  DepthTerm depth_term_;
+  Buffer<double> loss_sums_;  // [kNumLossSums]
   int step_ = 0;
   EntryRooms entry_rooms_;
   StepResults results_;
   std::optional<StepResult> newest_;
   int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_void_renders_ = 0;
+  int64_t num_skipped_depths_ = 0;
 };
 
 }  // namespace pepeseg

@@ -22,6 +22,18 @@ int Schedule::ShDegreeAt(int step) const {
   return std::min(options_.sh_degree, static_cast<int>(kRises * ShareAt(step)));
 }
 
+// A reversed sigmoid from depth_weight to depth_weight_final.
+float Schedule::DepthWeightAt(int step) const {
+  constexpr double kSteepness = 12;
+  constexpr double kNegligible = 1e-4;
+  const auto falling = [](double share) { return 1 / (1 + std::exp(kSteepness * (share - 0.5))); };
+  const double left = (falling(ShareAt(step)) - falling(1)) / (falling(0) - falling(1));
+  const double start = options_.depth_weight;
+  const double end = std::min<double>(start, options_.depth_weight_final);
+  const double weight = end + (start - end) * left;
+  return weight < kNegligible ? 0 : static_cast<float>(weight);
+}
+
 int Schedule::ShrinkAt(int step) const {
   if (ShareAt(step) < options_.coarse_until / 2) return 4;
   return ShareAt(step) < options_.coarse_until ? 2 : 1;

@@ -13,7 +13,8 @@ class Schedule {
 
   LearningRates RatesAt(int step) const;
   int ShDegreeAt(int step) const;
-  int ShrinkAt(int step) const;  // 1, 2 or 4: photographs are 1 / this of their size
+  float DepthWeightAt(int step) const;  // of the depth loss; 0: leave it out
+  int ShrinkAt(int step) const;         // 1, 2 or 4: photographs are 1 / this of their size
 
  private:
   double ShareAt(int step) const { return static_cast<double>(step) / options_.num_steps; }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 
+#include "core/reconstruct/depth_term.h"
 #include "kernels/backend.h"
 #include "kernels/readback.h"
 
@@ -14,12 +15,17 @@ struct StepInput {
   int view = 0;
   int shrink = 1;
   int64_t num_gaussians = 0;
+  DepthPlan depth;
 };
+
+// The sums of ImageLoss, then those of DepthLoss where the step had it.
+inline constexpr int kFirstDepthSum = kNumImageLossSums;
+inline constexpr int kNumLossSums = kFirstDepthSum + kNumDepthLossSums;
 
 // What a step left, read when the device has come to it.
 struct StepResult {
   StepInput input;
-  std::array<double, kNumImageLossSums> loss_sums = {};
+  std::array<double, kNumLossSums> loss_sums = {};
   std::array<int64_t, kNumRenderCounters> counters = {};
   bool was_void = false;  // its render lacked room and changed nothing: see RenderArgs::entry_room
 };
@@ -29,7 +35,7 @@ class StepResults {
  public:
   explicit StepResults(Backend& backend)
       : most_pending_(backend.queue_depth()),
-        loss_sums_(backend, kNumImageLossSums, most_pending_ + 1),
+        loss_sums_(backend, kNumLossSums, most_pending_ + 1),
         counters_(backend, kNumRenderCounters, most_pending_ + 1) {}
 
   bool allocated() const { return loss_sums_.allocated() && counters_.allocated(); }

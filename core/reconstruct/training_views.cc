@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/reconstruct/depth_prior.h"
 #include "core/scene/pinhole_view.h"
 
 namespace pepeseg {
@@ -36,34 +37,50 @@ std::vector<uint8_t> ShrinkIgnore(const View& view, int factor) {
   return small;
 }
 
+// A buffer that could not be had is empty: the caller is told by allocated().
+template <class T>
+Buffer<T> UploadOrNothing(Backend& backend, const std::vector<T>& values) {
+  Buffer<T> buffer(backend, static_cast<int64_t>(values.size()));
+  if (buffer.size() == static_cast<int64_t>(values.size())) buffer.Upload(values);
+  return buffer;
+}
+
 TrainingView Upload(Backend& backend, const View& view, int factor) {
   const std::vector<uint8_t> photo =
       factor == 1 ? view.photo.pixels : ShrinkPhoto(view.photo, factor);
-  const std::vector<uint8_t> ignore = ShrinkIgnore(view, factor);
   TrainingView out;
   out.pinhole = Shrink(ToPinholeView(view.camera, view.cam_from_world), factor);
-  out.photo = Buffer<uint8_t>(backend, static_cast<int64_t>(photo.size()));
-  out.ignore = Buffer<uint8_t>(backend, static_cast<int64_t>(ignore.size()));
-  // A buffer that could not be had is empty: the caller is told by allocated().
-  if (out.photo.size() == static_cast<int64_t>(photo.size())) out.photo.Upload(photo);
-  if (out.ignore.size() == static_cast<int64_t>(ignore.size())) out.ignore.Upload(ignore);
+  out.photo = UploadOrNothing(backend, photo);
+  out.ignore = UploadOrNothing(backend, ShrinkIgnore(view, factor));
   return out;
+}
+
+void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& out) {
+  out.prior = UploadOrNothing(backend, ShrinkPrior(view, factor));
+  const PriorBounds bounds = InlierBounds(view.depth.values);
+  out.min_prior = bounds.min;
+  out.max_prior = bounds.max;
+  out.inverse_depth = view.depth.kind == DepthPrior::Kind::kDisparity;
 }
 
 }  // namespace
 
-TrainingViews::TrainingViews(Backend& backend, const Capture& capture, bool coarse) {
+TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
+                             const TrainingViewsOptions& options) {
   for (const View& view : capture.views) {
     if (view.held_out) continue;
+    const bool with_prior = options.with_depth && HasDepthPrior(view);
     auto& sizes = views_.emplace_back();
-    for (int size = 0; size < (coarse ? kNumSizes : 1); ++size) {
+    for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
       sizes[size] = Upload(backend, view, 1 << size);
+      if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
       const PinholeView& pinhole = sizes[size].pinhole;
       const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
       if (size == 0) num_pixels_ += num_pixels;
       max_pixels_ = std::max(max_pixels_, num_pixels);
       allocated_ = allocated_ && sizes[size].photo.size() == 3 * num_pixels &&
-                   (view.ignore.empty() || sizes[size].ignore.size() == num_pixels);
+                   (view.ignore.empty() || sizes[size].ignore.size() == num_pixels) &&
+                   (!with_prior || sizes[size].prior.size() == num_pixels);
     }
   }
 }

@@ -14,16 +14,25 @@ struct TrainingView {
   PinholeView pinhole;
   Buffer<uint8_t> photo;   // [H, W, 3]
   Buffer<uint8_t> ignore;  // [H, W]; empty when nothing is left out
+  // The depth prior: [H, W], NaN where nothing is known; empty when there is none.
+  Buffer<float> prior;
+  float min_prior = 0, max_prior = 0;  // outside are outliers
+  bool inverse_depth = false;          // it is compared with 1 / z
 };
 
-// The capture's training views, uploaded once as bytes. With `coarse`, also at 1/2 and 1/4 of their
-// size, averaged over blocks of pixels; a block with an ignored pixel is ignored.
+struct TrainingViewsOptions {
+  bool coarse = false;      // also at 1/2 and 1/4 of the size
+  bool with_depth = false;  // with the depth priors
+};
+
+// The capture's training views, uploaded once as bytes. Smaller sizes are averaged over blocks of
+// pixels; a block with an ignored pixel is ignored.
 class TrainingViews {
  public:
-  TrainingViews(Backend& backend, const Capture& capture, bool coarse);
+  TrainingViews(Backend& backend, const Capture& capture, const TrainingViewsOptions& options);
 
   int size() const { return static_cast<int>(views_.size()); }
-  // shrink: 1, or 2 or 4 when made with `coarse`.
+  // shrink: 1, or 2 or 4 where coarse sizes were asked for.
   const TrainingView& At(int view, int shrink) const { return views_[view][shrink / 2]; }
   int64_t max_pixels() const { return max_pixels_; }
   int64_t num_pixels() const { return num_pixels_; }  // of all views at full size

@@ -19,6 +19,11 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--opacity-rate", stage.opacity_learning_rate);
   app.add_option("--sh-rate", stage.sh_learning_rate);
   app.add_option("--coarse-until", stage.coarse_until);
+  app.add_option("--depth-weight", stage.depth_weight);
+  app.add_option("--depth-weight-final", stage.depth_weight_final);
+  app.add_option("--depth-local-weight", stage.depth_local_weight);
+  app.add_option("--depth-local-form", stage.depth_local_form, "1 windows, 2 patch");
+  app.add_option("--depth-window", stage.depth_window);
   app.add_option("--densify-from", stage.densify_from);
   app.add_option("--densify-until", stage.densify_until);
   app.add_option("--densify-every", stage.densify_every);

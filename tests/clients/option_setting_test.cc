@@ -17,10 +17,14 @@ TEST(SetOption, SetsAFieldOfItsType) {
   ASSERT_TRUE(SetOption("reconstruct.densify_until=0.25", options).ok());
   ASSERT_TRUE(SetOption("reconstruct.seed=18446744073709551615", options).ok());
   ASSERT_TRUE(SetOption("features.learning_rate=1e-3", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.depth_local_form=patch", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.capture_kind=CAPTURE_KIND_FORWARD_FACING", options).ok());
   EXPECT_EQ(options.reconstruct().num_steps(), 3000);
   EXPECT_EQ(options.reconstruct().densify_until(), 0.25);
   EXPECT_EQ(options.reconstruct().seed(), 18446744073709551615U);
   EXPECT_FLOAT_EQ(options.features().learning_rate(), 1e-3F);
+  EXPECT_EQ(options.reconstruct().depth_local_form(), v1::DEPTH_LOCAL_FORM_PATCH);
+  EXPECT_EQ(options.reconstruct().capture_kind(), v1::CAPTURE_KIND_FORWARD_FACING);
   EXPECT_FALSE(options.has_import());
 }
 
@@ -38,7 +42,8 @@ TEST(SetOption, RefusesWhatIsNoValue) {
   v1::TrainingOptions options;
   for (const char* setting :
        {"reconstruct.num_steps=many", "reconstruct.num_steps=", "reconstruct.num_steps=99999999999",
-        "reconstruct.num_steps=1.5", "reconstruct.num_steps", "features.seed=-1"}) {
+        "reconstruct.num_steps=1.5", "reconstruct.num_steps", "features.seed=-1",
+        "reconstruct.depth_local_form=", "reconstruct.depth_local_form=circle"}) {
     EXPECT_EQ(SetOption(setting, options).code(), absl::StatusCode::kInvalidArgument) << setting;
   }
 }

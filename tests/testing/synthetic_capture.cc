@@ -160,6 +160,23 @@ MaskSet ObjectMasks(const View& view, const std::vector<uint8_t>& labels) {
   return BuildMaskSet(view.camera.width, view.camera.height, masks);
 }
 
+// Of the pixels' centres; unknown where there is nothing.
+DepthPrior ExactPrior(const View& view, DepthPrior::Kind kind) {
+  DepthPrior prior = {kind, {}};
+  float min = std::numeric_limits<float>::infinity(), max = -min;
+  for (int y = 0; y < view.camera.height; ++y) {
+    for (int x = 0; x < view.camera.width; ++x) {
+      const Hit hit = Trace(PixelRay(view, x + 0.5, y + 0.5));
+      const double z = hit.surface == nullptr ? std::nan("") : hit.distance;
+      prior.values.push_back(float(kind == DepthPrior::Kind::kDepth ? z : 1 / z));
+      min = std::fmin(min, prior.values.back());
+      max = std::fmax(max, prior.values.back());
+    }
+  }
+  for (float& value : prior.values) value = (value - min) / (max - min);
+  return prior;
+}
+
 // Points at spread-out pixels (a low-discrepancy sequence) of the views in turn.
 std::vector<ScenePoint> SurfacePoints(const Capture& capture, int num_points) {
   std::vector<ScenePoint> points;
@@ -187,6 +204,7 @@ SyntheticScene MakeSyntheticScene(const SyntheticOptions& options) {
     View view = PlaceView(options, i);
     view.photo = Photograph(view);
     scene.labels.push_back(Labels(view));
+    if (options.depth) view.depth = ExactPrior(view, *options.depth);
     if (options.with_masks) view.masks = ObjectMasks(view, scene.labels.back());
     scene.capture.views.push_back(std::move(view));
   }

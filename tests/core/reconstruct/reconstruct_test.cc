@@ -137,6 +137,82 @@ TEST(Reconstruct, NeverLooksAtIgnoredPixelsOrHeldOutViews) {
   EXPECT_EQ(a.planes, b.planes);
 }
 
+Capture WithDepth(DepthPrior::Kind kind) {
+  return testing::MakeSyntheticScene({.depth = kind}).capture;
+}
+
+struct DepthRun {
+  double error = 0;  // the depth loss for a weight of 1, mean over the last twenty steps
+  int64_t num_skipped = 0;
+};
+DepthRun RunWithDepth(const Capture& capture, ReconstructOptions options, float weight) {
+  options.depth_weight = options.depth_weight_final = weight;
+  const auto backend = MakeCpuBackend(2);
+  DepthRun run;
+  EXPECT_OK(Reconstruct(*backend, capture, options, [&](const StepReport& report) {
+    if (report.step > options.num_steps - 20) run.error += report.depth_loss / (20 * weight);
+    run.num_skipped = report.num_skipped_depths;
+    return absl::OkStatus();
+  }));
+  return run;
+}
+
+// The error of a run that the depth term pulls, against one that it hardly does.
+void ExpectPulls(DepthPrior::Kind kind, DepthLocalForm form) {
+  ReconstructOptions options = ShortRun(200);
+  options.depth_local_form = form;
+  const Capture capture = WithDepth(kind);
+  const DepthRun watched = RunWithDepth(capture, options, 2e-4f);
+  const DepthRun pulled = RunWithDepth(capture, options, 0.1f);
+  EXPECT_LT(pulled.error, 0.9 * watched.error);
+  EXPECT_EQ(pulled.num_skipped, 0);
+}
+
+TEST(Reconstruct, IsPulledToADisparityInWindows) {
+  ExpectPulls(DepthPrior::Kind::kDisparity, DepthLocalForm::kWindows);
+}
+
+TEST(Reconstruct, IsPulledToADepthInPatches) {
+  ExpectPulls(DepthPrior::Kind::kDepth, DepthLocalForm::kPatch);
+}
+
+TEST(Reconstruct, CountsViewsWhosePriorDisagrees) {
+  Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
+  for (View& view : capture.views) view.depth.kind = DepthPrior::Kind::kDepth;
+  EXPECT_EQ(RunWithDepth(capture, ShortRun(12), 0.1f).num_skipped, 12);
+}
+
+TEST(Reconstruct, WithDepthGivesTheSameBytesForAnyThreadCount) {
+  ReconstructOptions options = ShortRun(60);
+  options.coarse_until = 0.5;
+  const Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
+  for (const auto form : {DepthLocalForm::kWindows, DepthLocalForm::kPatch}) {
+    options.depth_local_form = form;
+    std::vector<Gaussians> results;
+    for (const int num_threads : {1, 2}) {
+      const auto backend = MakeCpuBackend(num_threads);
+      ASSERT_OK_AND_ASSIGN(Gaussians result, Reconstruct(*backend, capture, options, Ignore));
+      results.push_back(std::move(result));
+    }
+    EXPECT_EQ(results[0].planes, results[1].planes);
+  }
+}
+
+TEST(Reconstruct, WithoutADepthWeightAPriorChangesNothing) {
+  ReconstructOptions options = ShortRun(30);
+  options.depth_weight = 0;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const Gaussians with,
+                       Reconstruct(*backend, WithDepth(DepthPrior::Kind::kDisparity), options,
+                                   [](const StepReport& report) {
+                                     EXPECT_TRUE(std::isnan(report.depth_loss));
+                                     return absl::OkStatus();
+                                   }));
+  ASSERT_OK_AND_ASSIGN(const Gaussians without,
+                       Reconstruct(*backend, Synthetic(), options, Ignore));
+  EXPECT_EQ(with.planes, without.planes);
+}
+
 TEST(Reconstruct, EndsWithTheCallbacksError) {
   const auto backend = MakeCpuBackend(1);
   int64_t num_calls = 0;
@@ -166,6 +242,10 @@ TEST(Reconstruct, RefusesWhatItCannotTrainOn) {
   capture.views[2].ignore.assign(5, 0);
   EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
                 absl::StatusCode::kFailedPrecondition, "ignore mask");
+  capture = Synthetic();
+  capture.views[1].depth.values.assign(5, 0);
+  EXPECT_STATUS(Reconstruct(*backend, capture, ShortRun(5), Ignore),
+                absl::StatusCode::kFailedPrecondition, "depth prior");
 }
 
 }  // namespace

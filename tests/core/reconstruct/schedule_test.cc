@@ -32,6 +32,33 @@ TEST(Schedule, ShDegreeRisesToItsLimit) {
   EXPECT_EQ(schedule.ShDegreeAt(2999), 2);
 }
 
+TEST(Schedule, DepthWeightFallsAlongAReversedSigmoid) {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.depth_weight = 0.05f;
+  options.depth_weight_final = 0.01f;
+  const Schedule schedule(options, 1);
+  EXPECT_FLOAT_EQ(schedule.DepthWeightAt(0), 0.05f);
+  EXPECT_NEAR(schedule.DepthWeightAt(100), 0.05f, 5e-4f);
+  EXPECT_NEAR(schedule.DepthWeightAt(500), 0.03f, 1e-6f);
+  EXPECT_NEAR(schedule.DepthWeightAt(999), 0.01f, 1e-4f);
+  for (int step = 1; step < 1000; ++step) {
+    ASSERT_LT(schedule.DepthWeightAt(step), schedule.DepthWeightAt(step - 1));
+  }
+}
+
+TEST(Schedule, ANegligibleDepthWeightIsNone) {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.depth_weight = 0.05f;
+  options.depth_weight_final = 0;
+  EXPECT_GT(Schedule(options, 1).DepthWeightAt(700), 0);
+  EXPECT_EQ(Schedule(options, 1).DepthWeightAt(999), 0);
+  options.depth_weight = 0;
+  options.depth_weight_final = 0.02f;
+  EXPECT_EQ(Schedule(options, 1).DepthWeightAt(0), 0);
+}
+
 TEST(Schedule, PhotographsGrowFromAQuarterToFullSize) {
   ReconstructOptions options;
   options.num_steps = 1000;

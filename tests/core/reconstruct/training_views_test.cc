@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace pepeseg {
 namespace {
 
@@ -20,7 +22,7 @@ Capture OneView() {
 
 TEST(TrainingViews, LeavesOutHeldOutViews) {
   const auto backend = MakeCpuBackend(1);
-  const TrainingViews views(*backend, OneView(), false);
+  const TrainingViews views(*backend, OneView(), {});
   EXPECT_EQ(views.size(), 1);
   EXPECT_EQ(views.max_pixels(), 72);
   EXPECT_TRUE(views.allocated());
@@ -29,7 +31,7 @@ TEST(TrainingViews, LeavesOutHeldOutViews) {
 
 TEST(TrainingViews, ShrinksByTheMeanOfBlocksAndScalesTheCamera) {
   const auto backend = MakeCpuBackend(1);
-  const TrainingViews views(*backend, OneView(), true);
+  const TrainingViews views(*backend, OneView(), {.coarse = true});
   const TrainingView& half = views.At(0, 2);
   EXPECT_EQ(half.pinhole.width, 4);  // the ninth column has no partner
   EXPECT_EQ(half.pinhole.height, 4);
@@ -48,11 +50,37 @@ TEST(TrainingViews, IgnoresABlockThatHoldsAnIgnoredPixel) {
   capture.views[1].ignore.assign(72, 0);
   capture.views[1].ignore[2 * 9 + 5] = 255;  // (5, 2)
   const auto backend = MakeCpuBackend(1);
-  const TrainingViews views(*backend, capture, true);
+  const TrainingViews views(*backend, capture, {.coarse = true});
   const TrainingView& half = views.At(0, 2);
   ASSERT_EQ(half.ignore.size(), 16);
   for (int i = 0; i < 16; ++i) EXPECT_EQ(half.ignore.span()[i] != 0, i == 1 * 4 + 2) << i;
   EXPECT_NE(views.At(0, 4).ignore.span()[1], 0);
+}
+
+TEST(TrainingViews, HoldDepthPriorsWhereAskedFor) {
+  Capture capture = OneView();
+  capture.views[1].depth.kind = DepthPrior::Kind::kDepth;
+  for (int i = 0; i < 72; ++i) {
+    const bool known = i >= 2;
+    capture.views[1].depth.values.push_back(known ? float(i) / 71 : std::nanf(""));
+  }
+  const auto backend = MakeCpuBackend(1);
+  const TrainingViews views(*backend, capture, {.coarse = true, .with_depth = true});
+  EXPECT_TRUE(views.allocated());
+  const TrainingView& full = views.At(0, 1);
+  EXPECT_EQ(full.prior.size(), 72);
+  EXPECT_FALSE(full.inverse_depth);
+  // Percentiles of 2..71: one in from either end.
+  EXPECT_FLOAT_EQ(full.min_prior, 3.0f / 71);
+  EXPECT_FLOAT_EQ(full.max_prior, 70.0f / 71);
+  const TrainingView& half = views.At(0, 2);
+  ASSERT_EQ(half.prior.size(), 16);
+  EXPECT_FLOAT_EQ(half.prior.span()[0], 9.5f / 71);  // pixels 9 and 10: 0 and 1 are unknown
+  EXPECT_FLOAT_EQ(half.prior.span()[1], 7.0f / 71);  // pixels 2, 3, 11, 12
+  EXPECT_FLOAT_EQ(half.max_prior, 70.0f / 71);
+  EXPECT_TRUE(TrainingViews(*backend, capture, {}).At(0, 1).prior.empty());
+  for (float& value : capture.views[1].depth.values) value = std::nanf("");
+  EXPECT_TRUE(TrainingViews(*backend, capture, {.with_depth = true}).At(0, 1).prior.empty());
 }
 
 }  // namespace

@@ -1,0 +1,93 @@
+#include "core/reconstruct/depth_term.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/reconstruct/depth_prior.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kOrbitWeight = 0.05f, kForwardFacingWeight = 0.1f;
+constexpr double kSmallestPatch = 1.0 / 16, kLargestPatch = 1.0 / 3;  // sides, share of the width
+
+bool AnyDepthPrior(const Capture& capture) {
+  return std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && HasDepthPrior(view); });
+}
+
+}  // namespace
+
+ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& capture) {
+  if (options.capture_kind == CaptureKind::kAutomatic) {
+    options.capture_kind = FindCaptureKind(capture);
+  }
+  if (!AnyDepthPrior(capture)) {
+    options.depth_weight = 0;
+  } else if (options.depth_weight < 0) {
+    options.depth_weight =
+        options.capture_kind == CaptureKind::kOrbit ? kOrbitWeight : kForwardFacingWeight;
+  }
+  return options;
+}
+
+DepthTerm::DepthTerm(Backend& backend, const ReconstructOptions& options, int64_t max_pixels)
+    : backend_(backend),
+      options_(options),
+      images_(backend, options.depth_weight > 0 ? 4 * max_pixels : 0) {}
+
+DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
+                             std::mt19937_64& random) const {
+  if (view.prior.empty() || weight == 0) return {};
+  DepthPlan plan = {weight, {}};
+  if (options_.depth_local_form == DepthLocalForm::kPatch) {
+    plan.patch = DrawPatch(view.pinhole, random);
+  }
+  return plan;
+}
+
+// As large as a mask may be, its sides drawn apart and log-uniform.
+PixelBox DepthTerm::DrawPatch(const PinholeView& view, std::mt19937_64& random) const {
+  std::uniform_real_distribution<double> uniform(0, 1);
+  const auto side = [&](int most) {
+    const double share = kSmallestPatch * std::pow(kLargestPatch / kSmallestPatch, uniform(random));
+    return std::clamp(static_cast<int>(std::lround(share * view.width)), 1, most);
+  };
+  PixelBox patch;
+  patch.width = side(view.width);
+  patch.height = side(view.height);
+  patch.x = static_cast<int>(uniform(random) * (view.width - patch.width + 1));
+  patch.y = static_cast<int>(uniform(random) * (view.height - patch.height + 1));
+  return patch;
+}
+
+DepthImages DepthTerm::ImagesFor(const TrainingView& view, const DepthPlan& plan) {
+  if (plan.weight == 0) return {};
+  const int64_t size = int64_t{view.pinhole.width} * view.pinhole.height;
+  const auto image = [&](int k) { return images_.span().Subspan(k * size, size); };
+  return {view.inverse_depth, image(0), image(1), image(2), image(3)};
+}
+
+void DepthTerm::Compare(const TrainingView& view, const DepthPlan& plan, DeviceSpan<double> sums) {
+  if (plan.weight == 0) return;
+  const DepthImages images = ImagesFor(view, plan);
+  const long radius = std::lround(options_.depth_window * static_cast<float>(view.pinhole.width));
+  backend_.DepthLoss({.width = view.pinhole.width,
+                      .height = view.pinhole.height,
+                      .alpha = images.alpha,
+                      .depth = images.depth,
+                      .prior = view.prior.span(),
+                      .ignore = view.ignore.span(),
+                      .min_prior = view.min_prior,
+                      .max_prior = view.max_prior,
+                      .view_weight = plan.weight,
+                      .local_weight = plan.weight * options_.depth_local_weight,
+                      .local_form = options_.depth_local_form,
+                      .window_radius = std::max(1, static_cast<int>(radius)),
+                      .patch = plan.patch,
+                      .alpha_grad = images.alpha_grad,
+                      .depth_grad = images.depth_grad,
+                      .sums = sums});
+}
+
+}  // namespace pepeseg
