@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
@@ -156,9 +157,11 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   out["warnings"] = capture.warnings;
   const Stopwatch reconstruct;
   StepReport last;
+  double depth_loss = std::nan("");  // of the newest step that had one
   ASSIGN_OR_RETURN(const Gaussians gaussians,
                    Reconstruct(*backend, capture, options.reconstruct, [&](const StepReport& r) {
                      last = r;
+                     if (!std::isnan(r.depth_loss)) depth_loss = r.depth_loss;
                      if (options.verbose && r.step % 200 == 0) {
                        std::fprintf(stderr, "%6ld loss %.4f psnr %.2f gaussians %ld\n",
                                     long(r.step), r.loss, r.psnr, long(r.num_gaussians));
@@ -171,6 +174,8 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
   out["refined"] = last.num_refined;
   out["refine_split"] = last.num_refine_split;
   out["skipped_gradients"] = last.num_skipped_gradients;
+  out["depth_loss"] = depth_loss;  // null: no step had one
+  out["skipped_depths"] = last.num_skipped_depths;
   ASSIGN_OR_RETURN(const auto scores, Score(*backend, capture, gaussians, options.lpips));
   for (const ViewScores& view : scores) {
     out["held_out"].push_back(
