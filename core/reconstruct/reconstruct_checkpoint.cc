@@ -15,7 +15,7 @@ namespace {
 // The one list of sections, for writing and for reading: name, version, value.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
-  visit("counters", 2, checkpoint.counters);
+  visit("counters", 3, checkpoint.counters);
   visit("random", 1, checkpoint.random);
   visit("views_left", 1, checkpoint.views_left);
   visit("gaussians", 1, checkpoint.gaussians.shape);

@@ -25,6 +25,7 @@ struct ReconstructCheckpoint {
     int64_t num_void_renders = 0;
     int64_t num_refined = 0;
     int64_t num_refine_split = 0;
+    int64_t num_skipped_depths = 0;
   };
   Counters counters;
   std::string random;               // std::mt19937_64 as it writes itself

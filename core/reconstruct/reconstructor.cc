@@ -123,6 +123,7 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
   num_skipped_gradients_ = checkpoint.counters.num_skipped_gradients;
   num_void_renders_ = checkpoint.counters.num_void_renders;
   refiner_.Restore({checkpoint.counters.num_refined, checkpoint.counters.num_refine_split});
+  num_skipped_depths_ = checkpoint.counters.num_skipped_depths;
   if (state_.Restore(checkpoint.gaussians)) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       absl::StrCat("out of memory for ", checkpoint.gaussians.shape.count, " Gaussians"));
@@ -136,7 +137,8 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
                          num_skipped_gradients_,
                          num_void_renders_,
                          refiner_.counts().num_refined,
-                         refiner_.counts().num_split};
+                         refiner_.counts().num_split,
+                         num_skipped_depths_};
   std::ostringstream random;
   random << random_;
   checkpoint.random = random.str();
