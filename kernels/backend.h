@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -36,6 +37,11 @@ class Backend {
   virtual void Copy(void* to, const void* from, size_t num_bytes) = 0;
   virtual void Zero(void* data, size_t num_bytes) = 0;
   virtual size_t bytes_in_use() const = 0;
+
+  // Runs `ops`, calls of this backend that wait for nothing (see RenderArgs::entry_room). On CUDA
+  // they are recorded and launched as one graph; the graph of the same key is kept and updated with
+  // what has changed in it.
+  virtual void Sequence(int key, const std::function<void()>& ops) = 0;
 
   // Copies to the host that nobody waits for; see ReadbackQueue.
   virtual void* AllocatePinned(size_t num_bytes) = 0;  // host memory; nullptr when there is none

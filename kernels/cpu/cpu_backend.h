@@ -27,6 +27,7 @@ class CpuBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override { return bytes_in_use_; }
+  void Sequence(int, const std::function<void()>& ops) override { ops(); }
   void* AllocatePinned(size_t num_bytes) override { return Allocate(num_bytes); }
   void FreePinned(void* data) override { Free(data); }
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override {

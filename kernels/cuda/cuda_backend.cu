@@ -13,6 +13,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   Keep(cudaGetDeviceProperties(&properties, options.device), "asking for the device");
   device_name_ = properties.name;
   Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  Keep(cudaStreamCreateWithFlags(&side_stream_, cudaStreamNonBlocking), "making a stream");
   for (cudaEvent_t& event : readbacks_) {
     Keep(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "making an event");
   }
@@ -36,6 +37,8 @@ CudaBackend::~CudaBackend() {
     if (event != nullptr) cudaEventDestroy(event);
   }
   if (pinned_counters_ != nullptr) cudaFreeHost(pinned_counters_);
+  for (const auto& [key, sequence] : sequences_) cudaGraphExecDestroy(sequence);
+  if (side_stream_ != nullptr) cudaStreamDestroy(side_stream_);
   if (stream_ != nullptr) cudaStreamDestroy(stream_);
 }
 
@@ -109,7 +112,8 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   if (!turn) return nullptr;
   void* data = nullptr;
   const size_t padded = (std::max<size_t>(num_bytes, 1) + 255) / 256 * 256;
-  const cudaError_t error = cudaMallocAsync(&data, padded, stream_);
+  const cudaStream_t stream = recording_ ? side_stream_ : stream_;
+  const cudaError_t error = cudaMallocAsync(&data, padded, stream);
   if (error == cudaErrorMemoryAllocation) {
     cudaGetLastError();
     Fail("CUDA: out of memory: " + std::to_string(num_bytes) + " bytes asked for, " +
@@ -118,7 +122,8 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   }
   Keep(error, "allocating");
   if (data == nullptr) return nullptr;
-  Keep(cudaMemsetAsync(data, 0, padded, stream_), "zeroing new memory");
+  Keep(cudaMemsetAsync(data, 0, padded, stream), "zeroing new memory");
+  if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
   blocks_[data] = num_bytes;
   bytes_in_use_ += num_bytes;
   return data;
@@ -130,6 +135,10 @@ void CudaBackend::Free(void* data) {
   if (block == blocks_.end()) return;
   bytes_in_use_ -= block->second;
   blocks_.erase(block);
+  if (recording_) {
+    freed_while_recording_.push_back(data);
+    return;
+  }
   cudaSetDevice(options_.device);
   Keep(cudaFreeAsync(data, stream_), "freeing");
 }
@@ -160,6 +169,36 @@ void CudaBackend::Zero(void* data, size_t num_bytes) {
   const Turn turn(*this);
   if (!turn) return;
   Keep(cudaMemsetAsync(data, 0, num_bytes, stream_), "zeroing");
+}
+
+void CudaBackend::Sequence(int key, const std::function<void()>& ops) {
+  const Turn turn(*this);
+  if (!turn) return;
+  if (options_.kernel_times != nullptr) return ops();
+  Keep(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeRelaxed), "recording a sequence");
+  if (!error_.empty()) return;
+  recording_ = true;
+  ops();
+  recording_ = false;
+  cudaGraph_t graph = nullptr;
+  Keep(cudaStreamEndCapture(stream_, &graph), "recording a sequence");
+  if (error_.empty()) LaunchSequence(key, graph);
+  if (graph != nullptr) cudaGraphDestroy(graph);
+  for (void* data : freed_while_recording_) Keep(cudaFreeAsync(data, stream_), "freeing");
+  freed_while_recording_.clear();
+}
+
+void CudaBackend::LaunchSequence(int key, cudaGraph_t graph) {
+  cudaGraphExec_t& sequence = sequences_[key];
+  cudaGraphExecUpdateResultInfo result;
+  // Another number of kernels, of a sort's passes say, takes a new one.
+  if (sequence != nullptr && cudaGraphExecUpdate(sequence, graph, &result) != cudaSuccess) {
+    cudaGetLastError();
+    cudaGraphExecDestroy(sequence);
+    sequence = nullptr;
+  }
+  if (sequence == nullptr) Keep(cudaGraphInstantiate(&sequence, graph, 0), "making a graph");
+  if (sequence != nullptr) Keep(cudaGraphLaunch(sequence, stream_), "launching a graph");
 }
 
 size_t CudaBackend::bytes_in_use() const {

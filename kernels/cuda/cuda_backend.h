@@ -43,6 +43,7 @@ class CudaBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override;
+  void Sequence(int key, const std::function<void()>& ops) override;
   void* AllocatePinned(size_t num_bytes) override;
   void FreePinned(void* data) override;
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override;
@@ -83,6 +84,7 @@ class CudaBackend final : public Backend {
   void Keep(cudaError_t error, const char* doing);  // the first error stays
   void Fail(std::string message);
   void Launched(const char* kernel);  // after each launch
+  void LaunchSequence(int key, cudaGraph_t graph);
   void ReadKernelTimes();
 
   // Scratch memory of an op's own, until the next call.
@@ -102,6 +104,12 @@ class CudaBackend final : public Backend {
   std::string error_;
   std::unordered_map<void*, size_t> blocks_;  // sizes
   size_t bytes_in_use_ = 0;
+  // While a sequence is recorded, memory comes from the side stream, which is not, and goes back
+  // when the recording is over.
+  bool recording_ = false;
+  cudaStream_t side_stream_ = nullptr;
+  std::vector<void*> freed_while_recording_;
+  std::unordered_map<int, cudaGraphExec_t> sequences_;
   int64_t* pinned_counters_ = nullptr;         // [kNumCudaCounters] on the host
   cudaEvent_t readbacks_[kMaxReadbacks] = {};  // ticket k: event k % kMaxReadbacks
   int64_t num_readbacks_ = 0;

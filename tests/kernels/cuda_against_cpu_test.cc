@@ -183,6 +183,40 @@ TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndInAGivenRoom) {
   EXPECT_EQ(once.gaussians, kept.gaussians);
 }
 
+// As a graph, whose memory all comes while it is recorded; the views take turns, so that the graph
+// kept is that of another number of tiles.
+Bytes TrainInSequences(Backend& backend, const HostGaussians& host, bool in_sequences) {
+  Rendered scene(backend, host, TestView(200, 150));
+  constexpr int64_t kRoom = 1'000'000;
+  scene.entry_room = kRoom;
+  for (int step = 0; step < 6; ++step) {
+    scene.view = step % 3 == 2 ? TestView(120, 150) : TestView(200, 150);
+    const auto num_values = int64_t{3} * scene.view.width * scene.view.height;
+    const Buffer<float> color_grad(backend, std::span<const float>(RandomValues(num_values, step)));
+    const auto ops = [&] {
+      scene.Render();
+      backend.RenderBackward(
+          {.view = scene.view, .color_grad = color_grad.span(), .scratch = &scene.scratch});
+      backend.Update(scene.MakeUpdateArgs());
+    };
+    if (in_sequences) {
+      backend.Sequence(0, ops);
+    } else {
+      ops();
+    }
+  }
+  return {Download(scene.color), Download(scene.gaussians), Download(scene.moment2)};
+}
+
+TEST_F(CudaAgainstCpuTest, GivesTheSameBytesInASequence) {
+  const HostGaussians host = RandomScene({.count = 5'000, .max_scale = 0.1f});
+  const Bytes direct = TrainInSequences(*cuda_, host, false);
+  const Bytes sequence = TrainInSequences(*cuda_, host, true);
+  EXPECT_EQ(direct.color, sequence.color);
+  EXPECT_EQ(direct.gaussians, sequence.gaussians);
+  EXPECT_EQ(direct.moment2, sequence.moment2);
+}
+
 TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
   HostGaussians host = RandomScene({.count = 500, .min_scale = 0.01f, .max_scale = 0.02f});
   Rendered scene(*cuda_, host, TestView(200, 150));
