@@ -172,8 +172,19 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   return Report();
 }
 
-// Forward, loss, backward and Adam on one view: method.md section 1.
 void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
+  const auto ops = [&] { LearnView(input, entry_room); };
+  const int kind = 2 * input.shrink + (input.depth.weight > 0 ? 1 : 0);
+  if (entry_room > 0) {
+    backend_.Sequence(kind, ops);
+  } else {
+    ops();  // the host waits within
+  }
+  results_.Push(input, loss_sums_.span(), scratch_.counters.span());
+}
+
+// Forward, loss, backward and Adam on one view: method.md section 1.
+void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
   const TrainingView& view = views_.At(input.view, input.shrink);
   const int sh_degree = schedule_.ShDegreeAt(step_);
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
@@ -217,7 +228,6 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
                    .moment2 = state_.moment2(),
                    .num_steps = state_.num_steps(),
                    .stats = state_.stats()});
-  results_.Push(input, loss_sums_.span(), scratch_.counters.span());
 }
 
 // Takes the result of the oldest step that is under way. One that lacked room is done again.

@@ -54,6 +54,7 @@ class Reconstructor {
   absl::Status CheckOurs(const ReconstructCheckpoint& checkpoint) const;
   absl::Status Restore(const ReconstructCheckpoint& checkpoint);
   void TrainOn(const StepInput& input, int64_t entry_room);
+  void LearnView(const StepInput& input, int64_t entry_room);
   void Settle();
   absl::Status Refine(const StepInput& input);
   absl::StatusOr<StepReport> Report() const;
