@@ -15,6 +15,18 @@
 
 namespace pepeseg {
 
+// Memory of a whole device, shared with other processes.
+struct DeviceMemory {
+  int64_t free_bytes = 0;  // what this process could still have
+  int64_t total_bytes = 0;
+  bool is_host = false;  // the machine's own: data on the host come out of it too
+};
+
+// What a RenderScratch grows with.
+struct ScratchSize {
+  int64_t num_gaussians = 0, num_entries = 0, num_tiles = 0, num_pixels = 0;
+};
+
 // The arithmetic of the method on one device: its memory, and one virtual per pipeline step.
 //
 // Ops return nothing: a backend keeps its first error, status() tells, Sync() waits. On CUDA they
@@ -37,6 +49,11 @@ class Backend {
   virtual void Copy(void* to, const void* from, size_t num_bytes) = 0;
   virtual void Zero(void* data, size_t num_bytes) = 0;
   virtual size_t bytes_in_use() const = 0;
+  virtual size_t peak_bytes_in_use() const = 0;
+  virtual DeviceMemory memory() const = 0;
+  // What Render, ImageLoss and RenderBackward take at most of this memory for a scratch of this
+  // size and for themselves, depth left out.
+  virtual int64_t ScratchBytes(const ScratchSize& size) const = 0;
 
   // Runs `ops`, calls of this backend that wait for nothing (see RenderArgs::entry_room). On CUDA
   // they are recorded and launched as one graph; the graph of the same key is kept and updated with

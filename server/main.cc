@@ -46,6 +46,10 @@ void AddFlags(CLI::App& app, Flags& flags) {
                  "Threads of a job on the CPU; 0: as many as there are cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  app.add_option("--device-memory", server.device_memory,
+                 "What a training may take of the device; 0: what is free of it now")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
   app.add_option("--model-memory", server.model_bytes,
                  "Budget for models in memory; 0: half of the machine's")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))

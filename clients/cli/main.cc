@@ -31,6 +31,7 @@ void LeaveOnInterrupt(int /*signal*/) {
 void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddScenes(app, shell);
   pepeseg::cli::AddUpload(app, shell);
+  pepeseg::cli::AddEstimate(app, shell);
   pepeseg::cli::AddTrain(app, shell);
   pepeseg::cli::AddWatch(app, shell);
   pepeseg::cli::AddCancel(app, shell);

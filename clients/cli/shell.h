@@ -28,6 +28,7 @@ void Note(const std::string& line);
 
 // Every verb's file has one of these: adds the verb and its options; parsing sets shell.verb.
 void AddUpload(CLI::App& app, Shell& shell);
+void AddEstimate(CLI::App& app, Shell& shell);
 void AddTrain(CLI::App& app, Shell& shell);
 void AddWatch(CLI::App& app, Shell& shell);
 void AddCancel(CLI::App& app, Shell& shell);

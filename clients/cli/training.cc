@@ -18,35 +18,10 @@
 namespace pepeseg::cli {
 namespace {
 
-struct TrainFlags {
-  std::string scene;
-  std::string dataset;
-  std::vector<std::string> settings;
-  std::string steps;
-  std::string feature_steps;
-  std::string image_scale;
+struct TrainFlags : TrainingFlags {
   bool detach = false;
   bool list_options = false;
 };
-
-// The short options are the long ones by another name.
-std::vector<std::string> Settings(const TrainFlags& flags) {
-  std::vector<std::string> settings;
-  if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
-  if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
-  if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
-  settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
-  return settings;
-}
-
-// "2" -> "scenes/shelf/datasets/2"; empty: the newest.
-absl::StatusOr<std::string> DatasetName(const Connection& connection, const std::string& scene,
-                                        const std::string& dataset) {
-  if (absl::StrContains(dataset, "/")) return dataset;
-  if (!dataset.empty()) return absl::StrCat(scene, "/datasets/", dataset);
-  ASSIGN_OR_RETURN(const v1::Dataset newest, NewestDataset(connection, scene));
-  return newest.name();
-}
 
 absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   if (flags.list_options) {
@@ -119,6 +94,23 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
 
 }  // namespace
 
+std::vector<std::string> Settings(const TrainingFlags& flags) {
+  std::vector<std::string> settings;
+  if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
+  if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
+  if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
+  settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
+  return settings;
+}
+
+absl::StatusOr<std::string> DatasetName(const Connection& connection, const std::string& scene,
+                                        const std::string& dataset) {
+  if (absl::StrContains(dataset, "/")) return dataset;
+  if (!dataset.empty()) return absl::StrCat(scene, "/datasets/", dataset);
+  ASSIGN_OR_RETURN(const v1::Dataset newest, NewestDataset(connection, scene));
+  return newest.name();
+}
+
 absl::StatusOr<v1::Job> StartTraining(const Connection& connection, const std::string& scene,
                                       const std::string& dataset,
                                       const std::vector<std::string>& settings) {
@@ -135,17 +127,22 @@ absl::StatusOr<v1::Job> StartTraining(const Connection& connection, const std::s
   return job;
 }
 
+void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
+  verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
+  verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
+  verb.add_option("--steps", flags.steps, "Steps of the reconstruction");
+  verb.add_option("--feature-steps", flags.feature_steps, "Steps of the feature training");
+  verb.add_option("--image-scale", flags.image_scale, "Shrink the photographs by this, (0, 1]");
+  verb.add_option("-o,--option", flags.settings,
+                  "NAME=VALUE, any option: see `pepeseg train x --list-options`")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+}
+
 void AddTrain(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<TrainFlags>();
   CLI::App* verb = app.add_subcommand("train", "Make a model of a scene");
-  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--dataset", flags->dataset, "Number of the dataset; the newest by default");
-  verb->add_option("--steps", flags->steps, "Steps of the reconstruction");
-  verb->add_option("--feature-steps", flags->feature_steps, "Steps of the feature training");
-  verb->add_option("--image-scale", flags->image_scale, "Shrink the photographs by this, (0, 1]");
-  verb->add_option("-o,--option", flags->settings, "NAME=VALUE, any option: see --list-options")
-      ->type_name("NAME=VALUE")
-      ->allow_extra_args(false);
+  AddTrainingFlags(*verb, *flags);
   verb->add_flag("--list-options", flags->list_options, "Only tell which options there are");
   verb->add_flag("--detach", flags->detach, "Print the job's name and leave");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunTrain(shell, *flags); }; });

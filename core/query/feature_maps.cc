@@ -79,6 +79,10 @@ absl::StatusOr<Image> FeatureMaps::Color(const ModelView& view) {
   RETURN_IF_ERROR(Render(view, model_.gaussians.sh_degree));
   std::vector<float> planes(color_.size());
   color_.Download(std::span<float>(planes));
+  // A device that failed leaves zeros: no picture of the scene.
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(error);
+  }
   Image image = {view.camera.width, view.camera.height, 3, {}};
   image.pixels.resize(planes.size());
   const size_t num_pixels = planes.size() / 3;

@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "kernels/scratch_bytes.h"
+
 namespace pepeseg {
 namespace {
 
@@ -22,6 +24,14 @@ GaussianState::GaussianState(Backend& backend, const Gaussians& initial)
       count_(initial.count),
       rows_(Allocate(WithSlack(initial.count))) {
   if (allocated()) UploadPlanes(rows_.parameters, 0, initial.planes);
+}
+
+int64_t GaussianState::Bytes(int64_t first, int64_t most, int sh_degree) {
+  // As long as the first room is enough it is kept.
+  const int64_t stride = most <= WithSlack(first) ? WithSlack(first) : WithSlack(most);
+  const Rows rows;
+  return stride * (NumPlanes(sh_degree) * BytesOfRow(rows.parameters, rows.moment1, rows.moment2) +
+                   BytesOfRow(rows.num_steps, rows.grad_sum, rows.num_visible));
 }
 
 GaussianState::Rows GaussianState::Allocate(int64_t stride) const {

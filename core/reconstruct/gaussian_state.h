@@ -28,6 +28,10 @@ class GaussianState {
  public:
   GaussianState(Backend& backend, const Gaussians& initial);
 
+  // What a state of the backend's memory takes at most that begins with `first` Gaussians and never
+  // has more than `most`.
+  static int64_t Bytes(int64_t first, int64_t most, int sh_degree);
+
   int64_t count() const { return count_; }
   bool allocated() const { return rows_.allocated; }  // false: the backend is out of memory
   GaussianPlanes parameters() { return Planes(rows_.parameters); }

@@ -55,7 +55,10 @@ void* CpuBackend::Allocate(size_t num_bytes) {
     return nullptr;
   }
   std::memcpy(block, &num_bytes, sizeof(num_bytes));
-  bytes_in_use_ += num_bytes;
+  const size_t now = bytes_in_use_ += num_bytes;
+  size_t peak = peak_bytes_;
+  while (now > peak && !peak_bytes_.compare_exchange_weak(peak, now)) {
+  }
   return block + kHeaderBytes;
 }
 

@@ -27,6 +27,9 @@ class CpuBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override { return bytes_in_use_; }
+  size_t peak_bytes_in_use() const override { return peak_bytes_; }
+  DeviceMemory memory() const override;
+  int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int, const std::function<void()>& ops) override { ops(); }
   void* AllocatePinned(size_t num_bytes) override { return Allocate(num_bytes); }
   void FreePinned(void* data) override { Free(data); }
@@ -60,7 +63,7 @@ class CpuBackend final : public Backend {
 
   ThreadPool pool_;
   const SimdKernels& simd_;
-  std::atomic<size_t> bytes_in_use_ = 0;
+  std::atomic<size_t> bytes_in_use_ = 0, peak_bytes_ = 0;
   mutable std::mutex error_mutex_;
   std::string error_;
 };

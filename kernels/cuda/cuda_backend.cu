@@ -126,6 +126,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
   blocks_[data] = num_bytes;
   bytes_in_use_ += num_bytes;
+  peak_bytes_ = std::max(peak_bytes_, bytes_in_use_);
   return data;
 }
 
@@ -240,6 +241,27 @@ void CudaBackend::WaitFor(int64_t ticket) {
   const cudaError_t error = cudaEventSynchronize(event);
   const std::lock_guard lock(mutex_);
   Keep(error, "waiting for the device");
+}
+
+size_t CudaBackend::peak_bytes_in_use() const {
+  const std::lock_guard lock(mutex_);
+  return peak_bytes_;
+}
+
+DeviceMemory CudaBackend::memory() const {
+  const std::lock_guard lock(mutex_);
+  cudaSetDevice(options_.device);
+  size_t free = 0, total = 0, pooled = 0;
+  cudaMemPool_t pool;
+  if (cudaMemGetInfo(&free, &total) != cudaSuccess ||
+      cudaDeviceGetDefaultMemPool(&pool, options_.device) != cudaSuccess ||
+      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess) {
+    cudaGetLastError();  // a device that is lost has none
+    return {};
+  }
+  // What the pool keeps beyond what is in use is this process's to take.
+  const size_t kept = pooled > bytes_in_use_ ? pooled - bytes_in_use_ : 0;
+  return {static_cast<int64_t>(free + kept), static_cast<int64_t>(total), false};
 }
 
 std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {

@@ -43,6 +43,9 @@ class CudaBackend final : public Backend {
   void Copy(void* to, const void* from, size_t num_bytes) override;
   void Zero(void* data, size_t num_bytes) override;
   size_t bytes_in_use() const override;
+  size_t peak_bytes_in_use() const override;
+  DeviceMemory memory() const override;
+  int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int key, const std::function<void()>& ops) override;
   void* AllocatePinned(size_t num_bytes) override;
   void FreePinned(void* data) override;
@@ -103,7 +106,7 @@ class CudaBackend final : public Backend {
   cudaStream_t stream_ = nullptr;
   std::string error_;
   std::unordered_map<void*, size_t> blocks_;  // sizes
-  size_t bytes_in_use_ = 0;
+  size_t bytes_in_use_ = 0, peak_bytes_ = 0;
   // While a sequence is recorded, memory comes from the side stream, which is not, and goes back
   // when the recording is over.
   bool recording_ = false;

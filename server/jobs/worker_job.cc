@@ -136,6 +136,12 @@ absl::Status Training::Step(const StepReport& report) {
     return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
                                              " of ", report.num_steps));
   }
+  // What was promised when the job was admitted.
+  if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
+    return absl::InternalError(absl::StrCat("stage ", stage_, ", step ", report.step, ": ",
+                                            report.num_gaussians, " Gaussians, max_gaussians is ",
+                                            settings_.reconstruct.max_gaussians));
+  }
   return progress_.Step(report);
 }
 
@@ -256,6 +262,7 @@ absl::StatusOr<JobResult> Training::Index() {
   RETURN_IF_ERROR(StartStage("index"));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
+  model_.metrics["peak_device_bytes"] = static_cast<double>(backend_->peak_bytes_in_use());
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
   const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));

@@ -91,6 +91,7 @@ v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
   progress.set_num_gaussians(report.num_gaussians);
   progress.set_num_culled_degenerate(report.num_culled_degenerate);
   progress.set_num_skipped_gradients(report.num_skipped_gradients);
+  progress.set_num_void_renders(report.num_void_renders);
   progress.set_num_refined(report.num_refined);
   progress.set_num_refine_split(report.num_refine_split);
   const double elapsed = seconds_in_stage();

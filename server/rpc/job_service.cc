@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
+#include "server/rpc/estimate_training.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/unary.h"
@@ -11,20 +12,30 @@
 namespace pepeseg {
 namespace {
 
-// A row to be queued: everything of the request that can be wrong, but for what changes under it.
-absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request) {
-  JobRow job;
-  ASSIGN_OR_RETURN(job.scene, ParseSceneName(request.scene(), "scene"));
+// Of a request to train, or to estimate one: scene, dataset and options.
+template <class Request>
+absl::StatusOr<WantedTraining> WantedFromRequest(const Request& request) {
+  WantedTraining wanted;
+  ASSIGN_OR_RETURN(wanted.scene, ParseSceneName(request.scene(), "scene"));
   ASSIGN_OR_RETURN(const SceneChild dataset,
                    ParseChildName(request.dataset(), "datasets", "dataset"));
-  if (dataset.scene != job.scene) {
+  if (dataset.scene != wanted.scene) {
     return BadField("dataset", request.dataset(), absl::StrCat("not of ", request.scene()));
   }
+  wanted.dataset = dataset.number;
+  ASSIGN_OR_RETURN(wanted.settings, TrainingSettingsFromProto(request.options()));
+  return wanted;
+}
+
+// A row to be queued: everything of the request that can be wrong, but for what changes under it.
+absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
+                                      const WantedTraining& wanted) {
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  ASSIGN_OR_RETURN(const TrainingSettings settings, TrainingSettingsFromProto(request.options()));
-  job.dataset = dataset.number;
+  JobRow job;
+  job.scene = wanted.scene;
+  job.dataset = wanted.dataset;
   job.options = request.options().SerializeAsString();
-  job.effective_options = ToProto(settings).SerializeAsString();
+  job.effective_options = ToProto(wanted.settings).SerializeAsString();
   job.request_id = request.request_id();
   return job;
 }
@@ -50,15 +61,20 @@ absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
 
 }  // namespace
 
+absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t dataset) const {
+  const std::string name = ChildName(scene, "datasets", dataset);
+  const auto row = context_.store->GetDataset(scene, dataset);
+  if (!row.ok()) return WithResource(row.status(), "NO_SUCH_DATASET", name);
+  if (row->state == DatasetState::kSealed) return absl::OkStatus();
+  return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is not sealed")),
+                      "NOT_SEALED", name);
+}
+
 absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job* response) const {
-  ASSIGN_OR_RETURN(const JobRow wanted, JobFromRequest(request));
-  const auto dataset = context_.store->GetDataset(wanted.scene, wanted.dataset);
-  if (!dataset.ok()) return WithResource(dataset.status(), "NO_SUCH_DATASET", request.dataset());
-  if (dataset->state != DatasetState::kSealed) {
-    return WithResource(
-        absl::FailedPreconditionError(absl::StrCat(request.dataset(), " is not sealed")),
-        "NOT_SEALED", request.dataset());
-  }
+  ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
+  ASSIGN_OR_RETURN(const JobRow wanted, JobFromRequest(request, training));
+  RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+  RETURN_IF_ERROR(CheckFits(context_, training));
   if (request.validate_only()) {
     *response = ToProto(wanted);
     response->set_state(v1::JOB_STATE_UNSPECIFIED);
@@ -137,6 +153,19 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
   const auto stream = std::make_shared<WatchJobStream>(context_, *request);
   stream->Begin(/*with_io=*/false);
   return stream.get();  // owns itself until OnDone
+}
+
+grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
+    grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
+    v1::EstimateTrainingResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
+    RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+    auto estimate = pepeseg::EstimateTraining(context_, training);
+    RETURN_IF_ERROR(estimate.status());
+    *response = *std::move(estimate);
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace pepeseg

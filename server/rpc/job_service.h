@@ -22,8 +22,12 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
                                       v1::Job* response) override;
   grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* call,
                                                    const v1::WatchJobRequest* request) override;
+  grpc::ServerUnaryReactor* EstimateTraining(grpc::CallbackServerContext* call,
+                                             const v1::EstimateTrainingRequest* request,
+                                             v1::EstimateTrainingResponse* response) override;
 
  private:
+  absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
   absl::Status Train(const v1::TrainSceneRequest& request, v1::Job* response) const;
 
   const ServiceContext context_;

@@ -66,12 +66,10 @@ absl::Status CheckOptions(const ServerOptions& options) {
   return absl::OkStatus();
 }
 
-void LogDevice(const Device& device) {
-  if (device.reason.empty()) {
-    spdlog::info("computing on {}", device.backend->name());
-  } else {
-    spdlog::info("computing on {}: {}", device.backend->name(), device.reason);
-  }
+void LogDevice(const Device& device, int64_t device_memory) {
+  const std::string because = device.reason.empty() ? "" : ": " + device.reason;
+  spdlog::info("computing on {}{}", device.backend->name(), because);
+  spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
 }
 
 }  // namespace
@@ -116,7 +114,9 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
-  LogDevice(device);
+  const int64_t device_memory =
+      options.device_memory > 0 ? options.device_memory : device.backend->memory().free_bytes;
+  LogDevice(device, device_memory);
   models =
       std::make_unique<ModelCache>(options.model_bytes > 0 ? options.model_bytes : HalfOfMemory());
   SupervisorOptions jobs_options;
@@ -130,9 +130,9 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
     return store->Path(file.sha256);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(jobs_options)));
-  const ServiceContext context{options.data, store.get(),          supervisor.get(),
-                               blobs.get(),  device.backend.get(), models.get(),
-                               &pool,        &query_pool,          &streams};
+  const ServiceContext context{
+      options.data, store.get(), supervisor.get(), blobs.get(), device.backend.get(),
+      models.get(), &pool,       &query_pool,      &streams,    device_memory};
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);

@@ -20,7 +20,9 @@ struct ServerOptions {
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
   std::string device = "auto";          // of jobs and queries, see OpenDevice
   int num_threads = 0;                  // of a job and of a query; 0: as many as the machine has
-  int64_t model_bytes = 0;              // budget of models in memory; 0: half of the machine's
+  // Of the device, for a training, bytes; 0: what is free of it when the server starts.
+  int64_t device_memory = 0;
+  int64_t model_bytes = 0;  // budget of models in memory; 0: half of the machine's
 };
 
 // Whether HOST:PORT or unix:PATH can be reached from this machine only.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 #include "core/query/segmenter.h"
@@ -25,6 +26,7 @@ struct ServiceContext {
   WorkerPool* pool;        // for what waits on the disk
   WorkerPool* query_pool;  // for what computes
   StreamRegistry* streams;
+  int64_t device_memory;  // that a training may take of the device's memory, bytes
 };
 
 }  // namespace pepeseg

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/types.h>
 
+#include <algorithm>
 #include <csignal>
 #include <set>
 
@@ -191,6 +192,32 @@ TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
   EXPECT_DOUBLE_EQ(evaluate.metrics().at("lpips"), (first + second) / 2);
   ASSERT_OK_AND_ASSIGN(const v1::Model model, client_->GetModel("scenes/shelf/models/live"));
   EXPECT_EQ(model.metrics().at("lpips"), evaluate.metrics().at("lpips"));
+}
+
+TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
+  const std::string dataset = UploadShelf("shelf");
+  v1::TrainingOptions options = QuickOptions();
+  options.mutable_reconstruct()->set_max_gaussians(20'000);
+  ASSERT_OK_AND_ASSIGN(const auto before, client_->Estimate("scenes/shelf", dataset, options));
+  ASSERT_EQ(before.stages_size(), 3);
+  for (const auto& stage : before.stages()) EXPECT_FALSE(stage.has_duration()) << stage.stage();
+  ASSERT_OK(client_->WaitForJob(Train("shelf", dataset, options)));
+  ASSERT_OK_AND_ASSIGN(const v1::Model model, client_->GetModel("scenes/shelf/models/live"));
+  EXPECT_LE(model.metrics().at("peak_device_bytes"),
+            std::max(before.stages(1).device_bytes(), before.stages(2).device_bytes()));
+  EXPECT_LE(model.metrics().at("num_gaussians"), 20'000);
+
+  options.mutable_reconstruct()->set_num_steps(300);  // twice as many
+  ASSERT_OK_AND_ASSIGN(const auto after, client_->Estimate("scenes/shelf", dataset, options));
+  const auto seconds = [](const google::protobuf::Duration& duration) {
+    return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
+  };
+  EXPECT_NEAR(seconds(after.stages(1).duration()), 2 * model.metrics().at("seconds_reconstruct"),
+              1e-3);
+  EXPECT_NEAR(seconds(after.stages(2).duration()), model.metrics().at("seconds_features"), 1e-3);
+  options.mutable_import()->set_image_scale(0.5);  // of that nothing was measured
+  ASSERT_OK_AND_ASSIGN(const auto other, client_->Estimate("scenes/shelf", dataset, options));
+  for (const auto& stage : other.stages()) EXPECT_FALSE(stage.has_duration()) << stage.stage();
 }
 
 TEST_F(EndToEndTest, KilledWorkerFailsItsJobAndTheNextOneRuns) {

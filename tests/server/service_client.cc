@@ -197,6 +197,15 @@ absl::StatusOr<v1::Model> ServiceClient::GetModel(const std::string& name) {
   return Ask(*scenes_, &v1::SceneService::Stub::GetModel, Named<v1::GetModelRequest>(name));
 }
 
+absl::StatusOr<v1::EstimateTrainingResponse> ServiceClient::Estimate(
+    const std::string& scene, const std::string& dataset, const v1::TrainingOptions& options) {
+  v1::EstimateTrainingRequest request;
+  request.set_scene(scene);
+  request.set_dataset(dataset);
+  *request.mutable_options() = options;
+  return Ask(*jobs_, &v1::JobService::Stub::EstimateTraining, request);
+}
+
 absl::StatusOr<std::vector<v1::View>> ServiceClient::ListViews(const std::string& model) {
   v1::ListViewsRequest request;
   request.set_parent(model);

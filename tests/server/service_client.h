@@ -56,6 +56,9 @@ class ServiceClient {
   absl::StatusOr<v1::Job> WaitForStep(const std::string& name);
 
   absl::StatusOr<v1::Model> GetModel(const std::string& name);
+  absl::StatusOr<v1::EstimateTrainingResponse> Estimate(const std::string& scene,
+                                                        const std::string& dataset,
+                                                        const v1::TrainingOptions& options);
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model);
   absl::StatusOr<v1::SegmentResponse> Segment(const v1::SegmentRequest& request);
   absl::StatusOr<v1::RenderResponse> Render(const std::string& model, const std::string& view);

@@ -15,7 +15,7 @@ struct SyntheticOptions {
   int held_out_every = 6;  // from the first; 0: none
   int num_points = 600;    // on the surfaces, coloured
   bool with_masks = true;
-  std::optional<DepthPrior::Kind> depth;  // with exact priors: 0 at one end, 1 at the other
+  std::optional<DepthPrior::Kind> depth = {};  // with exact priors: 0 at one end, 1 at the other
 };
 
 // Labels of the objects on the synthetic table; the table and the backdrop are 0.

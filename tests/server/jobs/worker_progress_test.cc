@@ -44,6 +44,41 @@ TEST_F(WorkerProgressTest, TellsEveryStepThatIsDue) {
   EXPECT_EQ(TakeTenSteps(std::chrono::nanoseconds(0)).size(), 10u);
 }
 
+TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
+  WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
+  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  StepReport report;
+  report.step = 1;
+  report.num_steps = 10;
+  report.num_culled_degenerate = 3;
+  report.num_skipped_gradients = 4;
+  report.num_void_renders = 5;
+  ASSERT_TRUE(progress.Step(report).ok());
+  const auto events = EventLogReader(path_).Read();
+  ASSERT_TRUE(events.ok() && !events->empty());
+  const v1::JobProgress& told = events->back().progress();
+  EXPECT_EQ(told.num_culled_degenerate(), 3);
+  EXPECT_EQ(told.num_skipped_gradients(), 4);
+  EXPECT_EQ(told.num_void_renders(), 5);
+}
+
+TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {
+  WorkerProgress progress(*log_, std::chrono::hours(1));
+  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  progress.GoOnFrom(1000);
+  StepReport report;
+  report.step = 1001;
+  report.num_steps = 1003;
+  ASSERT_TRUE(progress.Step(report).ok());
+  const auto events = EventLogReader(path_).Read();
+  ASSERT_TRUE(events.ok() && events->size() == 2);  // the stage's start, and its first step
+  const v1::JobProgress& told = events->back().progress();
+  const auto seconds = [](const google::protobuf::Duration& duration) {
+    return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
+  };
+  EXPECT_NEAR(seconds(told.eta()), 2 * seconds(told.elapsed()), 1e-5);
+}
+
 TEST_F(WorkerProgressTest, AlwaysTellsTheFirstAndTheLast) {
   const auto told = TakeTenSteps(std::chrono::hours(1));
   ASSERT_EQ(told.size(), 2u);

@@ -1,0 +1,48 @@
+#include "core/features/estimate_features.h"
+
+#include <algorithm>
+
+#include "core/features/feature_trainer.h"
+#include "core/features/frozen_scene.h"
+#include "kernels/scratch_bytes.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kFloat = sizeof(float);
+
+int64_t SamplesInChunk(const FeatureOptions& options) {
+  return int64_t{std::min(options.steps_per_chunk, options.num_steps)} * options.num_pixels;
+}
+
+}  // namespace
+
+int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, int sh_degree,
+                           const FeatureOptions& options) {
+  const CapturedRows rows;
+  const int64_t entry = BytesOfRow(rows.gaussian, rows.weight);
+  const int64_t sample = BytesOfRow(rows.first, rows.alpha) + kTypicalRow * entry;
+  // Features and two moments, and the step of each row; colour, alpha and depth of a view.
+  const int64_t gaussian = (NumPlanes(sh_degree) + 3 * kFeatureSize) * kFloat + sizeof(int32_t);
+  const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
+  // A batch: features and gradients of its pixels, its columns (Gaussian, start, pixel, weight),
+  // and a pair's bits and parts of its gradient at every scale.
+  const int64_t pixels = options.num_pixels;
+  constexpr int64_t kPairBytes = sizeof(uint32_t), kParts = 4;
+  const int64_t batch = pixels * (2 * kFeatureSize * kFloat + 16 + 4 * 4 * kTypicalRow) +
+                        pixels * pixels * kPairBytes +
+                        kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
+  return scratch.num_gaussians * gaussian + image + WithReserve(SamplesInChunk(options) * sample) +
+         WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat +
+         backend.ScratchBytes(scratch);
+}
+
+int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {
+  // The Gaussians; features before the upload or after the download, with a moment.
+  const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
+  // Pixel, weight and patch of a sample, and its share of the labels.
+  constexpr int64_t kSample = 64;
+  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,129 @@
+#include "core/reconstruct/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/reconstruct/gaussian_state.h"
+#include "core/scene/capture.h"
+#include "kernels/math/blend.h"
+#include "kernels/scratch_bytes.h"
+
+namespace pepeseg {
+namespace {
+
+// Gaussians that cover a pixel, by the squares about their outlines. 87 makes the 279 entries a
+// pixel of tests/bench/results/step_cpu.md.
+constexpr double kOverlap = 100;
+
+bool ControlsDensity(const ReconstructOptions& options) {
+  return options.densify_until > options.densify_from;
+}
+
+int64_t FirstGaussians(const TrainingSize& size, const ReconstructOptions& options) {
+  const int64_t points = size.num_points > 0 ? size.num_points : options.num_random_points;
+  return std::min(points, options.max_gaussians);
+}
+
+int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
+  const int64_t num_views = std::max<int64_t>(1, size.num_views);
+  const int64_t num_pixels = size.num_pixels / num_views * size.num_training_views;
+  const int64_t ignore = size.num_ignore_views > 0 ? 1 : 0;
+  const int64_t bytes = num_pixels * (3 + ignore);
+  const int64_t depth =
+      size.num_pixels / num_views * size.num_depth_views * static_cast<int64_t>(sizeof(float));
+  // A quarter and a sixteenth of it for the coarse sizes.
+  return (options.coarse_until > 0 ? bytes + bytes / 2 : bytes) + depth;
+}
+
+int64_t TrainingPixels(const TrainingSize& size) {
+  return size.num_pixels / std::max<int64_t>(1, size.num_views) * size.num_training_views;
+}
+
+// Gaussians there may be when refinement ends: see Densifier::BudgetAt.
+int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions& options) {
+  const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
+  if (options.pixels_per_gaussian <= 0) return most;
+  const double end = std::max(options.refine_from, options.coarse_until) + options.refine_length;
+  const double span = options.densify_until - options.densify_from;
+  const double passed = span > 0 ? std::clamp((end - options.densify_from) / span, 0.0, 1.0) : 1.0;
+  return first + static_cast<int64_t>(static_cast<double>(most - first) * passed);
+}
+
+// The masks, a render of its own, and what becomes of each Gaussian in sight.
+int64_t RefinerBytes(const Backend& backend, const TrainingSize& size,
+                     const ReconstructOptions& options) {
+  if (size.num_masked_views == 0 || options.refine_keep == RefineKeep::kNone) return 0;
+  const int64_t count = GaussiansInRefinement(size, options);
+  const int64_t mean_pixels = size.num_pixels / std::max<int64_t>(1, size.num_views);
+  const int64_t masks = std::min(size.num_masked_views, size.num_training_views) * mean_pixels *
+                        static_cast<int64_t>(sizeof(uint32_t));
+  const int64_t images = 5 * size.max_pixels * static_cast<int64_t>(sizeof(float));
+  const RefineScratch s;
+  const bool split = options.refine_keep != RefineKeep::kShrink;
+  constexpr int64_t kShape = 6;
+  const int64_t added = sizeof(int32_t) + kShape * sizeof(float);  // a Gaussian's part outside
+  const int64_t row = BytesOfRow(s.keys, s.keys, s.outside_position, s.outside_position) +
+                      kShape * BytesOfRow(s.outside_shape) + (split ? added : 0);
+  return masks + WithReserve(images + row * count) +
+         backend.ScratchBytes(TypicalScratch(count, size.max_pixels));
+}
+
+}  // namespace
+
+int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& options) {
+  const int64_t first = FirstGaussians(size, options);
+  if (!ControlsDensity(options)) return first;
+  if (options.pixels_per_gaussian <= 0) return options.max_gaussians;
+  const double budget = static_cast<double>(TrainingPixels(size)) / options.pixels_per_gaussian;
+  return std::max(
+      first, static_cast<int64_t>(std::min(budget, static_cast<double>(options.max_gaussians))));
+}
+
+// With P pixels a Gaussian, its outline is sqrt(kOverlap P) wide and meets that many tiles a side,
+// and one.
+ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels) {
+  const auto count = static_cast<double>(std::max<int64_t>(1, num_gaussians));
+  const double width = std::sqrt(kOverlap * static_cast<double>(num_pixels) / count);
+  const double tiles_a_side = 1 + width / kTileSize;
+  ScratchSize size;
+  size.num_gaussians = num_gaussians;
+  // Tiles reach over two edges of the image.
+  size.num_tiles = num_pixels / (kTileSize * kTileSize) * 5 / 4 + 64;
+  // None meets a tile twice.
+  size.num_entries = static_cast<int64_t>(
+      count * std::min(tiles_a_side * tiles_a_side, static_cast<double>(size.num_tiles)));
+  size.num_pixels = num_pixels;
+  return size;
+}
+
+int64_t CaptureBytes(const TrainingSize& size) {
+  const int64_t pixels = size.num_pixels / std::max<int64_t>(1, size.num_views);
+  const int64_t patch = sizeof(uint32_t), depth = sizeof(float);
+  return 3 * size.num_pixels +
+         pixels * (size.num_masked_views * patch + size.num_ignore_views +
+                   size.num_depth_views * depth) +
+         size.num_points * static_cast<int64_t>(sizeof(ScenePoint));
+}
+
+MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
+                               const ReconstructOptions& options) {
+  const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
+  // Density control makes the next state beside the present one, and says which row comes from
+  // where: a source, a flag, means and scales.
+  const int64_t state = GaussianState::Bytes(first, most, options.sh_degree);
+  constexpr int64_t kPlanRow = sizeof(int32_t) + 1 + 6 * sizeof(float);
+  const bool twice = ControlsDensity(options);
+  MemoryNeed need;
+  need.device_bytes = ViewBytes(size, options) +
+                      2 * 3 * size.max_pixels * static_cast<int64_t>(sizeof(float)) +
+                      (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) +
+                      backend.ScratchBytes(TypicalScratch(most, size.max_pixels)) +
+                      RefinerBytes(backend, size, options);
+  // The result, a checkpoint on its way to the disk, and the points with their neighbours.
+  const int64_t planes = NumPlanes(options.sh_degree) * static_cast<int64_t>(sizeof(float));
+  constexpr int64_t kNeighbours = 64;
+  need.host_bytes = CaptureBytes(size) + most * (4 * planes + 12) + first * (planes + kNeighbours);
+  return need;
+}
+
+}  // namespace pepeseg

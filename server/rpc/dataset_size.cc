@@ -1,0 +1,123 @@
+#include "server/rpc/dataset_size.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "core/io/file_bytes.h"
+#include "core/io/image_header.h"
+#include "core/io/ply.h"
+#include "core/status_macros.h"
+#include "server/rpc/estimate_training.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMostHeaders = 48;
+constexpr int64_t kMaxPhotoBytes = int64_t{1} << 30;
+constexpr int64_t kMaxPoints = 50'000'000;
+
+absl::StatusOr<int64_t> PixelsOf(const BlobStore& blobs, const DatasetFileRow& file) {
+  ASSIGN_OR_RETURN(const std::string bytes,
+                   ReadFile(blobs.Path(file.sha256), file.path, kMaxPhotoBytes));
+  const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(file.path, span));
+  return int64_t{header.width} * header.height;
+}
+
+// COLMAP's count of points, no more than the file can hold.
+int64_t CountBinaryPoints(const std::filesystem::path& path, int64_t size) {
+  constexpr int64_t kLeastRecord = 43;
+  std::ifstream file(path, std::ios::binary);
+  uint64_t count = 0;
+  file.read(reinterpret_cast<char*>(&count), sizeof(count));
+  const auto most = static_cast<uint64_t>(size / kLeastRecord);
+  return file ? static_cast<int64_t>(std::min(count, most)) : 0;
+}
+
+int64_t CountTextPoints(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  int64_t count = 0;
+  while (file.good()) {
+    const int first = file.peek();
+    if (first != '#' && first != '\n' && first != std::ifstream::traits_type::eof()) ++count;
+    file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+  }
+  return count;
+}
+
+// 0 where the file cannot be read: the job says why.
+int64_t CountPly(const BlobStore& blobs, const DatasetFileRow& file) {
+  const auto ply = OpenPly(blobs.Path(file.sha256), file.path, kMaxPoints);
+  return ply.ok() ? ply->count : 0;
+}
+
+int64_t CountPoints(const BlobStore& blobs, const DatasetFileRow& file) {
+  const std::filesystem::path path = blobs.Path(file.sha256);
+  if (file.kind == v1::FILE_KIND_POINTS) return CountPly(blobs, file);
+  if (absl::EndsWith(file.path, "points3D.bin")) return CountBinaryPoints(path, file.size);
+  return absl::EndsWith(file.path, "points3D.txt") ? CountTextPoints(path) : 0;
+}
+
+int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
+  return std::count_if(files.begin(), files.end(),
+                       [kind](const DatasetFileRow& file) { return file.kind == kind; });
+}
+
+absl::Status MeasurePhotos(const BlobStore& blobs, const std::vector<DatasetFileRow>& files,
+                           double image_scale, DatasetSize& size) {
+  std::vector<const DatasetFileRow*> photos;
+  for (const DatasetFileRow& file : files) {
+    if (file.kind == v1::FILE_KIND_IMAGE) photos.push_back(&file);
+  }
+  if (photos.empty()) return absl::InvalidArgumentError("the dataset has no photograph");
+  const size_t num_read = std::min(photos.size(), kMostHeaders);
+  int64_t sum = 0;
+  for (size_t i = 0; i < num_read; ++i) {
+    ASSIGN_OR_RETURN(const int64_t pixels, PixelsOf(blobs, *photos[i * photos.size() / num_read]));
+    sum += pixels;
+    size.max_source_pixels = std::max(size.max_source_pixels, pixels);
+  }
+  const auto scaled = [image_scale](double pixels) {
+    return static_cast<int64_t>(std::ceil(pixels * image_scale * image_scale));
+  };
+  const double mean = static_cast<double>(sum) / static_cast<double>(num_read);
+  TrainingSize& training = size.training;
+  training.num_views = static_cast<int64_t>(photos.size());
+  training.num_pixels = scaled(mean * static_cast<double>(photos.size()));
+  training.max_pixels = scaled(static_cast<double>(size.max_source_pixels));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
+                                           const WantedTraining& training) {
+  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                   context.store->ListDatasetFiles(training.scene, training.dataset));
+  const ImportOptions& import = training.settings.import;
+  DatasetSize size;
+  RETURN_IF_ERROR(MeasurePhotos(*context.blobs, files, import.image_scale, size));
+  TrainingSize& counts = size.training;
+  const int64_t every = import.held_out_every;
+  const int64_t held_out = every > 0 ? (counts.num_views + every - 1) / every : 0;
+  counts.num_training_views = std::max<int64_t>(1, counts.num_views - held_out);
+  counts.num_masked_views = std::min(counts.num_views, CountKind(files, v1::FILE_KIND_MASK));
+  // One mask may be for all views.
+  if (CountKind(files, v1::FILE_KIND_IGNORE_MASK) > 0) counts.num_ignore_views = counts.num_views;
+  counts.num_depth_views =
+      std::min(counts.num_views,
+               CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
+  for (const DatasetFileRow& file : files) {
+    if (file.kind == v1::FILE_KIND_GAUSSIANS)
+      size.num_given_gaussians = CountPly(*context.blobs, file);
+    counts.num_points = std::max(counts.num_points, CountPoints(*context.blobs, file));
+  }
+  return size;
+}
+
+}  // namespace pepeseg

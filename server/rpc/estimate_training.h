@@ -1,0 +1,27 @@
+#pragma once
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/convert.h"
+#include "server/rpc/service_context.h"
+
+namespace pepeseg {
+
+// A training as it would be queued.
+struct WantedTraining {
+  std::string scene;
+  int64_t dataset = 0;  // number
+  TrainingSettings settings;
+};
+
+// Reads headers of the dataset's files only. INVALID_ARGUMENT names a photograph whose header
+// cannot be read.
+absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
+                                                              const WantedTraining& training);
+
+// RESOURCE_EXHAUSTED with need and have when the training does not fit. OK also where nothing can
+// be estimated: the job then says what is wrong with which file.
+absl::Status CheckFits(const ServiceContext& context, const WantedTraining& training);
+
+}  // namespace pepeseg

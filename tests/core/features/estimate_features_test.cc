@@ -1,0 +1,34 @@
+#include "core/features/estimate_features.h"
+
+#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+TEST(EstimateFeatures, BoundsATrainingFromAboveAndNotFarAbove) {
+  const Capture capture = testing::MakeSyntheticScene({.num_points = 4000}).capture;
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  for (const int steps_per_chunk : {5, 40}) {
+    FeatureOptions options;
+    options.num_steps = 40;
+    options.num_pixels = 200;
+    options.steps_per_chunk = steps_per_chunk;
+    const auto backend = MakeCpuBackend(2);
+    ASSERT_OK(TrainFeatures(*backend, capture, gaussians, options,
+                            [](const StepReport&) { return absl::OkStatus(); }));
+    // What a render of these takes is stage one's to estimate: here as it was.
+    const int64_t num_pixels = 96 * 72, num_tiles = 6 * 5;
+    const ScratchSize scratch = {gaussians.count, 12 * gaussians.count, num_tiles, num_pixels};
+    const auto bound =
+        static_cast<double>(FeatureDeviceBytes(*backend, scratch, gaussians.sh_degree, options));
+    const auto peak = static_cast<double>(backend->peak_bytes_in_use());
+    RecordProperty("ratio", std::to_string(bound / peak));
+    EXPECT_GE(bound, peak);
+    EXPECT_LE(bound, 2.5 * peak);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,104 @@
+#include "core/reconstruct/estimate.h"
+
+#include "core/reconstruct/reconstructor.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kLoosest = 1.6;
+
+TrainingSize SizeOf(const Capture& capture) {
+  TrainingSize size;
+  for (const View& view : capture.views) {
+    const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+    ++size.num_views;
+    size.num_training_views += view.held_out ? 0 : 1;
+    size.num_pixels += num_pixels;
+    size.max_pixels = std::max(size.max_pixels, num_pixels);
+    size.num_masked_views += view.masks.empty() ? 0 : 1;
+    size.num_ignore_views += view.ignore.empty() ? 0 : 1;
+  }
+  size.num_points = static_cast<int64_t>(capture.points.size());
+  return size;
+}
+
+struct Case {
+  const char* name;
+  int width, height;
+  int64_t max_gaussians;
+  int sh_degree;
+  double coarse_until, densify_until;
+  double pixels_per_gaussian;
+};
+
+class EstimateTest : public ::testing::TestWithParam<Case> {};
+
+// The peak, so that what density control takes for a moment counts.
+TEST_P(EstimateTest, BoundsATrainingFromAboveAndNotFarAbove) {
+  const Case& c = GetParam();
+  testing::SyntheticOptions scene;
+  scene.width = c.width;
+  scene.height = c.height;
+  const Capture capture = testing::MakeSyntheticScene(scene).capture;
+  ReconstructOptions options;
+  options.num_steps = 120;
+  options.densify_from = 0.1;
+  options.densify_until = c.densify_until;
+  options.densify_every = 20;
+  options.densify_gradient = 1e-6f;  // all there is room for
+  options.sh_degree = c.sh_degree;
+  options.coarse_until = c.coarse_until;
+  options.max_gaussians = c.max_gaussians;
+  options.pixels_per_gaussian = c.pixels_per_gaussian;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(
+      const Gaussians result,
+      Reconstruct(*backend, capture, options, [](const StepReport&) { return absl::OkStatus(); }));
+  const TrainingSize size = SizeOf(capture);
+  EXPECT_GE(result.count, MostGaussians(size, options) * 9 / 10);
+  const MemoryNeed need = EstimateReconstruct(*backend, size, options);
+  const auto peak = static_cast<double>(backend->peak_bytes_in_use());
+  RecordProperty("ratio", std::to_string(static_cast<double>(need.device_bytes) / peak));
+  EXPECT_GE(static_cast<double>(need.device_bytes), peak);
+  EXPECT_LE(static_cast<double>(need.device_bytes), kLoosest * peak);
+  EXPECT_GE(need.host_bytes, CaptureBytes(size));
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, EstimateTest,
+                         ::testing::Values(Case{"small", 96, 72, 1500, 3, 0, 0.9, 0},
+                                           Case{"many", 96, 72, 6000, 2, 0, 0.9, 0},
+                                           Case{"coarse", 192, 144, 5000, 3, 0.5, 0.9, 0},
+                                           Case{"fixed", 192, 144, 1'000'000, 1, 0, 0, 50},
+                                           Case{"budgeted", 192, 144, 1'000'000, 3, 0, 0.85, 50}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+TEST(Estimate, GrowsWithWhatItDependsOn) {
+  const auto backend = MakeCpuBackend(1);
+  const TrainingSize size = {10, 8, 10 * 300'000, 300'000, 5000, 0, 0, 0};
+  ReconstructOptions options;
+  options.pixels_per_gaussian = 0;
+  const MemoryNeed base = EstimateReconstruct(*backend, size, options);
+  const auto grows = [&](const TrainingSize& other, const ReconstructOptions& other_options) {
+    const MemoryNeed need = EstimateReconstruct(*backend, other, other_options);
+    return need.device_bytes > base.device_bytes || need.host_bytes > base.host_bytes;
+  };
+  ReconstructOptions more = options;
+  more.max_gaussians *= 2;
+  EXPECT_TRUE(grows(size, more));
+  more = options;
+  more.coarse_until = 0.5;
+  EXPECT_TRUE(grows(size, more));
+  for (int64_t TrainingSize::*field :
+       {&TrainingSize::num_training_views, &TrainingSize::num_pixels, &TrainingSize::max_pixels,
+        &TrainingSize::num_masked_views, &TrainingSize::num_ignore_views,
+        &TrainingSize::num_depth_views}) {
+    TrainingSize larger = size;
+    larger.*field += larger.*field / 2 + 1;
+    EXPECT_TRUE(grows(larger, options));
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

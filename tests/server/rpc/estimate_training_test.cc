@@ -1,0 +1,138 @@
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "tests/server/png_bytes.h"
+#include "tests/server/rpc/running_server.h"
+
+namespace pepeseg {
+namespace {
+
+// Nothing is decoded: black pictures will do.
+std::vector<TestFile> Photos() {
+  std::vector<TestFile> files;
+  for (int i = 0; i < 4; ++i) {
+    files.push_back({absl::StrCat("images/", i, ".png"), testing::BlackPng(400, 300 + 20 * i, 8)});
+  }
+  files.push_back(
+      {"sparse/0/points3D.txt", "# a comment\n1 0 0 0\n2 0 0 0\n\n3 0 0 0\n", v1::FILE_KIND_POSES});
+  return files;
+}
+
+struct EstimateTrainingTest : ::testing::Test {
+  EstimateTrainingTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+
+  grpc::Status Estimate(const std::string& dataset, const v1::TrainingOptions& options = {}) {
+    grpc::ClientContext context;
+    v1::EstimateTrainingRequest request;
+    request.set_scene("scenes/shelf");
+    request.set_dataset(dataset);
+    *request.mutable_options() = options;
+    estimate.Clear();
+    return running.jobs->EstimateTraining(&context, request, &estimate);
+  }
+
+  grpc::Status Train(const std::string& dataset, const v1::TrainingOptions& options,
+                     bool validate_only) {
+    grpc::ClientContext context;
+    v1::TrainSceneRequest request;
+    request.set_scene("scenes/shelf");
+    request.set_dataset(dataset);
+    *request.mutable_options() = options;
+    request.set_validate_only(validate_only);
+    v1::Job job;
+    return running.jobs->TrainScene(&context, request, &job);
+  }
+
+  RunningServer running;
+  v1::EstimateTrainingResponse estimate;
+};
+
+TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_max_gaussians(10'000);
+  const grpc::Status status = Estimate(dataset, options);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(estimate.num_views(), 4);
+  EXPECT_EQ(estimate.max_pixels(), 400 * 360);
+  EXPECT_EQ(estimate.num_points(), 3);
+  EXPECT_EQ(estimate.num_mask_files(), 0);
+  EXPECT_EQ(estimate.device().find("cpu (1 thread, "), 0u);
+  ASSERT_EQ(estimate.stages_size(), 2);  // no masks, so no features
+  EXPECT_EQ(estimate.stages(0).stage(), "prepare");
+  EXPECT_EQ(estimate.stages(1).stage(), "reconstruct");
+  // Parameters and two moments of 59 floats, at least.
+  EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
+  EXPECT_EQ(estimate.need_bytes(),
+            estimate.stages(1).device_bytes() + estimate.stages(1).host_bytes());
+  EXPECT_GT(estimate.have_bytes(), estimate.need_bytes());
+  for (const auto& stage : estimate.stages()) EXPECT_FALSE(stage.has_duration());
+}
+
+TEST_F(EstimateTrainingTest, SmallerPhotographsAndFewerGaussiansTakeLess) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  const int64_t all = estimate.need_bytes();
+  options.mutable_import()->set_image_scale(0.5);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_EQ(estimate.max_pixels(), 400 * 360 / 4);
+  const int64_t small = estimate.need_bytes();
+  EXPECT_LT(small, all);
+  options.mutable_reconstruct()->set_max_gaussians(1000);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_LT(estimate.need_bytes(), small);
+}
+
+TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {
+  std::vector<TestFile> files = Photos();
+  files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
+  ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+  EXPECT_EQ(estimate.num_mask_files(), 1);
+  ASSERT_EQ(estimate.stages_size(), 3);
+  EXPECT_EQ(estimate.stages(2).stage(), "features");
+  EXPECT_GT(estimate.stages(2).device_bytes(), 0);
+}
+
+TEST_F(EstimateTrainingTest, WhatDoesNotFitIsRefusedBeforeItIsQueued) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_max_gaussians(100'000'000);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  ASSERT_GT(estimate.need_bytes(), estimate.have_bytes()) << "this machine takes anything";
+  for (const bool validate_only : {true, false}) {
+    const grpc::Status refused = Train(dataset, options, validate_only);
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    const v1::ErrorDetail detail = DetailOf(refused);
+    EXPECT_EQ(detail.reason(), "DOES_NOT_FIT");
+    EXPECT_EQ(detail.value(), absl::StrCat(estimate.need_bytes(), " bytes"));
+    EXPECT_EQ(detail.limit(), absl::StrCat(estimate.have_bytes(), " bytes"));
+  }
+  grpc::ClientContext context;
+  v1::ListJobsResponse jobs;
+  ASSERT_TRUE(running.jobs->ListJobs(&context, v1::ListJobsRequest(), &jobs).ok());
+  EXPECT_EQ(jobs.jobs_size(), 0);
+}
+
+TEST_F(EstimateTrainingTest, PhotographThatIsNoneIsNamedAndLeftToTheJob) {
+  const std::string dataset = running.UploadAndSeal("shelf", {{"fine", "bytes"}});
+  const grpc::Status status = Estimate(dataset);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(status.error_message().find("fine"), std::string::npos) << status.error_message();
+  EXPECT_TRUE(Train(dataset, {}, /*validate_only=*/true).ok());
+}
+
+TEST_F(EstimateTrainingTest, RefusesWhatTrainSceneRefuses) {
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/9").error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(Estimate("scenes/other/datasets/1").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  const v1::Upload open = running.CreateUpload("shelf", {{"a", "bytes"}});
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/1").error_code(),
+            grpc::StatusCode::FAILED_PRECONDITION);
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_num_steps(0);
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/1", options).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace pepeseg
