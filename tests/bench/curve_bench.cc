@@ -39,13 +39,18 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-absl::Status Score(Backend& backend, const Capture& capture, const Gaussians& gaussians,
-                   std::string& cells) {
+// Means, and the PSNR of each view.
+absl::StatusOr<std::string> Score(Backend& backend, const Capture& capture,
+                                  const Gaussians& gaussians) {
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, gaussians));
   char text[64];
-  std::snprintf(text, sizeof(text), "%.3f | %.4f", Mean(scores).psnr, Mean(scores).ssim);
-  cells = text;
-  return absl::OkStatus();
+  std::snprintf(text, sizeof(text), "%.3f | %.4f |", Mean(scores).psnr, Mean(scores).ssim);
+  std::string cells = text;
+  for (const ViewScores& view : scores) {
+    std::snprintf(text, sizeof(text), " %.2f", view.scores.psnr);
+    cells += text;
+  }
+  return cells;
 }
 
 absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions& options,
@@ -60,8 +65,7 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
     if (share == int64_t{step - 1} * options.num_scores / stage.num_steps) continue;
     backend.Sync();
     seconds += Now() - start;
-    std::string cells;
-    RETURN_IF_ERROR(Score(backend, capture, reconstructor->Result(), cells));
+    ASSIGN_OR_RETURN(const std::string cells, Score(backend, capture, reconstructor->Result()));
     std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f |\n", options.name.c_str(),
                 static_cast<int>(seed), step, seconds, static_cast<long>(report.num_gaussians),
                 cells.c_str(), report.loss, static_cast<long>(report.num_void_renders),
