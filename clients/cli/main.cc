@@ -3,6 +3,8 @@
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdio>
+#include <exception>
 #include <string_view>
 
 #include "clients/cli/failure.h"
@@ -42,10 +44,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddDemo(app, shell);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  std::signal(SIGINT, LeaveOnInterrupt);
+int Run(int argc, char** argv) {
   Shell shell;
   CLI::App app("Scenes from photographs, segments from clicks", "pepeseg");
   app.footer(kFooter);
@@ -68,4 +67,16 @@ int main(int argc, char** argv) {
     pepeseg::cli::Note(pepeseg::cli::Explain(status, shell.server));
   }
   return pepeseg::cli::ExitCodeOf(status);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::signal(SIGINT, LeaveOnInterrupt);
+  try {
+    return Run(argc, argv);
+  } catch (const std::exception& error) {  // of the parser's set-up, or no memory
+    std::fprintf(stderr, "pepeseg: %s\n", error.what());
+    return pepeseg::cli::kUnexpected;
+  }
 }
