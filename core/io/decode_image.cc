@@ -64,16 +64,33 @@ void AppendLabels(const cv::Mat& pixels, std::vector<uint32_t>& labels) {
   }
 }
 
+// Of BGRA.
+std::vector<uint8_t> TransparentPixels(const cv::Mat& pixels) {
+  constexpr int kHalf = 128, kAlpha = 3;
+  std::vector<uint8_t> transparent;
+  transparent.reserve(pixels.total());
+  for (int y = 0; y < pixels.rows; ++y) {
+    const auto* row = pixels.ptr<cv::Vec4b>(y);
+    for (int x = 0; x < pixels.cols; ++x) transparent.push_back(row[x][kAlpha] < kHalf ? 1 : 0);
+  }
+  return transparent;
+}
+
 }  // namespace
 
-absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name) {
-  ASSIGN_OR_RETURN(const Decoded decoded,
-                   Decode(path, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
-  if (decoded.pixels.type() != CV_8UC3) return Refused(name, "does not decode to 8-bit colour");
+absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name,
+                                  std::vector<uint8_t>* transparent) {
+  ASSIGN_OR_RETURN(Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  const bool has_alpha = decoded.pixels.type() == CV_8UC4;
+  if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits
+    ASSIGN_OR_RETURN(decoded, Decode(path, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
+    if (decoded.pixels.type() != CV_8UC3) return Refused(name, "does not decode to 8-bit colour");
+  }
   Image image{decoded.header.width, decoded.header.height, 3, {}};
   image.pixels.resize(static_cast<size_t>(image.width) * image.height * 3);
   cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
-  cv::cvtColor(decoded.pixels, rgb, cv::COLOR_BGR2RGB);
+  cv::cvtColor(decoded.pixels, rgb, has_alpha ? cv::COLOR_BGRA2RGB : cv::COLOR_BGR2RGB);
+  if (has_alpha && transparent != nullptr) *transparent = TransparentPixels(decoded.pixels);
   return image;
 }
 

@@ -21,8 +21,11 @@ struct LabelImage {
 };
 
 // RGB, 8 bit. The EXIF orientation is left out of account: poses belong to the pixels as stored.
-// INVALID_ARGUMENT with `name`: what ReadImageHeader refuses, and what does not decode.
-absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name);
+// `transparent`, where wanted: [height, width], 1 where alpha is under a half; empty when the file
+// has no alpha of 8 bits. INVALID_ARGUMENT with `name`: what ReadImageHeader refuses, and what does
+// not decode.
+absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name,
+                                  std::vector<uint8_t>* transparent = nullptr);
 
 // A PNG of 1 to 16 bits a channel, grey or colour; errors as above, and another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);

@@ -10,9 +10,10 @@
 namespace pepeseg {
 namespace {
 
-absl::Status Validate(const Image& image) {
+absl::Status Validate(const Image& image, int most_channels) {
   const size_t size = static_cast<size_t>(image.width) * image.height * image.channels;
-  if (image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3) &&
+  const bool has_colors = image.channels >= 3 && image.channels <= most_channels;
+  if (image.width > 0 && image.height > 0 && (image.channels == 1 || has_colors) &&
       image.pixels.size() == size) {
     return absl::OkStatus();
   }
@@ -23,15 +24,16 @@ absl::Status Validate(const Image& image) {
 
 absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
                                    const std::vector<int>& parameters) {
-  RETURN_IF_ERROR(Validate(image));
   try {
     // OpenCV only reads it, but has no const view of pixels.
     cv::Mat pixels(image.height, image.width, CV_8UC(image.channels),
                    const_cast<uint8_t*>(image.pixels.data()));
     cv::Mat bgr;
+    if (image.channels == 1) bgr = pixels;
     if (image.channels == 3) cv::cvtColor(pixels, bgr, cv::COLOR_RGB2BGR);
+    if (image.channels == 4) cv::cvtColor(pixels, bgr, cv::COLOR_RGBA2BGRA);
     std::vector<uint8_t> bytes;
-    if (cv::imencode(suffix, image.channels == 3 ? bgr : pixels, bytes, parameters)) {
+    if (cv::imencode(suffix, bgr, bytes, parameters)) {
       return std::string(bytes.begin(), bytes.end());
     }
   } catch (const cv::Exception& error) {
@@ -42,9 +44,13 @@ absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
 
 }  // namespace
 
-absl::StatusOr<std::string> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
+absl::StatusOr<std::string> EncodePng(const Image& image) {
+  RETURN_IF_ERROR(Validate(image, 4));
+  return Encode(image, ".png", {});
+}
 
 absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality) {
+  RETURN_IF_ERROR(Validate(image, 3));
   return Encode(image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 

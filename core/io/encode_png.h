@@ -7,8 +7,8 @@
 
 namespace pepeseg {
 
-// A PNG or JPEG file in memory, of an image with 1 (grey) or 3 (RGB) channels. INVALID_ARGUMENT:
-// an empty image, or pixels that do not fit its size.
+// A PNG or JPEG file in memory, of an image with 1 (grey), 3 (RGB) or, as a PNG, 4 channels (RGBA).
+// INVALID_ARGUMENT: an empty image, or pixels that do not fit its size.
 absl::StatusOr<std::string> EncodePng(const Image& image);
 // `quality`: 1..100.
 absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality = 90);

@@ -124,7 +124,8 @@ class ViewReader {
           absl::StrCat(index_.images->name, ": image ", match.image.name, " has the camera ",
                        match.image.camera_id, ", which ", index_.cameras->name, " does not list"));
     }
-    ASSIGN_OR_RETURN(const Image photo, DecodePhoto(match.photo->path, name));
+    std::vector<uint8_t> transparent;
+    ASSIGN_OR_RETURN(const Image photo, DecodePhoto(match.photo->path, name, &transparent));
     ASSIGN_OR_RETURN(const Lens lens, FitLens(camera->second, photo, name));
     num_resized_ += lens.width != camera->second.width ? 1 : 0;
     RETURN_IF_ERROR(PrepareWarp(match.image.camera_id, lens));
@@ -133,6 +134,7 @@ class ViewReader {
     view.camera = warp_->camera();
     view.cam_from_world = match.image.cam_from_world;
     view.photo = warp_->Photo(photo);
+    if (!transparent.empty()) view.ignore = warp_->Ignore(transparent);
     RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
     return view;
   }

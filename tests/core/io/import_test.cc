@@ -1,5 +1,6 @@
 #include "core/io/import.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <numeric>
@@ -81,6 +82,26 @@ TEST(ImportCapture, KeepsPngPhotographsAndMasksAsTheyAre) {
     EXPECT_EQ(std::accumulate(view.ignore.begin(), view.ignore.end(), 0), 1);
     EXPECT_EQ(view.ignore[5], 1);
   }
+}
+
+TEST(ImportCapture, IgnoresTransparentPixels) {
+  SmallDataset dataset;
+  const Image picture = testing::Picture(40, 30);
+  Image with_alpha = {40, 30, 4, {}};
+  for (int i = 0; i < 40 * 30; ++i) {
+    for (int c = 0; c < 3; ++c) with_alpha.pixels.push_back(picture.pixels[3 * i + c]);
+    with_alpha.pixels.push_back(i == 77 ? 127 : i == 78 ? 128 : i == 79 ? 0 : 255);
+  }
+  testing::WriteBytes(dataset.folder / "images/sub/c.png", testing::Png(with_alpha));
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  const View& view = capture.views[2];
+  EXPECT_EQ(view.photo.pixels, picture.pixels);
+  std::vector<int> ignored;
+  for (int i = 0; i < 40 * 30; ++i) {
+    if (view.ignore[i] != 0) ignored.push_back(i);
+  }
+  EXPECT_THAT(ignored, ::testing::ElementsAre(5, 77, 79));  // 5: the dataset's ignore mask
 }
 
 TEST(ImportCapture, GivesTheSameForTextAndBinaryPoses) {
