@@ -94,6 +94,8 @@ v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
   progress.set_num_void_renders(report.num_void_renders);
   progress.set_num_refined(report.num_refined);
   progress.set_num_refine_split(report.num_refine_split);
+  if (std::isfinite(report.depth_loss)) progress.set_depth_loss(report.depth_loss);
+  progress.set_num_skipped_depths(report.num_skipped_depths);
   const double elapsed = seconds_in_stage();
   *progress.mutable_elapsed() = ToProto(elapsed);
   const auto left = static_cast<double>(report.num_steps - report.step);

@@ -52,6 +52,8 @@ TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
   report.num_steps = 10;
   report.num_culled_degenerate = 3;
   report.num_skipped_gradients = 4;
+  report.depth_loss = 0.25;
+  report.num_skipped_depths = 6;
   report.num_void_renders = 5;
   ASSERT_TRUE(progress.Step(report).ok());
   const auto events = EventLogReader(path_).Read();
@@ -59,6 +61,8 @@ TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
   const v1::JobProgress& told = events->back().progress();
   EXPECT_EQ(told.num_culled_degenerate(), 3);
   EXPECT_EQ(told.num_skipped_gradients(), 4);
+  EXPECT_EQ(told.depth_loss(), 0.25);
+  EXPECT_EQ(told.num_skipped_depths(), 6);
   EXPECT_EQ(told.num_void_renders(), 5);
 }
 
