@@ -122,11 +122,11 @@ TEST_P(RenderEdgeTest, ATinyGaussianStillCoversItsPixel) {
   EXPECT_NEAR(Download(scene.alpha)[10 * 21 + 10], 0.5f, 1e-4f);
 }
 
-TEST_P(RenderEdgeTest, ThousandsMayShareOneTile) {
-  constexpr int64_t kCount = 20000;
+TEST_P(RenderEdgeTest, SeventyThousandMayShareOneTile) {
+  constexpr int64_t kCount = 70000;  // over 2^16
   HostGaussians balls = Balls(kCount);
   for (int64_t i = 0; i < kCount; ++i) {
-    balls.At(kMeanPlane + 2, i) = 2 + 1e-4f * static_cast<float>(kCount - i);
+    balls.At(kMeanPlane + 2, i) = 2 + 3e-5f * static_cast<float>(kCount - i);
     balls.At(kOpacityPlane, i) = -5.2f;  // barely above 1/255: none of them ends a pixel
   }
   Rendered scene(*backend_, balls, AxisView(16, 16));
