@@ -90,7 +90,8 @@ float Sample(const FloatImage& map, double x, double y) {
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   double sum = 0, weights = 0;
   for (int i = 0; i < 4; ++i) {
-    const double tap_x = left + i % 2, tap_y = top + i / 2;
+    const int column = i % 2, row = i / 2;
+    const double tap_x = left + column, tap_y = top + row;
     const double weight = (1 - std::abs(x - 0.5 - tap_x)) * (1 - std::abs(y - 0.5 - tap_y));
     const float value = at(std::clamp(static_cast<int>(tap_x), 0, map.width - 1),
                            std::clamp(static_cast<int>(tap_y), 0, map.height - 1));
@@ -236,8 +237,7 @@ MaskSet ViewWarp::Masks(const MaskSet& masks) const {
 }
 
 Vector2d ViewWarp::PlaceInPhoto(int x, int y) const {
-  const Vector2d full((x + 0.5) * full_width_ / camera_.width,
-                      (y + 0.5) * full_height_ / camera_.height);
+  Vector2d full((x + 0.5) * full_width_ / camera_.width, (y + 0.5) * full_height_ / camera_.height);
   if (source_.empty()) return full;
   const int full_x = static_cast<int>(full.x()), full_y = static_cast<int>(full.y());
   const float* source = &source_[2 * (static_cast<size_t>(full_y) * full_width_ + full_x)];

@@ -88,6 +88,7 @@ std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
   for (size_t i = 0; i < rows.size(); ++i) codes.emplace_back(MortonCode(grid, rows[i].moved), i);
   std::sort(codes.begin(), codes.end());
   std::vector<size_t> order;
+  order.reserve(codes.size());
   for (const auto& [code, index] : codes) order.push_back(index);
   return order;
 }
