@@ -29,10 +29,11 @@ struct ScratchSize {
 
 // The arithmetic of the method on one device: its memory, and one virtual per pipeline step.
 //
-// Ops return nothing: a backend keeps its first error, status() tells, Sync() waits. On CUDA they
-// are asynchronous, in the order of the calls. Spans must be memory of the same backend and not
-// overlap unless an op says so. Ops may be called from several threads at once as long as what
-// they write is not shared. CPU results do not depend on the number of threads.
+// Ops return nothing: a backend keeps its first error, error() tells, and what is called after it
+// does nothing. On CUDA they are asynchronous, in the order of the calls. Spans must be memory of
+// the same backend and not overlap unless an op says so. Ops may be called from several threads at
+// once as long as what they write is not shared. CPU results do not depend on the number of
+// threads.
 class Backend {
  public:
   virtual ~Backend() = default;

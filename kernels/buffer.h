@@ -71,22 +71,27 @@ class Buffer {
     size_ = data_ == nullptr ? 0 : size;
   }
   // As Resize, but leaves slack when it has to grow: for sizes that change from step to step.
-  void Reserve(Backend& backend, int64_t size) {
+  // False, and empty, when out of memory.
+  bool Reserve(Backend& backend, int64_t size) {
     backend_ = &backend;
     if (size > capacity_) Resize(size + size / 4);
     Resize(size);
+    return size_ == size;
   }
   void Zero() {
     if (size_ > 0) ZeroBytes(*backend_, data_, static_cast<size_t>(size_) * sizeof(T));
   }
+  // Nothing is copied to or from a buffer that got no memory.
   void Upload(std::span<const T> host, int64_t first = 0) {
-    assert(first + static_cast<int64_t>(host.size()) <= size_);
-    if (!host.empty()) CopyToBackend(*backend_, data_ + first, host.data(), host.size_bytes());
+    assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
+    if (data_ != nullptr && !host.empty())
+      CopyToBackend(*backend_, data_ + first, host.data(), host.size_bytes());
   }
   // Waits for the work that writes this memory.
   void Download(std::span<T> host, int64_t first = 0) const {
-    assert(first + static_cast<int64_t>(host.size()) <= size_);
-    if (!host.empty()) CopyToHost(*backend_, host.data(), data_ + first, host.size_bytes());
+    assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
+    if (data_ != nullptr && !host.empty())
+      CopyToHost(*backend_, host.data(), data_ + first, host.size_bytes());
   }
 
   int64_t size() const { return size_; }

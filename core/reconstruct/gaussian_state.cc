@@ -223,22 +223,24 @@ void GaussianState::SetMeansAndLogScales(DeviceSpan<const float> planes) {
 }
 
 void GaussianState::FadeOpacity(float factor) {
-  std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
-  for (float& logit : logits) {
+  ChangeOpacityLogits([factor](float logit) {
     const float opacity = factor / (1 + std::exp(-logit));
-    logit = std::log(opacity / (1 - opacity));
-  }
-  UploadPlanes(rows_.parameters, kOpacityPlane, logits);
+    return std::log(opacity / (1 - opacity));
+  });
 }
 
 void GaussianState::LimitOpacity(float opacity) {
   const float limit = std::log(opacity / (1 - opacity));
-  std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
-  for (float& logit : logits) logit = std::min(logit, limit);
-  UploadPlanes(rows_.parameters, kOpacityPlane, logits);
+  ChangeOpacityLogits([limit](float logit) { return std::min(logit, limit); });
   const std::vector<float> zeros(static_cast<size_t>(count_), 0.0f);
   rows_.moment1.Upload(zeros, kOpacityPlane * rows_.stride);
   rows_.moment2.Upload(zeros, kOpacityPlane * rows_.stride);
+}
+
+void GaussianState::ChangeOpacityLogits(absl::FunctionRef<float(float)> change) {
+  std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
+  for (float& logit : logits) logit = change(logit);
+  UploadPlanes(rows_.parameters, kOpacityPlane, logits);
 }
 
 }  // namespace pepeseg

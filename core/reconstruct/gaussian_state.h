@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "core/scene/gaussians.h"
 #include "kernels/backend.h"
 
@@ -82,6 +83,7 @@ class GaussianState {
     Buffer<int32_t> refinable;  // empty while refinement is not open
   };
 
+  void ChangeOpacityLogits(absl::FunctionRef<float(float)> change);
   Rows Allocate(int64_t stride) const;  // all zero
   bool Grow(int64_t stride);            // rows stay as they are
   // [num_planes, count]

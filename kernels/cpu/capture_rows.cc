@@ -28,9 +28,10 @@ PixelRow WeightsAt(const SimdKernels& simd, const RenderScratch& scratch, int32_
 }  // namespace
 
 void CpuBackend::CaptureRows(const CaptureRowsArgs& args) {
+  if (failed()) return;
   const RenderScratch& scratch = *args.scratch;
   const int64_t num_pixels = args.pixels.size;
-  args.row_first->Reserve(*this, num_pixels + 1);
+  if (!args.row_first->Reserve(*this, num_pixels + 1)) return;
   int32_t* row_first = args.row_first->span().data;
   row_first[0] = 0;
   std::vector<PixelRow> rows(num_pixels);
@@ -43,8 +44,10 @@ void CpuBackend::CaptureRows(const CaptureRowsArgs& args) {
   });
   for (int64_t i = 0; i < num_pixels; ++i) row_first[i + 1] += row_first[i];
 
-  args.entry_gaussian->Reserve(*this, row_first[num_pixels]);
-  args.entry_weight->Reserve(*this, row_first[num_pixels]);
+  if (!args.entry_gaussian->Reserve(*this, row_first[num_pixels]) ||
+      !args.entry_weight->Reserve(*this, row_first[num_pixels])) {
+    return;
+  }
   const int32_t* gaussians = scratch.visible_gaussian.span().data;
   for (int64_t i = 0; i < num_pixels; ++i) {
     const TileSplats& tile = rows[i].tile;

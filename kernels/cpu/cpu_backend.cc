@@ -46,6 +46,7 @@ std::string CpuBackend::error() const {
 void CpuBackend::Fail(const std::string& error) {
   const std::lock_guard lock(error_mutex_);
   if (error_.empty()) error_ = error;
+  failed_ = true;
 }
 
 void* CpuBackend::Allocate(size_t num_bytes) {

@@ -59,11 +59,13 @@ class CpuBackend final : public Backend {
   void Similarity(const SimilarityArgs& args) override;
 
  private:
-  void Fail(const std::string& error);  // the first one is kept
+  void Fail(const std::string& error);     // the first one is kept
+  bool failed() const { return failed_; }  // then ops return at once
 
   ThreadPool pool_;
   const SimdKernels& simd_;
   std::atomic<size_t> bytes_in_use_ = 0, peak_bytes_ = 0;
+  std::atomic<bool> failed_ = false;
   mutable std::mutex error_mutex_;
   std::string error_;
 };

@@ -165,6 +165,7 @@ void StoreSums(const DepthLossArgs& args, const DepthFit& fit, const Band& all) 
 }  // namespace
 
 void CpuBackend::DepthLoss(const DepthLossArgs& args) {
+  if (failed()) return;
   const int64_t num_pixels = int64_t{args.width} * args.height;
   const std::unique_ptr<float[]> x(new float[num_pixels]);
   DepthJob job = {&args, x.get(), {}};

@@ -10,6 +10,7 @@ constexpr int64_t kChunk = 64;  // rows a task
 }  // namespace
 
 void CpuBackend::FeatureRows(const FeatureRowsArgs& args) {
+  if (failed()) return;
   const int64_t count = args.rows.first.size - 1;
   pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
     simd_.feature_rows(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});

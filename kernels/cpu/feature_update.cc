@@ -11,6 +11,7 @@ constexpr int64_t kChunk = 256;  // rows a task
 }  // namespace
 
 void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
+  if (failed()) return;
   const int64_t count =
       args.gaussian.empty() ? args.state.last_step.size : int64_t{args.gaussian.size};
   pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
@@ -19,6 +20,7 @@ void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
 }
 
 void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
+  if (failed()) return;
   const int64_t count = args.columns.gaussian.size;
   pool_.ParallelFor((count + kChunk - 1) / kChunk, [&](int64_t i, int) {
     simd_.feature_update(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});

@@ -17,6 +17,7 @@ void Gather(const GatherRowsArgs& args, const T* from, T* to) {
 }  // namespace
 
 void CpuBackend::GatherRows(const GatherRowsArgs& args) {
+  if (failed()) return;
   assert(args.from.sh_degree == args.to.sh_degree && args.source.size == args.to.count);
   const int num_planes = NumPlanes(args.to.sh_degree);
   pool_.ParallelFor(num_planes + 1, [&](int64_t k, int) {

@@ -34,6 +34,7 @@ LossBand MakeBand(const ImageLossArgs& args, int64_t num_counted, std::vector<fl
 }  // namespace
 
 void CpuBackend::ImageLoss(const ImageLossArgs& args) {
+  if (failed()) return;
   const int64_t num_counted = CountPixels(args);
   const int bands_per_channel = (args.height + kLossBandRows - 1) / kLossBandRows;
   std::vector<LossBand> bands(int64_t{3} * bands_per_channel);

@@ -38,6 +38,7 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
 // order of all sums is fixed. Positives and negatives are gathered apart because their means need
 // counts that are known only at the end.
 void CpuBackend::PairLoss(const PairLossArgs& args) {
+  if (failed()) return;
   PairPlan plan(args);
   PairJob& job = plan.job;
   std::vector<PairBlock> blocks(job.padded / kPairRows);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/cpu/load_shape.h"
 #include "kernels/math/density.h"
 
 namespace pepeseg {
@@ -48,16 +49,8 @@ void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   for (size_t k = room; k < densified.size(); ++k) fates[densified[k]] = kFateKept;
 }
 
-GaussianShape<float> ShapeOf(const ConstGaussianPlanes& planes, int64_t i) {
-  const auto at = [&](int plane) { return planes.Plane(plane)[i]; };
-  return {
-      {at(kMeanPlane), at(kMeanPlane + 1), at(kMeanPlane + 2)},
-      {at(kLogScalePlane), at(kLogScalePlane + 1), at(kLogScalePlane + 2)},
-      {at(kRotationPlane), at(kRotationPlane + 1), at(kRotationPlane + 2), at(kRotationPlane + 3)}};
-}
-
 void AddRows(const PlanDensityArgs& args, int64_t i, DensityFate fate, std::vector<Row>& rows) {
-  const GaussianShape<float> shape = ShapeOf(args.gaussians, i);
+  const GaussianShape<float> shape = LoadShape(args.gaussians, i);
   const auto source = static_cast<int32_t>(i);
   for (int k = 0; k < NumRowsOf(fate); ++k) {
     Vec3<float> mean = shape.mean, log_scale = shape.log_scale;
@@ -96,6 +89,7 @@ std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
 }  // namespace
 
 void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
+  if (failed()) return;
   const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
                                 std::log(args.min_opacity / (1 - args.min_opacity))};
   std::vector<DensityFate> fates;
@@ -108,10 +102,10 @@ void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
   const auto num = [&](DensityFate fate) { return std::count(fates.begin(), fates.end(), fate); };
   const auto num_rows = static_cast<int64_t>(rows.size());
   *args.counts = {num_rows, num(kFateCloned), num(kFateSplit), num(kFatePruned)};
-  args.source->Reserve(*this, num_rows);
-  args.is_new->Reserve(*this, num_rows);
-  args.mean_log_scale->Reserve(*this, kNumMoved * num_rows);
-  if (rows.empty() || args.mean_log_scale->empty()) return;
+  if (!args.source->Reserve(*this, num_rows) || !args.is_new->Reserve(*this, num_rows) ||
+      !args.mean_log_scale->Reserve(*this, kNumMoved * num_rows)) {
+    return;
+  }
   int64_t to = 0;
   for (const size_t from : MortonOrder(rows)) {
     args.source->span()[to] = rows[from].source;

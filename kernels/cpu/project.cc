@@ -82,15 +82,17 @@ void MoveChunk(RenderScratch& scratch, int64_t first, const ChunkCount& before,
 
 }  // namespace
 
-bool ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
+void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
                       const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   const int64_t count = args.gaussians.count;
   const int64_t num_chunks = (count + kChunk - 1) / kChunk;
-  scratch.candidate_gaussian.Reserve(backend, count);
-  scratch.candidate_num_tiles.Reserve(backend, count);
-  scratch.candidate_num_runs.Reserve(backend, count);
-  scratch.candidate_splat.Reserve(backend, count);
+  if (!scratch.candidate_gaussian.Reserve(backend, count) ||
+      !scratch.candidate_num_tiles.Reserve(backend, count) ||
+      !scratch.candidate_num_runs.Reserve(backend, count) ||
+      !scratch.candidate_splat.Reserve(backend, count)) {
+    return;
+  }
   std::vector<ChunkCount> ends(num_chunks + 1);
   std::vector<std::vector<TileRun>> runs(num_chunks);
   pool.ParallelFor(num_chunks, [&](int64_t chunk, int) {
@@ -99,28 +101,25 @@ bool ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& sim
   for (int64_t chunk = 0; chunk < num_chunks; ++chunk) {
     ends[chunk + 1] = ends[chunk] + ends[chunk + 1];
   }
-  int64_t* counters = scratch.counters.span().data;
-  counters[kNumVisible] = ends[num_chunks].num_visible;
-  counters[kNumCulledDegenerate] = ends[num_chunks].num_degenerate;
-  counters[kNumTileEntries] = ends[num_chunks].num_entries;
-  const bool fits = ends[num_chunks].num_entries <= kMaxTileEntries;
-  if (!fits) {
-    ends.assign(num_chunks + 1, {});
-    runs.assign(num_chunks, {});
-  }
   const ChunkCount& sum = ends[num_chunks];
-  scratch.visible_gaussian.Reserve(backend, sum.num_visible);
-  scratch.visible_splat.Reserve(backend, sum.num_visible);
-  scratch.visible_first_slot.Reserve(backend, sum.num_visible + 1);
-  scratch.visible_first_run.Reserve(backend, sum.num_visible + 1);
-  scratch.runs.Reserve(backend, sum.num_runs);
+  int64_t* counters = scratch.counters.span().data;
+  counters[kNumVisible] = sum.num_visible;
+  counters[kNumCulledDegenerate] = sum.num_degenerate;
+  counters[kNumTileEntries] = sum.num_entries;
+  if (sum.num_entries > kMaxTileEntries ||
+      !scratch.visible_gaussian.Reserve(backend, sum.num_visible) ||
+      !scratch.visible_splat.Reserve(backend, sum.num_visible) ||
+      !scratch.visible_first_slot.Reserve(backend, sum.num_visible + 1) ||
+      !scratch.visible_first_run.Reserve(backend, sum.num_visible + 1) ||
+      !scratch.runs.Reserve(backend, sum.num_runs)) {
+    return;
+  }
   scratch.visible_first_slot.span()[0] = scratch.visible_first_run.span()[0] = 0;
   for (int64_t chunk = 0; chunk < num_chunks; ++chunk) {
     MoveChunk(scratch, chunk * kChunk, ends[chunk], ends[chunk + 1]);
     std::copy(runs[chunk].begin(), runs[chunk].end(),
               scratch.runs.span().data + ends[chunk].num_runs);
   }
-  return fits;
 }
 
 }  // namespace pepeseg

@@ -12,9 +12,9 @@ class Backend;
 struct SimdKernels;
 
 // Projects the Gaussians and fills visible_gaussian, visible_splat and visible_first_slot of
-// args.scratch, whose sizes in tiles are set, and the counters. False, and nothing is visible,
+// args.scratch, whose sizes in tiles are set, and the counters. Nothing is filled but the counters
 // when there are more than kMaxTileEntries.
-bool ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
+void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
                       const RenderArgs& args);
 
 }  // namespace pepeseg

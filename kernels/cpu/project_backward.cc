@@ -4,6 +4,7 @@
 namespace pepeseg {
 
 void CpuBackend::ProjectBackward(const ProjectBackwardArgs& args) {
+  if (failed()) return;
   ParameterJob job = {};
   job.grad = &args;
   job.count = args.gaussians.count;

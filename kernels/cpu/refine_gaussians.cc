@@ -3,6 +3,7 @@
 #include <cassert>
 
 #include "kernels/cpu/cpu_backend.h"
+#include "kernels/cpu/load_shape.h"
 #include "kernels/math/refine.h"
 
 namespace pepeseg {
@@ -42,14 +43,6 @@ uint64_t LastCandidateKey(const RefineGaussiansArgs& args) {
   if (num_candidates == 0) return 0;
   std::nth_element(ranked, ranked + num_candidates - 1, ranked + num_ranked);
   return ranked[num_candidates - 1];
-}
-
-GaussianShape<float> LoadShape(const GaussianPlanes& planes, int64_t i) {
-  const auto at = [&](int plane) { return planes.Plane(plane)[i]; };
-  return {
-      {at(kMeanPlane), at(kMeanPlane + 1), at(kMeanPlane + 2)},
-      {at(kLogScalePlane), at(kLogScalePlane + 1), at(kLogScalePlane + 2)},
-      {at(kRotationPlane), at(kRotationPlane + 1), at(kRotationPlane + 2), at(kRotationPlane + 3)}};
 }
 
 void StoreShape(const GaussianShape<float>& shape, float* first, int64_t stride) {
@@ -108,15 +101,15 @@ void CompactOutsideParts(const RefineGaussiansArgs& args) {
 }  // namespace
 
 void CpuBackend::RefineGaussians(const RefineGaussiansArgs& args) {
+  if (failed()) return;
   assert(args.outside_shape.size == 6 * args.outside_source.size);
   std::fill_n(args.counts.data, kNumRefineCounts, 0);
   const int64_t num_visible = args.render->visible_gaussian.size();
   if (num_visible == 0 || args.masks.mask_area.empty()) return;
   RefineScratch& scratch = *args.scratch;
-  scratch.keys.Reserve(*this, 2 * num_visible);
-  scratch.outside_shape.Reserve(*this, 6 * num_visible);
-  scratch.outside_position.Reserve(*this, num_visible);
-  if (scratch.keys.empty() || scratch.outside_shape.empty() || scratch.outside_position.empty()) {
+  if (!scratch.keys.Reserve(*this, 2 * num_visible) ||
+      !scratch.outside_shape.Reserve(*this, 6 * num_visible) ||
+      !scratch.outside_position.Reserve(*this, num_visible)) {
     return;
   }
   uint64_t* keys = scratch.keys.span().data;

@@ -7,24 +7,29 @@
 
 namespace pepeseg {
 void CpuBackend::Render(const RenderArgs& args) {
+  if (failed()) return;
   RenderScratch& scratch = *args.scratch;
   scratch.width = args.view.width;
   scratch.height = args.view.height;
   scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
   scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
   scratch.inverse_depth = args.inverse_depth;
-  scratch.counters.Reserve(*this, kNumRenderCounters);
-  scratch.counters.Zero();
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
-  scratch.pixel_transmittance.Reserve(*this, num_pixels);
-  scratch.pixel_last_entry.Reserve(*this, num_pixels);
-
-  if (!ProjectGaussians(*this, pool_, simd_, args)) {
-    Fail("render: " + std::to_string(scratch.counters.span()[kNumTileEntries]) +
-         " pairs of Gaussian and tile, at most " + std::to_string(kMaxTileEntries) +
-         " are possible");
+  if (!scratch.counters.Reserve(*this, kNumRenderCounters) ||
+      !scratch.pixel_transmittance.Reserve(*this, num_pixels) ||
+      !scratch.pixel_last_entry.Reserve(*this, num_pixels)) {
+    return;
+  }
+  scratch.counters.Zero();
+  ProjectGaussians(*this, pool_, simd_, args);
+  if (failed()) return;
+  if (const int64_t num_entries = scratch.counters.span()[kNumTileEntries];
+      num_entries > kMaxTileEntries) {
+    return Fail("render: " + std::to_string(num_entries) + " pairs of Gaussian and tile, at most " +
+                std::to_string(kMaxTileEntries) + " are possible");
   }
   ListTileEntries(*this, scratch);
+  if (failed()) return;
   ImageColors image = {};
   image.stride = scratch.width;
   image.background = args.background;

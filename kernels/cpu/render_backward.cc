@@ -41,9 +41,12 @@ void SumSlots(ThreadPool& pool, RenderScratch& scratch) {
 }  // namespace
 
 void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
+  if (failed()) return;
   RenderScratch& scratch = *args.scratch;
-  scratch.slot_grad.Reserve(*this, scratch.entry_slot.size());
-  scratch.visible_grad.Reserve(*this, scratch.visible_splat.size());
+  if (!scratch.slot_grad.Reserve(*this, scratch.entry_slot.size()) ||
+      !scratch.visible_grad.Reserve(*this, scratch.visible_splat.size())) {
+    return;
+  }
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
   ImageGrads image = {};
   image.stride = scratch.width;

@@ -8,6 +8,7 @@
 namespace pepeseg {
 
 void CpuBackend::RenderFeatures(const RenderFeaturesArgs& args) {
+  if (failed()) return;
   const RenderScratch& scratch = *args.scratch;
   constexpr int kTileValues = kTilePixels * kFeatureSize;
   std::vector<float> sums(pool_.num_threads() * kTileValues);

@@ -7,6 +7,7 @@
 namespace pepeseg {
 
 void CpuBackend::Similarity(const SimilarityArgs& args) {
+  if (failed()) return;
   constexpr int64_t kChunk = 4096;  // pixels a task
   std::vector<float> units(args.queries.size);
   for (int64_t first = 0; first < args.queries.size; first += kFeatureSize) {

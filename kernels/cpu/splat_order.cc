@@ -36,10 +36,10 @@ uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
 }
 
 // The visible in the order of their depth. Depths are positive, so their bits order as they do.
-// Once ordered they are inverted, where it is the inverse that is blended.
+// Once ordered they are inverted, where it is the inverse that is blended. Null: out of memory.
 const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
   const int64_t num_visible = scratch.visible_splat.size();
-  scratch.sort_keys.Reserve(backend, 2 * num_visible);
+  if (!scratch.sort_keys.Reserve(backend, 2 * num_visible)) return nullptr;
   uint64_t* keys = scratch.sort_keys.span().data;
   Splat* splats = scratch.visible_splat.span().data;
   for (int64_t i = 0; i < num_visible; ++i) {
@@ -57,9 +57,11 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   const int32_t* first_slot = scratch.visible_first_slot.span().data;
   const int32_t* first_run = scratch.visible_first_run.span().data;
   const TileRun* runs = scratch.runs.span().data;
-  scratch.tile_first_entry.Reserve(backend, num_tiles + 1);
-  scratch.entry_visible.Reserve(backend, first_slot[num_visible]);
-  scratch.entry_slot.Reserve(backend, first_slot[num_visible]);
+  if (!scratch.tile_first_entry.Reserve(backend, num_tiles + 1) ||
+      !scratch.entry_visible.Reserve(backend, first_slot[num_visible]) ||
+      !scratch.entry_slot.Reserve(backend, first_slot[num_visible])) {
+    return;
+  }
   int32_t* tile_first = scratch.tile_first_entry.span().data;
   int32_t* entry_visible = scratch.entry_visible.span().data;
   int32_t* entry_slot = scratch.entry_slot.span().data;
@@ -78,6 +80,7 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   tile_first[num_tiles] = first;
 
   const uint64_t* order = SortByDepth(backend, scratch);
+  if (order == nullptr) return;
   for (int64_t i = 0; i < num_visible; ++i) {
     const auto visible = static_cast<int32_t>(order[i] & 0xffffffffu);
     int32_t slot = first_slot[visible];

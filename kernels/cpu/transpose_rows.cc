@@ -7,6 +7,7 @@ namespace pepeseg {
 
 // A counting sort by Gaussian; stable, so pixels stay ascending.
 void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
+  if (failed()) return;
   const RowSpan& rows = args.rows;
   const int64_t num_pixels = rows.first.size - 1;
   const int32_t begin = rows.first[0], end = rows.first[num_pixels];
@@ -15,10 +16,10 @@ void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
   int64_t num_touched = 0;
   for (const int32_t count : next) num_touched += count > 0 ? 1 : 0;
 
-  args.gaussian->Reserve(*this, num_touched);
-  args.first->Reserve(*this, num_touched + 1);
-  args.pixel->Reserve(*this, end - begin);
-  args.weight->Reserve(*this, end - begin);
+  if (!args.gaussian->Reserve(*this, num_touched) || !args.first->Reserve(*this, num_touched + 1) ||
+      !args.pixel->Reserve(*this, end - begin) || !args.weight->Reserve(*this, end - begin)) {
+    return;
+  }
   int32_t *gaussians = args.gaussian->span().data, *first = args.first->span().data;
   int32_t* pixel = args.pixel->span().data;
   float* weight = args.weight->span().data;

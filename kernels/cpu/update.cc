@@ -31,6 +31,7 @@ BiasCorrections MakeCorrections(const UpdateArgs& args, int32_t num_steps) {
 }  // namespace
 
 void CpuBackend::Update(const UpdateArgs& args) {
+  if (failed()) return;
   RenderScratch& scratch = *args.scratch;
   const int32_t* steps = args.num_steps.data;
   int32_t most = 0;

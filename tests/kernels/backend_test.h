@@ -41,6 +41,23 @@ class BackendTest : public ::testing::TestWithParam<BackendCase> {
   std::unique_ptr<Backend> backend_;
 };
 
+// The CUDA backend beside the CPU's; skipped without a device.
+class CudaAndCpuTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    cuda_ = MakeCuda();
+    if (cuda_ == nullptr) GTEST_SKIP() << "this machine has no Cuda";
+    cpu_ = MakeCpuBackend(0);
+  }
+  void TearDown() override {
+    if (cuda_ == nullptr) return;
+    cuda_->Sync();
+    EXPECT_EQ(cuda_->error(), "");
+  }
+
+  std::unique_ptr<Backend> cpu_, cuda_;
+};
+
 inline auto AllBackends() {
   return ::testing::Values(BackendCase{"CpuAvx3", MakeCpuAvx3}, BackendCase{"CpuAvx2", MakeCpuAvx2},
                            BackendCase{"CpuSse4", MakeCpuSse4}, BackendCase{"Cuda", MakeCuda});

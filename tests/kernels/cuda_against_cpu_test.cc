@@ -13,21 +13,7 @@
 namespace pepeseg {
 namespace {
 
-class CudaAgainstCpuTest : public testing::Test {
- protected:
-  void SetUp() override {
-    cuda_ = MakeCuda();
-    if (cuda_ == nullptr) GTEST_SKIP() << "this machine has no Cuda";
-    cpu_ = MakeCpuBackend(0);
-  }
-  void TearDown() override {
-    if (cuda_ == nullptr) return;
-    cuda_->Sync();
-    EXPECT_EQ(cuda_->error(), "");
-  }
-
-  std::unique_ptr<Backend> cpu_, cuda_;
-};
+class CudaAgainstCpuTest : public CudaAndCpuTest {};
 
 // A splat at the very edge of its reach, or a pixel at the very end of its transmittance, may go
 // either way: few pixels, by no more than what such a splat carries, and to both sides.

@@ -16,21 +16,7 @@ namespace {
 
 constexpr int kSize = kFeatureSize;
 
-class CudaFeaturesTest : public testing::Test {
- protected:
-  void SetUp() override {
-    cuda_ = MakeCuda();
-    if (cuda_ == nullptr) GTEST_SKIP() << "this machine has no Cuda";
-    cpu_ = MakeCpuBackend(0);
-  }
-  void TearDown() override {
-    if (cuda_ == nullptr) return;
-    cuda_->Sync();
-    EXPECT_EQ(cuda_->error(), "");
-  }
-
-  std::unique_ptr<Backend> cpu_, cuda_;
-};
+class CudaFeaturesTest : public CudaAndCpuTest {};
 
 struct UploadedRows {
   UploadedRows(Backend& backend, const SparseRows& rows)

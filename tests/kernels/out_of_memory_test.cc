@@ -1,0 +1,82 @@
+// Every allocation of a training step and of row queries fails once: the backend keeps the error,
+// and nothing is written where there is no memory.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <vector>
+
+#include "tests/kernels/backend_test.h"
+#include "tests/kernels/rendered.h"
+
+namespace {
+
+constexpr int kUnlimited = -1;
+int allocations_left = kUnlimited;
+
+}  // namespace
+
+// In place of the C library's, for this program only: it is what the CPU backend allocates with.
+extern "C" void* aligned_alloc(size_t alignment, size_t size) {
+  if (allocations_left == 0) return nullptr;
+  if (allocations_left > 0) --allocations_left;
+  void* block = nullptr;
+  return posix_memalign(&block, alignment, size) == 0 ? block : nullptr;
+}
+
+namespace pepeseg {
+namespace {
+
+void CaptureAndTranspose(Backend& backend, Rendered& scene) {
+  Buffer<int32_t> first, gaussian, by_gaussian, by_gaussian_first, pixel;
+  Buffer<float> weight, pixel_weight;
+  const std::vector<int32_t> pixels = {0, 50, 500};
+  const Buffer<int32_t> wanted(backend, std::span<const int32_t>(pixels));
+  CaptureRowsArgs capture;
+  capture.pixels = wanted.span();
+  capture.scratch = &scene.scratch;
+  capture.row_first = &first;
+  capture.entry_gaussian = &gaussian;
+  capture.entry_weight = &weight;
+  backend.CaptureRows(capture);
+  TransposeRowsArgs transpose;
+  transpose.rows = {first.span(), gaussian.span(), weight.span()};
+  transpose.num_gaussians = scene.host.count;
+  transpose.gaussian = &by_gaussian;
+  transpose.first = &by_gaussian_first;
+  transpose.pixel = &pixel;
+  transpose.weight = &pixel_weight;
+  backend.TransposeRows(transpose);
+}
+
+void UseEveryOpThatAllocates(Backend& backend) {
+  Rendered scene(backend, RandomScene({.count = 300}), TestView(40, 30));
+  scene.Render();
+  scene.Backward(std::vector<float>(3 * 40 * 30, 1.0f));
+  scene.ParameterGradient();
+  backend.Update(scene.MakeUpdateArgs());
+  CaptureAndTranspose(backend, scene);
+}
+
+TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {
+  for (int allowed = 0;; ++allowed) {
+    SCOPED_TRACE(allowed);
+    ASSERT_LT(allowed, 1000) << "the last allocation was never reached";
+    const std::unique_ptr<Backend> backend = MakeCpuBackend(2);
+    allocations_left = allowed;
+    UseEveryOpThatAllocates(*backend);
+    const bool was_enough = allocations_left > 0;
+    allocations_left = kUnlimited;
+    if (was_enough) {
+      EXPECT_EQ(backend->error(), "");
+      EXPECT_GT(allowed, 20);
+      break;
+    }
+    // With none left to spare the last one may just have been served.
+    if (backend->error().empty()) continue;
+    EXPECT_NE(backend->error().find("out of memory"), std::string::npos) << backend->error();
+    EXPECT_EQ(backend->bytes_in_use(), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg
