@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cassert>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -33,6 +34,7 @@ void CpuBackend::CaptureRows(const CaptureRowsArgs& args) {
   const int64_t num_pixels = args.pixels.size;
   if (!args.row_first->Reserve(*this, num_pixels + 1)) return;
   int32_t* row_first = args.row_first->span().data;
+  assert(row_first != nullptr);
   row_first[0] = 0;
   std::vector<PixelRow> rows(num_pixels);
   pool_.ParallelFor((num_pixels + kChunk - 1) / kChunk, [&](int64_t chunk, int) {

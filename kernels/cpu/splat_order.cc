@@ -2,6 +2,7 @@
 
 #include <array>
 #include <bit>
+#include <cassert>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -43,6 +44,7 @@ const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
   uint64_t* keys = scratch.sort_keys.span().data;
   Splat* splats = scratch.visible_splat.span().data;
   for (int64_t i = 0; i < num_visible; ++i) {
+    assert(keys != nullptr);
     keys[i] = uint64_t{std::bit_cast<uint32_t>(splats[i].depth)} << 32 | static_cast<uint64_t>(i);
     if (scratch.inverse_depth) splats[i].depth = InverseDepth(splats[i].depth);
   }
@@ -65,6 +67,7 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   int32_t* tile_first = scratch.tile_first_entry.span().data;
   int32_t* entry_visible = scratch.entry_visible.span().data;
   int32_t* entry_slot = scratch.entry_slot.span().data;
+  assert(tile_first != nullptr);
 
   // Where a run starts the number of entries of a tile rises by one, where it ends it falls.
   std::vector<int32_t> change(num_tiles + 1), next(num_tiles);
@@ -87,6 +90,7 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
     for (int32_t r = first_run[visible]; r < first_run[visible + 1]; ++r) {
       for (int32_t tile = runs[r].first_tile; tile < runs[r].first_tile + runs[r].count; ++tile) {
         const int32_t entry = next[tile]++;
+        assert(entry_visible != nullptr && entry_slot != nullptr);
         entry_visible[entry] = visible;
         entry_slot[entry] = slot++;
       }
