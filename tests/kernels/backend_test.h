@@ -28,8 +28,9 @@ class BackendTest : public ::testing::TestWithParam<BackendCase> {
  protected:
   void SetUp() override {
     backend_ = GetParam().make();
-    if (::testing::Test::HasFatalFailure()) return;
-    if (backend_ == nullptr) GTEST_SKIP() << "this machine has no " << GetParam().name;
+    if (backend_ != nullptr) return;
+    if (HasFailure()) FAIL();  // a test that has failed is not skipped: its body would run
+    GTEST_SKIP() << "this machine has no " << GetParam().name;
   }
 
   void TearDown() override {
@@ -45,9 +46,11 @@ class BackendTest : public ::testing::TestWithParam<BackendCase> {
 class CudaAndCpuTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    cuda_ = MakeCuda();
-    if (cuda_ == nullptr) GTEST_SKIP() << "this machine has no Cuda";
     cpu_ = MakeCpuBackend(0);
+    cuda_ = MakeCuda();
+    if (cuda_ != nullptr) return;
+    if (HasFailure()) FAIL();
+    GTEST_SKIP() << "this machine has no Cuda";
   }
   void TearDown() override {
     if (cuda_ == nullptr) return;

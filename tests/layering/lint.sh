@@ -1,12 +1,31 @@
 #!/usr/bin/env bash
 # clang-format, headers that compile alone, clang-tidy.   lint.sh BUILD_FOLDER JOBS
+# A file that clang-tidy passed is looked at again when its preprocessed text, its compiler flags or
+# the checks have changed: BUILD_FOLDER/lint has what it passed with.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 build=$1 jobs=$2
 
+tidy() {
+  local build=$1 file=$2 stamp command key
+  stamp=$build/lint/${file//\//.}
+  command=$(jq -r --arg file "$PWD/$file" 'map(select(.file == $file))[0].command' \
+    "$build/compile_commands.json")
+  command=$(sed -E 's/ -MD -MT [^ ]+ -MF [^ ]+//; s/ -o [^ ]+//; s/^[^ ]*ccache //' <<<"$command")
+  key=$( (cat .clang-tidy; clang-tidy --version; echo "$command"; cd "$build"; eval "$command -E") |
+    sha256sum)
+  [[ -f $stamp && $(<"$stamp") == "$key" ]] && return
+  echo "$file"
+  clang-tidy --quiet --extra-arg=-Wno-unknown-warning-option -p "$build" "$file" \
+    2> >(grep -v ' warnings generated' >&2)
+  echo "$key" >"$stamp"
+}
+export -f tidy
+
 mapfile -t files < <(find clients core kernels server tests -name '*.h' -o -name '*.cc' | sort)
 clang-format --dry-run -Werror "${files[@]}"
 cmake --build "$build" -j "$jobs" --target lone_headers
+mkdir -p "$build/lint"
 printf '%s\n' "${files[@]}" | grep '\.cc$' |
-  xargs -P "$jobs" -n 4 clang-tidy --quiet --extra-arg=-Wno-unknown-warning-option -p "$build" 2> >(grep -v ' warnings generated' >&2)
+  xargs -P "$jobs" -I{} bash -euo pipefail -c 'tidy "$@"' tidy "$build" {}
 echo 'lint: clean'
