@@ -12,6 +12,7 @@
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
 #include "kernels/refine_ops.h"
+#include "kernels/smooth_ops.h"
 
 namespace pepeseg {
 
@@ -87,12 +88,15 @@ class Backend {
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
-  // Stage two and queries (feature_ops.h).
+  // Stage two and queries (feature_ops.h, smooth_ops.h).
   virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
   virtual void PairLoss(const PairLossArgs& args) = 0;
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
+  virtual void NeighborRows(const NeighborRowsArgs& args) = 0;
+  virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;
+  virtual void SmoothBackward(const SmoothBackwardArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
 };
 

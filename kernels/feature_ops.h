@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "kernels/buffer.h"
 #include "kernels/ops.h"
@@ -13,28 +15,35 @@ namespace pepeseg {
 inline constexpr int kGateSize = 2 * kFeatureSize;  // W[32], then b[32]: psi(s) = sigmoid(W s + b)
 inline constexpr int kMaxScales = 16;
 
-// Rows of the sampled pixels of one view.
+// Sparse rows over Gaussians: of the sampled pixels of one view, with what is blended of each, or
+// of Gaussians, with those that they are smoothed with.
 struct RowSpan {
   DeviceSpan<const int32_t> first;     // [S + 1]
   DeviceSpan<const int32_t> gaussian;  // [entries]
-  DeviceSpan<const float> weight;      // [entries]
+  DeviceSpan<const float> weight;      // [entries], or empty: 1
 };
 
 // The same entries by Gaussian: what a Gaussian's gradient is gathered from.
 struct ColumnSpan {
   DeviceSpan<const int32_t> gaussian;  // [touched] ascending: those with an entry
   DeviceSpan<const int32_t> first;     // [touched + 1]
-  DeviceSpan<const int32_t> pixel;     // [entries] ascending within a Gaussian
-  DeviceSpan<const float> weight;      // [entries]
+  DeviceSpan<const int32_t> pixel;     // [entries] -> row, ascending within a Gaussian
+  DeviceSpan<const float> weight;      // [entries], or empty: 1
 };
 
+// Transposes groups of rows, each for itself, with the columns of a group following those of the
+// one before it. num_groups * num_gaussians must be under 2^31.
 struct TransposeRowsArgs {
   RowSpan rows;
+  // On the host: the row where each group begins, and the number of rows. Empty: one group.
+  std::span<const int32_t> group_first;  // [groups + 1]
   int64_t num_gaussians = 0;
   Buffer<int32_t>* gaussian = nullptr;  // ColumnSpan's, sized by the op
   Buffer<int32_t>* first = nullptr;
-  Buffer<int32_t>* pixel = nullptr;
-  Buffer<float>* weight = nullptr;
+  Buffer<int32_t>* pixel = nullptr;  // counted from the first row of the group
+  Buffer<float>* weight = nullptr;   // not written where the rows have none
+  // On the host: the column where each group begins, and the number of columns; may be null.
+  std::vector<int32_t>* group_column = nullptr;  // [groups + 1]
 };
 
 // Features with their optimiser. Adam is lazy and exact: a row that no sample touches for k steps
@@ -117,8 +126,10 @@ enum PairLossSum {
 // expectation where Gaussians are touched equally often, and it leaves alone those never seen.
 struct FeatureUpdateArgs {
   ColumnSpan columns;
-  DeviceSpan<const float> pixel_grad;  // [S, 32]
-  DeviceSpan<const float> gate_grad;   // [kGateSize]
+  DeviceSpan<const float> pixel_grad;  // [S, 32] of the columns' rows
+  // What the columns gather is the gradient of f / |f|, see SmoothFeatures, rather than of f.
+  bool of_direction = false;
+  DeviceSpan<const float> gate_grad;  // [kGateSize]
   FeatureRates rates;
   float norm_weight = 1;
   int step = 1;        // of this update, from 1; the touched rows are up to date with step - 1

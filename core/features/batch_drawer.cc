@@ -21,6 +21,17 @@ size_t DrawIndex(size_t count, std::mt19937_64& random) {
   return static_cast<size_t>((random() >> 32) * count >> 32);
 }
 
+// `count` of the lowest `size` bits.
+uint32_t DrawBits(int size, int count, std::mt19937_64& random) {
+  uint32_t bits = 0;
+  for (int left = size; left > 0; --left) {
+    if (DrawIndex(static_cast<size_t>(left), random) >= static_cast<size_t>(count)) continue;
+    bits |= 1u << (left - 1);
+    --count;
+  }
+  return bits;
+}
+
 std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mask_scales) {
   std::vector<float> weights;
   for (int patch = 0; patch < masks.num_patches(); ++patch) {
@@ -81,6 +92,7 @@ PixelBatch BatchDrawer::Next() {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
   }
   batch.pair_seed = static_cast<uint32_t>(random_() >> 32);
+  batch.drawn_neighbors = DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random_);
   return batch;
 }
 

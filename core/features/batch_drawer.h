@@ -23,6 +23,7 @@ struct PixelBatch {
   std::vector<uint64_t> labels;  // [num_scales, num_patches, label_words]
   std::vector<float> scales;     // [num_scales] quantiles
   uint32_t pair_seed = 0;
+  uint32_t drawn_neighbors = 1;  // bits: columns of the neighbour graph, see SmoothFeatures
 };
 
 // A training view as the drawer sees it.

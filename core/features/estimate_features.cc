@@ -21,15 +21,22 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
                            const FeatureOptions& options) {
   const CapturedRows rows;
   const int64_t entry = BytesOfRow(rows.gaussian, rows.weight);
-  const int64_t sample = BytesOfRow(rows.first, rows.alpha) + kTypicalRow * entry;
-  // Features and two moments, and the step of each row; colour, alpha and depth of a view.
-  const int64_t gaussian = (NumPlanes(sh_degree) + 3 * kFeatureSize) * kFloat + sizeof(int32_t);
+  // The entries by Gaussian, too; the Gaussians that they reach, each with its drawn neighbours,
+  // and the Gaussians that those are. Weight, patch and share of the labels of the sample.
+  constexpr int64_t kInt = sizeof(int32_t), kLabels = 64;
+  const int64_t reached = kTypicalRow / 2;
+  const int64_t sample = BytesOfRow(rows.first, rows.alpha) + 2 * kTypicalRow * entry +
+                         reached * (2 + options.num_drawn_neighbors + 2) * kInt + kLabels;
+  // Features, twice smoothed, two moments and the step of each row, and its neighbours; colour,
+  // alpha and depth of a view.
+  const int64_t gaussian =
+      (NumPlanes(sh_degree) + 5 * kFeatureSize + 1) * kFloat + (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
-  // A batch: features and gradients of its pixels, its columns (Gaussian, start, pixel, weight),
-  // and a pair's bits and parts of its gradient at every scale.
+  // A batch: features and gradients of its pixels, gradients of the Gaussians that it reaches, and
+  // a pair's bits and parts of its gradient at every scale.
   const int64_t pixels = options.num_pixels;
   constexpr int64_t kPairBytes = sizeof(uint32_t), kParts = 4;
-  const int64_t batch = pixels * (2 * kFeatureSize * kFloat + 16 + 4 * 4 * kTypicalRow) +
+  const int64_t batch = pixels * (2 + reached) * kFeatureSize * kFloat +
                         pixels * pixels * kPairBytes +
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
   return scratch.num_gaussians * gaussian + image + WithReserve(SamplesInChunk(options) * sample) +

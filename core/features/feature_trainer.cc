@@ -37,31 +37,29 @@ std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) 
   return numbers;
 }
 
-template <class T>
-void UploadTo(Backend& backend, const std::vector<T>& values, Buffer<T>& buffer) {
-  buffer.Reserve(backend, static_cast<int64_t>(values.size()));
-  buffer.Upload(std::span<const T>(values));
-}
-
 }  // namespace
 
-FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians,
+FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const NeighborGraph& graph,
                                const FeatureOptions& options)
     : backend_(backend),
       num_gaussians_(num_gaussians),
+      graph_(graph),
       features_(backend, num_gaussians * kFeatureSize),
       moment1_(backend, num_gaussians * kFeatureSize),
       moment2_(backend, num_gaussians * kFeatureSize),
       last_step_(backend, num_gaussians),
+      smoothed_(backend, num_gaussians * kFeatureSize),
+      inv_length_(backend, num_gaussians),
       gate_(backend, kGateSize),
       gate_moment1_(backend, kGateSize),
       gate_moment2_(backend, kGateSize),
       gate_grad_(backend, kGateSize),
       pixel_features_(backend, int64_t{options.num_pixels} * kFeatureSize),
       pixel_grad_(backend, int64_t{options.num_pixels} * kFeatureSize),
-      sums_(backend, kNumPairLossSums) {
+      sums_(backend, int64_t{kMaxUnreadSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
-  UploadTo(backend, Corrections(rates_, options.num_steps), correction_);
+  correction_ =
+      Buffer<float>(backend, std::span<const float>(Corrections(rates_, options.num_steps)));
   rates_.correction = correction_.span();
   // Apart from the sampler's stream.
   const uint64_t seed = options.seed ^ 0x9e3779b97f4a7c15u;
@@ -69,41 +67,41 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians,
   gate_.Upload(NormalNumbers(kGateSize, 1, seed + 1));
 }
 
-void FeatureTrainer::Upload(const PixelBatch& batch) {
-  UploadTo(backend_, batch.weight, pixel_weight_);
-  UploadTo(backend_, batch.patch, patch_);
-  UploadTo(backend_, batch.labels, labels_);
-  UploadTo(backend_, batch.scales, scales_);
-}
-
-double FeatureTrainer::Train(const RowChunk::Step& step) {
+void FeatureTrainer::Train(const RowChunk::Step& step) {
   const PixelBatch& batch = *step.batch;
-  Upload(batch);
-  backend_.TransposeRows({.rows = step.rows,
-                          .num_gaussians = num_gaussians_,
-                          .gaussian = &column_gaussian_,
-                          .first = &column_first_,
-                          .pixel = &column_pixel_,
-                          .weight = &column_weight_});
-  if (!column_gaussian_.empty()) {
-    backend_.FeatureCatchUp({column_gaussian_.span(), rates_, step_, State()});
+  sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
+  if (!step.neighbors.gaussian.empty()) {
+    backend_.FeatureCatchUp({step.neighbors.gaussian, rates_, step_, State()});
+    backend_.SmoothFeatures({.graph = graph_,
+                             .drawn = batch.drawn_neighbors,
+                             .gaussian = step.columns.gaussian,
+                             .features = features_.span(),
+                             .smoothed = smoothed_.span(),
+                             .inv_length = inv_length_.span()});
   }
-  backend_.FeatureRows({step.rows, features_.span(), pixel_features_.span()});
-  backend_.PairLoss({.pixel_features = pixel_features_.span(),
-                     .pixel_weight = pixel_weight_.span(),
-                     .pixel_alpha = step.alpha,
-                     .pixel_patch = patch_.span(),
-                     .labels = labels_.span(),
-                     .num_patches = batch.num_patches,
-                     .label_words = batch.label_words,
-                     .scales = scales_.span(),
-                     .gate = gate_.span(),
-                     .pair_seed = batch.pair_seed,
-                     .pixel_grad = pixel_grad_.span(),
-                     .gate_grad = gate_grad_.span(),
-                     .sums = sums_.span()});
-  backend_.FeatureUpdate({.columns = Columns(),
-                          .pixel_grad = pixel_grad_.span(),
+  backend_.FeatureRows({step.rows, smoothed_.span(), pixel_features_.span()});
+  backend_.PairLoss(
+      {.pixel_features = pixel_features_.span(),
+       .pixel_weight = step.weight,
+       .pixel_alpha = step.alpha,
+       .pixel_patch = step.patch,
+       .labels = step.labels,
+       .num_patches = batch.num_patches,
+       .label_words = batch.label_words,
+       .scales = step.scales,
+       .gate = gate_.span(),
+       .pair_seed = batch.pair_seed,
+       .pixel_grad = pixel_grad_.span(),
+       .gate_grad = gate_grad_.span(),
+       .sums = sums_.span().Subspan(int64_t{num_unread_++} * kNumPairLossSums, kNumPairLossSums)});
+  backend_.SmoothBackward({.columns = step.columns,
+                           .pixel_grad = pixel_grad_.span(),
+                           .smoothed = smoothed_.span(),
+                           .inv_length = inv_length_.span(),
+                           .sum_grad = sum_grad_.span()});
+  backend_.FeatureUpdate({.columns = step.neighbors,
+                          .pixel_grad = sum_grad_.span(),
+                          .of_direction = true,
                           .gate_grad = gate_grad_.span(),
                           .rates = rates_,
                           .step = ++step_,
@@ -111,13 +109,22 @@ double FeatureTrainer::Train(const RowChunk::Step& step) {
                           .gate = gate_.span(),
                           .gate_moment1 = gate_moment1_.span(),
                           .gate_moment2 = gate_moment2_.span()});
-  double sums[kNumPairLossSums];
-  sums_.Download(sums);
-  const auto mean = [&](PairLossSum sum, PairLossSum count) {
-    return sums[count] == 0 ? 0.0 : sums[sum] / sums[count];
-  };
-  return mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives) +
-         mean(kNormLoss, kNumNormPixels);
+}
+
+std::vector<double> FeatureTrainer::ReadLosses() {
+  std::vector<double> sums(static_cast<size_t>(num_unread_) * kNumPairLossSums);
+  sums_.Download(std::span<double>(sums));
+  std::vector<double> losses;
+  for (int i = 0; i < num_unread_; ++i) {
+    const double* of_step = sums.data() + i * kNumPairLossSums;
+    const auto mean = [&](PairLossSum sum, PairLossSum count) {
+      return of_step[count] == 0 ? 0.0 : of_step[sum] / of_step[count];
+    };
+    losses.push_back(mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives) +
+                     mean(kNormLoss, kNumNormPixels));
+  }
+  num_unread_ = 0;
+  return losses;
 }
 
 void FeatureTrainer::Export(FeatureField& field) {
@@ -127,14 +134,18 @@ void FeatureTrainer::Export(FeatureField& field) {
   std::vector<float> moment2(moment2_.size());
   moment2_.Download(std::span<float>(moment2));
   for (int64_t i = 0; i < num_gaussians_; ++i) {
-    const std::span<float> row(field.features.data() + i * kFeatureSize, kFeatureSize);
     const std::span<const float> seen(moment2.data() + i * kFeatureSize, kFeatureSize);
-    double squares = 0;
-    for (const float value : row) squares += double{value} * value;
-    const bool touched = std::any_of(seen.begin(), seen.end(), [](float m) { return m > 0; });
-    const auto scale = static_cast<float>(touched && squares > 0 ? 1 / std::sqrt(squares) : 0);
-    for (float& value : row) value *= scale;
+    if (std::any_of(seen.begin(), seen.end(), [](float m) { return m > 0; })) continue;
+    std::fill_n(field.features.begin() + i * kFeatureSize, kFeatureSize, 0.0f);
   }
+  const Buffer<float> seen(backend_, std::span<const float>(field.features));
+  backend_.SmoothFeatures({.graph = graph_,
+                           .drawn = AllNeighbors(graph_),
+                           .gaussian = {},
+                           .features = seen.span(),
+                           .smoothed = smoothed_.span(),
+                           .inv_length = inv_length_.span()});
+  smoothed_.Download(std::span<float>(field.features));
   gate_.Download(std::span<float>(field.gate));
 }
 

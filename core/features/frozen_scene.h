@@ -21,6 +21,7 @@ class FrozenScene {
  public:
   FrozenScene(Backend& backend, const Gaussians& gaussians, double scene_radius);
 
+  Backend& backend() { return backend_; }
   int64_t num_gaussians() const { return count_; }
 
   // Depth of each pixel along the optical axis, scene units; 0 where the accumulated alpha is not

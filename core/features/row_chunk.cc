@@ -1,47 +1,145 @@
 #include "core/features/row_chunk.h"
 
 #include <map>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
 
 namespace pepeseg {
+namespace {
+
+template <class T>
+void Append(const std::vector<T>& from, std::vector<T>& to) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
+template <class T>
+void UploadTo(Backend& backend, const std::vector<T>& values, Buffer<T>& buffer) {
+  buffer.Reserve(backend, static_cast<int64_t>(values.size()));
+  buffer.Upload(std::span<const T>(values));
+}
+
+template <class T>
+DeviceSpan<const T> SpanFrom(const Buffer<T>& buffer, int64_t first, size_t count) {
+  return buffer.span().Subspan(first, static_cast<int64_t>(count));
+}
+
+// Columns [begin, end) of several batches' columns.
+ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first,
+                   const Buffer<int32_t>& pixel, std::pair<int32_t, int32_t> range) {
+  const int64_t count = range.second - range.first;
+  return {gaussian.span().Subspan(range.first, count),
+          first.span().Subspan(range.first, count + 1),
+          pixel.span(),
+          {}};
+}
+
+}  // namespace
 
 absl::Status RowChunk::Refill(BatchDrawer& drawer, int num_batches, const Capture& capture,
-                              FrozenScene& scene) {
+                              FrozenScene& scene, const NeighborGraph& graph) {
   next_ = 0;
   batches_.clear();
-  rows_.clear();
+  views_.clear();
   places_.assign(num_batches, {});
   std::map<int, std::vector<int>> batches_of_view;
   for (int i = 0; i < num_batches; ++i) {
     batches_.push_back(drawer.Next());
     batches_of_view[batches_.back().view].push_back(i);
   }
-  for (const auto& [view, batches] : batches_of_view) {
+  UploadBatches(scene.backend());
+  for (const auto& [number, batches] : batches_of_view) {
+    ViewRows& view = views_.emplace_back();
     std::vector<int32_t> pixels;
+    std::vector<uint32_t> drawn;
     for (const int batch : batches) {
-      places_[batch] = {rows_.size(), static_cast<int64_t>(pixels.size())};
-      pixels.insert(pixels.end(), batches_[batch].pixels.begin(), batches_[batch].pixels.end());
+      places_[batch].view = views_.size() - 1;
+      places_[batch].number = view.first_row.size();
+      view.first_row.push_back(static_cast<int32_t>(pixels.size()));
+      drawn.push_back(batches_[batch].drawn_neighbors);
+      Append(batches_[batch].pixels, pixels);
     }
-    rows_.push_back(scene.Capture(capture.views[view], pixels));
-    if (rows_.back().first.size() != static_cast<int64_t>(pixels.size()) + 1) {
+    view.first_row.push_back(static_cast<int32_t>(pixels.size()));
+    view.rows = scene.Capture(capture.views[number], pixels);
+    ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
+    if (const std::string error = scene.backend().error(); !error.empty()) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("features: no memory for the rows of ", pixels.size(), " pixels of view ",
-                       capture.views[view].name, "; try fewer steps_per_chunk"));
+          absl::StrCat("features: the rows of ", pixels.size(), " pixels of view ",
+                       capture.views[number].name, ": ", error, "; try fewer steps_per_chunk"));
     }
   }
   return absl::OkStatus();
 }
 
+void RowChunk::UploadBatches(Backend& backend) {
+  std::vector<float> weight, scales;
+  std::vector<int32_t> patch;
+  std::vector<uint64_t> labels;
+  for (size_t i = 0; i < batches_.size(); ++i) {
+    places_[i].pixel = static_cast<int64_t>(weight.size());
+    places_[i].label = static_cast<int64_t>(labels.size());
+    places_[i].scale = static_cast<int64_t>(scales.size());
+    Append(batches_[i].weight, weight);
+    Append(batches_[i].patch, patch);
+    Append(batches_[i].labels, labels);
+    Append(batches_[i].scales, scales);
+  }
+  UploadTo(backend, weight, weight_);
+  UploadTo(backend, patch, patch_);
+  UploadTo(backend, labels, labels_);
+  UploadTo(backend, scales, scales_);
+}
+
+void RowChunk::ListColumns(Backend& backend, const NeighborGraph& graph, int64_t num_gaussians,
+                           std::span<const uint32_t> drawn, ViewRows& view) {
+  const CapturedRows& rows = view.rows;
+  backend.TransposeRows({.rows = {rows.first.span(), rows.gaussian.span(), rows.weight.span()},
+                         .group_first = view.first_row,
+                         .num_gaussians = num_gaussians,
+                         .gaussian = &view.column_gaussian,
+                         .first = &view.column_first,
+                         .pixel = &view.column_pixel,
+                         .weight = &view.column_weight,
+                         .group_column = &view.first_column});
+  backend.NeighborRows({.graph = graph,
+                        .gaussian = view.column_gaussian.span(),
+                        .group_first = view.first_column,
+                        .drawn = drawn,
+                        .row_first = &row_first_,
+                        .row_gaussian = &row_gaussian_});
+  backend.TransposeRows({.rows = {row_first_.span(), row_gaussian_.span(), {}},
+                         .group_first = view.first_column,
+                         .num_gaussians = num_gaussians,
+                         .gaussian = &view.neighbor_gaussian,
+                         .first = &view.neighbor_first,
+                         .pixel = &view.neighbor_pixel,
+                         .weight = nullptr,
+                         .group_column = &view.first_neighbor});
+}
+
 RowChunk::Step RowChunk::Next() {
   const Place& place = places_[next_];
   const PixelBatch& batch = batches_[next_++];
-  const CapturedRows& rows = rows_[place.rows];
-  const auto count = static_cast<int64_t>(batch.pixels.size());
-  return {
-      &batch,
-      {rows.first.span().Subspan(place.first, count + 1), rows.gaussian.span(), rows.weight.span()},
-      rows.alpha.span().Subspan(place.first, count)};
+  const ViewRows& view = views_[place.view];
+  const size_t number = place.number, count = batch.pixels.size();
+  const auto range = [&](const std::vector<int32_t>& firsts) {
+    return std::pair(firsts[number], firsts[number + 1]);
+  };
+  ColumnSpan columns =
+      Columns(view.column_gaussian, view.column_first, view.column_pixel, range(view.first_column));
+  columns.weight = view.column_weight.span();
+  return {&batch,
+          {SpanFrom(view.rows.first, view.first_row[number], count + 1), view.rows.gaussian.span(),
+           view.rows.weight.span()},
+          columns,
+          Columns(view.neighbor_gaussian, view.neighbor_first, view.neighbor_pixel,
+                  range(view.first_neighbor)),
+          SpanFrom(view.rows.alpha, view.first_row[number], count),
+          SpanFrom(weight_, place.pixel, count),
+          SpanFrom(patch_, place.pixel, count),
+          SpanFrom(labels_, place.label, batch.labels.size()),
+          SpanFrom(scales_, place.scale, batch.scales.size())};
 }
 
 }  // namespace pepeseg

@@ -8,31 +8,55 @@
 
 namespace pepeseg {
 
-// Batches drawn ahead with their rows: each view is rasterised once a chunk, for the pixels of all
-// its batches.
+// Batches drawn ahead, with all that their steps read but the features, in backend memory: each
+// view is rasterised once a chunk, for the pixels of all its batches, and which Gaussians a batch
+// reaches is listed for all batches of the view at once.
 class RowChunk {
  public:
   struct Step {
     const PixelBatch* batch;
-    RowSpan rows;
-    DeviceSpan<const float> alpha;  // [S]
+    RowSpan rows;                     // of the pixels
+    ColumnSpan columns;               // the same by Gaussian
+    ColumnSpan neighbors;             // of the columns' Gaussians over those they are smoothed with
+    DeviceSpan<const float> alpha;    // [S]
+    DeviceSpan<const float> weight;   // [S], as of the batch; likewise:
+    DeviceSpan<const int32_t> patch;  // [S]
+    DeviceSpan<const uint64_t> labels;
+    DeviceSpan<const float> scales;
   };
 
   bool Exhausted() const { return next_ == batches_.size(); }
   // RESOURCE_EXHAUSTED when the rows do not fit.
   absl::Status Refill(BatchDrawer& drawer, int num_batches, const Capture& capture,
-                      FrozenScene& scene);
+                      FrozenScene& scene, const NeighborGraph& graph);
   // Valid until the next Refill.
   Step Next();
 
  private:
-  struct Place {
-    size_t rows;    // index in rows_
-    int64_t first;  // row
+  // The batches of one view.
+  struct ViewRows {
+    CapturedRows rows;
+    Buffer<int32_t> column_gaussian, column_first, column_pixel;
+    Buffer<float> column_weight;
+    Buffer<int32_t> neighbor_gaussian, neighbor_first, neighbor_pixel;
+    std::vector<int32_t> first_row, first_column, first_neighbor;  // [batches + 1]
   };
+  struct Place {
+    size_t view, number;          // of views_, of its batches
+    int64_t pixel, label, scale;  // the first in the buffers of all batches
+  };
+
+  void UploadBatches(Backend& backend);
+  void ListColumns(Backend& backend, const NeighborGraph& graph, int64_t num_gaussians,
+                   std::span<const uint32_t> drawn, ViewRows& view);
+
   std::vector<PixelBatch> batches_;
   std::vector<Place> places_;  // of each batch
-  std::vector<CapturedRows> rows_;
+  std::vector<ViewRows> views_;
+  Buffer<float> weight_, scales_;
+  Buffer<int32_t> patch_;
+  Buffer<uint64_t> labels_;
+  Buffer<int32_t> row_first_, row_gaussian_;  // of NeighborRows, for one view at a time
   size_t next_ = 0;
 };
 

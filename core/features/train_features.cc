@@ -10,11 +10,14 @@
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
+#include "core/features/neighbor_graph.h"
 #include "core/features/row_chunk.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {
+
+constexpr int kFeatureStep = 100;  // of Backend::Sequence; stage one has the small numbers
 
 template <class T>
 absl::Status CheckRange(const char* name, T value, T low, T high) {
@@ -41,12 +44,18 @@ std::vector<float> AllScales(const std::vector<std::vector<float>>& scales) {
   return all;
 }
 
+// How many steps are queued before the host waits for their losses.
+int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
+
 }  // namespace
 
 absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
+  RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
+  RETURN_IF_ERROR(
+      CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
   RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
   return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
 }
@@ -66,20 +75,25 @@ absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capt
         "rendered");
   }
   BatchDrawer drawer(capture, field, std::move(views), options);
+  const Buffer<int32_t> neighbors(
+      backend, std::span<const int32_t>(NearestNeighbors(gaussians, options.num_neighbors)));
+  const NeighborGraph graph = {neighbors.span(), options.num_neighbors};
   RowChunk chunk;
-  FeatureTrainer trainer(backend, gaussians.count, options);
-  for (int step = 0; step < options.num_steps; ++step) {
+  FeatureTrainer trainer(backend, gaussians.count, graph, options);
+  for (int step = 1; step <= options.num_steps; ++step) {
     if (chunk.Exhausted()) {
-      const int num_batches = std::min(options.steps_per_chunk, options.num_steps - step);
-      RETURN_IF_ERROR(chunk.Refill(drawer, num_batches, capture, scene));
+      const int num_batches = std::min(options.steps_per_chunk, options.num_steps - step + 1);
+      RETURN_IF_ERROR(chunk.Refill(drawer, num_batches, capture, scene, graph));
     }
-    const double loss = trainer.Train(chunk.Next());
+    backend.Sequence(kFeatureStep, [&] { trainer.Train(chunk.Next()); });
+    if (step % StepsUnread(backend) != 0 && step != options.num_steps) continue;
+    const double loss = trainer.ReadLosses().back();
     if (!backend.error().empty() || !std::isfinite(loss)) {
       return absl::InternalError(
-          absl::StrCat("features: step ", step + 1, ": loss ", loss, " ", backend.error()));
+          absl::StrCat("features: step ", step, ": loss ", loss, " ", backend.error()));
     }
     RETURN_IF_ERROR(progress({.stage = "features",
-                              .step = step + 1,
+                              .step = step,
                               .num_steps = options.num_steps,
                               .loss = loss,
                               .num_gaussians = gaussians.count}));

@@ -19,6 +19,10 @@ struct FeatureOptions {
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
   int num_scales = 10;    // a step, 1..kMaxScales; two of them beyond the masks' own
   float learning_rate = 2.5e-3f;
+  // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn
+  // anew each step, in training, and over all in the model.
+  int num_neighbors = 16;       // 1..kMaxNeighbors
+  int num_drawn_neighbors = 8;  // 1..num_neighbors
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
   // 0.3 MB a step.
   int steps_per_chunk = 250;

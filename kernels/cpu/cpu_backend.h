@@ -56,6 +56,9 @@ class CpuBackend final : public Backend {
   void FeatureRows(const FeatureRowsArgs& args) override;
   void PairLoss(const PairLossArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
+  void NeighborRows(const NeighborRowsArgs& args) override;
+  void SmoothFeatures(const SmoothFeaturesArgs& args) override;
+  void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
 
  private:

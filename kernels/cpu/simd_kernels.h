@@ -5,6 +5,7 @@
 #include "kernels/cpu/feature_jobs.h"
 #include "kernels/cpu/image_loss_band.h"
 #include "kernels/ops.h"
+#include "kernels/smooth_ops.h"
 
 namespace pepeseg {
 
@@ -82,6 +83,8 @@ struct SimdKernels {
   void (*feature_catch_up)(const FeatureCatchUpArgs& args, FeatureRange rows);
   void (*feature_rows)(const FeatureRowsArgs& args, FeatureRange pixels);
   void (*feature_update)(const FeatureUpdateArgs& args, FeatureRange touched);
+  void (*smooth_features)(const SmoothFeaturesArgs& args, FeatureRange touched);
+  void (*smooth_backward)(const SmoothBackwardArgs& args, FeatureRange touched);
   // The passes of PairLoss over pixels: units, pairs, and back.
   void (*gate_pixels)(const PairJob& job, int first, int end);
   void (*pair_rows)(const PairJob& job, PairBlock& block);

@@ -1,47 +1,103 @@
+#include <algorithm>
 #include <cassert>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
 
 namespace pepeseg {
+namespace {
 
-// A counting sort by Gaussian; stable, so pixels stay ascending.
-void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
-  if (failed()) return;
-  const RowSpan& rows = args.rows;
-  const int64_t num_pixels = rows.first.size - 1;
-  const int32_t begin = rows.first[0], end = rows.first[num_pixels];
-  std::vector<int32_t> next(args.num_gaussians);  // counts, then the next place of a Gaussian
-  for (int32_t e = begin; e < end; ++e) ++next[rows.gaussian[e]];
-  int64_t num_touched = 0;
-  for (const int32_t count : next) num_touched += count > 0 ? 1 : 0;
+// The rows of one group, and where its columns and entries go.
+struct Group {
+  int64_t first_row, end_row;
+  int64_t first_column, first_entry;
+};
 
-  if (!args.gaussian->Reserve(*this, num_touched) || !args.first->Reserve(*this, num_touched + 1) ||
-      !args.pixel->Reserve(*this, end - begin) || !args.weight->Reserve(*this, end - begin)) {
-    return;
+struct Columns {
+  int32_t *gaussian, *first, *pixel;
+  float* weight;  // null: the rows have none
+};
+
+// counts[gaussian] entries; returns how many Gaussians have one.
+int64_t CountEntries(const RowSpan& rows, const Group& group, std::vector<int32_t>& counts) {
+  std::fill(counts.begin(), counts.end(), 0);
+  for (int32_t e = rows.first[group.first_row]; e < rows.first[group.end_row]; ++e) {
+    ++counts[rows.gaussian[e]];
   }
-  int32_t *gaussians = args.gaussian->span().data, *first = args.first->span().data;
-  int32_t* pixel = args.pixel->span().data;
-  float* weight = args.weight->span().data;
-  assert(gaussians != nullptr && first != nullptr);
-  int32_t place = 0;
-  for (int64_t gaussian = 0, touched = 0; gaussian < args.num_gaussians; ++gaussian) {
+  return static_cast<int64_t>(counts.size()) - std::count(counts.begin(), counts.end(), 0);
+}
+
+// A counting sort by Gaussian; stable, so pixels stay ascending. `next` has the counts.
+void SortEntries(const RowSpan& rows, const Group& group, std::vector<int32_t>& next,
+                 const Columns& out) {
+  auto place = static_cast<int32_t>(group.first_entry);
+  int64_t column = group.first_column;
+  for (size_t gaussian = 0; gaussian < next.size(); ++gaussian) {
     const int32_t count = next[gaussian];
     if (count == 0) continue;
-    gaussians[touched] = static_cast<int32_t>(gaussian);
-    first[touched++] = place;
+    out.gaussian[column] = static_cast<int32_t>(gaussian);
+    out.first[column++] = place;
     next[gaussian] = place;
     place += count;
   }
-  first[num_touched] = place;
-  for (int64_t p = 0; p < num_pixels; ++p) {
-    for (int32_t e = rows.first[p]; e < rows.first[p + 1]; ++e) {
+  for (int64_t row = group.first_row; row < group.end_row; ++row) {
+    for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
       const int32_t to = next[rows.gaussian[e]]++;
-      assert(pixel != nullptr && weight != nullptr);
-      pixel[to] = static_cast<int32_t>(p);
-      weight[to] = rows.weight[e];
+      out.pixel[to] = static_cast<int32_t>(row - group.first_row);
+      if (out.weight != nullptr) out.weight[to] = rows.weight[e];
     }
   }
+}
+
+std::vector<Group> GroupsOf(const TransposeRowsArgs& args) {
+  if (args.group_first.empty()) return {{0, args.rows.first.size - 1, 0, 0}};
+  std::vector<Group> groups;
+  for (size_t g = 0; g + 1 < args.group_first.size(); ++g) {
+    groups.push_back({args.group_first[g], args.group_first[g + 1], 0, 0});
+  }
+  return groups;
+}
+
+}  // namespace
+
+void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
+  if (failed()) return;
+  const RowSpan& rows = args.rows;
+  std::vector<Group> groups = GroupsOf(args);
+  const auto num_groups = static_cast<int64_t>(groups.size());
+  std::vector<std::vector<int32_t>> counts(pool_.num_threads());
+  for (std::vector<int32_t>& of_thread : counts) of_thread.resize(args.num_gaussians);
+  std::vector<int64_t> num_columns(groups.size());
+  pool_.ParallelFor(num_groups, [&](int64_t g, int thread) {
+    num_columns[g] = CountEntries(rows, groups[g], counts[thread]);
+  });
+  int64_t num_touched = 0;
+  if (args.group_column != nullptr) args.group_column->clear();
+  for (size_t g = 0; g < groups.size(); ++g) {
+    groups[g].first_column = num_touched;
+    groups[g].first_entry = rows.first[groups[g].first_row] - rows.first[groups[0].first_row];
+    if (args.group_column != nullptr) {
+      args.group_column->push_back(static_cast<int32_t>(num_touched));
+    }
+    num_touched += num_columns[g];
+  }
+  if (args.group_column != nullptr) args.group_column->push_back(static_cast<int32_t>(num_touched));
+  const bool weighted = rows.weight.size != 0;
+  const int64_t num_entries =
+      groups.empty() ? 0 : rows.first[groups.back().end_row] - rows.first[groups[0].first_row];
+  if (!args.gaussian->Reserve(*this, num_touched) || !args.first->Reserve(*this, num_touched + 1) ||
+      !args.pixel->Reserve(*this, num_entries) ||
+      (weighted && !args.weight->Reserve(*this, num_entries))) {
+    return;
+  }
+  const Columns out = {args.gaussian->span().data, args.first->span().data, args.pixel->span().data,
+                       weighted ? args.weight->span().data : nullptr};
+  assert(out.first != nullptr);
+  pool_.ParallelFor(num_groups, [&](int64_t g, int thread) {
+    CountEntries(rows, groups[g], counts[thread]);
+    SortEntries(rows, groups[g], counts[thread], out);
+  });
+  out.first[num_touched] = static_cast<int32_t>(num_entries);
 }
 
 }  // namespace pepeseg

@@ -34,7 +34,7 @@ PEPESEG_HD Channel Total(Channel x) {
 struct EntryRange {
   int32_t first, end;
   const int32_t* index;
-  const float* weight;
+  const float* weight;  // null: 1
 };
 
 // sum over the entries of weight * rows[index], with kAtOnce loads on their way at once.
@@ -44,7 +44,8 @@ __device__ float WeightedSum(const EntryRange& entries, const float* rows, int l
   for (int32_t base = entries.first; base < entries.end; base += 32) {
     const int count = min(32, entries.end - base);
     const int32_t index = lane < count ? entries.index[base + lane] : 0;
-    const float weight = lane < count ? entries.weight[base + lane] : 0.0f;
+    float weight = lane < count ? 1.0f : 0.0f;
+    if (lane < count && entries.weight != nullptr) weight = entries.weight[base + lane];
     for (int k = 0; k < count; k += kAtOnce) {
       float value[kAtOnce];
 #pragma unroll
@@ -59,6 +60,12 @@ __device__ float WeightedSum(const EntryRange& entries, const float* rows, int l
     }
   }
   return sum;
+}
+
+// The entries of column i.
+__device__ inline EntryRange ColumnOf(const ColumnSpan& columns, int64_t i) {
+  return {columns.first.data[i], columns.first.data[i + 1], columns.pixel.data,
+          columns.weight.size == 0 ? nullptr : columns.weight.data};
 }
 
 }  // namespace pepeseg

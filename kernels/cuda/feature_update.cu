@@ -6,6 +6,7 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/launch.h"
 #include "kernels/math/adam.h"
+#include "kernels/math/direction.h"
 
 namespace pepeseg {
 namespace {
@@ -86,12 +87,15 @@ __global__ void __launch_bounds__(kBlock) UpdateKernel(FeatureUpdateArgs args, f
   const int64_t gaussian = args.columns.gaussian.data[touched];
   const int64_t i = gaussian * kFeatureSize + lane;
   Row row = LoadRow(args.state, i);
-  const EntryRange column = {args.columns.first.data[touched], args.columns.first.data[touched + 1],
-                             args.columns.pixel.data, args.columns.weight.data};
-  const float sum = WeightedSum<4>(column, args.pixel_grad.data, lane);
+  Channel sum(WeightedSum<4>(ColumnOf(args.columns, touched), args.pixel_grad.data, lane));
   const Channel feature(row.feature);
+  if (args.of_direction) {
+    Channel direction(0);
+    const Channel inv_length = Direction(&feature, 1, &direction);
+    DirectionVjp(&direction, inv_length, 1, &sum);
+  }
   const Channel pull = NormTermVjp(&feature, 1, Channel(norm_scale));
-  row.feature += AdamStep(rates, args.rates.learning_rate, MulAdd(pull.v, feature.v, sum),
+  row.feature += AdamStep(rates, args.rates.learning_rate, MulAdd(pull.v, feature.v, sum.v),
                           row.moment1, row.moment2);
   StoreRow(row, i, args.state);
   if (lane == 0) args.state.last_step.data[gaussian] = args.step;

@@ -8,6 +8,7 @@
 
 #include "kernels/cuda/arena.h"
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/groups.cuh"
 #include "kernels/cuda/launch.h"
 
 namespace pepeseg {
@@ -15,142 +16,180 @@ namespace {
 
 constexpr int kBlock = 256;
 
-// An entry on its way through the sort: the pixel above the bits of the weight.
-using PixelAndWeight = uint64_t;
+// An entry on its way through the sort: the row, within its group, above the bits of the weight.
+using RowAndWeight = uint64_t;
 
-// A warp a pixel.
+struct Groups {
+  DeviceSpan<const int32_t> first;  // [groups + 1] rows
+  int32_t num_gaussians;
+};
+
+// A warp a row. Keys are the Gaussians, those of group k from k * num_gaussians on.
 __global__ void __launch_bounds__(kBlock)
-    ListKernel(RowSpan rows, int32_t begin, int32_t* gaussian, PixelAndWeight* value) {
-  const int64_t pixel = (int64_t{blockIdx.x} * kBlock + threadIdx.x) / 32;
+    ListKernel(RowSpan rows, Groups groups, int32_t begin, int32_t* key, RowAndWeight* value) {
+  const int64_t row = groups.first.data[0] + (int64_t{blockIdx.x} * kBlock + threadIdx.x) / 32;
   const int lane = static_cast<int>(threadIdx.x) % 32;
-  if (pixel + 1 >= rows.first.size) return;
-  for (int32_t e = rows.first.data[pixel] + lane; e < rows.first.data[pixel + 1]; e += 32) {
-    gaussian[e - begin] = rows.gaussian.data[e];
-    value[e - begin] = static_cast<uint64_t>(pixel) << 32 | __float_as_uint(rows.weight.data[e]);
+  if (row >= groups.first.data[groups.first.size - 1]) return;
+  const int group = GroupOf(groups.first, row);
+  const uint64_t number = row - groups.first.data[group];
+  for (int32_t e = rows.first.data[row] + lane; e < rows.first.data[row + 1]; e += 32) {
+    const float weight = rows.weight.size == 0 ? 1.0f : rows.weight.data[e];
+    key[e - begin] = group * groups.num_gaussians + rows.gaussian.data[e];
+    value[e - begin] = number << 32 | __float_as_uint(weight);
   }
 }
 
 // Whether an entry is the first of its Gaussian, once they are sorted.
 struct IsFirst {
-  const int32_t* gaussian;
-  __device__ bool operator()(int32_t i) const { return i == 0 || gaussian[i] != gaussian[i - 1]; }
+  const int32_t* key;
+  __device__ bool operator()(int32_t i) const { return i == 0 || key[i] != key[i - 1]; }
 };
 using Places = thrust::counting_iterator<int32_t>;
 
 struct ColumnParams {
-  const int32_t* gaussian;  // [count] sorted
-  const PixelAndWeight* value;
+  Groups groups;
+  const int32_t* key;  // [count] sorted
+  const RowAndWeight* value;
   const int32_t* num_touched;
   int count;
+  int32_t* group_column;  // [groups + 1]
   int32_t *column_gaussian, *first, *pixel;
-  float* weight;
+  float* weight;  // or null
 };
+
+// Groups begin at the first column that is theirs or a later one's.
+__device__ void PlaceColumn(const ColumnParams& p, int column, int num_touched) {
+  const int32_t num_gaussians = p.groups.num_gaussians, key = p.key[p.first[column]];
+  p.column_gaussian[column] = key % num_gaussians;
+  const int group = key / num_gaussians;
+  const int before = column == 0 ? -1 : p.key[p.first[column - 1]] / num_gaussians;
+  for (int g = before + 1; g <= group; ++g) p.group_column[g] = column;
+  if (column + 1 < num_touched) return;
+  for (int g = group + 1; g < p.groups.first.size; ++g) p.group_column[g] = num_touched;
+}
+
 __global__ void __launch_bounds__(kBlock) ColumnKernel(ColumnParams p) {
   const int i = static_cast<int>(blockIdx.x) * kBlock + static_cast<int>(threadIdx.x);
   if (i >= p.count) return;
   p.pixel[i] = static_cast<int32_t>(p.value[i] >> 32);
-  p.weight[i] = __uint_as_float(static_cast<uint32_t>(p.value[i]));
+  if (p.weight != nullptr) p.weight[i] = __uint_as_float(static_cast<uint32_t>(p.value[i]));
   const int32_t num_touched = *p.num_touched;
-  if (i < num_touched) p.column_gaussian[i] = p.gaussian[p.first[i]];
+  if (i < num_touched) PlaceColumn(p, i, num_touched);
   if (i == 0) p.first[num_touched] = p.count;
 }
 
 struct TransposeScratch {
-  int32_t *gaussian, *other_gaussian;  // [entries]
-  PixelAndWeight *value, *other_value;
+  int32_t *group_first, *group_column;  // [groups + 1]
+  int32_t *key, *other_key;             // [entries]
+  RowAndWeight *value, *other_value;
   int32_t* num_touched;  // [1]
   std::byte* cub;
   size_t cub_bytes;
 };
-TransposeScratch TakeScratch(Arena& arena, int count, size_t cub_bytes) {
-  return {arena.Take<int32_t>(count),
+TransposeScratch TakeScratch(Arena& arena, int num_groups, int count, size_t cub_bytes) {
+  return {arena.Take<int32_t>(num_groups + 1),
+          arena.Take<int32_t>(num_groups + 1),
           arena.Take<int32_t>(count),
-          arena.Take<PixelAndWeight>(count),
-          arena.Take<PixelAndWeight>(count),
+          arena.Take<int32_t>(count),
+          arena.Take<RowAndWeight>(count),
+          arena.Take<RowAndWeight>(count),
           arena.Take<int32_t>(1),
           arena.Take<std::byte>(static_cast<int64_t>(cub_bytes)),
           cub_bytes};
 }
 
-int NumBits(int64_t num_gaussians) {
-  return std::bit_width(static_cast<uint64_t>(std::max<int64_t>(num_gaussians - 1, 1)));
-}
-
 // What the sort and the selection need, one after the other.
 size_t CubBytes(int count, int num_bits) {
-  cub::DoubleBuffer<int32_t> gaussians;
-  cub::DoubleBuffer<PixelAndWeight> values;
+  cub::DoubleBuffer<int32_t> keys;
+  cub::DoubleBuffer<RowAndWeight> values;
   int32_t* none = nullptr;
   size_t sort = 0, select = 0;
-  cub::DeviceRadixSort::SortPairs(nullptr, sort, gaussians, values, count, 0, num_bits);
+  cub::DeviceRadixSort::SortPairs(nullptr, sort, keys, values, count, 0, num_bits);
   cub::DeviceSelect::If(nullptr, select, Places(0), none, none, count, IsFirst{none});
   return std::max(sort, select);
 }
 
-// An entry's Gaussian and the rest of it, sorted: stable, so that pixels stay ascending.
+// An entry's Gaussian and the rest of it, sorted: stable, so that rows stay ascending.
 struct Entries {
   RowSpan rows;
+  Groups groups;
+  int64_t num_rows;
   int32_t begin;
-  int count, num_bits;  // of a Gaussian's index
+  int count, num_bits;  // of a key
 };
 cudaError_t SortByGaussian(const Entries& entries, const TransposeRowsArgs& args,
                            TransposeScratch& scratch, cudaStream_t stream) {
-  const int64_t num_pixels = entries.rows.first.size - 1;
-  ListKernel<<<NumBlocks(num_pixels * 32, kBlock), kBlock, 0, stream>>>(
-      entries.rows, entries.begin, scratch.gaussian, scratch.value);
-  cub::DoubleBuffer<int32_t> gaussians(scratch.gaussian, scratch.other_gaussian);
-  cub::DoubleBuffer<PixelAndWeight> values(scratch.value, scratch.other_value);
-  const cudaError_t sorted =
-      cub::DeviceRadixSort::SortPairs(scratch.cub, scratch.cub_bytes, gaussians, values,
-                                      entries.count, 0, entries.num_bits, stream);
+  ListKernel<<<NumBlocks(entries.num_rows * 32, kBlock), kBlock, 0, stream>>>(
+      entries.rows, entries.groups, entries.begin, scratch.key, scratch.value);
+  cub::DoubleBuffer<int32_t> keys(scratch.key, scratch.other_key);
+  cub::DoubleBuffer<RowAndWeight> values(scratch.value, scratch.other_value);
+  const cudaError_t sorted = cub::DeviceRadixSort::SortPairs(
+      scratch.cub, scratch.cub_bytes, keys, values, entries.count, 0, entries.num_bits, stream);
   if (sorted != cudaSuccess) return sorted;
-  const cudaError_t selected = cub::DeviceSelect::If(
-      scratch.cub, scratch.cub_bytes, Places(0), args.first->span().data, scratch.num_touched,
-      entries.count, IsFirst{gaussians.Current()}, stream);
+  const cudaError_t selected =
+      cub::DeviceSelect::If(scratch.cub, scratch.cub_bytes, Places(0), args.first->span().data,
+                            scratch.num_touched, entries.count, IsFirst{keys.Current()}, stream);
   if (selected != cudaSuccess) return selected;
   ColumnKernel<<<NumBlocks(entries.count, kBlock), kBlock, 0, stream>>>(
-      {gaussians.Current(), values.Current(), scratch.num_touched, entries.count,
-       args.gaussian->span().data, args.first->span().data, args.pixel->span().data,
-       args.weight->span().data});
+      {entries.groups, keys.Current(), values.Current(), scratch.num_touched, entries.count,
+       scratch.group_column, args.gaussian->span().data, args.first->span().data,
+       args.pixel->span().data, args.rows.weight.size == 0 ? nullptr : args.weight->span().data});
   return cudaGetLastError();
+}
+
+std::vector<int32_t> GroupsOf(const TransposeRowsArgs& args) {
+  if (!args.group_first.empty()) return {args.group_first.begin(), args.group_first.end()};
+  return {0, static_cast<int32_t>(args.rows.first.size - 1)};
 }
 
 }  // namespace
 
-// The host waits twice, for the number of entries and for that of the touched Gaussians.
+// The host waits twice, for the number of entries and for those of the columns.
 void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   const Turn turn(*this);
-  const int64_t num_pixels = args.rows.first.size - 1;
-  if (!turn || num_pixels < 0) return;
-  auto* sizes_read = reinterpret_cast<int32_t*>(pinned_counters_);
-  const auto read = [&](const int32_t* from, int place) {
-    Keep(cudaMemcpyAsync(sizes_read + place, from, sizeof(*from), cudaMemcpyDeviceToHost, stream_),
-         "reading the sizes of rows");
-  };
-  read(args.rows.first.data, 0);
-  read(args.rows.first.data + num_pixels, 1);
-  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
-  if (!error_.empty()) return;
-  const int begin = sizes_read[0], count = sizes_read[1] - begin;
+  if (!turn || args.rows.first.size < 1) return;
+  const std::vector<int32_t> group_first = GroupsOf(args);
+  const auto num_groups = static_cast<int64_t>(group_first.size()) - 1;
+  const int64_t num_keys = num_groups * args.num_gaussians;
+  if (num_keys >= int64_t{1} << 31) {
+    return Fail("TransposeRows: " + std::to_string(num_groups) + " groups of " +
+                std::to_string(args.num_gaussians) + " Gaussians, must be under 2^31 together");
+  }
+  int32_t begin = 0, end = 0, num_touched = 0;
+  CopyToHost(&begin, args.rows.first.data + group_first.front(), sizeof(begin));
+  CopyToHost(&end, args.rows.first.data + group_first.back(), sizeof(end));
+  const int count = end - begin;
   args.gaussian->Reserve(*this, count);
   args.first->Reserve(*this, count + 1);
   args.pixel->Reserve(*this, count);
-  args.weight->Reserve(*this, count);
-  const Entries entries = {args.rows, begin, count, NumBits(args.num_gaussians)};
-  const size_t cub_bytes = CubBytes(entries.count, entries.num_bits);
+  if (args.rows.weight.size != 0) args.weight->Reserve(*this, count);
+  const int num_bits = std::bit_width(static_cast<uint64_t>(std::max<int64_t>(num_keys - 1, 1)));
+  const size_t cub_bytes = CubBytes(count, num_bits);
+  const auto take = [&](Arena& arena) {
+    return TakeScratch(arena, static_cast<int>(num_groups), count, cub_bytes);
+  };
   Arena sizes;
-  TakeScratch(sizes, count, cub_bytes);
+  take(sizes);
   Arena arena(Temporary(sizes.num_bytes()));
-  TransposeScratch scratch = TakeScratch(arena, count, cub_bytes);
+  TransposeScratch scratch = take(arena);
   if (!error_.empty()) return;
+  if (args.group_column != nullptr) args.group_column->assign(group_first.size(), 0);
   if (count == 0) return args.first->Zero();
 
-  Keep(SortByGaussian(entries, args, scratch, stream_), "sorting the row entries");
+  CopyFromHost(scratch.group_first, group_first.data(), group_first.size() * sizeof(int32_t));
+  const Groups groups = {{scratch.group_first, num_groups + 1},
+                         static_cast<int32_t>(args.num_gaussians)};
+  const int64_t num_rows = group_first.back() - group_first.front();
+  Keep(
+      SortByGaussian({args.rows, groups, num_rows, begin, count, num_bits}, args, scratch, stream_),
+      "sorting the row entries");
   Launched("transpose rows");
-  read(scratch.num_touched, 0);
-  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
+  if (args.group_column != nullptr) {
+    CopyToHost(args.group_column->data(), scratch.group_column,
+               group_first.size() * sizeof(int32_t));
+  }
+  CopyToHost(&num_touched, scratch.num_touched, sizeof(num_touched));
   if (!error_.empty()) return;
-  const int64_t num_touched = sizes_read[0];
   args.gaussian->Resize(num_touched);
   args.first->Resize(num_touched + 1);
 }

@@ -40,5 +40,16 @@ PEPESEG_HD void AddScaled(float scale, const float* from, FeatureLanes& to) {
   }
 }
 
+// sum over the entries of column i of weight * rows[pixel].
+PEPESEG_HD FeatureLanes GatherColumn(const ColumnSpan& columns, int64_t i, const float* rows) {
+  FeatureLanes sum = ZeroFeature();
+  const bool weighted = columns.weight.size != 0;
+  for (int32_t e = columns.first.data[i]; e < columns.first.data[i + 1]; ++e) {
+    AddScaled(weighted ? columns.weight.data[e] : 1.0f,
+              rows + int64_t{columns.pixel.data[e]} * kFeatureSize, sum);
+  }
+  return sum;
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg

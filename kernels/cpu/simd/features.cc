@@ -2,6 +2,7 @@
 #include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
 #include "kernels/math/adam.h"
+#include "kernels/math/direction.h"
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
@@ -78,16 +79,17 @@ void FeatureUpdateRange(const FeatureUpdateArgs& args, FeatureRange range) {
   const Lanes learning_rate(args.rates.learning_rate);
   const FeatureState& state = args.state;
   for (int64_t i = range.first; i < range.end; ++i) {
-    FeatureLanes grad = ZeroFeature();
-    for (int32_t e = args.columns.first.data[i]; e < args.columns.first.data[i + 1]; ++e) {
-      AddScaled(args.columns.weight.data[e],
-                args.pixel_grad.data + int64_t{args.columns.pixel.data[e]} * kFeatureSize, grad);
-    }
+    FeatureLanes grad = GatherColumn(args.columns, i, args.pixel_grad.data);
     const int64_t gaussian = args.columns.gaussian.data[i];
     const int64_t row = gaussian * kFeatureSize;
     FeatureLanes feature = LoadFeature(state.features.data + row);
     FeatureLanes moment1 = LoadFeature(state.moment1.data + row);
     FeatureLanes moment2 = LoadFeature(state.moment2.data + row);
+    if (args.of_direction) {
+      FeatureLanes direction;
+      const Lanes inv_length = Direction(feature.v, kVectors, direction.v);
+      DirectionVjp(direction.v, inv_length, kVectors, grad.v);
+    }
     const Lanes pull = NormTermVjp(feature.v, kVectors, norm_scale);
     for (int k = 0; k < kVectors; ++k) {
       const Lanes sum = MulAdd(pull, feature.v[k], grad.v[k]);

@@ -4,21 +4,12 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 
 const SimdKernels& GetSimdKernels() {
-  static constexpr SimdKernels kKernels = {HWY_STR(HWY_NAMESPACE),
-                                           BlendTile,
-                                           BlendTileBackward,
-                                           PixelWeights,
-                                           BlendFeatures,
-                                           ProjectGaussians,
-                                           UpdateParameters,
-                                           ImageLossBand,
-                                           FeatureCatchUpRange,
-                                           FeatureRowsRange,
-                                           FeatureUpdateRange,
-                                           GatePixels,
-                                           PairRows,
-                                           PairRowsVjp,
-                                           SimilarityRange};
+  static constexpr SimdKernels kKernels = {
+      HWY_STR(HWY_NAMESPACE), BlendTile,        BlendTileBackward,  PixelWeights,
+      BlendFeatures,          ProjectGaussians, UpdateParameters,   ImageLossBand,
+      FeatureCatchUpRange,    FeatureRowsRange, FeatureUpdateRange, SmoothFeaturesRange,
+      SmoothBackwardRange,    GatePixels,       PairRows,           PairRowsVjp,
+      SimilarityRange};
   return kKernels;
 }
 

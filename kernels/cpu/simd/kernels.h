@@ -21,6 +21,8 @@ void ImageLossBand(LossBand& band);
 void FeatureCatchUpRange(const FeatureCatchUpArgs& args, FeatureRange range);
 void FeatureRowsRange(const FeatureRowsArgs& args, FeatureRange range);
 void FeatureUpdateRange(const FeatureUpdateArgs& args, FeatureRange range);
+void SmoothFeaturesRange(const SmoothFeaturesArgs& args, FeatureRange range);
+void SmoothBackwardRange(const SmoothBackwardArgs& args, FeatureRange range);
 void GatePixels(const PairJob& job, int first, int end);
 void PairRows(const PairJob& job, PairBlock& block);
 void PairRowsVjp(const PairJob& job, PairBlock& block);
