@@ -63,9 +63,11 @@ absl::Status CheckView(const ModelView& view) {
   return absl::OkStatus();
 }
 
+absl::Status CheckScale(double scale) { return CheckBetween("scale", scale, 0, 1); }
+
 absl::Status CheckPrompt(const Segmenter::Prompt& prompt) {
   RETURN_IF_ERROR(CheckView(prompt.view));
-  RETURN_IF_ERROR(CheckBetween("scale", prompt.scale, 0, 1));
+  RETURN_IF_ERROR(CheckScale(prompt.scale));
   RETURN_IF_ERROR(CheckBetween("threshold", prompt.threshold, -1, 1));
   if (std::none_of(prompt.points.begin(), prompt.points.end(),
                    [](const PointPrompt& point) { return point.positive; })) {

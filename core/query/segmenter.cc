@@ -58,6 +58,9 @@ struct Segmenter::State {
 
   // [points, 32] as rendered, not gated.
   absl::StatusOr<std::vector<float>> QueryFeatures(const Prompt& prompt);
+  // [queries, height, width] of `queries` [queries, 32], on the backend.
+  absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
+                                             const ModelView& target);
   absl::StatusOr<SegmentResult> SegmentView(const Prompt& prompt, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
 
@@ -90,25 +93,32 @@ absl::StatusOr<std::vector<float>> Segmenter::State::QueryFeatures(const Prompt&
   return queries;
 }
 
+absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>& queries,
+                                                             double scale,
+                                                             const ModelView& target) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  const int64_t num_queries = queries.size() / kFeatureSize;
+  std::vector<float> psi(kFeatureSize);
+  for (int k = 0; k < kFeatureSize; ++k) {
+    psi[k] =
+        Gate(model.field.gate[k], model.field.gate[kFeatureSize + k], static_cast<float>(scale));
+  }
+  const Buffer<float> psi_buffer(backend, std::span<const float>(psi));
+  Buffer<float> similarity(backend, map.size / kFeatureSize * num_queries);
+  if (similarity.empty()) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("no memory for the similarities to ", num_queries, " features"));
+  }
+  backend.Similarity({map, psi_buffer.span(), queries.span(), similarity.span()});
+  return similarity;
+}
+
 absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Prompt& prompt,
                                                             const Buffer<float>& queries,
                                                             const ModelView& target,
                                                             bool want_similarity) {
-  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
-  const int64_t num_pixels = map.size / kFeatureSize;
-  std::vector<float> psi(kFeatureSize);
-  for (int k = 0; k < kFeatureSize; ++k) {
-    psi[k] = Gate(model.field.gate[k], model.field.gate[kFeatureSize + k],
-                  static_cast<float>(prompt.scale));
-  }
-  const Buffer<float> psi_buffer(backend, std::span<const float>(psi));
-  Buffer<float> similarity(backend, num_pixels * static_cast<int64_t>(prompt.points.size()));
-  if (similarity.empty()) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("no memory for the similarities of ", prompt.points.size(), " points"));
-  }
-  backend.Similarity({map, psi_buffer.span(), queries.span(), similarity.span()});
-
+  ASSIGN_OR_RETURN(const Buffer<float> similarity, SimilarityTo(queries, prompt.scale, target));
+  const int64_t num_pixels = int64_t{target.camera.width} * target.camera.height;
   constexpr float kNever = -std::numeric_limits<float>::infinity();
   std::vector<float> positive(num_pixels, kNever), negative(num_pixels, kNever);
   std::vector<float> one(num_pixels);
@@ -161,6 +171,35 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Prompt& prom
     results.push_back(std::move(result));
   }
   return results;
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
+    const ModelView& view, std::span<const PointPrompt> points) const {
+  const Prompt prompt = {.view = view, .points = {points.begin(), points.end()}};
+  RETURN_IF_ERROR(CheckPrompt(prompt));
+  const std::lock_guard lock(state_->mutex);
+  auto features = state_->QueryFeatures(prompt);
+  // A device that failed leaves zeros, which would read as a click on nothing.
+  if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+  return features;
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,
+                                                         double scale,
+                                                         const ModelView& target) const {
+  if (features.empty() || features.size() % kFeatureSize != 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        features.size(), " feature values, must be a multiple of ", kFeatureSize, " and not 0"));
+  }
+  RETURN_IF_ERROR(CheckScale(scale));
+  RETURN_IF_ERROR(CheckView(target));
+  const std::lock_guard lock(state_->mutex);
+  const Buffer<float> queries(state_->backend, features);
+  ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
+  std::vector<float> values(similarity.size());
+  similarity.Download(values);
+  if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+  return values;
 }
 
 }  // namespace pepeseg

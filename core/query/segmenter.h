@@ -54,6 +54,16 @@ class Segmenter {
                                                      std::span<const ModelView> targets,
                                                      bool want_similarity = false) const;
 
+  // The two halves of Segment, for who asks the same at many scales and thresholds.
+  // What points of a view mean, before a scale is chosen: [points, 32] features as rendered. Errors
+  // as Segment's.
+  absl::StatusOr<std::vector<float>> PointFeatures(const ModelView& view,
+                                                   std::span<const PointPrompt> points) const;
+  // Similarity, cosine, of each pixel of the target to each of such features at a quantile scale:
+  // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
+  absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
+                                                const ModelView& target) const;
+
  private:
   struct State;
   explicit Segmenter(std::unique_ptr<State> state);

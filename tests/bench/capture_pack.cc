@@ -11,20 +11,20 @@
 namespace pepeseg {
 namespace {
 
-constexpr uint64_t kMagic = 0x31706163'65706570;  // "pepecap1"
+constexpr uint64_t kMagic = 0x32706163'65706570;  // "pepecap2"
 
 // One walk over the fields serves both ways.
-class Pack {
+class PackFile {
  public:
-  Pack(const std::string& path, bool writing)
+  PackFile(const std::string& path, bool writing)
       : file_(gzopen(path.c_str(), writing ? "wb6" : "rb")), writing_(writing) {
     ok_ = file_ != nullptr;
   }
-  ~Pack() {
+  ~PackFile() {
     if (file_ != nullptr) gzclose(file_);
   }
-  Pack(const Pack&) = delete;
-  Pack& operator=(const Pack&) = delete;
+  PackFile(const PackFile&) = delete;
+  PackFile& operator=(const PackFile&) = delete;
 
   bool ok() const { return ok_; }
 
@@ -39,6 +39,13 @@ class Pack {
     Value(size);
     if (!writing_ && ok_) items.resize(size);
     Bytes(items.data(), items.size() * sizeof(items[0]));
+  }
+  template <class Items, class WalkItem>
+  void Each(Items& items, WalkItem walk) {
+    uint64_t size = items.size();
+    Value(size);
+    if (!writing_ && ok_) items.resize(size);
+    for (auto& item : items) walk(item);
   }
 
  private:
@@ -57,60 +64,63 @@ class Pack {
   bool writing_, ok_;
 };
 
-void WalkView(Pack& pack, View& view) {
-  pack.Array(view.name);
-  pack.Value(view.camera);
-  for (int k = 0; k < 4; ++k) pack.Value(view.cam_from_world.rotation.coeffs()[k]);
-  for (int k = 0; k < 3; ++k) pack.Value(view.cam_from_world.translation[k]);
-  pack.Value(view.held_out);
-  pack.Value(view.photo.width);
-  pack.Value(view.photo.height);
-  pack.Value(view.photo.channels);
-  pack.Array(view.photo.pixels);
-  pack.Array(view.ignore);
-  pack.Value(view.masks.width);
-  pack.Value(view.masks.height);
-  pack.Value(view.masks.num_masks);
-  pack.Value(view.masks.words);
-  pack.Array(view.masks.pixel_patch);
-  pack.Array(view.masks.patch_bits);
-  pack.Array(view.masks.mask_area);
-  pack.Value(view.depth.kind);
-  pack.Array(view.depth.values);
+void WalkView(PackFile& file, View& view) {
+  file.Array(view.name);
+  file.Value(view.camera);
+  for (int k = 0; k < 4; ++k) file.Value(view.cam_from_world.rotation.coeffs()[k]);
+  for (int k = 0; k < 3; ++k) file.Value(view.cam_from_world.translation[k]);
+  file.Value(view.held_out);
+  file.Value(view.photo.width);
+  file.Value(view.photo.height);
+  file.Value(view.photo.channels);
+  file.Array(view.photo.pixels);
+  file.Array(view.ignore);
+  file.Value(view.masks.width);
+  file.Value(view.masks.height);
+  file.Value(view.masks.num_masks);
+  file.Value(view.masks.words);
+  file.Array(view.masks.pixel_patch);
+  file.Array(view.masks.patch_bits);
+  file.Array(view.masks.mask_area);
+  file.Value(view.depth.kind);
+  file.Array(view.depth.values);
 }
 
-void WalkPoint(Pack& pack, ScenePoint& point) {
-  for (int k = 0; k < 3; ++k) pack.Value(point.position[k]);
-  pack.Value(point.rgb);
+void WalkPoint(PackFile& file, ScenePoint& point) {
+  for (int k = 0; k < 3; ++k) file.Value(point.position[k]);
+  file.Value(point.rgb);
 }
 
-bool Walk(Pack& pack, Capture& capture) {
-  uint64_t magic = kMagic, num_views = capture.views.size(), num_points = capture.points.size();
-  pack.Value(magic);
-  pack.Value(num_views);
-  pack.Value(num_points);
-  if (!pack.ok() || magic != kMagic) return false;
-  capture.views.resize(num_views);
-  capture.points.resize(num_points);
-  for (View& view : capture.views) WalkView(pack, view);
-  for (ScenePoint& point : capture.points) WalkPoint(pack, point);
-  return pack.ok();
+void WalkLevel(PackFile& file, TruthLevel& level) {
+  file.Array(level.name);
+  file.Each(level.entities, [&](std::string& name) { file.Array(name); });
+  file.Each(level.labels, [&](std::vector<uint16_t>& labels) { file.Array(labels); });
+}
+
+bool Walk(PackFile& file, CapturePack& pack) {
+  uint64_t magic = kMagic;
+  file.Value(magic);
+  if (!file.ok() || magic != kMagic) return false;
+  file.Each(pack.capture.views, [&](View& view) { WalkView(file, view); });
+  file.Each(pack.capture.points, [&](ScenePoint& point) { WalkPoint(file, point); });
+  file.Each(pack.truth, [&](TruthLevel& level) { WalkLevel(file, level); });
+  return file.ok();
 }
 
 }  // namespace
 
-absl::Status WriteCapturePack(const std::string& path, const Capture& capture) {
-  Pack pack(path, true);
-  Capture copy = capture;
-  if (Walk(pack, copy)) return absl::OkStatus();
+absl::Status WriteCapturePack(const std::string& path, const CapturePack& pack) {
+  PackFile file(path, true);
+  CapturePack copy = pack;
+  if (Walk(file, copy)) return absl::OkStatus();
   return absl::UnavailableError(absl::StrCat(path, ": cannot be written"));
 }
 
-absl::StatusOr<Capture> ReadCapturePack(const std::string& path) {
-  Pack pack(path, false);
-  Capture capture;
-  if (Walk(pack, capture)) return capture;
-  return absl::InvalidArgumentError(absl::StrCat(path, ": not a whole capture pack"));
+absl::StatusOr<CapturePack> ReadCapturePack(const std::string& path) {
+  PackFile file(path, false);
+  CapturePack pack;
+  if (Walk(file, pack)) return pack;
+  return absl::InvalidArgumentError(absl::StrCat(path, ": not a whole capture pack of this build"));
 }
 
 }  // namespace pepeseg

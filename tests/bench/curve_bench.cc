@@ -77,7 +77,8 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
 }
 
 absl::Status Run(const BenchOptions& options) {
-  ASSIGN_OR_RETURN(Capture capture, ReadCapturePack(options.pack));
+  ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
+  Capture& capture = pack.capture;
   for (View& view : capture.views) {
     if (options.strip_depth) view.depth = {};
     if (options.strip_masks) view.masks = {};

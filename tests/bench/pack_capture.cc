@@ -1,23 +1,28 @@
-// Developer program: imports a dataset folder and writes it as a capture pack.
+// Developer program: imports a dataset folder and writes it as a capture pack,
+// with the ground truth that the folder has.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "core/io/import.h"
 #include "core/status_macros.h"
 #include "tests/bench/capture_pack.h"
+#include "tests/bench/truth_files.h"
 
 namespace pepeseg {
 namespace {
 
-absl::Status Run(const std::string& folder, const std::string& pack, bool disparity,
+absl::Status Run(const std::string& folder, const std::string& path, bool disparity,
                  const ImportOptions& options) {
   ASSIGN_OR_RETURN(auto files, ListDataset(folder));
   for (DatasetFile& file : files) {
     if (disparity && file.kind == FileKind::kDepth) file.kind = FileKind::kDisparity;
   }
-  ASSIGN_OR_RETURN(const Capture capture, ImportCapture(files, options));
-  for (const std::string& warning : capture.warnings) std::cerr << warning << "\n";
-  return WriteCapturePack(pack, capture);
+  CapturePack pack;
+  ASSIGN_OR_RETURN(pack.capture, ImportCapture(files, options));
+  for (const std::string& warning : pack.capture.warnings) std::cerr << warning << "\n";
+  ASSIGN_OR_RETURN(pack.truth, ReadTruth(folder, pack.capture));
+  for (const TruthLevel& level : pack.truth) std::cerr << "truth: " << level.name << "\n";
+  return WriteCapturePack(path, pack);
 }
 
 }  // namespace

@@ -146,6 +146,24 @@ TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
   EXPECT_EQ(wrong, std::vector<int>(4));
 }
 
+TEST_F(SegmenterTest, TheHalvesOfAQuestionGiveItsSimilarity) {
+  const ModelView& view = prompt_.view;
+  const std::vector<PointPrompt> points = {{kRightX, kY, true}, {kLeftX, kY, true}};
+  ASSERT_OK_AND_ASSIGN(const auto features, segmenter_->PointFeatures(view, points));
+  ASSERT_EQ(features.size(), 2u * 32);
+  ASSERT_OK_AND_ASSIGN(const auto similarity, segmenter_->Similarity(features, 0.5, view));
+  ASSERT_EQ(similarity.size(), 2u * kSize * kSize);
+  ASSERT_OK_AND_ASSIGN(const auto left, Ask(true));
+  EXPECT_EQ(std::vector<float>(similarity.begin() + kSize * kSize, similarity.end()),
+            left[0].similarity);
+  EXPECT_STATUS(segmenter_->PointFeatures(view, std::vector<PointPrompt>{{1.5, 1.5, true}}),
+                absl::StatusCode::kInvalidArgument, "nothing with a feature is rendered there");
+  EXPECT_STATUS(segmenter_->Similarity(features, 1.5, view), absl::StatusCode::kInvalidArgument,
+                "scale is 1.5");
+  EXPECT_STATUS(segmenter_->Similarity(std::vector<float>(31), 0.5, view),
+                absl::StatusCode::kInvalidArgument, "31 feature values");
+}
+
 TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
   prompt_.points = {};
   ExpectInvalid("no positive point");

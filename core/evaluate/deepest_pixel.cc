@@ -1,0 +1,99 @@
+#include "core/evaluate/deepest_pixel.h"
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+#include <vector>
+
+namespace pepeseg {
+namespace {
+
+struct Bounds {
+  int left = std::numeric_limits<int>::max(), top = left, right = -1, bottom = -1;  // inclusive
+};
+
+Bounds BoundsOf(std::span<const uint8_t> mask, int width, int height) {
+  Bounds bounds;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (mask[static_cast<size_t>(y) * width + x] == 0) continue;
+      bounds.left = std::min(bounds.left, x), bounds.right = std::max(bounds.right, x);
+      bounds.top = std::min(bounds.top, y), bounds.bottom = std::max(bounds.bottom, y);
+    }
+  }
+  return bounds;
+}
+
+// The second phase of Meijster, Roerdink and Hesselink (2000), in integers: from the distances
+// along the columns to the squared distances in the plane, one row at a time.
+class RowDistances {
+ public:
+  explicit RowDistances(int size) : site_(size), start_(size), squared_(size) {}
+
+  std::span<const int64_t> Compute(std::span<const int> column) {
+    const auto size = static_cast<int64_t>(column.size());
+    const auto squared = [&](int64_t x, int64_t site) {
+      return (x - site) * (x - site) + int64_t{column[site]} * column[site];
+    };
+    int64_t last = 0;
+    site_[0] = start_[0] = 0;
+    for (int64_t u = 1; u < size; ++u) {
+      while (last >= 0 && squared(start_[last], site_[last]) > squared(start_[last], u)) --last;
+      if (last < 0) {
+        last = 0;
+        site_[0] = u;
+        continue;
+      }
+      // The first place that is nearer to u than to the site before it.
+      const int64_t i = site_[last];
+      const int64_t start = 1 + (squared(0, u) - squared(0, i)) / (2 * (u - i));
+      if (start >= size) continue;
+      site_[++last] = u;
+      start_[last] = start;
+    }
+    for (int64_t x = size - 1; x >= 0; --x) {
+      squared_[x] = squared(x, site_[last]);
+      if (x == start_[last]) --last;
+    }
+    return squared_;
+  }
+
+ private:
+  std::vector<int64_t> site_, start_, squared_;
+};
+
+}  // namespace
+
+PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height) {
+  assert(mask.size() == static_cast<size_t>(width) * height);
+  const Bounds bounds = BoundsOf(mask, width, height);
+  assert(bounds.right >= 0);
+  // What is around the bounding box is not in the mask: one pixel of it on each side will do.
+  const int columns = bounds.right - bounds.left + 3, rows = bounds.bottom - bounds.top + 3;
+  std::vector<int> distance(static_cast<size_t>(columns) * rows);  // to the outside in the column
+  const auto row_of = [&](int y) { return &distance[static_cast<size_t>(y) * columns]; };
+  for (int y = 1; y + 1 < rows; ++y) {
+    const uint8_t* in = &mask[static_cast<size_t>(bounds.top + y - 1) * width + bounds.left];
+    for (int x = 1; x + 1 < columns; ++x) {
+      row_of(y)[x] = in[x - 1] != 0 ? row_of(y - 1)[x] + 1 : 0;
+    }
+  }
+  for (int y = rows - 2; y > 0; --y) {
+    for (int x = 1; x + 1 < columns; ++x) {
+      row_of(y)[x] = std::min(row_of(y)[x], row_of(y + 1)[x] + 1);
+    }
+  }
+  PixelIndex deepest;
+  int64_t most = 0;
+  RowDistances distances(columns);
+  for (int y = 1; y + 1 < rows; ++y) {
+    const auto squared = distances.Compute({row_of(y), static_cast<size_t>(columns)});
+    const auto found = std::max_element(squared.begin(), squared.end());
+    if (*found <= most) continue;
+    most = *found;
+    deepest = {bounds.left + static_cast<int>(found - squared.begin()) - 1, bounds.top + y - 1};
+  }
+  return deepest;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,213 @@
+// Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
+// level of its ground truth on the held-out views. One table row a seed and level.
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/evaluate/metrics.h"
+#include "core/evaluate/one_click.h"
+#include "core/features/train_features.h"
+#include "core/io/gaussian_ply.h"
+#include "core/reconstruct/reconstruct.h"
+#include "core/status_macros.h"
+#include "tests/bench/capture_pack.h"
+#include "tests/bench/stage_one_flags.h"
+#include "tests/bench/stage_two_flags.h"
+
+namespace pepeseg {
+namespace {
+
+struct BenchOptions {
+  std::string pack, gaussians;
+  std::string device = "cpu";
+  std::string name = "run";
+  int num_threads = 0;
+  int num_seeds = 1;
+  bool strip_depth = false;
+  bool entities = false;
+  ReconstructOptions reconstruct;
+  FeatureOptions features;
+  OneClickOptions protocol;
+};
+
+std::unique_ptr<Backend> MakeBackend(const BenchOptions& options) {
+  if (options.device == "cpu") return MakeCpuBackend(options.num_threads);
+  std::string error;
+  auto backend = MakeCudaBackend({}, &error);
+  if (backend == nullptr) std::cerr << error << "\n";
+  return backend;
+}
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// What stage one leaves; seconds below 0: it was read.
+struct Geometry {
+  Gaussians gaussians;
+  double seconds = -1;
+  double psnr = 0;
+};
+
+// One row of the table.
+struct Row {
+  uint64_t seed;
+  const TruthLevel* level;
+  const Geometry* geometry;
+  double feature_seconds, evaluate_seconds;
+  OneClickScores scores;
+};
+
+absl::Status GoOn(const StepReport& /*report*/) { return absl::OkStatus(); }
+
+absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
+                                     const BenchOptions& options, uint64_t seed) {
+  Geometry geometry;
+  if (!options.gaussians.empty() && std::filesystem::exists(options.gaussians)) {
+    ASSIGN_OR_RETURN(geometry.gaussians, ReadGaussianPly(options.gaussians, options.gaussians));
+  } else {
+    ReconstructOptions stage = options.reconstruct;
+    stage.seed = seed;
+    const double start = Now();
+    ASSIGN_OR_RETURN(geometry.gaussians, Reconstruct(backend, capture, stage, GoOn));
+    geometry.seconds = Now() - start;
+    if (!options.gaussians.empty()) {
+      RETURN_IF_ERROR(WriteGaussianPly(options.gaussians, geometry.gaussians));
+    }
+  }
+  ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, geometry.gaussians));
+  geometry.psnr = Mean(scores).psnr;
+  return geometry;
+}
+
+std::vector<LabeledView> LabeledViews(const Capture& capture, const TruthLevel& level) {
+  std::vector<LabeledView> labeled;
+  for (size_t v = 0; v < capture.views.size(); ++v) {
+    const View& view = capture.views[v];
+    if (!view.held_out || level.labels[v].empty()) continue;
+    labeled.push_back(
+        {{view.name, view.camera, view.cam_from_world, true}, level.labels[v], view.ignore});
+  }
+  return labeled;
+}
+
+void PrintHeader(const OneClickOptions& protocol) {
+  std::string head =
+      "| run | seed | level | entities | mIoU | mBIoU | oracle mIoU | oracle mBIoU |";
+  std::string rule = "|---|---|---|---|---|---|---|---|";
+  for (const double scale : protocol.fixed_scales) {
+    head += absl::StrCat(" ", scale, " |");
+    rule += "---|";
+  }
+  std::printf("Fixed scales: mIoU at the threshold %.2f.\n\n", protocol.fixed_threshold);
+  std::printf("%s stage one s | stage two s | evaluation s | Gaussians | PSNR |\n", head.c_str());
+  std::printf("%s---|---|---|---|---|\n", rule.c_str());
+  std::fflush(stdout);
+}
+
+void PrintRow(const BenchOptions& options, const Row& row) {
+  const OneClickScores& scores = row.scores;
+  std::printf("| %s | %d | %s | %d | %.4f | %.4f | %.4f | %.4f |", options.name.c_str(),
+              static_cast<int>(row.seed), row.level->name.c_str(),
+              static_cast<int>(scores.entities.size()), scores.chosen.iou,
+              scores.chosen.boundary_iou, scores.oracle.iou, scores.oracle.boundary_iou);
+  for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
+  const double seconds = row.geometry->seconds;
+  seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
+  std::printf(" %.2f | %.2f | %ld | %.2f |\n", row.feature_seconds, row.evaluate_seconds,
+              static_cast<long>(row.geometry->gaussians.count), row.geometry->psnr);
+  std::fflush(stdout);
+}
+
+// As comments, so that the table's rows can be cut out.
+void PrintEntities(const Row& row) {
+  for (const EntityScore& score : row.scores.entities) {
+    const auto id = static_cast<size_t>(score.id);
+    const std::string name = id < row.level->entities.size() ? row.level->entities[id] : "";
+    std::printf(
+        "# %d %s %3d %-16s %2d views, click %s (%.1f, %.1f)%s: %.3f / %.3f at %.2f, %.2f; oracle "
+        "%.3f / %.3f at %.2f, %.2f\n",
+        static_cast<int>(row.seed), row.level->name.c_str(), score.id, name.c_str(),
+        static_cast<int>(score.views.size()), score.views[0].view.c_str(), score.click.x,
+        score.click.y, score.missing ? " on nothing" : "", score.chosen.iou,
+        score.chosen.boundary_iou, score.chosen.scale, score.chosen.threshold, score.oracle.iou,
+        score.oracle.boundary_iou, score.oracle.scale, score.oracle.threshold);
+  }
+}
+
+// Stage two and its scores.
+absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
+                     const Geometry& geometry, int run) {
+  FeatureOptions stage = options.features;
+  stage.seed += run;
+  Model model;
+  const double start = Now();
+  ASSIGN_OR_RETURN(model.field,
+                   TrainFeatures(backend, pack.capture, geometry.gaussians, stage, GoOn));
+  const double feature_seconds = Now() - start;
+  model.gaussians = geometry.gaussians;
+  model.scene_radius = SceneRadius(pack.capture);
+  ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
+  for (const TruthLevel& level : pack.truth) {
+    const double evaluate_start = Now();
+    ASSIGN_OR_RETURN(OneClickScores scores,
+                     EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level),
+                                      options.protocol, [] { return absl::OkStatus(); }));
+    const Row row = {stage.seed,       &level, &geometry, feature_seconds, Now() - evaluate_start,
+                     std::move(scores)};
+    PrintRow(options, row);
+    if (options.entities) PrintEntities(row);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Run(const BenchOptions& options) {
+  RETURN_IF_ERROR(Validate(options.protocol));
+  ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
+  if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
+  for (View& view : pack.capture.views) {
+    if (options.strip_depth) view.depth = {};
+  }
+  const auto backend = MakeBackend(options);
+  if (backend == nullptr) return absl::UnavailableError("no such device");
+  PrintHeader(options.protocol);
+  Geometry geometry;
+  for (int run = 0; run < options.num_seeds; ++run) {
+    if (run == 0 || options.gaussians.empty()) {  // one file, one geometry for all seeds
+      ASSIGN_OR_RETURN(
+          geometry, GetGeometry(*backend, pack.capture, options, options.reconstruct.seed + run));
+    }
+    RETURN_IF_ERROR(Segment(*backend, pack, options, geometry, run));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+}  // namespace pepeseg
+
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
+int main(int argc, char** argv) {
+  CLI::App app("Segmentation of a capture pack, scored by the one-click protocol");
+  pepeseg::BenchOptions options;
+  pepeseg::AddStageOneFlags(app, options.reconstruct);
+  pepeseg::AddStageTwoFlags(app, options.features);
+  app.add_option("pack", options.pack)->required();
+  app.add_option("--gaussians", options.gaussians,
+                 "PLY with stage one's result: read if it is there, else written after stage one");
+  app.add_option("--device", options.device, "cpu or cuda");
+  app.add_option("--threads", options.num_threads, "of the CPU; 0: all");
+  app.add_option("--name", options.name, "first column");
+  app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
+  app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
+  app.add_flag("--no-depth", options.strip_depth);
+  app.add_flag("--entities", options.entities, "a line for each entity, too");
+  CLI11_PARSE(app, argc, argv);
+  const absl::Status status = pepeseg::Run(options);
+  if (!status.ok()) std::cerr << status << "\n";
+  return status.ok() ? 0 : 1;
+}

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "core/features/train_features.h"
+
+namespace pepeseg {
+
+// The options of stage two as flags of a bench, beside those of stage one.
+inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  app.add_option("--feature-steps", stage.num_steps);
+  app.add_option("--feature-pixels", stage.num_pixels);
+  app.add_option("--feature-scales", stage.num_scales);
+  app.add_option("--feature-rate", stage.learning_rate);
+  app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");
+  app.add_option("--feature-seed", stage.seed);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,94 @@
+#include "core/evaluate/boundary_iou.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+namespace pepeseg {
+namespace {
+
+TEST(BoundaryWidth, IsAFiftiethOfTheDiagonal) {
+  EXPECT_EQ(BoundaryWidth(480, 360), 12);  // 0.02 * 600
+  EXPECT_EQ(BoundaryWidth(360, 480), 12);
+  EXPECT_EQ(BoundaryWidth(640, 480), 16);
+  EXPECT_EQ(BoundaryWidth(96, 64), 2);   // 2.31
+  EXPECT_EQ(BoundaryWidth(105, 70), 3);  // 2.52
+  EXPECT_EQ(BoundaryWidth(8, 6), 1);     // 0.2, at least 1
+}
+
+// As it is defined: pad by one pixel of 0, erode by 3x3 as often as asked, subtract.
+std::vector<uint8_t> NaiveBoundary(const std::vector<uint8_t>& mask, int width, int height,
+                                   int distance) {
+  const int padded_width = width + 2, padded_height = height + 2;
+  std::vector<uint8_t> inner(static_cast<size_t>(padded_width) * padded_height);
+  for (int i = 0; i < width * height; ++i) {
+    inner[(i / width + 1) * padded_width + i % width + 1] = mask[i] != 0 ? 1 : 0;
+  }
+  for (int k = 0; k < distance; ++k) {
+    std::vector<uint8_t> eroded(inner.size());
+    for (int y = 1; y + 1 < padded_height; ++y) {
+      for (int x = 1; x + 1 < padded_width; ++x) {
+        uint8_t all = 1;
+        for (int v = y - 1; v <= y + 1; ++v) {
+          for (int u = x - 1; u <= x + 1; ++u) all &= inner[v * padded_width + u];
+        }
+        eroded[y * padded_width + x] = all;
+      }
+    }
+    inner = std::move(eroded);
+  }
+  std::vector<uint8_t> boundary(mask.size());
+  for (int i = 0; i < width * height; ++i) {
+    const bool kept = inner[(i / width + 1) * padded_width + i % width + 1] != 0;
+    boundary[i] = mask[i] != 0 && !kept ? 1 : 0;
+  }
+  return boundary;
+}
+
+TEST(MaskBoundary, IsThatOfRepeatedErosions) {
+  std::mt19937 random(1);
+  for (const auto& [width, height] : {std::pair(37, 29), {5, 40}, {40, 5}, {1, 1}, {64, 64}}) {
+    for (const unsigned sparsity : {2U, 30U, 400U, 1U << 30}) {
+      std::vector<uint8_t> mask(static_cast<size_t>(width) * height);
+      for (uint8_t& pixel : mask) pixel = random() % sparsity != 0 ? 255 : 0;
+      for (const int distance : {1, 2, 5, 12}) {
+        EXPECT_EQ(MaskBoundary(mask, width, height, distance),
+                  NaiveBoundary(mask, width, height, distance))
+            << width << "x" << height << ", 1 in " << sparsity << ", " << distance;
+      }
+    }
+  }
+}
+
+// A square [x, x + side) x [y, y + side) on 40x40, where the boundary is 1 pixel wide.
+std::vector<uint8_t> Square(int x, int y, int side) {
+  std::vector<uint8_t> mask(40 * 40);
+  for (int i = 0; i < side * side; ++i) mask[(y + i / side) * 40 + x + i % side] = 1;
+  return mask;
+}
+
+TEST(BoundaryIou, MatchesHandCountedBoundaries) {
+  ASSERT_EQ(BoundaryWidth(40, 40), 1);
+  // Rings of 36 pixels, one column apart: the two horizontal sides share 9 pixels each.
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(5, 5, 10), 40, 40), 1);
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(6, 5, 10), 40, 40), 18.0 / (72 - 18));
+  // The ring of the smaller one lies inside the larger one's: nothing in common.
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(6, 6, 8), 40, 40), 0);
+  // The image's own border is a boundary.
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(0, 0, 10), Square(0, 0, 10), 40, 40), 1);
+  const std::vector<uint8_t> none(40 * 40);
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), none, 40, 40), 0);
+  EXPECT_DOUBLE_EQ(BoundaryIou(none, none, 40, 40), 1);
+}
+
+TEST(BoundaryIou, LeavesOutIgnoredPixels) {
+  std::vector<uint8_t> ignore(40 * 40);
+  for (int y = 0; y < 40; ++y) {  // the vertical sides of both rings
+    for (const int x : {5, 6, 14, 15}) ignore[y * 40 + x] = 1;
+  }
+  EXPECT_DOUBLE_EQ(BoundaryIou(Square(5, 5, 10), Square(6, 5, 10), 40, 40, ignore), 1);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,73 @@
+#include "core/evaluate/deepest_pixel.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+namespace pepeseg {
+namespace {
+
+// Against every pixel, and those around the image.
+PixelIndex NaiveDeepest(const std::vector<uint8_t>& mask, int width, int height) {
+  PixelIndex deepest;
+  int most = 0;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      int nearest = 1 << 30;
+      for (int v = -1; v <= height; ++v) {
+        for (int u = -1; u <= width; ++u) {
+          const bool beyond = u < 0 || v < 0 || u == width || v == height;
+          if (!beyond && mask[v * width + u] != 0) continue;
+          nearest = std::min(nearest, (x - u) * (x - u) + (y - v) * (y - v));
+        }
+      }
+      if (nearest <= most) continue;
+      most = nearest;
+      deepest = {x, y};
+    }
+  }
+  return deepest;
+}
+
+TEST(DeepestPixel, IsThatOfEveryPairOfPixels) {
+  std::mt19937 random(3);
+  for (const auto& [width, height] : {std::pair(31, 23), {3, 50}, {50, 3}, {1, 1}}) {
+    for (const unsigned sparsity : {2U, 12U, 60U, 1U << 30}) {
+      std::vector<uint8_t> mask(static_cast<size_t>(width) * height);
+      for (uint8_t& pixel : mask) pixel = random() % sparsity != 0 ? 1 : 0;
+      if (std::count(mask.begin(), mask.end(), 1) == 0) continue;
+      const PixelIndex got = DeepestPixel(mask, width, height);
+      const PixelIndex want = NaiveDeepest(mask, width, height);
+      EXPECT_EQ(got.x, want.x) << width << "x" << height << ", 1 in " << sparsity;
+      EXPECT_EQ(got.y, want.y) << width << "x" << height << ", 1 in " << sparsity;
+    }
+  }
+}
+
+TEST(DeepestPixel, OfEquallyDeepOnesIsTheFirstByRowThenColumn) {
+  constexpr int kWidth = 20, kHeight = 12;
+  std::vector<uint8_t> mask(kWidth * kHeight);
+  const auto fill = [&](int left, int top, int width, int height) {
+    for (int y = top; y < top + height; ++y) {
+      for (int x = left; x < left + width; ++x) mask[y * kWidth + x] = 1;
+    }
+  };
+  fill(12, 2, 3, 3);  // deepest at (13, 3)
+  fill(2, 6, 3, 3);   // as deep, further to the left and below
+  PixelIndex deepest = DeepestPixel(mask, kWidth, kHeight);
+  EXPECT_EQ(deepest.x, 13);
+  EXPECT_EQ(deepest.y, 3);
+  fill(5, 2, 5, 3);  // as deep from (6, 3) to (8, 3)
+  deepest = DeepestPixel(mask, kWidth, kHeight);
+  EXPECT_EQ(deepest.x, 6);
+  EXPECT_EQ(deepest.y, 3);
+  // Beyond the image is outside: a whole image is deepest in its middle.
+  deepest = DeepestPixel(std::vector<uint8_t>(7 * 7, 1), 7, 7);
+  EXPECT_EQ(deepest.x, 3);
+  EXPECT_EQ(deepest.y, 3);
+}
+
+}  // namespace
+}  // namespace pepeseg
