@@ -36,7 +36,7 @@ struct ColumnSpan {
 struct TransposeRowsArgs {
   RowSpan rows;
   // On the host: the row where each group begins, and the number of rows. Empty: one group.
-  std::span<const int32_t> group_first;  // [groups + 1]
+  std::span<const int32_t> group_first = {};  // [groups + 1]
   int64_t num_gaussians = 0;
   Buffer<int32_t>* gaussian = nullptr;  // ColumnSpan's, sized by the op
   Buffer<int32_t>* first = nullptr;

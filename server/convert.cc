@@ -49,7 +49,7 @@
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps)                    \
   FIELD(num_pixels) FIELD(num_scales) FIELD(learning_rate) FIELD(steps_per_chunk) FIELD(seed) \
-  FIELD(num_neighbors) FIELD(num_drawn_neighbors)
+  FIELD(num_neighbors) FIELD(num_drawn_neighbors) FIELD(learning_rate_final)
 
 // The casts are for enums, whose numbers are the same on both sides.
 #define PEPESEG_OVERLAY(name) \

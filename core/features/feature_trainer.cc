@@ -9,14 +9,17 @@ namespace {
 
 constexpr float kInitialDeviation = 0.01f;
 
-// c(t) of FeatureState's comment, for t up to num_steps.
-std::vector<float> Corrections(const FeatureRates& rates, int num_steps) {
-  std::vector<float> terms(num_steps + 1);
+// c(t) of FeatureState's comment, for t up to the number of steps. The fall of the learning rate is
+// a factor of it, so that rows that wait are moved by the rates of the steps that they missed.
+std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options) {
+  std::vector<float> terms(options.num_steps + 1);
+  const double fall = double{options.learning_rate_final} / double{options.learning_rate};
   double power1 = 1, power2 = 1;
-  for (int t = 1; t <= num_steps; ++t) {
+  for (int t = 1; t <= options.num_steps; ++t) {
     power1 *= double{rates.beta1};
     power2 *= double{rates.beta2};
-    terms[t] = static_cast<float>(std::sqrt(1 - power2) / (1 - power1));
+    const double share = static_cast<double>(t - 1) / options.num_steps;
+    terms[t] = static_cast<float>(std::pow(fall, share) * std::sqrt(1 - power2) / (1 - power1));
   }
   return terms;
 }
@@ -58,8 +61,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
       pixel_grad_(backend, int64_t{options.num_pixels} * kFeatureSize),
       sums_(backend, int64_t{kMaxUnreadSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
-  correction_ =
-      Buffer<float>(backend, std::span<const float>(Corrections(rates_, options.num_steps)));
+  correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
   rates_.correction = correction_.span();
   // Apart from the sampler's stream.
   const uint64_t seed = options.seed ^ 0x9e3779b97f4a7c15u;

@@ -37,23 +37,20 @@ ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first
 
 }  // namespace
 
-absl::Status RowChunk::Refill(BatchDrawer& drawer, int num_batches, const Capture& capture,
+absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& capture,
                               FrozenScene& scene, const NeighborGraph& graph) {
   next_ = 0;
-  batches_.clear();
+  batches_ = std::move(batches);
   views_.clear();
-  places_.assign(num_batches, {});
-  std::map<int, std::vector<int>> batches_of_view;
-  for (int i = 0; i < num_batches; ++i) {
-    batches_.push_back(drawer.Next());
-    batches_of_view[batches_.back().view].push_back(i);
-  }
+  places_.assign(batches_.size(), {});
+  std::map<int, std::vector<size_t>> batches_of_view;
+  for (size_t i = 0; i < batches_.size(); ++i) batches_of_view[batches_[i].view].push_back(i);
   UploadBatches(scene.backend());
-  for (const auto& [number, batches] : batches_of_view) {
+  for (const auto& [number, of_view] : batches_of_view) {
     ViewRows& view = views_.emplace_back();
     std::vector<int32_t> pixels;
     std::vector<uint32_t> drawn;
-    for (const int batch : batches) {
+    for (const size_t batch : of_view) {
       places_[batch].view = views_.size() - 1;
       places_[batch].number = view.first_row.size();
       view.first_row.push_back(static_cast<int32_t>(pixels.size()));

@@ -27,8 +27,8 @@ class RowChunk {
 
   bool Exhausted() const { return next_ == batches_.size(); }
   // RESOURCE_EXHAUSTED when the rows do not fit.
-  absl::Status Refill(BatchDrawer& drawer, int num_batches, const Capture& capture,
-                      FrozenScene& scene, const NeighborGraph& graph);
+  absl::Status Refill(std::vector<PixelBatch> batches, const Capture& capture, FrozenScene& scene,
+                      const NeighborGraph& graph);
   // Valid until the next Refill.
   Step Next();
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/features/batch_drawer.h"
+#include "core/features/batches_ahead.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
@@ -53,6 +54,7 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
+  RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
@@ -75,28 +77,29 @@ absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capt
         "rendered");
   }
   BatchDrawer drawer(capture, field, std::move(views), options);
+  BatchesAhead batches(drawer, options.num_steps, options.steps_per_chunk);
   const Buffer<int32_t> neighbors(
       backend, std::span<const int32_t>(NearestNeighbors(gaussians, options.num_neighbors)));
   const NeighborGraph graph = {neighbors.span(), options.num_neighbors};
   RowChunk chunk;
   FeatureTrainer trainer(backend, gaussians.count, graph, options);
   for (int step = 1; step <= options.num_steps; ++step) {
-    if (chunk.Exhausted()) {
-      const int num_batches = std::min(options.steps_per_chunk, options.num_steps - step + 1);
-      RETURN_IF_ERROR(chunk.Refill(drawer, num_batches, capture, scene, graph));
-    }
+    if (chunk.Exhausted()) RETURN_IF_ERROR(chunk.Refill(batches.Next(), capture, scene, graph));
     backend.Sequence(kFeatureStep, [&] { trainer.Train(chunk.Next()); });
     if (step % StepsUnread(backend) != 0 && step != options.num_steps) continue;
-    const double loss = trainer.ReadLosses().back();
-    if (!backend.error().empty() || !std::isfinite(loss)) {
-      return absl::InternalError(
-          absl::StrCat("features: step ", step, ": loss ", loss, " ", backend.error()));
+    const std::vector<double> losses = trainer.ReadLosses();
+    for (size_t i = 0; i < losses.size(); ++i) {
+      const int of_step = step - static_cast<int>(losses.size() - 1 - i);
+      if (!backend.error().empty() || !std::isfinite(losses[i])) {
+        return absl::InternalError(
+            absl::StrCat("features: step ", of_step, ": loss ", losses[i], " ", backend.error()));
+      }
+      RETURN_IF_ERROR(progress({.stage = "features",
+                                .step = of_step,
+                                .num_steps = options.num_steps,
+                                .loss = losses[i],
+                                .num_gaussians = gaussians.count}));
     }
-    RETURN_IF_ERROR(progress({.stage = "features",
-                              .step = step,
-                              .num_steps = options.num_steps,
-                              .loss = loss,
-                              .num_gaussians = gaussians.count}));
   }
   trainer.Export(field);
   return field;

@@ -15,10 +15,11 @@ namespace pepeseg {
 // Stage two (method.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
 // gate from the scale-aware loss on sparse rows and the norms of pixels and Gaussians.
 struct FeatureOptions {
-  int num_steps = 10000;  // one view each
-  int num_pixels = 1000;  // samples a step, each under a mask that has a scale
-  int num_scales = 10;    // a step, 1..kMaxScales; two of them beyond the masks' own
-  float learning_rate = 2.5e-3f;
+  int num_steps = 10000;          // one view each
+  int num_pixels = 1000;          // samples a step, each under a mask that has a scale
+  int num_scales = 10;            // a step, 1..kMaxScales; two of them beyond the masks' own
+  float learning_rate = 2.5e-3f;  // of Adam, at the start; falls exponentially to
+  float learning_rate_final = 2.5e-3f;
   // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn
   // anew each step, in training, and over all in the model.
   int num_neighbors = 16;       // 1..kMaxNeighbors

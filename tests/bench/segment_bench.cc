@@ -30,15 +30,16 @@ struct BenchOptions {
   int num_seeds = 1;
   bool strip_depth = false;
   bool entities = false;
+  bool kernels = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
   OneClickOptions protocol;
 };
 
-std::unique_ptr<Backend> MakeBackend(const BenchOptions& options) {
+std::unique_ptr<Backend> MakeBackend(const BenchOptions& options, std::vector<KernelTime>* times) {
   if (options.device == "cpu") return MakeCpuBackend(options.num_threads);
   std::string error;
-  auto backend = MakeCudaBackend({}, &error);
+  auto backend = MakeCudaBackend({.kernel_times = options.kernels ? times : nullptr}, &error);
   if (backend == nullptr) std::cerr << error << "\n";
   return backend;
 }
@@ -173,7 +174,8 @@ absl::Status Run(const BenchOptions& options) {
   for (View& view : pack.capture.views) {
     if (options.strip_depth) view.depth = {};
   }
-  const auto backend = MakeBackend(options);
+  std::vector<KernelTime> times;
+  const auto backend = MakeBackend(options, &times);
   if (backend == nullptr) return absl::UnavailableError("no such device");
   PrintHeader(options.protocol);
   Geometry geometry;
@@ -183,6 +185,13 @@ absl::Status Run(const BenchOptions& options) {
           geometry, GetGeometry(*backend, pack.capture, options, options.reconstruct.seed + run));
     }
     RETURN_IF_ERROR(Segment(*backend, pack, options, geometry, run));
+  }
+  backend->Sync();
+  std::printf("# at most %.0f MB of the device\n",
+              1e-6 * static_cast<double>(backend->peak_bytes_in_use()));
+  for (const KernelTime& time : times) {
+    std::printf("# %s: %.1f ms, %ld calls, %.1f us\n", time.name.c_str(), time.ms,
+                static_cast<long>(time.calls), 1e3 * time.ms / static_cast<double>(time.calls));
   }
   return absl::OkStatus();
 }
@@ -205,6 +214,7 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
   app.add_flag("--no-depth", options.strip_depth);
+  app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
   app.add_flag("--entities", options.entities, "a line for each entity, too");
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);

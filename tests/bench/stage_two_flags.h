@@ -13,6 +13,9 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--feature-pixels", stage.num_pixels);
   app.add_option("--feature-scales", stage.num_scales);
   app.add_option("--feature-rate", stage.learning_rate);
+  app.add_option("--feature-rate-final", stage.learning_rate_final);
+  app.add_option("--neighbors", stage.num_neighbors);
+  app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);
   app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");
   app.add_option("--feature-seed", stage.seed);
 }
