@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/cluster_ops.h"
 #include "kernels/density_ops.h"
 #include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
@@ -94,6 +95,8 @@ class Backend {
   virtual void PairLoss(const PairLossArgs& args) = 0;
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
+  // Clustering (cluster_ops.h).
+  virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 };
 
 inline constexpr int kMaxReadbacks = 64;

@@ -57,6 +57,7 @@ class CpuBackend final : public Backend {
   void PairLoss(const PairLossArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
   void Fail(const std::string& error);     // the first one is kept

@@ -70,6 +70,7 @@ class CudaBackend final : public Backend {
   void PairLoss(const PairLossArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
   // An op's turn: its launches follow each other on the stream, whatever other threads call.

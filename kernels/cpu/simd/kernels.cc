@@ -18,7 +18,10 @@ const SimdKernels& GetSimdKernels() {
                                            GatePixels,
                                            PairRows,
                                            PairRowsVjp,
-                                           SimilarityRange};
+                                           SimilarityRange,
+                                           NearestNeighbours,
+                                           RelaxColumns,
+                                           LeastOf};
   return kKernels;
 }
 
