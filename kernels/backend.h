@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels/cluster_ops.h"
 #include "kernels/density_ops.h"
 #include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
@@ -98,6 +99,8 @@ class Backend {
   virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;
   virtual void SmoothBackward(const SmoothBackwardArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
+  // Clustering (cluster_ops.h).
+  virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 };
 
 inline constexpr int kMaxReadbacks = 64;

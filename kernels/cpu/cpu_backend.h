@@ -60,6 +60,7 @@ class CpuBackend final : public Backend {
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;
   void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
   void Fail(const std::string& error);     // the first one is kept

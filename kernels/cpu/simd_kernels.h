@@ -4,6 +4,7 @@
 
 #include "kernels/cpu/feature_jobs.h"
 #include "kernels/cpu/image_loss_band.h"
+#include "kernels/cpu/tree_jobs.h"
 #include "kernels/ops.h"
 #include "kernels/smooth_ops.h"
 
@@ -91,6 +92,11 @@ struct SimdKernels {
   void (*pair_rows_vjp)(const PairJob& job, PairBlock& block);
   // query_units: [num_queries, 32] gated and normalised.
   void (*similarity)(const SimilarityArgs& args, const float* query_units, FeatureRange pixels);
+  // The passes of SpanningTree; `rows` are at most kNearestRows.
+  void (*nearest_neighbours)(const NearestJob& job, FeatureRange rows);
+  void (*relax_columns)(const RelaxJob& job, ColumnRange columns);
+  // `padded` is a multiple of kTreeColumns; no value is a NaN.
+  float (*least_of)(const float* values, int32_t padded);
 };
 
 // Of the best instruction set that this machine has.

@@ -73,6 +73,7 @@ class CudaBackend final : public Backend {
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;
   void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
   // An op's turn: its launches follow each other on the stream, whatever other threads call.

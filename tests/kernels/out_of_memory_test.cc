@@ -1,5 +1,5 @@
-// Every allocation of a training step and of row queries fails once: the backend keeps the error,
-// and nothing is written where there is no memory.
+// Every allocation of a training step, of row queries and of clustering fails once: the backend
+// keeps the error, and nothing is written where there is no memory.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -48,6 +48,14 @@ void CaptureAndTranspose(Backend& backend, Rendered& scene) {
   backend.TransposeRows(transpose);
 }
 
+void JoinPoints(Backend& backend) {
+  const Buffer<float> points = Upload(backend, RandomValues(40 * kFeatureSize, 1));
+  Buffer<float> core(backend, 40);
+  Buffer<TreeEdge> edges(backend, 39);
+  if (!backend.error().empty()) return;
+  backend.SpanningTree({points.span(), 5, core.span(), edges.span()});
+}
+
 void UseEveryOpThatAllocates(Backend& backend) {
   Rendered scene(backend, RandomScene({.count = 300}), TestView(40, 30));
   scene.Render();
@@ -55,6 +63,7 @@ void UseEveryOpThatAllocates(Backend& backend) {
   scene.ParameterGradient();
   backend.Update(scene.MakeUpdateArgs());
   CaptureAndTranspose(backend, scene);
+  JoinPoints(backend);
 }
 
 TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {

@@ -5,11 +5,11 @@ namespace HWY_NAMESPACE {
 
 const SimdKernels& GetSimdKernels() {
   static constexpr SimdKernels kKernels = {
-      HWY_STR(HWY_NAMESPACE), BlendTile,        BlendTileBackward,  PixelWeights,
-      BlendFeatures,          ProjectGaussians, UpdateParameters,   ImageLossBand,
-      FeatureCatchUpRange,    FeatureRowsRange, FeatureUpdateRange, SmoothFeaturesRange,
-      SmoothBackwardRange,    GatePixels,       PairRows,           PairRowsVjp,
-      SimilarityRange};
+      HWY_STR(HWY_NAMESPACE), BlendTile,         BlendTileBackward,  PixelWeights,
+      BlendFeatures,          ProjectGaussians,  UpdateParameters,   ImageLossBand,
+      FeatureCatchUpRange,    FeatureRowsRange,  FeatureUpdateRange, SmoothFeaturesRange,
+      SmoothBackwardRange,    GatePixels,        PairRows,           PairRowsVjp,
+      SimilarityRange,        NearestNeighbours, RelaxColumns,       LeastOf};
   return kKernels;
 }
 

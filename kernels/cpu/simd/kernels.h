@@ -27,6 +27,9 @@ void GatePixels(const PairJob& job, int first, int end);
 void PairRows(const PairJob& job, PairBlock& block);
 void PairRowsVjp(const PairJob& job, PairBlock& block);
 void SimilarityRange(const SimilarityArgs& args, const float* query_units, FeatureRange range);
+void NearestNeighbours(const NearestJob& job, FeatureRange range);
+void RelaxColumns(const RelaxJob& job, ColumnRange range);
+float LeastOf(const float* values, int32_t padded);
 
 }  // namespace HWY_NAMESPACE
 }  // namespace pepeseg

@@ -1,0 +1,189 @@
+#include "core/cluster/condensed_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+
+namespace pepeseg {
+namespace {
+
+constexpr int kNone = -1;
+
+struct Cluster {
+  int parent = kNone;    // made later than this one
+  double deepest = 0;    // the lambda at which it ends, and parts of it or none live on
+  double stability = 0;  // until its beginning is known, the sum of its points' lambdas
+};
+
+// Builds the tree from below: components merge as the distance grows. What the paper calls the end
+// of a cluster comes first here, its beginning last.
+class CondensedTree {
+ public:
+  CondensedTree(std::span<const TreeEdge> edges, int min_cluster_size);
+
+  // The chosen cluster of each cluster, itself or one above, or kNone.
+  std::vector<int> Choose() const;
+
+  const std::vector<Cluster>& clusters() const { return clusters_; }
+  int cluster_of(int point) const { return point_cluster_[point]; }  // that it leaves first
+  double lambda_of(int point) const { return point_lambda_[point]; }
+
+ private:
+  struct Component {
+    int parent;  // of the union-find
+    int size = 1;
+    int cluster = kNone;     // since its size is min_cluster_size
+    int last, next = kNone;  // its points as a list, as long as it has no cluster
+  };
+
+  int RootOf(int point);
+  void MergeLevel(std::span<const TreeEdge> edges);
+  void Join(std::span<const int> parts, double lambda);
+  void Give(int component, int cluster, double lambda);
+
+  int min_cluster_size_;
+  std::vector<Component> components_;  // [points]
+  std::vector<Cluster> clusters_;
+  std::vector<int> point_cluster_;
+  std::vector<double> point_lambda_;
+};
+
+CondensedTree::CondensedTree(std::span<const TreeEdge> edges, int min_cluster_size)
+    : min_cluster_size_(min_cluster_size),
+      components_(edges.size() + 1),
+      point_cluster_(components_.size(), kNone),
+      point_lambda_(components_.size()) {
+  for (size_t i = 0; i < components_.size(); ++i) {
+    components_[i].parent = components_[i].last = static_cast<int>(i);
+  }
+  for (size_t first = 0, end = 0; first < edges.size(); first = end) {
+    while (end < edges.size() && edges[end].squared == edges[first].squared) ++end;
+    MergeLevel(edges.subspan(first, end - first));
+  }
+}
+
+int CondensedTree::RootOf(int point) {
+  while (components_[point].parent != point) {
+    point = components_[point].parent = components_[components_[point].parent].parent;
+  }
+  return point;
+}
+
+// Finds the groups of components that the edges join, and joins each as a whole.
+void CondensedTree::MergeLevel(std::span<const TreeEdge> edges) {
+  std::vector<int> parts;
+  for (const TreeEdge& edge : edges) {
+    parts.push_back(RootOf(edge.a));
+    parts.push_back(RootOf(edge.b));
+  }
+  std::sort(parts.begin(), parts.end());
+  parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
+  for (const TreeEdge& edge : edges) {
+    const int a = RootOf(edge.a), b = RootOf(edge.b);
+    // The larger one's root stays: paths are short.
+    if (components_[a].size < components_[b].size) {
+      components_[a].parent = b;
+    } else {
+      components_[b].parent = a;
+    }
+  }
+  std::vector<std::pair<int, int>> grouped;  // root, part
+  grouped.reserve(parts.size());
+  for (const int part : parts) grouped.emplace_back(RootOf(part), part);
+  std::sort(grouped.begin(), grouped.end());
+  const double lambda = 1 / std::sqrt(static_cast<double>(edges[0].squared));
+  for (size_t i = 0; i < grouped.size();) {
+    const int root = grouped[i].first;
+    parts.assign(1, root);
+    for (; i < grouped.size() && grouped[i].first == root; ++i) {
+      if (grouped[i].second != root) parts.push_back(grouped[i].second);
+    }
+    Join(parts, lambda);
+  }
+}
+
+// Parts of one component, whose root is the first of them.
+void CondensedTree::Join(std::span<const int> parts, double lambda) {
+  int size = 0, num_large = 0, cluster = kNone;
+  for (const int part : parts) {
+    size += components_[part].size;
+    if (components_[part].cluster == kNone) continue;
+    ++num_large;
+    cluster = components_[part].cluster;
+  }
+  if (num_large != 1 && size >= min_cluster_size_) {
+    cluster = static_cast<int>(clusters_.size());
+    clusters_.push_back({kNone, lambda, 0});
+  }
+  Component& root = components_[parts[0]];
+  for (const int part : parts) {
+    Component& component = components_[part];
+    if (component.cluster == kNone && cluster != kNone) {
+      Give(part, cluster, lambda);
+    } else if (component.cluster != cluster) {
+      Cluster& child = clusters_[component.cluster];
+      child.parent = cluster;
+      child.stability -= component.size * lambda;
+      clusters_[cluster].stability += component.size * lambda;
+    } else if (cluster == kNone && part != parts[0]) {
+      components_[root.last].next = part;
+      root.last = component.last;
+    }
+  }
+  root.size = size;
+  root.cluster = cluster;
+}
+
+void CondensedTree::Give(int component, int cluster, double lambda) {
+  clusters_[cluster].stability += components_[component].size * lambda;
+  for (int point = component; point != kNone; point = components_[point].next) {
+    point_cluster_[point] = cluster;
+    point_lambda_[point] = lambda;
+  }
+}
+
+std::vector<int> CondensedTree::Choose() const {
+  const int count = static_cast<int>(clusters_.size());
+  std::vector<double> below(count, 0);  // the best choice's stability
+  std::vector<int> chosen(count, kNone);
+  // A parent is made after its children; the last cluster is the root.
+  for (int i = 0; i + 1 < count; ++i) {
+    const Cluster& cluster = clusters_[i];
+    if (below[i] <= cluster.stability) chosen[i] = i;
+    below[cluster.parent] += std::max(below[i], cluster.stability);
+  }
+  for (int i = count - 2; i >= 0; --i) {
+    const int above = chosen[clusters_[i].parent];
+    if (above != kNone) chosen[i] = above;
+  }
+  return chosen;
+}
+
+float Strength(double lambda, double deepest) {
+  if (std::isinf(lambda) || lambda >= deepest) return 1;
+  return static_cast<float>(lambda / deepest);
+}
+
+}  // namespace
+
+Clusters ClustersOf(std::span<const TreeEdge> edges, int min_cluster_size) {
+  const CondensedTree tree(edges, min_cluster_size);
+  const std::vector<int> chosen = tree.Choose();
+  const int num_points = static_cast<int>(edges.size()) + 1;
+  Clusters clusters;
+  clusters.labels.assign(num_points, kNoise);
+  clusters.strengths.assign(num_points, 0);
+  std::vector<int> label_of(chosen.size(), kNone);
+  for (int point = 0; point < num_points; ++point) {
+    const int left = tree.cluster_of(point);
+    const int cluster = left == kNone ? kNone : chosen[left];
+    if (cluster == kNone) continue;
+    if (label_of[cluster] == kNone) label_of[cluster] = clusters.count++;
+    clusters.labels[point] = label_of[cluster];
+    clusters.strengths[point] = Strength(tree.lambda_of(point), tree.clusters()[cluster].deepest);
+  }
+  return clusters;
+}
+
+}  // namespace pepeseg

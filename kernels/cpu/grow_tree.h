@@ -1,0 +1,20 @@
+#pragma once
+
+#include "kernels/cluster_ops.h"
+#include "kernels/cpu/near_forest.h"
+#include "kernels/cpu/parallel_for.h"
+#include "kernels/cpu/simd_kernels.h"
+
+namespace pepeseg {
+
+struct GrowTreeArgs {
+  const float* points;  // [n, 32]
+  const float* core;    // [n] squared
+  float* columns;       // the points as columns (tree_jobs.h); overwritten
+};
+
+// Completes a forest of edges of the minimum spanning tree by Prim's algorithm, which takes a
+// component at a time: each pair of points of different components is looked at once.
+void GrowTree(const GrowTreeArgs& args, const SimdKernels& simd, ThreadPool& pool, Forest& forest);
+
+}  // namespace pepeseg

@@ -1,0 +1,73 @@
+#include "kernels/cpu/near_forest.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "kernels/math/reach.h"
+
+namespace pepeseg {
+namespace {
+
+// What is known of the edges that leave a component.
+struct Leaving {
+  TreeEdge least = {INFINITY, -1, -1};  // of those in the lists
+  float others = INFINITY;              // what all others are at least
+};
+
+std::vector<Leaving> EdgesLeaving(const NeighbourLists& lists,
+                                  const std::vector<int32_t>& component) {
+  std::vector<Leaving> leaving(lists.num_points);
+  for (int32_t point = 0; point < lists.num_points; ++point) {
+    Leaving& own = leaving[component[point]];
+    const Neighbour* list = lists.nearest + int64_t{point} * lists.k;
+    own.others = std::min(own.others, list[lists.k - 1].squared);
+    for (int i = 0; i < lists.k; ++i) {
+      const int32_t other = list[i].point;
+      // Distances ascend, and an edge is no shorter than its distance.
+      if (other < 0 || list[i].squared > own.least.squared) break;
+      if (component[other] == component[point]) continue;
+      const float squared = MutualReach(list[i].squared, lists.core[point], lists.core[other]);
+      const TreeEdge edge = {squared, std::min(point, other), std::max(point, other)};
+      if (ComesBefore(edge, own.least)) own.least = edge;
+    }
+  }
+  return leaving;
+}
+
+int32_t RootOf(std::vector<int32_t>& parent, int32_t point) {
+  while (parent[point] != point) point = parent[point] = parent[parent[point]];
+  return point;
+}
+
+// Adds the least edge of each component that is known to have it; false when there is none.
+bool Round(const NeighbourLists& lists, Forest& forest) {
+  const size_t before = forest.edges.size();
+  std::vector<int32_t>& component = forest.component;
+  std::vector<int32_t> parent(lists.num_points);
+  std::iota(parent.begin(), parent.end(), 0);
+  for (const Leaving& leaving : EdgesLeaving(lists, component)) {
+    // An equal edge outside of the lists might be the one of the lower points.
+    if (!(leaving.least.squared < leaving.others)) continue;
+    const int32_t a = RootOf(parent, component[leaving.least.a]);
+    const int32_t b = RootOf(parent, component[leaving.least.b]);
+    if (a == b) continue;  // the other component's least edge is the same
+    parent[std::max(a, b)] = std::min(a, b);
+    forest.edges.push_back(leaving.least);
+  }
+  for (int32_t& root : component) root = RootOf(parent, root);
+  return forest.edges.size() > before;
+}
+
+}  // namespace
+
+Forest JoinNear(const NeighbourLists& lists) {
+  Forest forest;
+  forest.component.resize(lists.num_points);
+  std::iota(forest.component.begin(), forest.component.end(), 0);
+  while (Round(lists, forest)) {
+  }
+  return forest;
+}
+
+}  // namespace pepeseg
