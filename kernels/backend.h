@@ -94,6 +94,7 @@ class Backend {
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
   virtual void PairLoss(const PairLossArgs& args) = 0;
+  virtual void CentroidLoss(const CentroidLossArgs& args) = 0;
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
   virtual void NeighborRows(const NeighborRowsArgs& args) = 0;
   virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;

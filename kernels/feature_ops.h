@@ -121,6 +121,21 @@ enum PairLossSum {
   kNumPairLossSums
 };
 
+// L_c at one scale: mean of (1 - C) over the pixels whose nearest centroid has C > min_cosine, with C
+// the cosine of psi(s) * F(p) and the centroid. Centroids are constants. Adds to the gradients.
+struct CentroidLossArgs {
+  DeviceSpan<const float> pixel_features;  // [S, 32]
+  DeviceSpan<const float> centroids;       // [K, 32] of length 1, gated; K >= 1
+  DeviceSpan<const float> gate;            // [kGateSize]
+  float scale = 1;                         // quantile scale
+  float min_cosine = 0.9f;
+  float weight = 1;              // of the term
+  DeviceSpan<float> pixel_grad;  // [S, 32] added to
+  DeviceSpan<float> gate_grad;   // [kGateSize] added to
+  DeviceSpan<double> sums;       // [kNumCentroidSums]
+};
+enum CentroidSum { kCentroidLoss, kNumNearCentroids, kNumCentroidSums };
+
 // Backward through the rows, the norm of Gaussians and Adam, in one pass over the Gaussians that
 // the batch touches. Their mean of (|f| - 1)^2 stands for the mean over all: the same in
 // expectation where Gaussians are touched equally often, and it leaves alone those never seen.

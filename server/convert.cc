@@ -45,11 +45,22 @@
   FIELD(refine_candidates) \
   FIELD(pixels_per_gaussian) \
   FIELD(opacity_decay)
-// clang-format on
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
-  FIELD(num_steps)                    \
-  FIELD(num_pixels) FIELD(num_scales) FIELD(learning_rate) FIELD(steps_per_chunk) FIELD(seed) \
-  FIELD(num_neighbors) FIELD(num_drawn_neighbors) FIELD(learning_rate_final)
+  FIELD(num_steps) \
+  FIELD(num_pixels) \
+  FIELD(num_scales) \
+  FIELD(learning_rate) \
+  FIELD(learning_rate_final) \
+  FIELD(num_neighbors) \
+  FIELD(num_drawn_neighbors) \
+  FIELD(centroid_from) \
+  FIELD(centroid_every) \
+  FIELD(centroid_pixels) \
+  FIELD(centroid_weight_upper) \
+  FIELD(centroid_weight_lower) \
+  FIELD(steps_per_chunk) \
+  FIELD(seed)
+// clang-format on
 
 // The casts are for enums, whose numbers are the same on both sides.
 #define PEPESEG_OVERLAY(name) \

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "absl/strings/str_cat.h"
@@ -37,7 +38,7 @@ double Share(int64_t done, int64_t all) {
 }  // namespace
 
 std::string ClockText(double seconds) {
-  const int64_t whole = std::max<int64_t>(0, static_cast<int64_t>(seconds + 0.5));
+  const int64_t whole = std::max<int64_t>(0, std::llround(seconds));
   const int64_t hours = whole / 3600;
   if (hours == 0) return absl::StrFormat("%d:%02d", whole / 60, whole % 60);
   return absl::StrFormat("%d:%02d:%02d", hours, whole / 60 % 60, whole % 60);

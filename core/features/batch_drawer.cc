@@ -7,19 +7,11 @@
 #include <utility>
 
 #include "core/features/mask_scales.h"
+#include "core/features/random_draws.h"
 #include "core/features/scale_labels.h"
 
 namespace pepeseg {
 namespace {
-
-// Uniform in (low, high]; the standard's distributions differ between libraries.
-float DrawBetween(float low, float high, std::mt19937_64& random) {
-  const double share = (static_cast<double>(random() >> 11) + 1) * 0x1p-53;
-  return static_cast<float>(low + share * (double{high} - low));
-}
-size_t DrawIndex(size_t count, std::mt19937_64& random) {
-  return static_cast<size_t>((random() >> 32) * count >> 32);
-}
 
 // `count` of the lowest `size` bits.
 uint32_t DrawBits(int size, int count, std::mt19937_64& random) {

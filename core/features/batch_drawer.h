@@ -48,6 +48,8 @@ class BatchDrawer {
 
   PixelBatch Next();
 
+  const std::vector<DrawableView>& views() const { return views_; }
+
  private:
   const DrawableView& NextView();
   std::vector<float> DrawScales(const DrawableView& view);

@@ -43,10 +43,11 @@ std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) 
 }  // namespace
 
 FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const NeighborGraph& graph,
-                               const FeatureOptions& options)
+                               CentroidTerm& centroids, const FeatureOptions& options)
     : backend_(backend),
       num_gaussians_(num_gaussians),
       graph_(graph),
+      centroids_(centroids),
       features_(backend, num_gaussians * kFeatureSize),
       moment1_(backend, num_gaussians * kFeatureSize),
       moment2_(backend, num_gaussians * kFeatureSize),
@@ -59,7 +60,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
       gate_grad_(backend, kGateSize),
       pixel_features_(backend, int64_t{options.num_pixels} * kFeatureSize),
       pixel_grad_(backend, int64_t{options.num_pixels} * kFeatureSize),
-      sums_(backend, int64_t{kMaxUnreadSteps} * kNumPairLossSums) {
+      sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
   rates_.correction = correction_.span();
@@ -95,7 +96,9 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
        .pair_seed = batch.pair_seed,
        .pixel_grad = pixel_grad_.span(),
        .gate_grad = gate_grad_.span(),
-       .sums = sums_.span().Subspan(int64_t{num_unread_++} * kNumPairLossSums, kNumPairLossSums)});
+       .sums = sums_.span().Subspan(int64_t{num_unread_} * kNumPairLossSums, kNumPairLossSums)});
+  centroids_.AddGradients(
+      {pixel_features_.span(), gate_.span(), pixel_grad_.span(), gate_grad_.span()}, num_unread_++);
   backend_.SmoothBackward({.columns = step.columns,
                            .pixel_grad = pixel_grad_.span(),
                            .smoothed = smoothed_.span(),
@@ -125,8 +128,27 @@ std::vector<double> FeatureTrainer::ReadLosses() {
     losses.push_back(mean(kPositiveLoss, kNumPositives) + mean(kNegativeLoss, kNumNegatives) +
                      mean(kNormLoss, kNumNormPixels));
   }
+  const std::vector<double> centroid_losses = centroids_.ReadLosses(num_unread_);
+  for (size_t i = 0; i < losses.size(); ++i) losses[i] += centroid_losses[i];
   num_unread_ = 0;
   return losses;
+}
+
+absl::Status FeatureTrainer::RefreshCentroids() {
+  backend_.FeatureCatchUp({{}, rates_, step_, State()});
+  SmoothAll(features_.span());
+  std::vector<float> gate(kGateSize);
+  gate_.Download(std::span<float>(gate));
+  return centroids_.Refresh(smoothed_.span(), gate);
+}
+
+void FeatureTrainer::SmoothAll(DeviceSpan<const float> features) {
+  backend_.SmoothFeatures({.graph = graph_,
+                           .drawn = AllNeighbors(graph_),
+                           .gaussian = {},
+                           .features = features,
+                           .smoothed = smoothed_.span(),
+                           .inv_length = inv_length_.span()});
 }
 
 void FeatureTrainer::Export(FeatureField& field) {
@@ -141,12 +163,7 @@ void FeatureTrainer::Export(FeatureField& field) {
     std::fill_n(field.features.begin() + i * kFeatureSize, kFeatureSize, 0.0f);
   }
   const Buffer<float> seen(backend_, std::span<const float>(field.features));
-  backend_.SmoothFeatures({.graph = graph_,
-                           .drawn = AllNeighbors(graph_),
-                           .gaussian = {},
-                           .features = seen.span(),
-                           .smoothed = smoothed_.span(),
-                           .inv_length = inv_length_.span()});
+  SmoothAll(seen.span());
   smoothed_.Download(std::span<float>(field.features));
   gate_.Download(std::span<float>(field.gate));
 }

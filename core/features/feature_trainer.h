@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "core/features/centroid_term.h"
 #include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
 #include "kernels/backend.h"
@@ -11,12 +12,13 @@ namespace pepeseg {
 // Features, gate and optimiser in backend memory, and the update of one batch.
 class FeatureTrainer {
  public:
+  // The centroid term must outlive it.
   FeatureTrainer(Backend& backend, int64_t num_gaussians, const NeighborGraph& graph,
-                 const FeatureOptions& options);
+                 CentroidTerm& centroids, const FeatureOptions& options);
 
-  // Waits for nothing. At most kMaxUnreadSteps between two calls of ReadLosses.
+  // Waits for nothing. At most kMaxUnreadFeatureSteps between two calls of ReadLosses.
   void Train(const RowChunk::Step& step);
-  static constexpr int kMaxUnreadSteps = 64;
+  absl::Status RefreshCentroids();
   // The losses of the steps since it was last called, each before its update. Waits for them.
   std::vector<double> ReadLosses();
 
@@ -26,6 +28,8 @@ class FeatureTrainer {
   void Export(FeatureField& field);
 
  private:
+  // Over all neighbours, of every row.
+  void SmoothAll(DeviceSpan<const float> features);
   FeatureState State() {
     return {features_.span(), moment1_.span(), moment2_.span(), last_step_.span()};
   }
@@ -33,6 +37,7 @@ class FeatureTrainer {
   Backend& backend_;
   int64_t num_gaussians_;
   NeighborGraph graph_;
+  CentroidTerm& centroids_;
   int step_ = 0;  // updates done
   FeatureRates rates_;
   Buffer<float> correction_;                    // see FeatureRates
@@ -42,7 +47,7 @@ class FeatureTrainer {
   Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;
   // Of the batch.
   Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
-  Buffer<double> sums_;  // [kMaxUnreadSteps, kNumPairLossSums]
+  Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, kNumPairLossSums]
   int num_unread_ = 0;
 };
 

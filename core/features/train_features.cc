@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/features/batch_drawer.h"
 #include "core/features/batches_ahead.h"
+#include "core/features/centroid_term.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
@@ -55,6 +56,11 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
   RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
+  RETURN_IF_ERROR(CheckRange("centroid_from", options.centroid_from, 0.0, 1.0));
+  RETURN_IF_ERROR(CheckRange("centroid_every", options.centroid_every, 1, 10'000'000));
+  RETURN_IF_ERROR(CheckRange("centroid_pixels", options.centroid_pixels, 1, 65'536));
+  RETURN_IF_ERROR(CheckRange("centroid_weight_upper", options.centroid_weight_upper, 0.0f, 100.0f));
+  RETURN_IF_ERROR(CheckRange("centroid_weight_lower", options.centroid_weight_lower, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
@@ -82,10 +88,13 @@ absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capt
       backend, std::span<const int32_t>(NearestNeighbors(gaussians, options.num_neighbors)));
   const NeighborGraph graph = {neighbors.span(), options.num_neighbors};
   RowChunk chunk;
-  FeatureTrainer trainer(backend, gaussians.count, graph, options);
+  CentroidTerm centroids(backend, capture, scene, drawer.views(), options);
+  FeatureTrainer trainer(backend, gaussians.count, graph, centroids, options);
   for (int step = 1; step <= options.num_steps; ++step) {
     if (chunk.Exhausted()) RETURN_IF_ERROR(chunk.Refill(batches.Next(), capture, scene, graph));
-    backend.Sequence(kFeatureStep, [&] { trainer.Train(chunk.Next()); });
+    if (centroids.Due(step - 1)) RETURN_IF_ERROR(trainer.RefreshCentroids());
+    backend.Sequence(kFeatureStep + (centroids.active() ? 1 : 0),
+                     [&] { trainer.Train(chunk.Next()); });
     if (step % StepsUnread(backend) != 0 && step != options.num_steps) continue;
     const std::vector<double> losses = trainer.ReadLosses();
     for (size_t i = 0; i < losses.size(); ++i) {

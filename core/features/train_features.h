@@ -24,12 +24,22 @@ struct FeatureOptions {
   // anew each step, in training, and over all in the model.
   int num_neighbors = 16;       // 1..kMaxNeighbors
   int num_drawn_neighbors = 8;  // 1..num_neighbors
+  // The centroid loss, from this share of the steps on: every so many steps up to so many masked
+  // pixels of a view are clustered at scale 1 (upper) and 0.01 (lower). Weight 0: left out.
+  double centroid_from = 0.7;  // [0, 1]
+  int centroid_every = 200;
+  int centroid_pixels = 16'384;
+  float centroid_weight_upper = 0.3f;
+  float centroid_weight_lower = 0.1f;
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
   // 0.3 MB a step.
   int steps_per_chunk = 250;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);
+
+// Steps whose losses may stay on the device before the host waits for them.
+inline constexpr int kMaxUnreadFeatureSteps = 64;
 
 // FAILED_PRECONDITION when no training view has a mask with a scale.
 absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capture,

@@ -71,6 +71,7 @@ LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoi
   for (const View& view : capture.views) center += view.cam_from_world.Inverse().translation;
   center /= static_cast<double>(capture.views.size());
   std::vector<double> distances;
+  distances.reserve(points.size());
   for (const ScenePoint& point : points) {
     distances.push_back((point.position.cast<double>() - center).norm());
   }

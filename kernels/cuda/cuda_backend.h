@@ -68,6 +68,7 @@ class CudaBackend final : public Backend {
   void FeatureCatchUp(const FeatureCatchUpArgs& args) override;
   void FeatureRows(const FeatureRowsArgs& args) override;
   void PairLoss(const PairLossArgs& args) override;
+  void CentroidLoss(const CentroidLossArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void NeighborRows(const NeighborRowsArgs& args) override;
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -23,7 +24,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions {
-  std::string pack, gaussians;
+  std::string pack, gaussians, dump;
   std::string device = "cpu";
   std::string name = "run";
   int num_threads = 0;
@@ -141,6 +142,37 @@ void PrintEntities(const Row& row) {
   }
 }
 
+// A PPM an entity and view: white where it is right, red where it says too much, blue too little.
+absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+                       const Row& row, const std::string& folder) {
+  for (const EntityScore& score : row.scores.entities) {
+    Segmenter::Prompt prompt;
+    prompt.points = {score.click};
+    prompt.scale = score.chosen.scale;
+    prompt.threshold = score.chosen.threshold;
+    for (const LabeledView& view : views) {
+      if (view.view.name == score.views[0].view) prompt.view = view.view;
+    }
+    for (const LabeledView& view : views) {
+      const ModelView target[] = {view.view};
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, target));
+      const SegmentResult& result = results[0];
+      std::ofstream file(
+          absl::StrCat(folder, "/", row.level->name, "_", score.id, "_", view.view.name, ".ppm"),
+          std::ios::binary);
+      file << "P6 " << result.width << " " << result.height << " 255\n";
+      for (size_t i = 0; i < view.labels.size(); ++i) {
+        const bool got = result.mask.pixels[i] != 0, want = view.labels[i] == score.id;
+        const char rgb[3] = {static_cast<char>(got ? 255 : 0),
+                             static_cast<char>(got && want ? 255 : 0),
+                             static_cast<char>(want ? 255 : 0)};
+        file.write(rgb, 3);
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
 // Stage two and its scores.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run) {
@@ -163,6 +195,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      std::move(scores)};
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
+    if (!options.dump.empty()) {
+      RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
+    }
   }
   return absl::OkStatus();
 }
@@ -214,6 +249,7 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
   app.add_flag("--no-depth", options.strip_depth);
+  app.add_option("--dump", options.dump, "folder for a picture of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
   app.add_flag("--entities", options.entities, "a line for each entity, too");
   CLI11_PARSE(app, argc, argv);

@@ -14,6 +14,11 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--feature-scales", stage.num_scales);
   app.add_option("--feature-rate", stage.learning_rate);
   app.add_option("--feature-rate-final", stage.learning_rate_final);
+  app.add_option("--centroid-from", stage.centroid_from);
+  app.add_option("--centroid-every", stage.centroid_every);
+  app.add_option("--centroid-pixels", stage.centroid_pixels);
+  app.add_option("--centroid-upper", stage.centroid_weight_upper);
+  app.add_option("--centroid-lower", stage.centroid_weight_lower);
   app.add_option("--neighbors", stage.num_neighbors);
   app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);
   app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");

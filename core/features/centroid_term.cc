@@ -1,0 +1,165 @@
+#include "core/features/centroid_term.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "core/features/random_draws.h"
+#include "core/status_macros.h"
+#include "kernels/math/gate.h"
+#include "kernels/math/pair.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr float kMovedShare = 0.1f;  // of a centroid towards a cluster that is seen again
+constexpr uint64_t kStream = 0xd1b54a32d192ed03u;  // apart from the sampler's
+
+double Dot(const float* a, const float* b) {
+  double sum = 0;
+  for (int k = 0; k < kFeatureSize; ++k) sum += double{a[k]} * b[k];
+  return sum;
+}
+
+// [n, 32], each row gated and scaled to length 1.
+std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
+                              float scale) {
+  float psi[kFeatureSize];
+  for (int k = 0; k < kFeatureSize; ++k) psi[k] = Gate(gate[k], gate[kFeatureSize + k], scale);
+  std::vector<float> units(features.size());
+  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
+    GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
+  }
+  return units;
+}
+
+}  // namespace
+
+void CentroidBank::Merge(std::span<const float> means) {
+  const size_t num_known = centroids_.size();
+  for (size_t i = 0; i < means.size(); i += kFeatureSize) {
+    const float* mean = means.data() + i;
+    double best = double{merge_cosine_};
+    float* nearest = nullptr;
+    for (size_t k = 0; k < num_known; k += kFeatureSize) {
+      const double cosine = Dot(mean, centroids_.data() + k);
+      if (cosine <= best) continue;
+      best = cosine;
+      nearest = centroids_.data() + k;
+    }
+    if (nearest == nullptr) {
+      centroids_.insert(centroids_.end(), mean, mean + kFeatureSize);
+      continue;
+    }
+    for (int k = 0; k < kFeatureSize; ++k) nearest[k] += kMovedShare * (mean[k] - nearest[k]);
+    const auto inv_length = static_cast<float>(1 / std::sqrt(Dot(nearest, nearest)));
+    for (int k = 0; k < kFeatureSize; ++k) nearest[k] *= inv_length;
+  }
+}
+
+CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene& scene,
+                           const std::vector<DrawableView>& views, const FeatureOptions& options)
+    : backend_(backend),
+      capture_(capture),
+      scene_(scene),
+      views_(views),
+      first_step_(static_cast<int>(std::lround(options.centroid_from * options.num_steps))),
+      every_(options.centroid_every),
+      max_pixels_(options.centroid_pixels),
+      random_(options.seed ^ kStream) {
+  constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
+  if (options.centroid_weight_upper > 0) {
+    levels_.push_back(
+        {1.0f, options.centroid_weight_upper, {20, 5}, CentroidBank(kUpperMerge), {}});
+  }
+  if (options.centroid_weight_lower > 0) {
+    levels_.push_back(
+        {0.01f, options.centroid_weight_lower, {10, 5}, CentroidBank(kLowerMerge), {}});
+  }
+  sums_ = Buffer<double>(
+      backend, static_cast<int64_t>(kMaxUnreadFeatureSteps * levels_.size()) * kNumCentroidSums);
+}
+
+bool CentroidTerm::Due(int step) const {
+  return !levels_.empty() && step >= first_step_ && (step - first_step_) % every_ == 0;
+}
+
+bool CentroidTerm::active() const {
+  return std::any_of(levels_.begin(), levels_.end(),
+                     [](const Level& level) { return !level.centroids.empty(); });
+}
+
+// Without one twice, ascending.
+std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
+  auto left = static_cast<int64_t>(view.pixels.size());
+  int64_t wanted = std::min<int64_t>(left, max_pixels_);
+  std::vector<int32_t> pixels;
+  for (const int32_t pixel : view.pixels) {
+    if (static_cast<int64_t>(DrawIndex(static_cast<size_t>(left--), random_)) >= wanted) continue;
+    pixels.push_back(pixel);
+    --wanted;
+  }
+  return pixels;
+}
+
+std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const int32_t> pixels,
+                                               DeviceSpan<const float> features) {
+  const CapturedRows rows = scene_.Capture(view, pixels);
+  Buffer<float> of_pixels(backend_, static_cast<int64_t>(pixels.size()) * kFeatureSize);
+  backend_.FeatureRows(
+      {{rows.first.span(), rows.gaussian.span(), rows.weight.span()}, features, of_pixels.span()});
+  std::vector<float> out(static_cast<size_t>(of_pixels.size()));
+  of_pixels.Download(std::span<float>(out));
+  return out;
+}
+
+absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<const float> gate) {
+  const DrawableView& view = views_[DrawIndex(views_.size(), random_)];
+  const std::vector<float> of_pixels =
+      PixelFeatures(capture_.views[view.view], DrawPixels(view), features);
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::ResourceExhaustedError(absl::StrCat("features: centroids: ", error));
+  }
+  for (Level& level : levels_) {
+    const std::vector<float> units = GatedUnits(of_pixels, gate, level.scale);
+    ASSIGN_OR_RETURN(const Clusters clusters,
+                     Hdbscan(backend_, std::span<const float>(units), level.hdbscan));
+    level.bank.Merge(ClusterMeans(units, clusters));
+    const std::vector<float>& centroids = level.bank.centroids();
+    level.centroids.Reserve(backend_, static_cast<int64_t>(centroids.size()));
+    level.centroids.Upload(std::span<const float>(centroids));
+  }
+  return absl::OkStatus();
+}
+
+void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {
+  for (size_t i = 0; i < levels_.size(); ++i) {
+    if (levels_[i].centroids.empty()) continue;
+    const auto at = static_cast<int64_t>(unread_step * levels_.size() + i) * kNumCentroidSums;
+    backend_.CentroidLoss({.pixel_features = spans.pixel_features,
+                           .centroids = levels_[i].centroids.span(),
+                           .gate = spans.gate,
+                           .scale = levels_[i].scale,
+                           .weight = levels_[i].weight,
+                           .pixel_grad = spans.pixel_grad,
+                           .gate_grad = spans.gate_grad,
+                           .sums = sums_.span().Subspan(at, kNumCentroidSums)});
+  }
+}
+
+std::vector<double> CentroidTerm::ReadLosses(int num_steps) const {
+  std::vector<double> losses(static_cast<size_t>(num_steps));
+  if (!active()) return losses;
+  std::vector<double> sums(losses.size() * levels_.size() * kNumCentroidSums);
+  sums_.Download(std::span<double>(sums));
+  for (size_t i = 0; i < losses.size() * levels_.size(); ++i) {
+    const Level& level = levels_[i % levels_.size()];
+    const double* of_step = sums.data() + i * kNumCentroidSums;
+    if (level.centroids.empty() || of_step[kNumNearCentroids] == 0) continue;
+    losses[i / levels_.size()] +=
+        double{level.weight} * of_step[kCentroidLoss] / of_step[kNumNearCentroids];
+  }
+  return losses;
+}
+
+}  // namespace pepeseg
