@@ -225,8 +225,9 @@ TEST_F(EvaluateTest, EndsWithItsDeadlineAndHoldsNoQuestionUp) {
     request.mutable_options()->add_scales(0.01 * i);
     request.mutable_options()->add_fixed_scales(0.01 * i + 0.005);
   }
-  std::vector<std::thread> threads;
   std::vector<grpc::StatusCode> codes(6, grpc::UNKNOWN);
+  std::vector<std::thread> threads;
+  threads.reserve(codes.size());
   for (grpc::StatusCode& code : codes) {
     threads.emplace_back([&] {
       grpc::ClientContext context;
