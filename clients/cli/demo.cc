@@ -103,11 +103,8 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
   ASSIGN_OR_RETURN(const std::vector<v1::View> model_views,
                    AllViews(connection, result.model.name()));
   ASSIGN_OR_RETURN(const std::vector<DemoView> views, ReadHeldOut(flags.data, model_views));
-  for (const Product& product : DemoProducts()) {
-    ASSIGN_OR_RETURN(ProductScore score,
-                     ScoreProduct(connection, result.model.name(), views, product, flags.question));
-    result.products.push_back(std::move(score));
-  }
+  ASSIGN_OR_RETURN(result.scores, ScoreProducts(connection, result.model.name(), views,
+                                                DemoProducts(), flags.question));
   result.stage_seconds["questions"] = watch.Seconds();
   const std::string report = ReportJson(result);
   RETURN_IF_ERROR(WriteFile(fs::path(flags.out) / "report.json", report));

@@ -31,7 +31,7 @@ absl::Status WriteProduct(const fs::path& folder, const DemoView& view, const Pi
   if (found == nullptr) return absl::OkStatus();
   Picture photo = view.photo;
   DrawOutline(photo, view.TruthOf(score.product.label), kWhite);
-  if (found->clicked) DrawClick(photo, score.click.x, score.click.y, color);
+  if (found->clicked) DrawClick(photo, score.scores.click_x(), score.scores.click_y(), color);
   Picture overlay = view.photo;
   DrawMask(overlay, found->mask, color);
   const std::string name = absl::StrReplaceAll(score.product.name, {{"_", " "}});
@@ -46,12 +46,13 @@ absl::Status WriteProduct(const fs::path& folder, const DemoView& view, const Pi
 absl::Status WriteOverview(const fs::path& folder, const DemoView& view, const Picture& render,
                            const DemoResult& result) {
   Picture overlay = view.photo;
-  for (size_t i = 0; i < result.products.size(); ++i) {
-    const ViewScore* found = Find(result.products[i], view.name);
+  const std::vector<ProductScore>& products = result.scores.products;
+  for (size_t i = 0; i < products.size(); ++i) {
+    const ViewScore* found = Find(products[i], view.name);
     if (found == nullptr) continue;
     DrawMask(overlay, found->mask, kColors[i % kColors.size()]);
     if (found->clicked) {
-      DrawClick(overlay, result.products[i].click.x, result.products[i].click.y, kWhite);
+      DrawClick(overlay, products[i].scores.click_x(), products[i].scores.click_y(), kWhite);
     }
   }
   const std::array<Panel, 3> panels = {{{"photo", view.photo},
@@ -67,9 +68,9 @@ absl::Status WritePictures(const fs::path& folder, const Connection& connection,
   for (const DemoView& view : views) {
     ASSIGN_OR_RETURN(const Picture render, AskRender(connection, result.model.name(), view.name));
     RETURN_IF_ERROR(WriteOverview(folder, view, render, result));
-    for (size_t i = 0; i < result.products.size(); ++i) {
-      RETURN_IF_ERROR(
-          WriteProduct(folder, view, render, result.products[i], kColors[i % kColors.size()]));
+    const std::vector<ProductScore>& products = result.scores.products;
+    for (size_t i = 0; i < products.size(); ++i) {
+      RETURN_IF_ERROR(WriteProduct(folder, view, render, products[i], kColors[i % kColors.size()]));
     }
   }
   return absl::OkStatus();

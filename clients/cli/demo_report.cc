@@ -46,15 +46,19 @@ Json ProductJson(const ProductScore& score) {
   for (const ViewScore& view : score.views) {
     views.push_back({{"view", view.view}, {"clicked", view.clicked}, {"iou", view.iou}});
   }
+  const auto& chosen = score.scores.chosen();
+  const auto& oracle = score.scores.oracle();
   return {{"product", score.product.name},
-          {"click", {score.click.x, score.click.y}},
+          {"click", {score.scores.click_x(), score.scores.click_y()}},
           {"mean_iou", score.mean_iou},
           {"views", views},
           {"query_seconds", score.query_seconds},
           {"chosen_on_clicked_view",
-           {{"scale", score.chosen_scale},
-            {"threshold", score.chosen_threshold},
-            {"iou_other_views", score.chosen_iou}}}};
+           {{"scale", chosen.scale_quantile()},
+            {"threshold", chosen.threshold()},
+            {"iou_other_views", chosen.iou()},
+            {"boundary_iou_other_views", chosen.boundary_iou()}}},
+          {"oracle_iou_other_views", oracle.iou()}};
 }
 
 double Metric(const v1::Model& model, const std::string& name) {
@@ -66,14 +70,8 @@ double Metric(const v1::Model& model, const std::string& name) {
 
 double DemoResult::MeanIou() const {
   double sum = 0;
-  for (const ProductScore& score : products) sum += score.mean_iou;
-  return products.empty() ? 0 : sum / static_cast<double>(products.size());
-}
-
-double DemoResult::MeanChosenIou() const {
-  double sum = 0;
-  for (const ProductScore& score : products) sum += score.chosen_iou;
-  return products.empty() ? 0 : sum / static_cast<double>(products.size());
+  for (const ProductScore& score : scores.products) sum += score.mean_iou;
+  return scores.products.empty() ? 0 : sum / static_cast<double>(scores.products.size());
 }
 
 std::string ReportJson(const DemoResult& result) {
@@ -84,10 +82,13 @@ std::string ReportJson(const DemoResult& result) {
   report["psnr"] = Metric(result.model, "psnr");
   report["ssim"] = Metric(result.model, "ssim");
   report["mean_iou"] = result.MeanIou();
-  report["mean_iou_chosen_on_clicked_view"] = result.MeanChosenIou();
+  const v1::EvaluateResponse& evaluation = result.scores.evaluation;
+  report["mean_iou_chosen_on_clicked_view"] = evaluation.chosen().iou();
+  report["mean_boundary_iou_chosen_on_clicked_view"] = evaluation.chosen().boundary_iou();
+  report["mean_iou_oracle"] = evaluation.oracle().iou();
   report["question"] = {{"scale", result.question.scale}, {"threshold", result.question.threshold}};
   report["products"] = Json::array();
-  for (const ProductScore& score : result.products) {
+  for (const ProductScore& score : result.scores.products) {
     report["products"].push_back(ProductJson(score));
   }
   report["seconds"] = result.stage_seconds;
@@ -103,18 +104,19 @@ std::string ReportText(const DemoResult& result) {
       "one click per product, scale %.2f, threshold %.2f:\n",
       Metric(result.model, "psnr"), Metric(result.model, "ssim"), result.model.num_gaussians(),
       result.question.scale, result.question.threshold);
-  for (const ProductScore& score : result.products) {
+  for (const ProductScore& score : result.scores.products) {
     absl::StrAppendFormat(&text, "  %-28s IoU %.3f  (", score.product.name, score.mean_iou);
     for (const ViewScore& view : score.views) {
       absl::StrAppendFormat(&text, "%s%s %.3f%s", &view == score.views.data() ? "" : ", ",
                             view.view, view.iou, view.clicked ? " clicked" : "");
     }
-    absl::StrAppendFormat(&text, ")  chosen %.2f/%.2f: %.3f on the others\n", score.chosen_scale,
-                          score.chosen_threshold, score.chosen_iou);
+    absl::StrAppendFormat(&text, ")  chosen %.2f/%.2f: %.3f on the others\n",
+                          score.scores.chosen().scale_quantile(), score.scores.chosen().threshold(),
+                          score.scores.chosen().iou());
   }
   absl::StrAppendFormat(&text,
                         "  %-28s IoU %.3f  (scale and threshold chosen: %.3f)\nseconds:", "mean",
-                        result.MeanIou(), result.MeanChosenIou());
+                        result.MeanIou(), result.scores.evaluation.chosen().iou());
   for (const auto& [stage, seconds] : result.stage_seconds) {
     absl::StrAppendFormat(&text, "  %s %.1f", stage, seconds);
   }

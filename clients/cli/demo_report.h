@@ -17,10 +17,9 @@ struct DemoResult {
   v1::Model model;
   std::map<std::string, double> stage_seconds;  // "upload", the job's stages, "train", "questions"
   FixedQuestion question;
-  std::vector<ProductScore> products;
+  DemoScores scores;
 
-  double MeanIou() const;        // over products, at the fixed question
-  double MeanChosenIou() const;  // over products, scale and threshold chosen per product
+  double MeanIou() const;  // over products, at the fixed question, the clicked view too
 };
 
 // As report.json has it.

@@ -102,6 +102,16 @@ absl::Status WritePng(const std::filesystem::path& path, const GreyPicture& pict
   return WritePngBytes(path, picture.width, picture.height, picture.pixels);
 }
 
+std::string EncodePng(const GreyPicture& picture) {
+  std::string png;
+  const auto append = [](void* to, void* data, int size) {
+    static_cast<std::string*>(to)->append(static_cast<const char*>(data), size);
+  };
+  stbi_write_png_to_func(append, &png, picture.width, picture.height, 1, picture.pixels.data(),
+                         picture.width);
+  return png;
+}
+
 GreyPicture Resized(const GreyPicture& picture, int width, int height) {
   GreyPicture result{width, height, {}};
   result.pixels.reserve(static_cast<size_t>(width) * height);

@@ -43,6 +43,8 @@ absl::StatusOr<Picture> DecodePicture(absl::string_view bytes, absl::string_view
 
 absl::Status WritePng(const std::filesystem::path& path, const Picture& picture);
 absl::Status WritePng(const std::filesystem::path& path, const GreyPicture& picture);
+// 8 bits, the values as they are.
+std::string EncodePng(const GreyPicture& picture);
 
 // Nearest neighbour: keeps label values.
 GreyPicture Resized(const GreyPicture& picture, int width, int height);

@@ -36,6 +36,7 @@ void AddJobs(CLI::App& app, Shell& shell);
 void AddScenes(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
+void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
 

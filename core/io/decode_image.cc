@@ -22,14 +22,13 @@ struct Decoded {
 };
 
 // `flags`: cv::ImreadModes.
-absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_view name,
-                               int flags) {
-  ASSIGN_OR_RETURN(std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view name, int flags) {
   Decoded decoded;
-  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
-  ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, {data, bytes.size()}));
+  ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, bytes));
   try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
+    // A cv::Mat has no other form for what is only read.
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
+                          const_cast<uint8_t*>(bytes.data()));
     decoded.pixels = cv::imdecode(encoded, flags);
   } catch (const cv::Exception& error) {
     return Refused(name, absl::StrCat("does not decode: ", error.what()));
@@ -41,6 +40,13 @@ absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_v
                            ", it decodes to ", decoded.pixels.cols, "x", decoded.pixels.rows));
   }
   return decoded;
+}
+
+absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_view name,
+                               int flags) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+  return Decode(std::span(data, bytes.size()), name, flags);
 }
 
 template <class T>
@@ -112,7 +118,13 @@ absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl:
 }
 
 absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name) {
-  ASSIGN_OR_RETURN(const Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+  return DecodeGrey(std::span(data, bytes.size()), name);
+}
+
+absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name) {
+  ASSIGN_OR_RETURN(const Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   if (decoded.header.format != ImageFormat::kPng) return Refused(name, "not a PNG");
   if (decoded.pixels.channels() != 1) return Refused(name, "has colours instead of one grey value");
   FloatImage image{decoded.header.width, decoded.header.height, {}};

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -30,7 +31,8 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 // A PNG of 1 to 16 bits a channel, grey or colour; errors as above, and another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);
 
-// A grey PNG of 1 to 16 bits; errors as above, and colours.
+// A grey PNG of 1 to 16 bits, in a file or in memory; errors as above, and colours.
 absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name);
+absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name);
 
 }  // namespace pepeseg

@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
 #include "core/status_macros.h"
+#include "server/rpc/evaluate_answer.h"
 #include "server/rpc/export_selection.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/rows_to_proto.h"
@@ -71,6 +72,24 @@ absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
   return absl::OkStatus();
 }
 
+absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context,
+                            const v1::EvaluateRequest& request, v1::EvaluateResponse* response) {
+  ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const std::vector<LabeledView> views,
+                   ReadLabels(request, model.segmenter->model()));
+  Stopwatch stopwatch;
+  ASSIGN_OR_RETURN(
+      const OneClickScores scores, EvaluateOneClick(*model.segmenter, views, options, [&] {
+        return call.cancelled() ? absl::CancelledError("the client is gone") : absl::OkStatus();
+      }));
+  *response->mutable_compute() = ToProto(stopwatch.Lap());
+  FillAnswer(scores, request, response);
+  *response->mutable_options() = ToProto(options);
+  response->set_model(model.name);
+  return CheckSize(response->ByteSizeLong());
+}
+
 absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
                           const v1::RenderRequest& request, v1::RenderResponse* response) {
   Stopwatch stopwatch;
@@ -98,6 +117,15 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerCo
   return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
     return AnswerSegment(unary, context_, *request, response);
   });
+}
+
+grpc::ServerUnaryReactor* SegmentationServiceRpc::Evaluate(grpc::CallbackServerContext* call,
+                                                           const v1::EvaluateRequest* request,
+                                                           v1::EvaluateResponse* response) {
+  return RunOnPool(call, *context_.evaluation_pool,
+                   [this, request, response](const UnaryCall& unary) {
+                     return AnswerEvaluate(unary, context_, *request, response);
+                   });
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Render(grpc::CallbackServerContext* call,

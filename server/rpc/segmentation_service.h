@@ -12,6 +12,9 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   grpc::ServerUnaryReactor* Segment(grpc::CallbackServerContext* call,
                                     const v1::SegmentRequest* request,
                                     v1::SegmentResponse* response) override;
+  grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* call,
+                                     const v1::EvaluateRequest* request,
+                                     v1::EvaluateResponse* response) override;
   grpc::ServerUnaryReactor* Render(grpc::CallbackServerContext* call,
                                    const v1::RenderRequest* request,
                                    v1::RenderResponse* response) override;

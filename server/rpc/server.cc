@@ -29,8 +29,10 @@ constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 256;
 constexpr int kNumIoThreads = 4;
 constexpr int kNumQueryThreads = 2;
+constexpr int kNumEvaluationThreads = 1;
 constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedQueries = 100;
+constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
 constexpr absl::Duration kTick = absl::Seconds(2);
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kMinPingIntervalMs = 10'000;
@@ -95,6 +97,7 @@ struct Server::Parts {
   StreamRegistry streams{kTick};
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
   WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
+  WorkerPool evaluation_pool{kNumEvaluationThreads, kMaxQueuedEvaluations};
   std::unique_ptr<SceneServiceRpc> scenes;
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
@@ -131,8 +134,8 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(jobs_options)));
   const ServiceContext context{
-      options.data, store.get(), supervisor.get(), blobs.get(), device.backend.get(),
-      models.get(), &pool,       &query_pool,      &streams,    device_memory};
+      options.data, store.get(), supervisor.get(), blobs.get(), device.backend.get(), models.get(),
+      &pool,        &query_pool, &evaluation_pool, &streams,    device_memory};
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);
@@ -197,6 +200,7 @@ void Server::Shutdown(absl::Time deadline) {
   // No call is left, so none of these tasks has anything to answer.
   parts_->pool.Stop();
   parts_->query_pool.Stop();
+  parts_->evaluation_pool.Stop();
   parts_->server.reset();
 }
 

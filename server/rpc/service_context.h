@@ -23,8 +23,9 @@ struct ServiceContext {
   BlobStore* blobs;
   Backend* backend;
   ModelCache* models;
-  WorkerPool* pool;        // for what waits on the disk
-  WorkerPool* query_pool;  // for what computes
+  WorkerPool* pool;             // for what waits on the disk
+  WorkerPool* query_pool;       // for what computes
+  WorkerPool* evaluation_pool;  // for what does so at length: questions do not wait behind it
   StreamRegistry* streams;
   int64_t device_memory;  // that a training may take of the device's memory, bytes
 };

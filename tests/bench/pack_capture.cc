@@ -28,6 +28,7 @@ absl::Status Run(const std::string& folder, const std::string& path, bool dispar
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("A dataset folder as a capture pack");
   std::string folder, pack;

@@ -1,8 +1,8 @@
 #include "tests/bench/truth_files.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 // Nearest, to the size of the view.
 absl::StatusOr<std::vector<uint16_t>> ReadLabels(const fs::path& path, const Camera& camera) {
-  ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, path.string()));
+  ASSIGN_OR_RETURN(const FloatImage image, DecodeGrey(path, path.string()));
   const double step = static_cast<double>(image.width) / camera.width;
   if (std::abs(image.height / step - camera.height) > 1 || step < 1) {
     return absl::InvalidArgumentError(absl::StrCat(path.string(), ": ", image.width, "x",
@@ -30,12 +30,8 @@ absl::StatusOr<std::vector<uint16_t>> ReadLabels(const fs::path& path, const Cam
     const int from_y = std::min(image.height - 1, static_cast<int>((y + 0.5) * step));
     for (int x = 0; x < camera.width; ++x) {
       const int from_x = std::min(image.width - 1, static_cast<int>((x + 0.5) * step));
-      const uint32_t label = image.labels[static_cast<size_t>(from_y) * image.width + from_x];
-      if (label > std::numeric_limits<uint16_t>::max()) {
-        return absl::InvalidArgumentError(
-            absl::StrCat(path.string(), ": has colours, ids are grey values"));
-      }
-      labels.push_back(static_cast<uint16_t>(label));
+      labels.push_back(
+          static_cast<uint16_t>(image.values[static_cast<size_t>(from_y) * image.width + from_x]));
     }
   }
   return labels;

@@ -56,6 +56,9 @@ done
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 9999,60
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'no rendering'
+expect 4 pepeseg evaluate shelf "$dataset/labels"
+grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
+expect 3 pepeseg evaluate shelf "$dataset/images"
 expect 0 pepeseg export shelf "$work/shelf.ply"
 [[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is no PLY'
 
@@ -63,8 +66,15 @@ mkdir "$work/given"
 cp -r "$dataset"/{images,sparse,masks,ignore_mask.png} "$work/given"
 cp "$work/shelf.ply" "$work/given/gaussians.ply"
 expect 0 pepeseg upload given "$work/given"
-expect 0 pepeseg train given --feature-steps 30 --image-scale 0.25 -o features.num_pixels=200
+expect 0 pepeseg train given --feature-steps 30 -o features.num_pixels=200
 grep -q 'reconstruct skipped: given' "$work/errors" || fail 'given Gaussians are trained again'
+echo '{"48": "chenille stems"}' >"$work/names.json"
+expect 0 pepeseg evaluate given "$dataset/labels" --ignore "$dataset/ignore_mask.png" \
+  --names "$work/names.json"
+grep -Eq '^48 chenille stems +1 +[01]\.[0-9]{3} ' "$work/output" || fail 'no scores of an entity'
+grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no mean score'
+expect 0 pepeseg --json evaluate given "$dataset/labels"
+grep -q '"boundary_iou":' "$work/output" || fail 'no scores as JSON'
 
 job=$(pepeseg train shelf --steps 30000 --detach)
 expect 6 pepeseg train shelf --detach

@@ -69,56 +69,5 @@ TEST(DecodeRle, RefusesRunsThatDoNotFillTheMask) {
   EXPECT_FALSE(DecodeRle(Rle(2000000, 2000000, "6")).ok());
 }
 
-TEST(Iou, CountsWhatBothHave) {
-  const Mask a = {1, 1, 0, 0};
-  const Mask b = {1, 0, 1, 0};
-  EXPECT_DOUBLE_EQ(Iou(a, b, {}), 1.0 / 3);
-  EXPECT_DOUBLE_EQ(Iou(a, a, {}), 1.0);
-  EXPECT_DOUBLE_EQ(Iou(Mask{0, 0}, Mask{0, 0}, {}), 1.0);
-  EXPECT_DOUBLE_EQ(Iou(Mask{0, 0}, Mask{0, 1}, {}), 0.0);
-}
-
-TEST(Iou, LeavesIgnoredPixelsOut) {
-  EXPECT_DOUBLE_EQ(Iou(Mask{1, 1, 0, 0}, Mask{1, 0, 1, 0}, Mask{0, 1, 0, 0}), 0.5);
-  EXPECT_EQ(Area(Mask{1, 1, 0, 1}, Mask{0, 1, 0, 0}), 2);
-  EXPECT_EQ(Area(Mask{1, 1, 0, 1}, {}), 3);
-}
-
-// Against every pair of pixels.
-TEST(SquaredDistance, IsExact) {
-  std::mt19937 random(1);
-  constexpr int kWidth = 23;
-  constexpr int kHeight = 17;
-  for (const unsigned sparsity : {2U, 5U, 40U, 100000U}) {
-    Mask mask(kWidth * kHeight);
-    for (uint8_t& pixel : mask) pixel = random() % sparsity != 0 ? 1 : 0;
-    const std::vector<float> distance = SquaredDistanceToOutside(mask, kWidth, kHeight);
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        int nearest = 1 << 30;
-        for (int v = -1; v <= kHeight; ++v) {
-          for (int u = -1; u <= kWidth; ++u) {
-            const bool beyond = u < 0 || v < 0 || u == kWidth || v == kHeight;
-            if (beyond || mask[v * kWidth + u] == 0) {
-              nearest = std::min(nearest, (u - x) * (u - x) + (v - y) * (v - y));
-            }
-          }
-        }
-        ASSERT_EQ(distance[y * kWidth + x], nearest) << x << "," << y;
-      }
-    }
-  }
-}
-
-TEST(DeepestPixel, IsTheCentreOfASquare) {
-  Mask mask(11 * 9);
-  for (int y = 1; y < 6; ++y) {
-    for (int x = 4; x < 9; ++x) mask[y * 11 + x] = 1;
-  }
-  const Pixel pixel = DeepestPixel(mask, 11, 9);
-  EXPECT_EQ(pixel.x, 6);
-  EXPECT_EQ(pixel.y, 3);
-}
-
 }  // namespace
 }  // namespace pepeseg::cli

@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "clients/cli/file_bytes.h"
 #include "clients/cli/questions.h"
 
 namespace pepeseg::cli {
@@ -43,6 +44,18 @@ TEST(Picture, SurvivesAPng) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->width, sheet.width);
   EXPECT_EQ(read->pixels, sheet.pixels);
+}
+
+TEST(EncodePng, KeepsLabelValues) {
+  const GreyPicture labels = {2, 3, {0, 1, 48, 114, 255, 7}};
+  const fs::path path =
+      fs::temp_directory_path() / ("pepeseg_" + std::to_string(getpid()) + ".png");
+  ASSERT_TRUE(WriteFile(path, EncodePng(labels)).ok());
+  const auto read = ReadGreyPicture(path);
+  fs::remove(path);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->width, 2);
+  EXPECT_EQ(read->pixels, labels.pixels);
 }
 
 TEST(DrawMask, TintsInsideAndDrawsTheBorder) {

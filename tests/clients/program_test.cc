@@ -34,15 +34,15 @@ TEST(Program, HelpListsVerbsAndExitCodes) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
   for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
-                           "render", "export", "demo", "Exit codes"}) {
+                           "render", "evaluate", "export", "demo", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
 
 TEST(Program, WrongCommandLinesAreUsage) {
-  for (const char* arguments :
-       {"", "fly", "upload", "upload shelf", "segment shelf --view a",
-        "segment shelf --view a --point 1,2 --scale 7", "scenes --delete", "jobs --nonsense"}) {
+  for (const char* arguments : {"", "fly", "upload", "upload shelf", "segment shelf --view a",
+                                "segment shelf --view a --point 1,2 --scale 7", "evaluate shelf",
+                                "scenes --delete", "jobs --nonsense"}) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
   }
 }
@@ -66,6 +66,8 @@ TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
   EXPECT_EQ(RunPepeseg("upload shelf /nowhere 2>&1").exit_code, 3);
   EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/images 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("segment shelf --view a --point 1x2 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("evaluate shelf /nowhere 2>&1").exit_code, 3);
+  EXPECT_EQ(RunPepeseg("evaluate shelf / --names /dev/null 2>&1").exit_code, 4);
   const Ran ran = RunPepeseg("train shelf --dataset 1 -o reconstruct.steps=5 2>&1");
   EXPECT_EQ(ran.exit_code, 4);
   EXPECT_THAT(ran.output, HasSubstr("reconstruct.num_steps"));

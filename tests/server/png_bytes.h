@@ -22,12 +22,10 @@ inline void AppendPngChunk(const std::string& type, const std::string& body, std
   AppendBigEndian(static_cast<uint32_t>(crc), png);
 }
 
-// A black grey-scale PNG of `bit_depth` bits a pixel, whole and valid however large.
-inline std::string BlackPng(uint32_t width, uint32_t height, int bit_depth) {
-  // A row: its filter, then its pixels.
-  const size_t row_bytes =
-      1 + (static_cast<size_t>(width) * static_cast<size_t>(bit_depth) + 7) / 8;
-  const std::string rows(row_bytes * height, '\0');
+// A grey-scale PNG of `bit_depth` bits a pixel. `rows`: each a filter of 0, then its pixels,
+// big-endian.
+inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
+                           const std::string& rows) {
   uLongf size = compressBound(static_cast<uLong>(rows.size()));
   std::string packed(size, '\0');
   compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
@@ -43,6 +41,13 @@ inline std::string BlackPng(uint32_t width, uint32_t height, int bit_depth) {
   AppendPngChunk("IDAT", packed, &png);
   AppendPngChunk("IEND", "", &png);
   return png;
+}
+
+// All black, whole and valid however large.
+inline std::string BlackPng(uint32_t width, uint32_t height, int bit_depth) {
+  const size_t row_bytes =
+      1 + (static_cast<size_t>(width) * static_cast<size_t>(bit_depth) + 7) / 8;
+  return GreyPng(width, height, bit_depth, std::string(row_bytes * height, '\0'));
 }
 
 }  // namespace pepeseg::testing

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "clients/cli/connection.h"
+#include "pepeseg/v1/evaluation.pb.h"
+
+namespace pepeseg::cli {
+
+absl::StatusOr<v1::EvaluateResponse> AskEvaluate(const Connection& connection,
+                                                 const v1::EvaluateRequest& request);
+
+// The lines of a table of the entities, their means, and the fixed scales:
+//   entity             views    IoU   BIoU  scale  threshold  oracle
+//   48 chenille stems      1  0.765  0.603   0.30       0.75   0.771
+//   144                    3  0.000  0.000      -          -   0.000  nothing under the click
+//   mean of 2                 0.383  0.301                     0.385
+//   left out, in fewer than two held-out views: 7
+//
+//   fixed scale, threshold 0.75   0.01    0.1      1
+//   mean IoU                     0.251  0.260  0.350
+// `views`: those scored, beside the reference.
+std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer);
+
+}  // namespace pepeseg::cli

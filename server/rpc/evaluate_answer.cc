@@ -1,0 +1,155 @@
+#include "server/rpc/evaluate_answer.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/decode_image.h"
+#include "core/io/image_header.h"
+#include "core/status_macros.h"
+#include "server/rpc/error.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kMaxLabels = 1000;
+constexpr int64_t kMaxLabelPixels =
+    64'000'000;  // of all views together: 2 bytes each, 3 if ignored
+
+// A grey PNG of the view's size; the header tells before anything is decoded.
+absl::StatusOr<FloatImage> DecodeFor(const ModelView& view, const std::string& bytes,
+                                     const std::string& field) {
+  const std::span png(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  const auto header = ReadImageHeader(view.name, png);
+  if (!header.ok() || header->format != ImageFormat::kPng) {
+    return BadField(field, view.name, "not a whole PNG");
+  }
+  const Camera& camera = view.camera;
+  if (header->width != camera.width || header->height != camera.height) {
+    return BadField(field, absl::StrCat(header->width, "x", header->height),
+                    absl::StrCat("pixels; view ", view.name, " has ", camera.width, "x",
+                                 camera.height, " in the model"));
+  }
+  auto image = DecodeGrey(png, view.name);
+  if (!image.ok()) return BadField(field, view.name, std::string(image.status().message()));
+  return image;
+}
+
+absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& model,
+                                      const std::string& field) {
+  const auto found = std::find_if(model.views.begin(), model.views.end(),
+                                  [&](const ModelView& view) { return view.name == name; });
+  if (found == model.views.end()) return BadField(field, name, "no view of the model");
+  if (!found->held_out) return BadField(field, name, "not held out: the model was trained on it");
+  return *found;
+}
+
+absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest::ViewLabels& labels,
+                                     const Model& model, const std::string& field) {
+  LabeledView labeled;
+  ASSIGN_OR_RETURN(labeled.view, FindHeldOut(labels.view(), model, field + ".view"));
+  ASSIGN_OR_RETURN(const FloatImage ids, DecodeFor(labeled.view, labels.png(), field + ".png"));
+  labeled.labels.assign(ids.values.begin(), ids.values.end());
+  if (labels.ignore_png().empty()) return labeled;
+  ASSIGN_OR_RETURN(const FloatImage ignore,
+                   DecodeFor(labeled.view, labels.ignore_png(), field + ".ignore_png"));
+  for (const float value : ignore.values) labeled.ignore.push_back(value != 0 ? 1 : 0);
+  return labeled;
+}
+
+void Overlay(const google::protobuf::RepeatedField<double>& values, std::vector<double>* option) {
+  if (!values.empty()) option->assign(values.begin(), values.end());
+}
+
+v1::EvaluateResponse::Choice ToProto(const OneClickChoice& choice) {
+  v1::EvaluateResponse::Choice proto;
+  proto.set_scale_quantile(choice.scale);
+  proto.set_threshold(choice.threshold);
+  proto.set_iou(choice.iou);
+  proto.set_boundary_iou(choice.boundary_iou);
+  return proto;
+}
+
+void FillEntity(const EntityScore& score, v1::EvaluateResponse::Entity* entity) {
+  entity->set_id(score.id);
+  entity->set_click_x(score.click.x);
+  entity->set_click_y(score.click.y);
+  entity->set_missing(score.missing);
+  *entity->mutable_chosen() = ToProto(score.chosen);
+  *entity->mutable_oracle() = ToProto(score.oracle);
+  entity->mutable_fixed_iou()->Assign(score.fixed_iou.begin(), score.fixed_iou.end());
+  for (const EntityViewScore& view : score.views) {
+    v1::EvaluateResponse::ViewScore& proto = *entity->add_views();
+    proto.set_view(view.view);
+    proto.set_num_pixels(view.num_pixels);
+    proto.set_iou(view.iou);
+    proto.set_boundary_iou(view.boundary_iou);
+    proto.mutable_fixed_iou()->Assign(view.fixed_iou.begin(), view.fixed_iou.end());
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& request,
+                                                    const Model& model) {
+  if (request.labels_size() < static_cast<int>(kMinViews) || request.labels_size() > kMaxLabels) {
+    return BadField("labels", absl::StrCat(request.labels_size()),
+                    absl::StrCat("views; allowed are ", kMinViews, "..", kMaxLabels));
+  }
+  std::vector<LabeledView> views;
+  std::set<std::string> names;
+  int64_t num_pixels = 0;
+  for (const auto& labels : request.labels()) {
+    const std::string field = absl::StrCat("labels[", views.size(), "]");
+    if (!names.insert(labels.view()).second) {
+      return BadField(field + ".view", labels.view(), "has labels already");
+    }
+    ASSIGN_OR_RETURN(LabeledView view, ReadView(labels, model, field));
+    num_pixels += static_cast<int64_t>(view.labels.size());
+    if (num_pixels > kMaxLabelPixels) {
+      return BadField(field, labels.view(),
+                      absl::StrCat("over ", kMaxLabelPixels, " pixels with the views before it"));
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+absl::StatusOr<OneClickOptions> OneClickOptionsFromProto(const v1::EvaluationOptions& proto) {
+  OneClickOptions options;
+  Overlay(proto.scales(), &options.scales);
+  Overlay(proto.thresholds(), &options.thresholds);
+  Overlay(proto.fixed_scales(), &options.fixed_scales);
+  if (proto.has_fixed_threshold()) options.fixed_threshold = proto.fixed_threshold();
+  if (proto.has_min_pixels()) options.min_pixels = proto.min_pixels();
+  const absl::Status status = Validate(options);
+  if (status.ok()) return options;
+  return absl::InvalidArgumentError(absl::StrCat("options.", std::string(status.message())));
+}
+
+v1::EvaluationOptions ToProto(const OneClickOptions& options) {
+  v1::EvaluationOptions proto;
+  proto.mutable_scales()->Assign(options.scales.begin(), options.scales.end());
+  proto.mutable_thresholds()->Assign(options.thresholds.begin(), options.thresholds.end());
+  proto.mutable_fixed_scales()->Assign(options.fixed_scales.begin(), options.fixed_scales.end());
+  proto.set_fixed_threshold(options.fixed_threshold);
+  proto.set_min_pixels(options.min_pixels);
+  return proto;
+}
+
+void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request,
+                v1::EvaluateResponse* response) {
+  for (const EntityScore& score : scores.entities) {
+    v1::EvaluateResponse::Entity* entity = response->add_entities();
+    FillEntity(score, entity);
+    const auto name = request.entity_names().find(score.id);
+    if (name != request.entity_names().end()) entity->set_name(name->second);
+  }
+  response->mutable_left_out()->Assign(scores.left_out.begin(), scores.left_out.end());
+  *response->mutable_chosen() = ToProto(scores.chosen);
+  *response->mutable_oracle() = ToProto(scores.oracle);
+  response->mutable_fixed_iou()->Assign(scores.fixed_iou.begin(), scores.fixed_iou.end());
+}
+
+}  // namespace pepeseg
