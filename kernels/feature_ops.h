@@ -152,11 +152,13 @@ struct FeatureUpdateArgs {
   DeviceSpan<float> gate, gate_moment1, gate_moment2;  // [kGateSize] in and out
 };
 
-// cos(psi * F(p), psi * q_k) for a cached feature map and query vectors; 0 where F is 0.
+// cos(psi * F(p), psi * q_k) for a cached feature map and query vectors; 0 where |F| is under
+// min_norm: little is blended there, or things that have nothing in common.
 struct SimilarityArgs {
   DeviceSpan<const Half> map;       // [num_pixels, 32]
   DeviceSpan<const float> psi;      // [32] the gate at the asked scale
   DeviceSpan<const float> queries;  // [num_queries, 32] features, not yet gated
+  float min_norm = 0;
   DeviceSpan<float> similarity;     // [num_queries, num_pixels]
 };
 

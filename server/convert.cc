@@ -48,6 +48,7 @@
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(num_pixels) \
+  FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(learning_rate) \
   FIELD(learning_rate_final) \

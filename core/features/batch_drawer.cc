@@ -79,6 +79,7 @@ PixelBatch BatchDrawer::Next() {
   batch.view = view.view;
   const std::vector<float> scales = DrawScales(view);
   DrawPixels(view, batch);
+  DrawBackground(view, batch);
   Label(view, scales, batch);
   for (const float scale : scales) {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
@@ -132,19 +133,38 @@ void BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch) {
   batch.num_patches = static_cast<int>(batch_patch_.size());
 }
 
+// One patch more, without a number in the view: a mask of its own, as large as the image.
+void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch) {
+  if (view.background.empty() || options_.num_background_pixels == 0) return;
+  const MaskSet& masks = capture_.views[view.view].masks;
+  const float weight = 1 / (static_cast<float>(masks.width) * static_cast<float>(masks.height));
+  for (int i = 0; i < options_.num_background_pixels; ++i) {
+    batch.pixels.push_back(view.background[DrawIndex(view.background.size(), random_)]);
+    batch.patch.push_back(batch.num_patches);
+    batch.weight.push_back(weight);
+  }
+  ++batch.num_patches;
+}
+
 void BatchDrawer::Label(const DrawableView& view, std::span<const float> scales,
                         PixelBatch& batch) const {
   const MaskSet& masks = capture_.views[view.view].masks;
   const auto words = static_cast<size_t>(masks.words);
-  batch.label_words = masks.words;
-  batch.labels.resize(scales.size() * batch_patch_.size() * words);
+  const bool has_background = static_cast<size_t>(batch.num_patches) > batch_patch_.size();
+  // Behind the masks' bits stands that of the background.
+  const size_t all_words = has_background ? static_cast<size_t>(masks.num_masks) / 64 + 1 : words;
+  batch.label_words = static_cast<int>(all_words);
+  batch.labels.resize(scales.size() * batch.num_patches * all_words);
   std::span<uint64_t> out = batch.labels;
   for (const float scale : scales) {
     for (const uint32_t patch : batch_patch_) {
       const std::span<const uint64_t> bits(masks.patch_bits.data() + patch * words, words);
       ScaleLabels(bits, view.mask_scales, scale, out.first(words));
-      out = out.subspan(words);
+      out = out.subspan(all_words);
     }
+    if (!has_background) continue;
+    out[masks.num_masks / 64] = uint64_t{1} << (masks.num_masks % 64);
+    out = out.subspan(all_words);
   }
 }
 

@@ -14,10 +14,11 @@ namespace pepeseg {
 
 // The samples of one step: nothing here depends on a feature.
 struct PixelBatch {
-  int view = 0;                 // index in the capture
-  std::vector<int32_t> pixels;  // [S] y * width + x, each under a mask that has a scale
-  std::vector<float> weight;    // [S] 1 / mean area of the masks over the pixel
-  std::vector<int32_t> patch;   // [S] -> patches of this batch
+  int view = 0;  // index in the capture
+  // [S] y * width + x, each under a mask that has a scale; then of the background.
+  std::vector<int32_t> pixels;
+  std::vector<float> weight;   // [S] 1 / mean area of the masks over the pixel
+  std::vector<int32_t> patch;  // [S] -> patches of this batch
   int num_patches = 0;
   int label_words = 1;
   std::vector<uint64_t> labels;  // [num_scales, num_patches, label_words]
@@ -29,10 +30,11 @@ struct PixelBatch {
 // A training view as the drawer sees it.
 struct DrawableView {
   int view = 0;
-  std::vector<float> mask_scales;    // [num_masks] scene units, or kNoScale
-  std::vector<float> sorted_scales;  // those over 0, ascending
-  std::vector<int32_t> pixels;       // under a mask that has a scale, not ignored
-  std::vector<float> patch_weight;   // [num_patches] 1 / mean area of the masks with a scale
+  std::vector<float> mask_scales;        // [num_masks] scene units, or kNoScale
+  std::vector<float> sorted_scales;      // those over 0, ascending
+  std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored
+  std::vector<float> patch_weight;       // [num_patches] 1 / mean area of the masks with a scale
+  std::vector<int32_t> background = {};  // see BackgroundPixels
 };
 
 // Views without a pixel to draw are left out.
@@ -54,6 +56,7 @@ class BatchDrawer {
   const DrawableView& NextView();
   std::vector<float> DrawScales(const DrawableView& view);
   void DrawPixels(const DrawableView& view, PixelBatch& batch);
+  void DrawBackground(const DrawableView& view, PixelBatch& batch);
   void Label(const DrawableView& view, std::span<const float> scales, PixelBatch& batch) const;
 
   const Capture& capture_;

@@ -11,8 +11,12 @@ namespace {
 
 constexpr int64_t kFloat = sizeof(float);
 
+int64_t SamplesOf(const FeatureOptions& options) {
+  return int64_t{options.num_pixels} + options.num_background_pixels;
+}
+
 int64_t SamplesInChunk(const FeatureOptions& options) {
-  return int64_t{std::min(options.steps_per_chunk, options.num_steps)} * options.num_pixels;
+  return int64_t{std::min(options.steps_per_chunk, options.num_steps)} * SamplesOf(options);
 }
 
 }  // namespace
@@ -34,7 +38,7 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
   // A batch: features and gradients of its pixels, gradients of the Gaussians that it reaches, and
   // a pair's bits and parts of its gradient at every scale.
-  const int64_t pixels = options.num_pixels;
+  const int64_t pixels = SamplesOf(options);
   constexpr int64_t kPairBytes = sizeof(uint32_t), kParts = 4;
   const int64_t batch = pixels * (2 + reached) * kFeatureSize * kFloat +
                         pixels * pixels * kPairBytes +

@@ -58,8 +58,6 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
       gate_moment1_(backend, kGateSize),
       gate_moment2_(backend, kGateSize),
       gate_grad_(backend, kGateSize),
-      pixel_features_(backend, int64_t{options.num_pixels} * kFeatureSize),
-      pixel_grad_(backend, int64_t{options.num_pixels} * kFeatureSize),
       sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
@@ -72,6 +70,9 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
 
 void FeatureTrainer::Train(const RowChunk::Step& step) {
   const PixelBatch& batch = *step.batch;
+  const auto num_pixels = static_cast<int64_t>(batch.pixels.size());
+  pixel_features_.Reserve(backend_, num_pixels * kFeatureSize);
+  pixel_grad_.Reserve(backend_, num_pixels * kFeatureSize);
   sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
   if (!step.neighbors.gaussian.empty()) {
     backend_.FeatureCatchUp({step.neighbors.gaussian, rates_, step_, State()});

@@ -11,6 +11,7 @@
 #include "core/features/centroid_term.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
+#include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
 #include "core/features/neighbor_graph.h"
 #include "core/features/row_chunk.h"
@@ -54,6 +55,7 @@ int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_d
 absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
+  RETURN_IF_ERROR(CheckRange("num_background_pixels", options.num_background_pixels, 0, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
   RETURN_IF_ERROR(CheckRange("learning_rate_final", options.learning_rate_final, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("centroid_from", options.centroid_from, 0.0, 1.0));
@@ -77,6 +79,10 @@ absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capt
   FeatureField field;
   field.scale_quantiles = ScaleQuantiles(AllScales(scales));
   std::vector<DrawableView> views = MakeDrawableViews(capture, scales);
+  if (options.num_background_pixels > 0) {
+    const std::vector<std::vector<int32_t>> background = BackgroundPixels(capture, scene);
+    for (DrawableView& view : views) view.background = background[view.view];
+  }
   if (views.empty()) {
     return absl::FailedPreconditionError(
         "features: no training view has a mask of at least 8 pixels on which something is "

@@ -15,22 +15,24 @@ namespace pepeseg {
 // Stage two (method.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
 // gate from the scale-aware loss on sparse rows and the norms of pixels and Gaussians.
 struct FeatureOptions {
-  int num_steps = 10000;          // one view each
-  int num_pixels = 1000;          // samples a step, each under a mask that has a scale
+  int num_steps = 10000;  // one view each
+  int num_pixels = 1000;  // samples a step, each under a mask that has a scale
+  // Further samples of what no mask covers in any view, as one thing apart from all others.
+  int num_background_pixels = 200;
   int num_scales = 10;            // a step, 1..kMaxScales; two of them beyond the masks' own
-  float learning_rate = 2.5e-3f;  // of Adam, at the start; falls exponentially to
-  float learning_rate_final = 2.5e-3f;
+  float learning_rate = 1e-2f;  // of Adam, at the start; falls exponentially to
+  float learning_rate_final = 1e-4f;
   // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn
   // anew each step, in training, and over all in the model.
-  int num_neighbors = 16;       // 1..kMaxNeighbors
-  int num_drawn_neighbors = 8;  // 1..num_neighbors
+  int num_neighbors = 4;        // 1..kMaxNeighbors
+  int num_drawn_neighbors = 2;  // 1..num_neighbors
   // The centroid loss, from this share of the steps on: every so many steps up to so many masked
   // pixels of a view are clustered at scale 1 (upper) and 0.01 (lower). Weight 0: left out.
   double centroid_from = 0.7;  // [0, 1]
   int centroid_every = 200;
   int centroid_pixels = 16'384;
-  float centroid_weight_upper = 0.3f;
-  float centroid_weight_lower = 0.1f;
+  float centroid_weight_upper = 1.0f;
+  float centroid_weight_lower = 0.3f;
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
   // 0.3 MB a step.
   int steps_per_chunk = 250;

@@ -19,6 +19,9 @@ namespace {
 constexpr int64_t kMaxMapBytes = int64_t{512} << 20;
 // Features have norm 1, so a pixel's is at most its accumulated alpha.
 constexpr double kMinClickedNorm = 0.05;
+// A pixel whose feature is shorter is in no mask: Gaussians that are hardly there would stand for
+// the nothing behind them. Inside a thing the length is near 1, on the border of two about 0.7.
+constexpr float kMinPixelNorm = 0.4f;
 
 absl::Status CheckModel(const Model& model) {
   const size_t num_features = static_cast<size_t>(model.gaussians.count) * kFeatureSize;
@@ -109,7 +112,7 @@ absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>
     return absl::ResourceExhaustedError(
         absl::StrCat("no memory for the similarities to ", num_queries, " features"));
   }
-  backend.Similarity({map, psi_buffer.span(), queries.span(), similarity.span()});
+  backend.Similarity({map, psi_buffer.span(), queries.span(), kMinPixelNorm, similarity.span()});
   return similarity;
 }
 

@@ -16,6 +16,7 @@ struct SimilarityParams {
   const float* queries;
   int64_t num_pixels;
   int num_queries;
+  float min_norm;
   float* similarity;
 };
 
@@ -38,7 +39,7 @@ __global__ void __launch_bounds__(kBlock) SimilarityKernel(SimilarityParams p) {
   __syncthreads();
   const int64_t pixel = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   if (pixel >= p.num_pixels) return;
-  float f[kFeatureSize], norm2 = 0;
+  float f[kFeatureSize], squares = 0, norm2 = 0;
 #pragma unroll
   for (int word = 0; word < kFeatureSize / 8; ++word) {
     const uint4 bits = p.map[pixel * (kFeatureSize / 8) + word];
@@ -51,8 +52,12 @@ __global__ void __launch_bounds__(kBlock) SimilarityKernel(SimilarityParams p) {
     }
   }
 #pragma unroll
-  for (int k = 0; k < kFeatureSize; ++k) norm2 += psi2[k] * f[k] * f[k];
-  const float inv_norm = norm2 > 0 ? rsqrtf(norm2) : 0.0f;
+  for (int k = 0; k < kFeatureSize; ++k) {
+    squares += f[k] * f[k];
+    norm2 += psi2[k] * f[k] * f[k];
+  }
+  const bool counts = norm2 > 0 && squares >= p.min_norm * p.min_norm;
+  const float inv_norm = counts ? rsqrtf(norm2) : 0.0f;
   for (int q = 0; q < num_queries; ++q) {
     float dot = 0;
 #pragma unroll
@@ -69,9 +74,9 @@ void CudaBackend::Similarity(const SimilarityArgs& args) {
   const int num_queries = static_cast<int>(args.queries.size / kFeatureSize);
   if (!turn || num_pixels == 0 || num_queries == 0) return;
   const dim3 grid(NumBlocks(num_pixels, kBlock), NumBlocks(num_queries, kQueriesAtOnce));
-  SimilarityKernel<<<grid, kBlock, 0, stream_>>>({reinterpret_cast<const uint4*>(args.map.data),
-                                                  args.psi.data, args.queries.data, num_pixels,
-                                                  num_queries, args.similarity.data});
+  SimilarityKernel<<<grid, kBlock, 0, stream_>>>(
+      {reinterpret_cast<const uint4*>(args.map.data), args.psi.data, args.queries.data, num_pixels,
+       num_queries, args.min_norm, args.similarity.data});
   Launched("similarity");
 }
 

@@ -78,7 +78,7 @@ __global__ void __launch_bounds__(kBlock) BackwardKernel(SmoothBackwardArgs args
   const int64_t gaussian = args.columns.gaussian.data[i];
   const Channel smoothed(args.smoothed.data[gaussian * kFeatureSize + lane]);
   const Channel inv_length(args.inv_length.data[gaussian]);
-  Channel grad(WeightedSum<4>(ColumnOf(args.columns, i), args.pixel_grad.data, lane));
+  Channel grad(WeightedSum<16>(ColumnOf(args.columns, i), args.pixel_grad.data, lane));
   DirectionVjp(&smoothed, inv_length, 1, &grad);
   args.sum_grad.data[i * kFeatureSize + lane] = grad.v;
 }

@@ -18,7 +18,8 @@ INSTANTIATE_TEST_SUITE_P(Backends, SimilarityTest, AllBackends(), BackendName);
 TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
   constexpr int kPixels = 37, kQueries = 3;
   std::vector<float> features = RandomValues(kPixels * kSize, 1);
-  std::fill_n(features.begin() + kSize, kSize, 0.0f);  // pixel 1: nothing was blended
+  std::fill_n(features.begin() + kSize, kSize, 0.0f);                // pixel 1: nothing was blended
+  for (int k = 0; k < kSize; ++k) features[2 * kSize + k] *= 1e-3f;  // pixel 2: hardly anything was
   const std::vector<float> queries = RandomValues(kQueries * kSize, 2);
   std::vector<float> psi = RandomValues(kSize, 3);
   for (float& value : psi) value = std::abs(value);
@@ -30,7 +31,8 @@ TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
   const Buffer<Half> map_buffer(*backend_, std::span<const Half>(map));
   const Buffer<float> psi_buffer = Upload(*backend_, psi), query = Upload(*backend_, queries);
   Buffer<float> similarity(*backend_, kPixels * kQueries);
-  backend_->Similarity({map_buffer.span(), psi_buffer.span(), query.span(), similarity.span()});
+  backend_->Similarity(
+      {map_buffer.span(), psi_buffer.span(), query.span(), 0.1f, similarity.span()});
   const std::vector<float> got = Download(similarity);
   for (int q = 0; q < kQueries; ++q) {
     for (int p = 0; p < kPixels; ++p) {
@@ -42,7 +44,7 @@ TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
         aa += a * a;
         bb += b * b;
       }
-      const double want = p == 1 ? 0 : ab / std::sqrt(aa * bb);
+      const double want = p == 1 || p == 2 ? 0 : ab / std::sqrt(aa * bb);
       EXPECT_NEAR(got[q * kPixels + p], want, 1e-5);
     }
   }

@@ -114,6 +114,14 @@ void SimilarityRange(const SimilarityArgs& args, const float* query_units, Featu
       const auto* at = map + p * kFeatureSize + k * kLanes;
       feature.v[k] = Lanes(hn::PromoteTo(FloatTag(), hn::LoadU(half_tag, at)));
     }
+    Lanes squares(0.0f);
+    for (int k = 0; k < kVectors; ++k) squares = MulAdd(feature.v[k], feature.v[k], squares);
+    if (First(Total(squares)) < args.min_norm * args.min_norm) {
+      for (int64_t query = 0; query < num_queries; ++query) {
+        args.similarity.data[query * num_pixels + p] = 0;
+      }
+      continue;
+    }
     GatedUnit(psi.v, feature.v, kVectors, unit.v);
     for (int64_t query = 0; query < num_queries; ++query) {
       Lanes sum(0.0f);

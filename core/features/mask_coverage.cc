@@ -1,0 +1,107 @@
+#include "core/features/mask_coverage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMaxGridPixels = 16'384;  // of a view
+constexpr double kMaxCoverage = 0.1;       // of a background pixel, see Coverage
+constexpr double kMinAlpha = 0.5;          // where less is blended nothing is known
+
+bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
+bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[pixel] != 0; }
+
+// A regular grid without ignored pixels.
+std::vector<int32_t> GridPixels(const View& view) {
+  const int width = view.camera.width, height = view.camera.height;
+  const int stride = std::max(
+      1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / kMaxGridPixels))));
+  std::vector<int32_t> pixels;
+  for (int y = stride / 2; y < height; y += stride) {
+    for (int x = stride / 2; x < width; x += stride) {
+      const int32_t pixel = y * width + x;
+      if (view.ignore.empty() || view.ignore[pixel] == 0) pixels.push_back(pixel);
+    }
+  }
+  return pixels;
+}
+
+// Rows on the host.
+struct HostRows {
+  explicit HostRows(const CapturedRows& rows)
+      : first(static_cast<size_t>(rows.first.size())),
+        gaussian(static_cast<size_t>(rows.gaussian.size())),
+        weight(static_cast<size_t>(rows.weight.size())) {
+    rows.first.Download(std::span<int32_t>(first));
+    rows.gaussian.Download(std::span<int32_t>(gaussian));
+    rows.weight.Download(std::span<float>(weight));
+  }
+  size_t num_rows() const { return first.empty() ? 0 : first.size() - 1; }
+
+  std::vector<int32_t> first, gaussian;
+  std::vector<float> weight;
+};
+
+// How much of what was seen of a Gaussian lay under a mask.
+class Coverage {
+ public:
+  explicit Coverage(int64_t num_gaussians)
+      : covered_(static_cast<size_t>(num_gaussians)), seen_(static_cast<size_t>(num_gaussians)) {}
+
+  void Add(const View& view, std::span<const int32_t> pixels, const HostRows& rows) {
+    for (size_t i = 0; i < rows.num_rows(); ++i) {
+      const bool covered = IsCovered(view, pixels[i]);
+      for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
+        seen_[rows.gaussian[e]] += rows.weight[e];
+        if (covered) covered_[rows.gaussian[e]] += rows.weight[e];
+      }
+    }
+  }
+
+  // The mean over what is blended into a pixel, in [0, 1]; 1 where too little is.
+  double OfRow(const HostRows& rows, size_t row) const {
+    double sum = 0, alpha = 0;
+    for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
+      const int32_t gaussian = rows.gaussian[e];
+      alpha += double{rows.weight[e]};
+      if (seen_[gaussian] > 0) {
+        sum += double{rows.weight[e]} * double{covered_[gaussian]} / double{seen_[gaussian]};
+      }
+    }
+    return alpha > kMinAlpha ? sum / alpha : 1;
+  }
+
+ private:
+  std::vector<float> covered_, seen_;  // [num_gaussians] sums of blend weights
+};
+
+}  // namespace
+
+std::vector<std::vector<int32_t>> BackgroundPixels(const Capture& capture, FrozenScene& scene) {
+  Coverage coverage(scene.num_gaussians());
+  std::vector<std::vector<int32_t>> background(capture.views.size());
+  for (size_t v = 0; v < capture.views.size(); ++v) {
+    const View& view = capture.views[v];
+    if (!IsTrained(view)) continue;
+    const std::vector<int32_t> pixels = GridPixels(view);
+    coverage.Add(view, pixels, HostRows(scene.Capture(view, pixels)));
+    std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(background[v]),
+                 [&](int32_t pixel) { return !IsCovered(view, pixel); });
+  }
+  for (size_t v = 0; v < capture.views.size(); ++v) {
+    std::vector<int32_t>& pixels = background[v];
+    if (pixels.empty()) continue;
+    const HostRows rows(scene.Capture(capture.views[v], pixels));
+    size_t num_kept = 0;
+    for (size_t i = 0; i < rows.num_rows(); ++i) {
+      if (coverage.OfRow(rows, i) < kMaxCoverage) pixels[num_kept++] = pixels[i];
+    }
+    pixels.resize(num_kept);
+  }
+  return background;
+}
+
+}  // namespace pepeseg
