@@ -102,6 +102,7 @@ int Serve(const Flags& flags, const sigset_t& stop_signals) {
 
 }  // namespace
 
+// What is thrown before it serves may end it.  NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   Flags flags;
   CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");

@@ -24,18 +24,18 @@ std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& 
   return terms;
 }
 
-// Twelve uniforms make a normal that is the same with every standard library.
+// The sum of four uniforms, of 16 bits each, stands for a normal: the same with every standard
+// library, and quickly drawn.
 std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) {
   std::mt19937_64 random(seed);
   std::vector<float> numbers(count);
+  constexpr float kUnit = 1.0f / 65536;
+  const float scale = deviation * std::sqrt(3.0f);  // four uniforms have a variance of 1 / 3
   for (float& number : numbers) {
-    double sum = -6;
-    for (int k = 0; k < 6; ++k) {
-      const uint64_t bits = random();
-      sum += static_cast<double>(bits >> 32) * 0x1p-32;
-      sum += static_cast<double>(bits & 0xffffffffu) * 0x1p-32;
-    }
-    number = deviation * static_cast<float>(sum);
+    const uint64_t bits = random();
+    const auto sum = static_cast<float>((bits & 0xffff) + (bits >> 16 & 0xffff) +
+                                        (bits >> 32 & 0xffff) + (bits >> 48));
+    number = scale * (kUnit * sum - 2);
   }
   return numbers;
 }

@@ -19,7 +19,7 @@ struct FeatureOptions {
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
   // Further samples of what no mask covers in any view, as one thing apart from all others.
   int num_background_pixels = 200;
-  int num_scales = 10;            // a step, 1..kMaxScales; two of them beyond the masks' own
+  int num_scales = 10;          // a step, 1..kMaxScales; two of them beyond the masks' own
   float learning_rate = 1e-2f;  // of Adam, at the start; falls exponentially to
   float learning_rate_final = 1e-4f;
   // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn
@@ -35,7 +35,7 @@ struct FeatureOptions {
   float centroid_weight_lower = 0.3f;
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
   // 0.3 MB a step.
-  int steps_per_chunk = 250;
+  int steps_per_chunk = 500;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);

@@ -100,6 +100,7 @@ absl::Status Run(const BenchOptions& options) {
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("Held-out PSNR and SSIM against seconds of stage one");
   pepeseg::BenchOptions options;

@@ -204,6 +204,7 @@ absl::StatusOr<nlohmann::json> Run(const BenchOptions& options) {
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("Stage one on a dataset folder, measured");
   pepeseg::BenchOptions options;

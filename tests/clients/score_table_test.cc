@@ -40,6 +40,7 @@ TEST(ScoreTable, HasLpipsWhereItWasMeasured) {
 
 TEST(ScoreTable, OfManyViewsHasTheWorst) {
   std::vector<v1::View> views;
+  views.reserve(50);
   for (int i = 0; i < 50; ++i) views.push_back(Scored(absl::StrFormat("%02d", i), 50 - i, 0.5));
   const std::vector<std::string> rows = ScoreTable(views);
   ASSERT_EQ(rows.size(), 22U);

@@ -24,7 +24,7 @@ Model TwoBlobs() {
   capture.points.push_back({Eigen::Vector3f(-0.6f, 0, 3), {255, 0, 0}});
   capture.points.push_back({Eigen::Vector3f(0.6f, 0, 3), {0, 0, 255}});
   Model model;
-  model.gaussians = testing::PointGaussians(capture, 0.12f);
+  model.gaussians = testing::PointGaussians(capture, 0.2f);
   model.field.features.assign(2 * 32, 0.0f);
   const float half = std::sqrt(0.5f);
   model.field.features[0] = model.field.features[1] = model.field.features[32] = half;

@@ -40,7 +40,7 @@ class WorkerCheckpointTest : public WorkerTest {
       const Paths paths = Checkpoints();
       if (first.empty() && !paths.empty()) first = paths.front().string();
       if (paths.size() == 2 && paths.front() != first) break;
-      absl::SleepFor(absl::Milliseconds(5));
+      absl::SleepFor(absl::Milliseconds(1));
     }
     worker->Signal(SIGKILL);
     EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
@@ -94,6 +94,7 @@ class WorkerCheckpointTest : public WorkerTest {
 TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
+  ASSERT_GE(paths.size(), 2u);
   EXPECT_EQ(Finish(2), unbroken);
   EXPECT_EQ(FirstStepOf(2), StepOf(paths.back()));
   EXPECT_THAT(Warnings(), ::testing::IsEmpty());
@@ -124,6 +125,7 @@ TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
 TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
+  ASSERT_GE(paths.size(), 2u);
   std::filesystem::resize_file(paths.back(), std::filesystem::file_size(paths.back()) / 2);
   EXPECT_EQ(Finish(2), unbroken);
   EXPECT_EQ(FirstStepOf(2), StepOf(paths[paths.size() - 2]));
@@ -136,6 +138,7 @@ TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
 TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
+  ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {
     std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
     file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(path) / 2));
@@ -149,6 +152,7 @@ TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
 
 TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
   const Paths paths = RunAndKill();
+  ASSERT_GE(paths.size(), 2u);
   spec_.files[0].sha256 = "another";
   Finish(2);
   EXPECT_EQ(FirstStepOf(2), 0);
@@ -158,6 +162,7 @@ TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
 
 TEST_F(WorkerCheckpointTest, NanIsNeverTrainedOn) {
   const Paths paths = RunAndKill();
+  ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {
     const auto file = ReadCheckpoint(path);
     ASSERT_TRUE(file.ok()) << file.status();
