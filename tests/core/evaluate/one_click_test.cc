@@ -207,6 +207,7 @@ TEST_F(OneClickTest, FixedScalesAndThresholdNeedNotBeOfTheGrid) {
 }
 
 TEST_F(OneClickTest, IgnoredPixelsAreNeitherClickedNorScored) {
+  options_.min_pixels = 40;  // half of a blob is ignored
   for (int v = 0; v < 3; ++v) Paint(views_[v], Blob(v, true), kLeft);
   PaintRows(views_[1], 1, kLeft);
   for (LabeledView& view : views_) {
