@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/features/mask_scales.h"
 #include "core/features/random_draws.h"
 #include "core/features/scale_labels.h"
@@ -166,6 +167,20 @@ void BatchDrawer::Label(const DrawableView& view, std::span<const float> scales,
     out[masks.num_masks / 64] = uint64_t{1} << (masks.num_masks % 64);
     out = out.subspan(all_words);
   }
+}
+
+DrawerState BatchDrawer::Save() const {
+  return {StateOf(random_), {views_left_.begin(), views_left_.end()}};
+}
+
+absl::Status BatchDrawer::Restore(const DrawerState& state) {
+  for (const int32_t view : state.views_left) {
+    if (view >= 0 && view < static_cast<int32_t>(views_.size())) continue;
+    return absl::DataLossError(
+        absl::StrCat("views_left has view ", view, " of ", views_.size(), " that are drawn"));
+  }
+  views_left_.assign(state.views_left.begin(), state.views_left.end());
+  return SetState(state.random, random_);
 }
 
 }  // namespace pepeseg

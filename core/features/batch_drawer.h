@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/features/feature_checkpoint.h"
 #include "core/features/train_features.h"
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
@@ -49,6 +50,10 @@ class BatchDrawer {
               const FeatureOptions& options);
 
   PixelBatch Next();
+
+  DrawerState Save() const;
+  // DATA_LOSS: what it holds is no state of a drawer of these views.
+  absl::Status Restore(const DrawerState& state);
 
   const std::vector<DrawableView>& views() const { return views_; }
 

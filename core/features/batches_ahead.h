@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <future>
+#include <utility>
 #include <vector>
 
 #include "core/features/batch_drawer.h"
@@ -11,17 +12,25 @@ namespace pepeseg {
 // Draws the batches of the next chunk on a thread of its own while one chunk is trained.
 class BatchesAhead {
  public:
+  struct Chunk {
+    DrawerState before;  // where the drawer stood
+    std::vector<PixelBatch> batches;
+  };
+
   // The drawer must outlive it, and nobody else may call it.
   BatchesAhead(BatchDrawer& drawer, int num_batches, int chunk_size)
-      : drawer_(drawer), num_left_(num_batches), chunk_size_(chunk_size) {
+      : drawer_(drawer), start_(drawer.Save()), num_left_(num_batches), chunk_size_(chunk_size) {
     Begin();
   }
 
-  // The next chunk's; empty after the last.
-  std::vector<PixelBatch> Next() {
-    std::vector<PixelBatch> batches = next_.get();
+  // Where the drawer stood at first.
+  const DrawerState& start() const { return start_; }
+
+  // The next chunk; empty after the last.
+  Chunk Next() {
+    Chunk chunk = next_.get();
     Begin();
-    return batches;
+    return chunk;
   }
 
  private:
@@ -29,16 +38,17 @@ class BatchesAhead {
     const int count = std::min(chunk_size_, num_left_);
     num_left_ -= count;
     next_ = std::async(std::launch::async, [this, count] {
-      std::vector<PixelBatch> batches(static_cast<size_t>(count));
-      for (PixelBatch& batch : batches) batch = drawer_.Next();
-      return batches;
+      Chunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count))};
+      for (PixelBatch& batch : chunk.batches) batch = drawer_.Next();
+      return chunk;
     });
   }
 
   BatchDrawer& drawer_;
+  DrawerState start_;
   int num_left_;
   int chunk_size_;
-  std::future<std::vector<PixelBatch>> next_;  // its destructor waits
+  std::future<Chunk> next_;  // its destructor waits
 };
 
 }  // namespace pepeseg

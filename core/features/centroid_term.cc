@@ -70,11 +70,11 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
   if (options.centroid_weight_upper > 0) {
     levels_.push_back(
-        {1.0f, options.centroid_weight_upper, {20, 5}, CentroidBank(kUpperMerge), {}});
+        {true, 1.0f, options.centroid_weight_upper, {20, 5}, CentroidBank(kUpperMerge), {}});
   }
   if (options.centroid_weight_lower > 0) {
     levels_.push_back(
-        {0.01f, options.centroid_weight_lower, {10, 5}, CentroidBank(kLowerMerge), {}});
+        {false, 0.01f, options.centroid_weight_lower, {10, 5}, CentroidBank(kLowerMerge), {}});
   }
   sums_ = Buffer<double>(
       backend, static_cast<int64_t>(kMaxUnreadFeatureSteps * levels_.size()) * kNumCentroidSums);
@@ -125,11 +125,31 @@ absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<c
     ASSIGN_OR_RETURN(const Clusters clusters,
                      Hdbscan(backend_, std::span<const float>(units), level.hdbscan));
     level.bank.Merge(ClusterMeans(units, clusters));
-    const std::vector<float>& centroids = level.bank.centroids();
-    level.centroids.Reserve(backend_, static_cast<int64_t>(centroids.size()));
-    level.centroids.Upload(std::span<const float>(centroids));
+    UploadBank(level);
   }
   return absl::OkStatus();
+}
+
+void CentroidTerm::UploadBank(Level& level) {
+  const std::vector<float>& centroids = level.bank.centroids();
+  level.centroids.Reserve(backend_, static_cast<int64_t>(centroids.size()));
+  level.centroids.Upload(std::span<const float>(centroids));
+}
+
+CentroidState CentroidTerm::Save() const {
+  CentroidState state = {StateOf(random_), {}, {}};
+  for (const Level& level : levels_) {
+    (level.upper ? state.upper : state.lower) = level.bank.centroids();
+  }
+  return state;
+}
+
+absl::Status CentroidTerm::Restore(const CentroidState& state) {
+  for (Level& level : levels_) {
+    level.bank.Set(level.upper ? state.upper : state.lower);
+    UploadBank(level);
+  }
+  return SetState(state.random, random_);
 }
 
 void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {

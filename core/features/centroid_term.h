@@ -18,6 +18,8 @@ class CentroidBank {
  public:
   explicit CentroidBank(float merge_cosine) : merge_cosine_(merge_cosine) {}
 
+  void Set(std::vector<float> centroids) { centroids_ = std::move(centroids); }
+
   void Merge(std::span<const float> means);                           // [count, 32] of length 1
   const std::vector<float>& centroids() const { return centroids_; }  // [K, 32]
 
@@ -39,6 +41,9 @@ class CentroidTerm {
   // features: smoothed, of every Gaussian, in the backend's memory. gate: [kGateSize].
   absl::Status Refresh(DeviceSpan<const float> features, std::span<const float> gate);
 
+  CentroidState Save() const;
+  absl::Status Restore(const CentroidState& state);
+
   bool active() const;  // some scale has a centroid
   // Adds its gradients to `args`' and leaves its sums of a step; see ReadLosses.
   struct StepSpans {
@@ -51,6 +56,7 @@ class CentroidTerm {
 
  private:
   struct Level {
+    bool upper;
     float scale;  // quantile
     float weight;
     HdbscanOptions hdbscan;
@@ -58,6 +64,7 @@ class CentroidTerm {
     Buffer<float> centroids;
   };
 
+  void UploadBank(Level& level);
   std::vector<int32_t> DrawPixels(const DrawableView& view);
   std::vector<float> PixelFeatures(const View& view, std::span<const int32_t> pixels,
                                    DeviceSpan<const float> features);

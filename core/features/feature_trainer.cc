@@ -143,6 +143,33 @@ absl::Status FeatureTrainer::RefreshCentroids() {
   return centroids_.Refresh(smoothed_.span(), gate);
 }
 
+FeatureRowsState FeatureTrainer::Save() const {
+  const auto download = [](const auto& buffer, auto& values) {
+    values.resize(static_cast<size_t>(buffer.size()));
+    buffer.Download(std::span(values));
+  };
+  FeatureRowsState rows;
+  download(features_, rows.features);
+  download(moment1_, rows.moment1);
+  download(moment2_, rows.moment2);
+  download(last_step_, rows.last_step);
+  download(gate_, rows.gate);
+  download(gate_moment1_, rows.gate_moment1);
+  download(gate_moment2_, rows.gate_moment2);
+  return rows;
+}
+
+void FeatureTrainer::Restore(const FeatureRowsState& rows, int step) {
+  step_ = step;
+  features_.Upload(rows.features);
+  moment1_.Upload(rows.moment1);
+  moment2_.Upload(rows.moment2);
+  last_step_.Upload(rows.last_step);
+  gate_.Upload(rows.gate);
+  gate_moment1_.Upload(rows.gate_moment1);
+  gate_moment2_.Upload(rows.gate_moment2);
+}
+
 void FeatureTrainer::SmoothAll(DeviceSpan<const float> features) {
   backend_.SmoothFeatures({.graph = graph_,
                            .drawn = AllNeighbors(graph_),

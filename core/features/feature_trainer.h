@@ -22,6 +22,10 @@ class FeatureTrainer {
   // The losses of the steps since it was last called, each before its update. Waits for them.
   std::vector<double> ReadLosses();
 
+  FeatureRowsState Save() const;
+  // Of a checkpoint of as many Gaussians, after `step` updates.
+  void Restore(const FeatureRowsState& rows, int step);
+
   // Brings all rows up to date and fills features and gate. Features are smoothed over all
   // neighbours and normalised; they are zero, so that they resemble nothing, where no sample ever
   // touched any neighbour.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -29,6 +30,8 @@ class RowChunk {
   // RESOURCE_EXHAUSTED when the rows do not fit.
   absl::Status Refill(std::vector<PixelBatch> batches, const Capture& capture, FrozenScene& scene,
                       const NeighborGraph& graph);
+  // As if so many steps had been taken since the Refill, at most all.
+  void Skip(int num_steps) { next_ = std::min(batches_.size(), static_cast<size_t>(num_steps)); }
   // Valid until the next Refill.
   Step Next();
 

@@ -1,12 +1,7 @@
 #include "core/reconstruct/reconstruct_checkpoint.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <string_view>
-#include <type_traits>
-
 #include "absl/strings/str_cat.h"
+#include "core/io/checkpoint_sections.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -26,63 +21,6 @@ void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("grad_sum", 1, checkpoint.gaussians.grad_sum);
   visit("num_visible", 1, checkpoint.gaussians.num_visible);
   visit("refinable", 1, checkpoint.gaussians.refinable);
-}
-
-template <class T>
-std::string_view BytesOf(const std::vector<T>& values) {
-  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
-}
-std::string_view BytesOf(const std::string& text) { return text; }
-template <class T>
-std::string_view BytesOf(const T& value) {
-  static_assert(std::is_trivially_copyable_v<T> && std::has_unique_object_representations_v<T>);
-  return {reinterpret_cast<const char*>(&value), sizeof(T)};
-}
-
-// False: the size does not fit.
-template <class T>
-bool SetBytes(std::string_view bytes, std::vector<T>& values) {
-  if (bytes.size() % sizeof(T) != 0) return false;
-  values.resize(bytes.size() / sizeof(T));
-  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
-  return true;
-}
-bool SetBytes(std::string_view bytes, std::string& text) {
-  text = std::string(bytes);
-  return true;
-}
-template <class T>
-bool SetBytes(std::string_view bytes, T& value) {
-  if (bytes.size() != sizeof(T)) return false;
-  std::memcpy(&value, bytes.data(), sizeof(T));
-  return true;
-}
-
-const CheckpointSection* Find(std::span<const CheckpointSection> sections, std::string_view name) {
-  const auto found =
-      std::find_if(sections.begin(), sections.end(),
-                   [&](const CheckpointSection& section) { return section.name == name; });
-  return found == sections.end() ? nullptr : &*found;
-}
-
-absl::Status CheckSection(const CheckpointSection* section, const char* name, int version) {
-  if (section == nullptr) return absl::DataLossError(absl::StrCat("section ", name, " is missing"));
-  if (section->version == version) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("section ", name, " has version ", section->version,
-                                          ", this program reads ", version));
-}
-
-absl::Status CheckSize(const char* name, size_t size, int64_t expected) {
-  if (static_cast<int64_t>(size) == expected) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat(name, " has ", size, " values, must have ", expected));
-}
-
-absl::Status CheckFinite(const char* name, std::span<const float> values) {
-  const auto bad =
-      std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
-  if (bad == values.end()) return absl::OkStatus();
-  return absl::DataLossError(
-      absl::StrCat(name, "[", bad - values.begin(), "] is ", *bad, ": not finite"));
 }
 
 absl::Status ValidateRows(const GaussianRows& rows) {
@@ -111,33 +49,16 @@ absl::Status ValidateRows(const GaussianRows& rows) {
 
 std::vector<CheckpointSection> SectionsOf(const ReconstructCheckpoint& checkpoint) {
   std::vector<CheckpointSection> sections;
-  VisitSections(checkpoint, [&](const char* name, int version, const auto& value) {
-    sections.push_back({name, version, BytesOf(value)});
-  });
+  VisitSections(checkpoint, SectionWriter{sections});
   return sections;
 }
 
 absl::StatusOr<ReconstructCheckpoint> ReconstructCheckpointOf(
     std::span<const CheckpointSection> sections) {
   ReconstructCheckpoint checkpoint;
-  absl::Status status;
-  size_t num_known = 0;
-  VisitSections(checkpoint, [&](const char* name, int version, auto& value) {
-    if (!status.ok()) return;
-    const CheckpointSection* section = Find(sections, name);
-    status = CheckSection(section, name, version);
-    if (!status.ok()) return;
-    ++num_known;
-    if (!SetBytes(section->bytes, value)) {
-      status = absl::DataLossError(
-          absl::StrCat("section ", name, " cannot have ", section->bytes.size(), " bytes"));
-    }
-  });
-  RETURN_IF_ERROR(status);
-  if (num_known != sections.size()) {
-    return absl::DataLossError(absl::StrCat("has ", sections.size(), " sections, this program ",
-                                            "knows ", num_known, " of them"));
-  }
+  const SectionReader reader(sections);
+  VisitSections(checkpoint, reader);
+  RETURN_IF_ERROR(reader.Finish());
   RETURN_IF_ERROR(Validate(checkpoint));
   return checkpoint;
 }

@@ -1,0 +1,75 @@
+#include "core/features/feature_checkpoint.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/io/checkpoint_sections.h"
+#include "core/status_macros.h"
+#include "kernels/feature_ops.h"
+
+namespace pepeseg {
+namespace {
+
+// The one list of sections, for writing and for reading: name, version, value.
+template <class AnyCheckpoint, class Visit>
+void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
+  visit("counters", 1, checkpoint.counters);
+  visit("random", 1, checkpoint.drawer.random);
+  visit("views_left", 1, checkpoint.drawer.views_left);
+  visit("centroid_random", 1, checkpoint.centroids.random);
+  visit("centroids_upper", 1, checkpoint.centroids.upper);
+  visit("centroids_lower", 1, checkpoint.centroids.lower);
+  visit("features", 1, checkpoint.rows.features);
+  visit("moment1", 1, checkpoint.rows.moment1);
+  visit("moment2", 1, checkpoint.rows.moment2);
+  visit("last_step", 1, checkpoint.rows.last_step);
+  visit("gate", 1, checkpoint.rows.gate);
+  visit("gate_moment1", 1, checkpoint.rows.gate_moment1);
+  visit("gate_moment2", 1, checkpoint.rows.gate_moment2);
+}
+
+absl::Status CheckNumbers(const char* name, const std::vector<float>& values, int64_t expected) {
+  RETURN_IF_ERROR(CheckSize(name, values.size(), expected));
+  return CheckFinite(name, values);
+}
+
+// Any number of centroids.
+absl::Status CheckCentroids(const char* name, const std::vector<float>& values) {
+  const auto size = static_cast<int64_t>(values.size());
+  return CheckNumbers(name, values, size / kFeatureSize * kFeatureSize);
+}
+
+}  // namespace
+
+std::vector<CheckpointSection> SectionsOf(const FeatureCheckpoint& checkpoint) {
+  std::vector<CheckpointSection> sections;
+  VisitSections(checkpoint, SectionWriter{sections});
+  return sections;
+}
+
+absl::StatusOr<FeatureCheckpoint> FeatureCheckpointOf(std::span<const CheckpointSection> sections) {
+  FeatureCheckpoint checkpoint;
+  const SectionReader reader(sections);
+  VisitSections(checkpoint, reader);
+  RETURN_IF_ERROR(reader.Finish());
+  RETURN_IF_ERROR(Validate(checkpoint));
+  return checkpoint;
+}
+
+absl::Status Validate(const FeatureCheckpoint& checkpoint) {
+  const auto& [step, steps_of_chunk, count] = checkpoint.counters;
+  if (step < 0 || steps_of_chunk < 0 || steps_of_chunk > step || count < 1) {
+    return absl::DataLossError(absl::StrCat("step ", step, ", ", steps_of_chunk, " of a chunk, on ",
+                                            count, " Gaussians: out of range"));
+  }
+  const FeatureRowsState& rows = checkpoint.rows;
+  RETURN_IF_ERROR(CheckNumbers("features", rows.features, count * kFeatureSize));
+  RETURN_IF_ERROR(CheckNumbers("moment1", rows.moment1, count * kFeatureSize));
+  RETURN_IF_ERROR(CheckNumbers("moment2", rows.moment2, count * kFeatureSize));
+  RETURN_IF_ERROR(CheckSize("last_step", rows.last_step.size(), count));
+  RETURN_IF_ERROR(CheckNumbers("gate", rows.gate, kGateSize));
+  RETURN_IF_ERROR(CheckNumbers("gate_moment1", rows.gate_moment1, kGateSize));
+  RETURN_IF_ERROR(CheckNumbers("gate_moment2", rows.gate_moment2, kGateSize));
+  RETURN_IF_ERROR(CheckCentroids("centroids_upper", checkpoint.centroids.upper));
+  return CheckCentroids("centroids_lower", checkpoint.centroids.lower);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,209 @@
+#include "core/features/feature_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <future>
+#include <span>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/features/mask_coverage.h"
+#include "core/features/mask_scales.h"
+#include "core/features/neighbor_graph.h"
+#include "core/status_macros.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kFeatureStep = 100;  // of Backend::Sequence; stage one has the small numbers
+
+// How many steps are queued before the host waits for their losses.
+int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
+
+std::vector<float> AllScales(const std::vector<std::vector<float>>& scales) {
+  std::vector<float> all;
+  for (const std::vector<float>& of_view : scales) {
+    all.insert(all.end(), of_view.begin(), of_view.end());
+  }
+  return all;
+}
+
+}  // namespace
+
+struct FeatureStage::Prepared {
+  std::vector<DrawableView> views;
+  std::vector<int32_t> neighbors;
+};
+
+FeatureStage::FeatureStage(Backend& backend, const Capture& capture, const Gaussians& gaussians,
+                           const FeatureOptions& options)
+    : backend_(backend),
+      capture_(capture),
+      options_(options),
+      num_gaussians_(gaussians.count),
+      scene_(backend, gaussians, SceneRadius(capture)) {}
+
+absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Create(Backend& backend,
+                                                                   const Capture& capture,
+                                                                   const Gaussians& gaussians,
+                                                                   const FeatureOptions& options) {
+  RETURN_IF_ERROR(Validate(options));
+  std::unique_ptr<FeatureStage> stage(new FeatureStage(backend, capture, gaussians, options));
+  ASSIGN_OR_RETURN(Prepared prepared, stage->Prepare(gaussians));
+  RETURN_IF_ERROR(stage->Begin(std::move(prepared), nullptr));
+  return stage;
+}
+
+absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
+    Backend& backend, const Capture& capture, const Gaussians& gaussians,
+    const FeatureOptions& options, const FeatureCheckpoint& checkpoint) {
+  RETURN_IF_ERROR(Validate(options));
+  RETURN_IF_ERROR(Validate(checkpoint));
+  const FeatureCheckpoint::Counters& counters = checkpoint.counters;
+  if (counters.step > options.num_steps || counters.num_gaussians != gaussians.count ||
+      counters.steps_of_chunk > options.steps_per_chunk) {
+    return absl::DataLossError(
+        absl::StrCat("step ", counters.step, ", ", counters.steps_of_chunk, " of a chunk, on ",
+                     counters.num_gaussians, " Gaussians: the training has ", options.num_steps,
+                     " steps in chunks of ", options.steps_per_chunk, " on ", gaussians.count));
+  }
+  std::unique_ptr<FeatureStage> stage(new FeatureStage(backend, capture, gaussians, options));
+  ASSIGN_OR_RETURN(Prepared prepared, stage->Prepare(gaussians));
+  RETURN_IF_ERROR(stage->Begin(std::move(prepared), &checkpoint));
+  return stage;
+}
+
+// Scales of all masks of each view that is trained on; none for the others. A block of views at a
+// time: their depths are rendered, then measured side by side.
+std::vector<std::vector<float>> FeatureStage::MeasureMasks() {
+  constexpr size_t kBlock = 16;
+  std::vector<std::vector<float>> scales(capture_.views.size());
+  std::vector<size_t> trained;
+  for (size_t i = 0; i < capture_.views.size(); ++i) {
+    if (!capture_.views[i].held_out && !capture_.views[i].masks.empty()) trained.push_back(i);
+  }
+  ThreadPool pool(0);
+  for (size_t first = 0; first < trained.size(); first += kBlock) {
+    const size_t count = std::min(kBlock, trained.size() - first);
+    std::vector<std::vector<float>> depths;
+    for (size_t i = 0; i < count; ++i) {
+      depths.push_back(scene_.Depth(capture_.views[trained[first + i]]));
+    }
+    pool.ParallelFor(static_cast<int64_t>(count), [&](int64_t i, int) {
+      const size_t view = trained[first + i];
+      scales[view] = MaskScales(capture_.views[view], depths[i]);
+    });
+  }
+  return scales;
+}
+
+absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& gaussians) {
+  Prepared prepared;
+  auto neighbors = std::async(std::launch::async, [&] {  // beside the device's work
+    return NearestNeighbors(gaussians, options_.num_neighbors);
+  });
+  const std::vector<std::vector<float>> scales = MeasureMasks();
+  field_.scale_quantiles = ScaleQuantiles(AllScales(scales));
+  prepared.views = MakeDrawableViews(capture_, scales);
+  if (prepared.views.empty()) {
+    return absl::FailedPreconditionError(
+        "features: no training view has a mask of at least 8 pixels on which something is "
+        "rendered");
+  }
+  if (options_.num_background_pixels > 0) {
+    const std::vector<std::vector<int32_t>> background = BackgroundPixels(capture_, scene_);
+    for (DrawableView& view : prepared.views) view.background = background[view.view];
+  }
+  prepared.neighbors = neighbors.get();
+  return prepared;
+}
+
+absl::Status FeatureStage::Begin(Prepared prepared, const FeatureCheckpoint* checkpoint) {
+  neighbors_ = Buffer<int32_t>(backend_, std::span<const int32_t>(prepared.neighbors));
+  graph_ = {neighbors_.span(), options_.num_neighbors};
+  drawer_.emplace(capture_, field_, std::move(prepared.views), options_);
+  centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
+  trainer_.emplace(backend_, num_gaussians_, graph_, *centroids_, options_);
+  if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
+  const int num_left = options_.num_steps - (step_ - steps_of_chunk_);
+  batches_.emplace(*drawer_, num_left, options_.steps_per_chunk);
+  if (steps_of_chunk_ == 0) return absl::OkStatus();
+  const int skipped = steps_of_chunk_;
+  RETURN_IF_ERROR(BeginChunk());
+  chunk_.Skip(skipped);
+  steps_of_chunk_ = skipped;
+  return absl::OkStatus();
+}
+
+absl::Status FeatureStage::Restore(const FeatureCheckpoint& checkpoint) {
+  step_ = static_cast<int>(checkpoint.counters.step);
+  steps_of_chunk_ = static_cast<int>(checkpoint.counters.steps_of_chunk);
+  RETURN_IF_ERROR(drawer_->Restore(checkpoint.drawer));
+  RETURN_IF_ERROR(centroids_->Restore(checkpoint.centroids));
+  trainer_->Restore(checkpoint.rows, step_);
+  return absl::OkStatus();
+}
+
+absl::Status FeatureStage::BeginChunk() {
+  BatchesAhead::Chunk drawn = batches_->Next();
+  chunk_start_ = std::move(drawn.before);
+  steps_of_chunk_ = 0;
+  return chunk_.Refill(std::move(drawn.batches), capture_, scene_, graph_);
+}
+
+absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
+  const int end = std::min(options_.num_steps, step_ + StepsUnread(backend_));
+  for (; step_ < end; ++step_, ++steps_of_chunk_) {
+    if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
+    if (centroids_->Due(step_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
+    backend_.Sequence(kFeatureStep + (centroids_->active() ? 1 : 0),
+                      [&] { trainer_->Train(chunk_.Next()); });
+  }
+  return Reports(trainer_->ReadLosses());
+}
+
+absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
+    std::span<const double> losses) const {
+  std::vector<StepReport> reports;
+  for (size_t i = 0; i < losses.size(); ++i) {
+    const int64_t step = step_ - static_cast<int64_t>(losses.size() - 1 - i);
+    if (!backend_.error().empty() || !std::isfinite(losses[i])) {
+      return absl::InternalError(
+          absl::StrCat("features: step ", step, ": loss ", losses[i], " ", backend_.error()));
+    }
+    reports.push_back({.stage = "features",
+                       .step = step,
+                       .num_steps = options_.num_steps,
+                       .loss = losses[i],
+                       .num_gaussians = num_gaussians_});
+  }
+  return reports;
+}
+
+absl::StatusOr<FeatureCheckpoint> FeatureStage::Save() {
+  FeatureCheckpoint checkpoint;
+  checkpoint.counters = {step_, steps_of_chunk_, num_gaussians_};
+  // Before the first chunk nothing has been drawn that counts: the drawer begins by its seed.
+  checkpoint.drawer = steps_of_chunk_ == 0 ? batches_->start() : chunk_start_;
+  checkpoint.centroids = centroids_->Save();
+  checkpoint.rows = trainer_->Save();
+  if (const std::string error = backend_.error(); !error.empty()) return absl::InternalError(error);
+  return checkpoint;
+}
+
+FeatureField FeatureStage::Export() {
+  FeatureField field = field_;
+  trainer_->Export(field);
+  return field;
+}
+
+absl::StatusOr<FeatureField> FinishFeatures(FeatureStage& stage, ProgressFn progress) {
+  while (!stage.done()) {
+    ASSIGN_OR_RETURN(const std::vector<StepReport> reports, stage.Advance());
+    for (const StepReport& report : reports) RETURN_IF_ERROR(progress(report));
+  }
+  return stage.Export();
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/features/batches_ahead.h"
+#include "core/features/centroid_term.h"
+#include "core/features/feature_checkpoint.h"
+#include "core/features/feature_trainer.h"
+#include "core/features/frozen_scene.h"
+#include "core/features/row_chunk.h"
+#include "core/features/train_features.h"
+
+namespace pepeseg {
+
+// Stage two, some steps at a time. Not thread safe.
+class FeatureStage {
+ public:
+  // The backend and the capture must outlive it. INVALID_ARGUMENT: bad options.
+  // FAILED_PRECONDITION: no training view has a mask with a scale.
+  static absl::StatusOr<std::unique_ptr<FeatureStage>> Create(Backend& backend,
+                                                              const Capture& capture,
+                                                              const Gaussians& gaussians,
+                                                              const FeatureOptions& options);
+  // Goes on from a checkpoint of the same capture, Gaussians and options. DATA_LOSS: it does not
+  // fit them.
+  static absl::StatusOr<std::unique_ptr<FeatureStage>> Resume(Backend& backend,
+                                                              const Capture& capture,
+                                                              const Gaussians& gaussians,
+                                                              const FeatureOptions& options,
+                                                              const FeatureCheckpoint& checkpoint);
+
+  int step() const { return step_; }  // done
+  bool done() const { return step_ == options_.num_steps; }
+
+  // As many steps as are queued before the host waits: one where calls are done when they return.
+  // Their reports. INTERNAL: the device failed, or a loss is not finite.
+  absl::StatusOr<std::vector<StepReport>> Advance();
+  absl::StatusOr<FeatureCheckpoint> Save();
+  FeatureField Export();
+
+ private:
+  struct Prepared;  // what is known before the first step
+
+  FeatureStage(Backend& backend, const Capture& capture, const Gaussians& gaussians,
+               const FeatureOptions& options);
+  absl::StatusOr<Prepared> Prepare(const Gaussians& gaussians);
+  absl::Status Begin(Prepared prepared, const FeatureCheckpoint* checkpoint);
+  absl::Status Restore(const FeatureCheckpoint& checkpoint);
+  absl::Status BeginChunk();
+  std::vector<std::vector<float>> MeasureMasks();
+  absl::StatusOr<std::vector<StepReport>> Reports(std::span<const double> losses) const;
+
+  Backend& backend_;
+  const Capture& capture_;
+  const FeatureOptions options_;
+  const int64_t num_gaussians_;
+  FrozenScene scene_;
+  FeatureField field_;
+  Buffer<int32_t> neighbors_;
+  NeighborGraph graph_;
+  std::optional<BatchDrawer> drawer_;
+  std::optional<CentroidTerm> centroids_;
+  std::optional<FeatureTrainer> trainer_;
+  std::optional<BatchesAhead> batches_;  // its thread draws: gone before the drawer
+  DrawerState chunk_start_;
+  RowChunk chunk_;
+  int step_ = 0;
+  int steps_of_chunk_ = 0;
+};
+
+// The steps that are left. An error of `progress`, called after each step, ends it.
+absl::StatusOr<FeatureField> FinishFeatures(FeatureStage& stage, ProgressFn progress);
+
+}  // namespace pepeseg

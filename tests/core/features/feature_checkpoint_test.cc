@@ -1,0 +1,139 @@
+#include "core/features/feature_checkpoint.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/features/feature_stage.h"
+#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+// Chunks of 7 steps, centroids from step 24 on, every 5.
+constexpr FeatureOptions kOptions = {.num_steps = 40,
+                                     .num_pixels = 60,
+                                     .num_background_pixels = 10,
+                                     .num_scales = 5,
+                                     .centroid_from = 0.6,
+                                     .centroid_every = 5,
+                                     .centroid_pixels = 300,
+                                     .steps_per_chunk = 7};
+
+const Capture& Synthetic() {
+  static const Capture capture =
+      testing::MakeSyntheticScene({.num_views = 6, .num_points = 1500}).capture;
+  return capture;
+}
+const Gaussians& Points() {
+  static const Gaussians gaussians = testing::PointGaussians(Synthetic(), 0.06f);
+  return gaussians;
+}
+
+std::unique_ptr<FeatureStage> Fresh(Backend& backend) {
+  return FeatureStage::Create(backend, Synthetic(), Points(), kOptions).value();
+}
+
+absl::Status Go(const StepReport&) { return absl::OkStatus(); }
+
+FeatureCheckpoint CheckpointAt(int step) {
+  const auto backend = MakeCpuBackend(2);
+  const auto stage = Fresh(*backend);
+  while (stage->step() < step) EXPECT_OK(stage->Advance());
+  return stage->Save().value();
+}
+
+// Through a file, as another process would.
+FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
+  const testing::TempFolder folder;
+  const std::filesystem::path path = folder.path() / "checkpoint";
+  EXPECT_OK(WriteCheckpoint(path, {"features", "", 0}, SectionsOf(checkpoint)));
+  const auto file = ReadCheckpoint(path);
+  EXPECT_OK(file);
+  auto read = FeatureCheckpointOf(file->sections);
+  EXPECT_OK(read);
+  return *std::move(read);
+}
+
+TEST(FeatureCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
+  const auto backend = MakeCpuBackend(2);
+  const auto unbroken = Fresh(*backend);
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Go));
+  // At the start, within chunks and at their ends, about the first centroids, and at the end.
+  for (const int step : {0, 1, 6, 7, 8, 14, 23, 24, 25, 31, 39, 40}) {
+    SCOPED_TRACE(step);
+    const FeatureCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
+    const auto other = MakeCpuBackend(1);
+    ASSERT_OK_AND_ASSIGN(const auto resumed,
+                         FeatureStage::Resume(*other, Synthetic(), Points(), kOptions, checkpoint));
+    EXPECT_EQ(resumed->step(), step);
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Go));
+    EXPECT_EQ(got.features, want.features);
+    EXPECT_EQ(got.gate, want.gate);
+    EXPECT_EQ(got.scale_quantiles, want.scale_quantiles);
+  }
+}
+
+TEST(FeatureCheckpoint, SavingTwiceOnTheWayChangesNothing) {
+  const FeatureCheckpoint first = CheckpointAt(30);
+  EXPECT_FALSE(first.centroids.upper.empty() && first.centroids.lower.empty());
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureStage::Resume(*backend, Synthetic(), Points(), kOptions, first));
+  ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint again, stage->Save());
+  EXPECT_EQ(again.drawer.random, first.drawer.random);
+  EXPECT_EQ(again.drawer.views_left, first.drawer.views_left);
+  EXPECT_EQ(again.centroids.upper, first.centroids.upper);
+  EXPECT_EQ(again.rows.features, first.rows.features);
+  EXPECT_EQ(again.rows.last_step, first.rows.last_step);
+  EXPECT_EQ(again.counters.steps_of_chunk, first.counters.steps_of_chunk);
+}
+
+TEST(FeatureCheckpoint, WhatDoesNotFitIsRefused) {
+  const FeatureCheckpoint good = CheckpointAt(9);
+  const auto backend = MakeCpuBackend(1);
+  const auto resume = [&](const FeatureCheckpoint& checkpoint) {
+    return FeatureStage::Resume(*backend, Synthetic(), Points(), kOptions, checkpoint).status();
+  };
+  EXPECT_OK(resume(good));
+  FeatureCheckpoint bad = good;
+  bad.rows.moment1[5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "moment1[5]");
+  bad = good;
+  bad.rows.gate.pop_back();
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "gate has 63 values");
+  bad = good;
+  bad.counters.step = 41;
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "step 41");
+  bad = good;
+  bad.counters.num_gaussians = 3;
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "features has");
+  bad = good;
+  bad.drawer.views_left = {77};
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "view 77");
+  bad = good;
+  bad.drawer.random = "no numbers";
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "random numbers");
+  bad = good;
+  bad.centroids.lower = {1, 2, 3};
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "centroids_lower has 3");
+}
+
+TEST(FeatureCheckpoint, AnUnknownOrMissingSectionIsRefused) {
+  const FeatureCheckpoint checkpoint = CheckpointAt(3);
+  std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
+  EXPECT_OK(FeatureCheckpointOf(sections));
+  sections.push_back({"new", 1, ""});
+  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "sections");
+  sections.pop_back();
+  sections[0].version = 99;
+  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "version 99");
+  sections.erase(sections.begin());
+  EXPECT_STATUS(FeatureCheckpointOf(sections), absl::StatusCode::kDataLoss, "missing");
+}
+
+}  // namespace
+}  // namespace pepeseg
