@@ -9,7 +9,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/io/checkpoint.h"
 #include "core/io/digest.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
@@ -17,30 +16,34 @@
 namespace pepeseg {
 namespace {
 
-constexpr char kStage[] = "reconstruct";
 constexpr size_t kGenerations = 2;
 constexpr int kMaxCostShare = 20;  // by steps, a checkpoint's cost is at most 1 / this of the time
-constexpr char kPrefix[] = "step-";
 constexpr char kSuffix[] = ".ckpt";
 
-std::string FileName(int64_t step) { return absl::StrFormat("%s%09d%s", kPrefix, step, kSuffix); }
+}  // namespace
+
+WorkerCheckpoints::WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec,
+                                     std::string stage, std::string identity, Warn warn)
+    : folder_(folder),
+      spec_(spec),
+      stage_(std::move(stage)),
+      identity_(std::move(identity)),
+      warn_(std::move(warn)) {}
+
+std::string WorkerCheckpoints::FileName(int64_t step) const {
+  return absl::StrFormat("%s-%09d%s", stage_, step, kSuffix);
+}
 
 // The step in a file's name; -1: it is none of ours, as what a killed writer left.
-int64_t StepOf(const std::string& name) {
+int64_t WorkerCheckpoints::StepOf(const std::string& name) const {
   int64_t step = 0;
-  if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix)) return -1;
-  const size_t first = sizeof(kPrefix) - 1;
+  const size_t first = stage_.size() + 1;
+  if (!name.starts_with(stage_ + "-") || !name.ends_with(kSuffix)) return -1;
   if (!absl::SimpleAtoi(name.substr(first, name.size() - first - sizeof(kSuffix) + 1), &step)) {
     return -1;
   }
   return name == FileName(step) ? step : -1;
 }
-
-}  // namespace
-
-WorkerCheckpoints::WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec,
-                                     std::string identity, Warn warn)
-    : folder_(folder), spec_(spec), identity_(std::move(identity)), warn_(std::move(warn)) {}
 
 std::vector<WorkerCheckpoints::Candidate> WorkerCheckpoints::Find(int64_t fence) const {
   std::vector<Candidate> found;
@@ -70,52 +73,45 @@ std::filesystem::path WorkerCheckpoints::Relative(const std::filesystem::path& p
   return path.lexically_relative(folder_.path());
 }
 
-absl::StatusOr<ReconstructCheckpoint> WorkerCheckpoints::Read(const Candidate& candidate) const {
-  ASSIGN_OR_RETURN(const Checkpoint file, ReadCheckpoint(candidate.path));
-  if (file.header.stage != kStage) {
+absl::StatusOr<Checkpoint> WorkerCheckpoints::Read(const Candidate& candidate) const {
+  ASSIGN_OR_RETURN(Checkpoint file, ReadCheckpoint(candidate.path));
+  if (file.header.stage != stage_) {
     return absl::FailedPreconditionError(absl::StrCat("is of stage ", file.header.stage));
   }
   if (file.header.identity != identity_) {
     return absl::FailedPreconditionError("is of other files or options");
   }
-  return ReconstructCheckpointOf(file.sections);
+  return file;
 }
 
-absl::StatusOr<std::unique_ptr<Reconstructor>> WorkerCheckpoints::CreateOrResume(
-    Backend& backend, const Capture& capture, const ReconstructOptions& options) {
+void WorkerCheckpoints::Resume(absl::FunctionRef<absl::Status(const Checkpoint& file)> use) {
   for (const Candidate& candidate : FindAll()) {
-    absl::StatusOr<std::unique_ptr<Reconstructor>> resumed = nullptr;
-    if (const auto checkpoint = Read(candidate); checkpoint.ok()) {
-      resumed = Reconstructor::Resume(backend, capture, options, *checkpoint);
-    } else {
-      resumed = checkpoint.status();
-    }
-    if (resumed.ok()) {
+    const absl::StatusOr<Checkpoint> file = Read(candidate);
+    const absl::Status used = file.ok() ? use(*file) : file.status();
+    if (used.ok()) {
       spdlog::info("goes on from {}", Relative(candidate.path).string());
       first_step_ = last_step_ = candidate.step;
-      last_save_ = Clock::now();
-      return resumed;
+      break;
     }
     // An error that a fresh start meets as well is told by it.
     warn_(absl::StrCat("checkpoint ", Relative(candidate.path).string(),
-                       " is not used: ", resumed.status().message()));
+                       " is not used: ", used.message()));
   }
   last_save_ = Clock::now();
-  return Reconstructor::Create(backend, capture, options);
 }
 
-void WorkerCheckpoints::SaveIfDue(Reconstructor& reconstructor, int64_t step) {
+void WorkerCheckpoints::SaveIfDue(int64_t step, WriteState write) {
   const Clock::duration passed = Clock::now() - last_save_;
   const bool by_time = passed >= std::chrono::seconds(spec_.checkpoint_seconds);
   const bool by_steps =
       step - last_step_ >= spec_.checkpoint_steps && passed >= kMaxCostShare * last_cost_;
-  if (by_time || by_steps) Save(reconstructor, step);
+  if (by_time || by_steps) Save(step, write);
 }
 
-void WorkerCheckpoints::Save(Reconstructor& reconstructor, int64_t step) {
+void WorkerCheckpoints::Save(int64_t step, WriteState write) {
   if (step == last_step_) return;
   const Clock::time_point start = Clock::now();
-  const absl::Status written = Write(reconstructor, step);
+  const absl::Status written = Write(step, write);
   last_save_ = Clock::now();
   last_cost_ = last_save_ - start;
   last_step_ = step;
@@ -131,22 +127,17 @@ void WorkerCheckpoints::Save(Reconstructor& reconstructor, int64_t step) {
   }
 }
 
-absl::Status WorkerCheckpoints::Write(Reconstructor& reconstructor, int64_t step) const {
+absl::Status WorkerCheckpoints::Write(int64_t step, WriteState write) const {
   const std::filesystem::path folder = folder_.checkpoints(spec_.fence);
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());
-  ASSIGN_OR_RETURN(const ReconstructCheckpoint checkpoint, reconstructor.Save());
-  RETURN_IF_ERROR(Validate(checkpoint));
-  return WriteCheckpoint(folder / FileName(step), {kStage, identity_, step},
-                         SectionsOf(checkpoint));
+  return write(folder / FileName(step), {stage_, identity_, step});
 }
 
-void WorkerCheckpoints::RemoveAll() const {
+void WorkerCheckpoints::Remove() const {
   std::error_code ignored;
-  for (int64_t fence = spec_.fence; fence > 0; --fence) {
-    std::filesystem::remove_all(folder_.checkpoints(fence), ignored);
-  }
+  for (const Candidate& candidate : FindAll()) std::filesystem::remove(candidate.path, ignored);
 }
 
 std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& effective) {
@@ -163,6 +154,13 @@ std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& 
     add(absl::StrCat(file.kind));
     add(file.sha256);
   }
+  return digest.Hex();
+}
+
+std::string FeatureIdentity(const JobSpec& spec, const v1::TrainingOptions& effective) {
+  Sha256 digest;
+  digest.Add(ReconstructIdentity(spec, effective));
+  digest.Add(effective.features().SerializeAsString());
   return digest.Hex();
 }
 

@@ -4,18 +4,18 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/reconstruct/reconstructor.h"
+#include "core/io/checkpoint.h"
 #include "server/jobs/job_folder.h"
 
 namespace pepeseg {
 
-// Checkpoints of stage one in a job's folder: attempt-FENCE/checkpoints/step-NNNNNNNNN.ckpt, the
+// Checkpoints of one stage in a job's folder: attempt-FENCE/checkpoints/STAGE-NNNNNNNNN.ckpt, the
 // newest two of each attempt. An attempt goes on from the farthest good one of those before it.
 // Not thread safe.
 class WorkerCheckpoints {
@@ -25,22 +25,25 @@ class WorkerCheckpoints {
 
   // `identity`: digest of what the state belongs to; others' checkpoints are not used. `warn`
   // hears of each file that is not used, and why, and of those that could not be written.
-  WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec, std::string identity, Warn warn);
+  WorkerCheckpoints(const JobFolder& folder, const JobSpec& spec, std::string stage,
+                    std::string identity, Warn warn);
 
-  // What Reconstructor::Create answers when there is no good checkpoint.
-  absl::StatusOr<std::unique_ptr<Reconstructor>> CreateOrResume(Backend& backend,
-                                                                const Capture& capture,
-                                                                const ReconstructOptions& options);
-  // The step that the reconstructor began at.
+  // Begins the stage: offers the checkpoints, the farthest first, until `use` takes one. Nothing is
+  // taken where there is no good one: the stage begins anew.
+  void Resume(absl::FunctionRef<absl::Status(const Checkpoint& file)> use);
+  // The step that the stage began at.
   int64_t first_step() const { return first_step_; }
 
+  // Writes the state of a step as the file of a header.
+  using WriteState =
+      absl::FunctionRef<absl::Status(const std::filesystem::path&, const CheckpointHeader&)>;
   // After each step. Writes one after spec.checkpoint_seconds, or after spec.checkpoint_steps,
   // but by steps no oftener than costs a twentieth of the time.
-  void SaveIfDue(Reconstructor& reconstructor, int64_t step);
-  void Save(Reconstructor& reconstructor, int64_t step);
+  void SaveIfDue(int64_t step, WriteState write);
+  void Save(int64_t step, WriteState write);
 
-  // Of this attempt and those before it.
-  void RemoveAll() const;
+  // Those of this stage, of this attempt and those before it.
+  void Remove() const;
 
  private:
   struct Candidate {
@@ -51,11 +54,14 @@ class WorkerCheckpoints {
   std::vector<Candidate> Find(int64_t fence) const;  // by step, the farthest first
   std::vector<Candidate> FindAll() const;            // likewise, of all attempts so far
   std::filesystem::path Relative(const std::filesystem::path& path) const;
-  absl::StatusOr<ReconstructCheckpoint> Read(const Candidate& candidate) const;
-  absl::Status Write(Reconstructor& reconstructor, int64_t step) const;
+  std::string FileName(int64_t step) const;
+  int64_t StepOf(const std::string& name) const;
+  absl::StatusOr<Checkpoint> Read(const Candidate& candidate) const;
+  absl::Status Write(int64_t step, WriteState write) const;
 
   const JobFolder& folder_;
   const JobSpec& spec_;
+  const std::string stage_;
   const std::string identity_;
   const Warn warn_;
   int64_t first_step_ = 0;
@@ -64,7 +70,8 @@ class WorkerCheckpoints {
   Clock::duration last_cost_{};
 };
 
-// Of the files and options that stage one depends on.
+// Of the files and options that stage one depends on, and those of stage two.
 std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& effective);
+std::string FeatureIdentity(const JobSpec& spec, const v1::TrainingOptions& effective);
 
 }  // namespace pepeseg

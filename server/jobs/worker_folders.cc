@@ -6,12 +6,13 @@
 
 namespace pepeseg {
 
-void RemoveReconstructions(const JobFolder& job, int64_t fence) {
+void RemoveIntermediates(const JobFolder& job, int64_t fence) {
   std::error_code ignored;
   for (int64_t earlier = 1; earlier < fence; ++earlier) {
     std::filesystem::remove_all(job.attempt(earlier), ignored);
   }
   std::filesystem::remove_all(job.reconstruction(fence), ignored);
+  std::filesystem::remove_all(job.checkpoints(fence), ignored);
 }
 
 absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {

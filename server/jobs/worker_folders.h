@@ -8,8 +8,9 @@
 
 namespace pepeseg {
 
-// Stage one's results of this attempt and of earlier ones, once they are part of a model.
-void RemoveReconstructions(const JobFolder& job, int64_t fence);
+// Stage one's results and the checkpoints of this attempt and of earlier ones, once there is a
+// model.
+void RemoveIntermediates(const JobFolder& job, int64_t fence);
 
 // Of the files in a folder, without those in folders below it.
 absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder);

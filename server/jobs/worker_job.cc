@@ -11,11 +11,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/evaluate/metrics.h"
-#include "core/features/train_features.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/import.h"
 #include "core/io/model_file.h"
-#include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
@@ -25,6 +23,7 @@
 #include "server/jobs/worker_folders.h"
 #include "server/jobs/worker_progress.h"
 #include "server/jobs/worker_scores.h"
+#include "server/jobs/worker_stages.h"
 
 namespace pepeseg {
 namespace {
@@ -42,8 +41,12 @@ class Training {
         scorer_(std::move(scorer)),
         backend_(std::move(backend)),
         progress_(job.log),
-        checkpoints_(job.folder, job.spec, ReconstructIdentity(job.spec, ToProto(settings_)),
-                     [this](const std::string& message) { Warn(message); }) {}
+        checkpoints_(job.folder, job.spec, "reconstruct",
+                     ReconstructIdentity(job.spec, ToProto(settings_)),
+                     [this](const std::string& message) { Warn(message); }),
+        feature_checkpoints_(job.folder, job.spec, "features",
+                             FeatureIdentity(job.spec, ToProto(settings_)),
+                             [this](const std::string& message) { Warn(message); }) {}
 
   absl::Status Prepare();
   absl::Status ReconstructScene();
@@ -56,6 +59,7 @@ class Training {
   void Warn(const std::string& message);
   absl::Status TakeGivenGaussians();
   absl::Status TrainGaussians();
+  void GoOnFrom(int64_t step, const char* metric);
   absl::StatusOr<Gaussians> ReconstructOrResume();
   std::optional<Gaussians> FindEarlierReconstruction() const;
   absl::Status WriteModelTo(const std::filesystem::path& folder) const;
@@ -70,7 +74,7 @@ class Training {
   HeldOutScorer scorer_;
   std::unique_ptr<Backend> backend_;
   WorkerProgress progress_;
-  WorkerCheckpoints checkpoints_;
+  WorkerCheckpoints checkpoints_, feature_checkpoints_;
   std::string stage_;
   Capture capture_;
   std::optional<DatasetFile> given_gaussians_;
@@ -162,21 +166,21 @@ std::optional<Gaussians> Training::FindEarlierReconstruction() const {
   return std::nullopt;
 }
 
+void Training::GoOnFrom(int64_t step, const char* metric) {
+  if (step == 0) return;
+  progress_.GoOnFrom(step);
+  model_.metrics[metric] = static_cast<double>(step);
+}
+
 absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
   if (std::optional<Gaussians> earlier = FindEarlierReconstruction()) return *std::move(earlier);
   ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
-                   checkpoints_.CreateOrResume(*backend_, capture_, settings_.reconstruct));
-  if (checkpoints_.first_step() > 0) {
-    progress_.GoOnFrom(checkpoints_.first_step());
-    model_.metrics["resumed_from_step"] = static_cast<double>(checkpoints_.first_step());
-  }
+                   BeginReconstruction(checkpoints_, *backend_, capture_, settings_.reconstruct));
+  GoOnFrom(checkpoints_.first_step(), "resumed_from_step");
   job_.stop.polled = true;
   absl::StatusOr<Gaussians> gaussians =
       FinishReconstruction(*reconstructor, [&](const StepReport& report) {
-        absl::Status status = Step(report);
-        if (absl::IsCancelled(status)) checkpoints_.Save(*reconstructor, report.step);
-        if (status.ok()) checkpoints_.SaveIfDue(*reconstructor, report.step);
-        return status;
+        return SaveStep(Step(report), report.step, *reconstructor, checkpoints_);
       });
   job_.stop.polled = false;
   RETURN_IF_ERROR(gaussians.status());
@@ -207,7 +211,7 @@ absl::Status Training::TrainGaussians() {
   ASSIGN_OR_RETURN(model_.gaussians, ReconstructOrResume());
   const std::filesystem::path folder = job_.folder.reconstruction(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));
-  checkpoints_.RemoveAll();
+  checkpoints_.Remove();
   return EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
 }
 
@@ -233,10 +237,14 @@ absl::Status Training::TrainSceneFeatures() {
     return absl::OkStatus();
   }
   RETURN_IF_ERROR(StartStage("features"));
+  ASSIGN_OR_RETURN(const std::unique_ptr<FeatureStage> stage,
+                   BeginFeatures(feature_checkpoints_, *backend_, capture_, model_.gaussians,
+                                 settings_.features));
+  GoOnFrom(feature_checkpoints_.first_step(), "features_resumed_from_step");
   job_.stop.polled = true;
-  absl::StatusOr<FeatureField> field =
-      TrainFeatures(*backend_, capture_, model_.gaussians, settings_.features,
-                    [this](const StepReport& report) { return Step(report); });
+  absl::StatusOr<FeatureField> field = FinishFeatures(*stage, [&](const StepReport& report) {
+    return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);
+  });
   job_.stop.polled = false;
   RETURN_IF_ERROR(field.status());
   RETURN_IF_ERROR(CheckDevice());
@@ -266,7 +274,7 @@ absl::StatusOr<JobResult> Training::Index() {
   model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
   const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));
-  RemoveReconstructions(job_.folder, job_.spec.fence);
+  RemoveIntermediates(job_.folder, job_.spec.fence);
   RETURN_IF_ERROR(EndStage({}));
   JobResult result;
   result.metrics = model_.metrics;

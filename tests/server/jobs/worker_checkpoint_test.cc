@@ -21,41 +21,42 @@ class WorkerCheckpointTest : public WorkerTest {
     spec_.checkpoint_steps = 10;
   }
 
-  // Of attempt 1, by step.
-  Paths Checkpoints() {
+  // Of a stage of attempt 1, by step.
+  Paths Checkpoints(const std::string& stage = "reconstruct") {
     Paths paths;
     std::error_code error;
     for (const auto& entry : std::filesystem::directory_iterator(job_.checkpoints(1), error)) {
-      if (entry.path().extension() == ".ckpt") paths.push_back(entry.path());
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with(stage + "-") && name.ends_with(".ckpt")) paths.push_back(entry.path());
     }
     std::sort(paths.begin(), paths.end());
     return paths;
   }
 
   // Attempt 1, killed once it has both generations and gone from one to the next.
-  Paths RunAndKill() {
+  Paths RunAndKill(const std::string& stage = "reconstruct") {
     const auto worker = Launch(getpid());
     std::string first;
     for (int i = 0; i < 6000; ++i) {
-      const Paths paths = Checkpoints();
+      const Paths paths = Checkpoints(stage);
       if (first.empty() && !paths.empty()) first = paths.front().string();
       if (paths.size() == 2 && paths.front() != first) break;
       absl::SleepFor(absl::Milliseconds(1));
     }
     worker->Signal(SIGKILL);
     EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
-    const Paths paths = Checkpoints();
+    const Paths paths = Checkpoints(stage);
     // Three while the third's arrival is not yet the first's end.
     EXPECT_GE(paths.size(), 2u);
     EXPECT_LE(paths.size(), 3u);
     return paths;
   }
 
-  // Attempt `fence`, to its end: the bytes of its Gaussians.
-  std::string Finish(int64_t fence) {
+  // Attempt `fence`, to its end: the bytes of a file of the model.
+  std::string Finish(int64_t fence, const std::string& file = "gaussians.ply") {
     spec_.fence = fence;
     ExpectExit(Run(), WorkerExit::kSucceeded);
-    return ReadFile(job_.attempt(fence) / "gaussians.ply", "gaussians.ply", 1 << 30).value_or("");
+    return ReadFile(job_.attempt(fence) / file, file, 1 << 30).value_or("");
   }
 
   // The step that an attempt began at: that before its first report.
@@ -77,15 +78,16 @@ class WorkerCheckpointTest : public WorkerTest {
   }
 
   static int64_t StepOf(const std::filesystem::path& path) {
-    return std::stoll(path.filename().string().substr(5));
+    const std::string name = path.filename().string();
+    return std::stoll(name.substr(name.find('-') + 1));
   }
 
   // The bytes of an attempt that nothing broke off.
-  std::string Unbroken() {
+  std::string Unbroken(const std::string& file = "gaussians.ply") {
     const JobFolder broken = job_;
     job_ = JobFolder(folder_.path() / "unbroken");
     std::filesystem::create_directories(job_.path());
-    std::string bytes = Finish(1);
+    std::string bytes = Finish(1, file);
     job_ = broken;
     return bytes;
   }
@@ -101,6 +103,22 @@ TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
   const auto result = job_.ReadResult(2);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->metrics.at("resumed_from_step"), StepOf(paths.back()));
+  for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
+}
+
+TEST_F(WorkerCheckpointTest, KilledInStageTwoNextAttemptEndsWithTheSameBytes) {
+  spec_.options.mutable_reconstruct()->set_num_steps(40);
+  spec_.options.mutable_features()->set_num_steps(400);
+  const std::string unbroken = Unbroken("features.bin");
+  ASSERT_FALSE(unbroken.empty());
+  const Paths paths = RunAndKill("features");
+  ASSERT_GE(paths.size(), 2u);
+  EXPECT_EQ(Finish(2, "features.bin"), unbroken);
+  EXPECT_THAT(Warnings(), ::testing::IsEmpty());
+  const auto result = job_.ReadResult(2);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->metrics.at("features_resumed_from_step"), StepOf(paths.back()));
+  EXPECT_EQ(result->metrics.count("resumed_from_step"), 0u);  // stage one was done
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 

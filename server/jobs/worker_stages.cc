@@ -1,0 +1,35 @@
+#include "server/jobs/worker_stages.h"
+
+#include "core/status_macros.h"
+
+namespace pepeseg {
+
+absl::StatusOr<std::unique_ptr<Reconstructor>> BeginReconstruction(
+    WorkerCheckpoints& checkpoints, Backend& backend, const Capture& capture,
+    const ReconstructOptions& options) {
+  std::unique_ptr<Reconstructor> stage;
+  checkpoints.Resume([&](const Checkpoint& file) -> absl::Status {
+    ASSIGN_OR_RETURN(const ReconstructCheckpoint state, ReconstructCheckpointOf(file.sections));
+    ASSIGN_OR_RETURN(stage, Reconstructor::Resume(backend, capture, options, state));
+    return absl::OkStatus();
+  });
+  if (stage != nullptr) return stage;
+  return Reconstructor::Create(backend, capture, options);
+}
+
+absl::StatusOr<std::unique_ptr<FeatureStage>> BeginFeatures(WorkerCheckpoints& checkpoints,
+                                                            Backend& backend,
+                                                            const Capture& capture,
+                                                            const Gaussians& gaussians,
+                                                            const FeatureOptions& options) {
+  std::unique_ptr<FeatureStage> stage;
+  checkpoints.Resume([&](const Checkpoint& file) -> absl::Status {
+    ASSIGN_OR_RETURN(const FeatureCheckpoint state, FeatureCheckpointOf(file.sections));
+    ASSIGN_OR_RETURN(stage, FeatureStage::Resume(backend, capture, gaussians, options, state));
+    return absl::OkStatus();
+  });
+  if (stage != nullptr) return stage;
+  return FeatureStage::Create(backend, capture, gaussians, options);
+}
+
+}  // namespace pepeseg
