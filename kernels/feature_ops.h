@@ -121,8 +121,8 @@ enum PairLossSum {
   kNumPairLossSums
 };
 
-// L_c at one scale: mean of (1 - C) over the pixels whose nearest centroid has C > min_cosine, with C
-// the cosine of psi(s) * F(p) and the centroid. Centroids are constants. Adds to the gradients.
+// L_c at one scale: mean of (1 - C) over the pixels whose nearest centroid has C > min_cosine, with
+// C the cosine of psi(s) * F(p) and the centroid. Centroids are constants. Adds to the gradients.
 struct CentroidLossArgs {
   DeviceSpan<const float> pixel_features;  // [S, 32]
   DeviceSpan<const float> centroids;       // [K, 32] of length 1, gated; K >= 1
@@ -159,7 +159,7 @@ struct SimilarityArgs {
   DeviceSpan<const float> psi;      // [32] the gate at the asked scale
   DeviceSpan<const float> queries;  // [num_queries, 32] features, not yet gated
   float min_norm = 0;
-  DeviceSpan<float> similarity;     // [num_queries, num_pixels]
+  DeviceSpan<float> similarity;  // [num_queries, num_pixels]
 };
 
 }  // namespace pepeseg
