@@ -30,7 +30,8 @@ DepthImages RandomImages(Size size, uint64_t seed) {
   std::mt19937_64 engine(seed);
   std::uniform_real_distribution<float> uniform(0, 1);
   for (int i = 0; i < size.width * size.height; ++i) {
-    const auto x = static_cast<float>(i % size.width), y = static_cast<float>(i / size.width);
+    const int column = i % size.width, row = i / size.width;
+    const auto x = static_cast<float>(column), y = static_cast<float>(row);
     const float depth = 2 + std::sin(0.13f * x) + 0.02f * y + 0.3f * uniform(engine);
     const float alpha = i % 11 == 0 ? 0.5f * uniform(engine) : 0.51f + 0.49f * uniform(engine);
     images.alpha.push_back(alpha);

@@ -13,8 +13,8 @@ TEST(ViewSampler, ShowsEachViewOnceARound) {
   std::mt19937_64 random(3);
   std::vector<int> first_round;
   for (int round = 0; round < 5; ++round) {
-    std::vector<int> shown;
-    for (int i = 0; i < 7; ++i) shown.push_back(sampler.Next(random));
+    std::vector<int> shown(7);
+    for (int& view : shown) view = sampler.Next(random);
     EXPECT_EQ(std::set<int>(shown.begin(), shown.end()), (std::set<int>{0, 1, 2, 3, 4, 5, 6}));
     if (round == 0) first_round = shown;
     if (round == 4) {

@@ -104,6 +104,7 @@ TEST(ResampleMaskSet, TakesEachPixelFromItsSource) {
   int shown = 0;
   for (int mask = 0; mask < set.num_masks; ++mask) {
     std::vector<uint8_t> expected;
+    expected.reserve(source.size());
     for (const int32_t from : source) expected.push_back(set.Extract(mask).pixels[from]);
     if (std::find(expected.begin(), expected.end(), 1) == expected.end()) continue;
     ASSERT_LT(shown, half.num_masks);
