@@ -137,7 +137,8 @@ std::vector<double> ReferenceGradient(const ReferenceScene& scene, const Pinhole
     const double g[] = {grad.color[i], grad.color[num_pixels + i], grad.color[2 * num_pixels + i]};
     double behind = -grad.alpha[i];
     for (int c = 0; c < 3; ++c) behind += g[c] * options.background[c];
-    const double x = i % view.width + 0.5, y = i / view.width + 0.5;
+    const int64_t column = i % view.width, row = i / view.width;
+    const double x = static_cast<double>(column) + 0.5, y = static_cast<double>(row) + 0.5;
     BackwardPixel(BlendPixel(splats, x, y), g, grad.depth[i], behind);
   }
   std::vector<double> out(scene.planes.size());

@@ -144,7 +144,8 @@ ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& v
   out.depth.resize(num_pixels);
   out.close_call.resize(num_pixels);
   for (int64_t pixel = 0; pixel < num_pixels; ++pixel) {
-    const double px = pixel % view.width + 0.5, py = pixel / view.width + 0.5;
+    const int64_t column = pixel % view.width, row = pixel / view.width;
+    const double px = static_cast<double>(column) + 0.5, py = static_cast<double>(row) + 0.5;
     const auto note = [&](double value, double threshold) {
       if (std::abs(value / threshold - 1) < options.close) out.close_call[pixel] = 1;
     };
