@@ -130,7 +130,8 @@ Image Photograph(const View& view) {
     for (int x = 0; x < photo.width; ++x) {
       Vector3d sum = Vector3d::Zero();
       for (int k = 0; k < 4; ++k) {
-        const Ray ray = PixelRay(view, x + 0.25 + 0.5 * (k % 2), y + 0.25 + 0.5 * (k / 2));
+        const double u = k % 2 == 0 ? 0.25 : 0.75, v = k < 2 ? 0.25 : 0.75;
+        const Ray ray = PixelRay(view, x + u, y + v);
         sum += Shade(ray, Trace(ray));
       }
       for (int c = 0; c < 3; ++c) photo.pixels.push_back(uint8_t(std::lround(sum[c] / 4 * 255)));
