@@ -49,6 +49,7 @@ TEST(ResidentCache, OneLoadHoweverManyAsk) {
     return std::make_unique<Thing>(3);
   };
   std::vector<std::thread> threads;
+  threads.reserve(8);
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&] {
       const auto handle = cache.Acquire("a", 10, slow);
@@ -133,6 +134,7 @@ TEST(ResidentCache, ManyThreadsUnderATightBudget) {
   {
     Cache cache(35);
     std::vector<std::thread> threads;
+    threads.reserve(4);
     for (int t = 0; t < 4; ++t) {
       threads.emplace_back([&, t] {
         for (int i = 0; i < 500; ++i) {
