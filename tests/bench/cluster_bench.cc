@@ -15,6 +15,7 @@
 
 #include "core/cluster/hdbscan.h"
 #include "kernels/backend.h"
+#include "tests/bench/bench_backend.h"
 
 namespace pepeseg {
 namespace {
@@ -81,17 +82,9 @@ Times Measure(Backend& backend, int count) {
   return {median(tree_ms), median(host_ms), std::move(clusters)};
 }
 
-std::unique_ptr<Backend> MakeBackend(bool cuda, std::vector<KernelTime>* times) {
-  if (!cuda) return MakeCpuBackend();
-  std::string error;
-  std::unique_ptr<Backend> backend = MakeCudaBackend({.kernel_times = times}, &error);
-  if (backend == nullptr) std::fprintf(stderr, "%s\n", error.c_str());
-  return backend;
-}
-
 void PrintKernels(int count) {
   std::vector<KernelTime> times;
-  const std::unique_ptr<Backend> backend = MakeBackend(true, &times);
+  const std::unique_ptr<Backend> backend = MakeBenchBackend("cuda", 0, &times);
   if (backend == nullptr) return;
   Measure(*backend, count);
   backend->Sync();
@@ -110,7 +103,7 @@ int Main(std::span<char*> argv) {
     if (flag == "--device") cuda = value == "cuda";
     if (flag == "--points") counts = {std::max(2, std::atoi(value.c_str()))};
   }
-  const std::unique_ptr<Backend> backend = MakeBackend(cuda, nullptr);
+  const std::unique_ptr<Backend> backend = MakeBenchBackend(cuda ? "cuda" : "cpu", 0, nullptr);
   if (backend == nullptr) return 1;
   std::printf("%s, min_samples %d, min_cluster_size %d\n\n", backend->name().c_str(),
               kOptions.min_samples, kOptions.min_cluster_size);

@@ -1,7 +1,6 @@
 // Error against time of stage one: trains on a capture pack and scores the held-out views at set
 // shares of the run, with the clock stopped. One table row a score.
 
-#include <chrono>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -10,6 +9,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
+#include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/stage_one_flags.h"
 
@@ -26,18 +26,6 @@ struct BenchOptions {
   bool kernels = false;
   ReconstructOptions reconstruct;
 };
-
-std::unique_ptr<Backend> MakeBackend(const BenchOptions& options, std::vector<KernelTime>* times) {
-  if (options.device == "cpu") return MakeCpuBackend();
-  std::string error;
-  auto backend = MakeCudaBackend({.kernel_times = options.kernels ? times : nullptr}, &error);
-  if (backend == nullptr) std::cerr << error << "\n";
-  return backend;
-}
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // Means, and the PSNR of each view.
 absl::StatusOr<std::string> Score(Backend& backend, const Capture& capture,
@@ -84,7 +72,7 @@ absl::Status Run(const BenchOptions& options) {
     if (options.strip_masks) view.masks = {};
   }
   std::vector<KernelTime> times;
-  const auto backend = MakeBackend(options, &times);
+  const auto backend = MakeBenchBackend(options.device, 0, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
   for (int k = 0; k < options.num_seeds; ++k) {
     RETURN_IF_ERROR(Train(*backend, capture, options, options.reconstruct.seed + k));

@@ -1,7 +1,6 @@
 // Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
 // level of its ground truth on the held-out views. One table row a seed and level.
 
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -16,6 +15,7 @@
 #include "core/io/gaussian_ply.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
+#include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
@@ -36,18 +36,6 @@ struct BenchOptions {
   FeatureOptions features;
   OneClickOptions protocol;
 };
-
-std::unique_ptr<Backend> MakeBackend(const BenchOptions& options, std::vector<KernelTime>* times) {
-  if (options.device == "cpu") return MakeCpuBackend(options.num_threads);
-  std::string error;
-  auto backend = MakeCudaBackend({.kernel_times = options.kernels ? times : nullptr}, &error);
-  if (backend == nullptr) std::cerr << error << "\n";
-  return backend;
-}
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // What stage one leaves; seconds below 0: it was read.
 struct Geometry {
@@ -210,7 +198,8 @@ absl::Status Run(const BenchOptions& options) {
     if (options.strip_depth) view.depth = {};
   }
   std::vector<KernelTime> times;
-  const auto backend = MakeBackend(options, &times);
+  const auto backend =
+      MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
   PrintHeader(options.protocol);
   Geometry geometry;
