@@ -12,6 +12,7 @@
 #include "kernels/depth_ops.h"
 #include "kernels/feature_ops.h"
 #include "kernels/ops.h"
+#include "kernels/perception_ops.h"
 #include "kernels/refine_ops.h"
 #include "kernels/smooth_ops.h"
 
@@ -89,12 +90,13 @@ class Backend {
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
-  // Stage two and queries (feature_ops.h, smooth_ops.h).
+  // Stage two and queries (feature_ops.h, perception_ops.h, smooth_ops.h).
   virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
   virtual void PairLoss(const PairLossArgs& args) = 0;
   virtual void CentroidLoss(const CentroidLossArgs& args) = 0;
+  virtual void PerceptionLoss(const PerceptionLossArgs& args) = 0;
   virtual void FeatureUpdate(const FeatureUpdateArgs& args) = 0;
   virtual void NeighborRows(const NeighborRowsArgs& args) = 0;
   virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;

@@ -25,7 +25,7 @@ double Dot(const float* a, const float* b) {
 std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
                               float scale) {
   float psi[kFeatureSize];
-  for (int k = 0; k < kFeatureSize; ++k) psi[k] = Gate(gate[k], gate[kFeatureSize + k], scale);
+  GateAt(gate.data(), kFeatureSize, scale, psi);
   std::vector<float> units(features.size());
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
     GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);

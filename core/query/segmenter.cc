@@ -102,10 +102,7 @@ absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
   const int64_t num_queries = queries.size() / kFeatureSize;
   std::vector<float> psi(kFeatureSize);
-  for (int k = 0; k < kFeatureSize; ++k) {
-    psi[k] =
-        Gate(model.field.gate[k], model.field.gate[kFeatureSize + k], static_cast<float>(scale));
-  }
+  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scale), psi.data());
   const Buffer<float> psi_buffer(backend, std::span<const float>(psi));
   Buffer<float> similarity(backend, map.size / kFeatureSize * num_queries);
   if (similarity.empty()) {

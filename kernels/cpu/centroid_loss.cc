@@ -32,9 +32,7 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
   if (failed()) return;
   const int64_t num_pixels = args.pixel_features.size / kFeatureSize;
   float psi[kFeatureSize];
-  for (int k = 0; k < kFeatureSize; ++k) {
-    psi[k] = Gate(args.gate[k], args.gate[kFeatureSize + k], args.scale);
-  }
+  GateAt(args.gate.data, kFeatureSize, args.scale, psi);
   std::vector<NearCentroid> near(num_pixels);
   const int64_t num_chunks = (num_pixels + kChunk - 1) / kChunk;
   const auto for_each_pixel = [&](const auto& body) {
@@ -65,15 +63,9 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
     GatedUnitVjp(psi, args.pixel_features.data + p * kFeatureSize, kFeatureSize, unit_grad,
                  args.pixel_grad.data + p * kFeatureSize, psi_grads.data() + chunk * kFeatureSize);
   });
-  for (int k = 0; k < kFeatureSize; ++k) {
-    float psi_grad = 0;
-    for (int64_t chunk = 0; chunk < num_chunks; ++chunk) {
-      psi_grad += psi_grads[chunk * kFeatureSize + k];
-    }
-    const float bias_grad = GateVjp(psi[k], psi_grad);
-    args.gate_grad[k] += args.scale * bias_grad;
-    args.gate_grad[kFeatureSize + k] += bias_grad;
-  }
+  float psi_grad[kFeatureSize] = {};
+  for (size_t i = 0; i < psi_grads.size(); ++i) psi_grad[i % kFeatureSize] += psi_grads[i];
+  GateAtVjp(psi, psi_grad, kFeatureSize, args.scale, args.gate_grad.data);
 }
 
 }  // namespace pepeseg

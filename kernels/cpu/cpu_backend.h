@@ -56,6 +56,7 @@ class CpuBackend final : public Backend {
   void FeatureRows(const FeatureRowsArgs& args) override;
   void PairLoss(const PairLossArgs& args) override;
   void CentroidLoss(const CentroidLossArgs& args) override;
+  void PerceptionLoss(const PerceptionLossArgs& args) override;
   void FeatureUpdate(const FeatureUpdateArgs& args) override;
   void NeighborRows(const NeighborRowsArgs& args) override;
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;

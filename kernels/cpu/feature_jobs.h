@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "kernels/feature_ops.h"
+#include "kernels/perception_ops.h"
 
 // What the inner loops of stage two work on (kernels/cpu/simd/features.cc, pairs.cc).
 
@@ -33,6 +34,21 @@ struct PairJob {
 struct PairBlock {
   int first, end;
   double sums[kNumPairLossSums];
+  float psi_grad[kMaxScales * kFeatureSize];
+};
+
+// Shared by the tasks of one PerceptionLoss.
+struct PerceptionJob {
+  const PerceptionLossArgs* args;
+  int num_scales;
+  const float* psi;  // [scales, 32]
+  float* unit;       // [S, scales, 32] psi * F, normalised; only of pixels with a pair
+};
+
+// Pixels [first, end) and what they add; the loss is of ordered pairs, twice what it should be.
+struct PerceptionBlock {
+  int64_t first, end;
+  double loss;
   float psi_grad[kMaxScales * kFeatureSize];
 };
 

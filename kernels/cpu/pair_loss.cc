@@ -22,13 +22,14 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
   const PairLossArgs& args = *job.args;
   std::fill_n(args.gate_grad.data, kGateSize, 0.0f);
   for (int scale = 0; scale < job.num_scales; ++scale) {
-    for (int k = 0; k < kFeatureSize; ++k) {
-      float psi_grad = 0;
-      for (const PairBlock& block : blocks) psi_grad += block.psi_grad[scale * kFeatureSize + k];
-      const float bias_grad = GateVjp(job.psi[scale * kFeatureSize + k], psi_grad);
-      args.gate_grad[k] += args.scales[scale] * bias_grad;
-      args.gate_grad[kFeatureSize + k] += bias_grad;
+    float psi_grad[kFeatureSize] = {};
+    for (const PairBlock& block : blocks) {
+      for (int k = 0; k < kFeatureSize; ++k) {
+        psi_grad[k] += block.psi_grad[scale * kFeatureSize + k];
+      }
     }
+    GateAtVjp(job.psi + scale * kFeatureSize, psi_grad, kFeatureSize, args.scales[scale],
+              args.gate_grad.data);
   }
 }
 

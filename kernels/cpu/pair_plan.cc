@@ -39,10 +39,9 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
 }
 
 void PairPlan::GateScales(const PairLossArgs& args) {
+  psi_.resize(args.scales.size * kFeatureSize);
   for (int64_t scale = 0; scale < args.scales.size; ++scale) {
-    for (int k = 0; k < kFeatureSize; ++k) {
-      psi_.push_back(Gate(args.gate[k], args.gate[kFeatureSize + k], args.scales[scale]));
-    }
+    GateAt(args.gate.data, kFeatureSize, args.scales[scale], psi_.data() + scale * kFeatureSize);
   }
 }
 

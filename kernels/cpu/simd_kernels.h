@@ -90,6 +90,9 @@ struct SimdKernels {
   void (*gate_pixels)(const PairJob& job, int first, int end);
   void (*pair_rows)(const PairJob& job, PairBlock& block);
   void (*pair_rows_vjp)(const PairJob& job, PairBlock& block);
+  // The passes of PerceptionLoss.
+  void (*perception_units)(const PerceptionJob& job, FeatureRange pixels);
+  void (*perception_rows)(const PerceptionJob& job, PerceptionBlock& block);
   // query_units: [num_queries, 32] gated and normalised.
   void (*similarity)(const SimilarityArgs& args, const float* query_units, FeatureRange pixels);
   // The passes of SpanningTree; `rows` are at most kNearestRows.

@@ -9,7 +9,7 @@ const SimdKernels& GetSimdKernels() {
       BlendFeatures,          ProjectGaussians,  UpdateParameters,   ImageLossBand,
       FeatureCatchUpRange,    FeatureRowsRange,  FeatureUpdateRange, SmoothFeaturesRange,
       SmoothBackwardRange,    GatePixels,        PairRows,           PairRowsVjp,
-      SimilarityRange,        NearestNeighbours, RelaxColumns,       LeastOf};
+      PerceptionUnits,        PerceptionRows,    SimilarityRange,        NearestNeighbours, RelaxColumns,       LeastOf};
   return kKernels;
 }
 

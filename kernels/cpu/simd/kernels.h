@@ -26,6 +26,8 @@ void SmoothBackwardRange(const SmoothBackwardArgs& args, FeatureRange range);
 void GatePixels(const PairJob& job, int first, int end);
 void PairRows(const PairJob& job, PairBlock& block);
 void PairRowsVjp(const PairJob& job, PairBlock& block);
+void PerceptionUnits(const PerceptionJob& job, FeatureRange range);
+void PerceptionRows(const PerceptionJob& job, PerceptionBlock& block);
 void SimilarityRange(const SimilarityArgs& args, const float* query_units, FeatureRange range);
 void NearestNeighbours(const NearestJob& job, FeatureRange range);
 void RelaxColumns(const RelaxJob& job, ColumnRange range);

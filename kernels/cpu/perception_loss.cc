@@ -1,0 +1,55 @@
+#include <algorithm>
+#include <vector>
+
+#include "kernels/cpu/cpu_backend.h"
+#include "kernels/math/gate.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kBlock = 32;  // pixels a task
+
+// Blocks sum in their order, whatever thread had them.
+void SumBlocks(const PerceptionJob& job, const std::vector<PerceptionBlock>& blocks) {
+  const PerceptionLossArgs& args = *job.args;
+  args.loss[0] = 0;
+  for (const PerceptionBlock& block : blocks) args.loss[0] += 0.5 * block.loss;
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    const int at = scale * kFeatureSize;
+    float psi_grad[kFeatureSize] = {};
+    for (const PerceptionBlock& block : blocks) {
+      for (int k = 0; k < kFeatureSize; ++k) psi_grad[k] += block.psi_grad[at + k];
+    }
+    GateAtVjp(job.psi + at, psi_grad, kFeatureSize, args.scales[scale], args.gate_grad.data);
+  }
+}
+
+}  // namespace
+
+void CpuBackend::PerceptionLoss(const PerceptionLossArgs& args) {
+  if (failed()) return;
+  const int64_t num_pixels = args.first.size - 1;
+  const auto num_scales = static_cast<int>(args.scales.size);
+  std::vector<float> psi(num_scales * kFeatureSize);
+  for (int scale = 0; scale < num_scales; ++scale) {
+    GateAt(args.gate.data, kFeatureSize, args.scales[scale], psi.data() + scale * kFeatureSize);
+  }
+  std::vector<float> unit(num_pixels * num_scales * kFeatureSize);
+  const PerceptionJob job = {&args, num_scales, psi.data(), unit.data()};
+  std::vector<PerceptionBlock> blocks((num_pixels + kBlock - 1) / kBlock);
+  for (size_t i = 0; i < blocks.size(); ++i) {
+    blocks[i].first = static_cast<int64_t>(i) * kBlock;
+    blocks[i].end = std::min(num_pixels, blocks[i].first + kBlock);
+  }
+  const auto for_each_block = [&](auto&& body) {
+    pool_.ParallelFor(static_cast<int64_t>(blocks.size()),
+                      [&](int64_t i, int) { body(blocks[i]); });
+  };
+  for_each_block([&](const PerceptionBlock& block) {
+    simd_.perception_units(job, {block.first, block.end});
+  });
+  for_each_block([&](PerceptionBlock& block) { simd_.perception_rows(job, block); });
+  SumBlocks(job, blocks);
+}
+
+}  // namespace pepeseg
