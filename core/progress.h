@@ -2,12 +2,19 @@
 
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <string_view>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 
 namespace pepeseg {
+
+// A part of a stage that this scene does not need, or that its options leave out.
+struct SkippedTerm {
+  std::string term;    // "depth", "refinement"; "background", "centroids", "perception"
+  std::string reason;  // for a person
+};
 
 // What a stage tells after a step. NaN: not measured in this step.
 struct StepReport {

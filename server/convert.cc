@@ -59,6 +59,10 @@
   FIELD(centroid_pixels) \
   FIELD(centroid_weight_upper) \
   FIELD(centroid_weight_lower) \
+  FIELD(perception_weight) \
+  FIELD(num_perception_pixels) \
+  FIELD(perception_threshold) \
+  FIELD(perception_cross_view) \
   FIELD(steps_per_chunk) \
   FIELD(seed)
 // clang-format on

@@ -55,6 +55,10 @@ void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
     case v1::JobEvent::kStageEnded:
       line.Say(StageEndedText(event.stage_ended()));
       break;
+    case v1::JobEvent::kTermSkipped:
+      line.Say(absl::StrFormat("%-11s %s skipped: %s", event.term_skipped().stage(),
+                               event.term_skipped().term(), event.term_skipped().reason()));
+      break;
     case v1::JobEvent::kWarning:
       line.Say("warning: " + event.warning().message());
       break;

@@ -52,7 +52,7 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
   for (size_t i = 0; i < capture.views.size(); ++i) {
     const View& view = capture.views[i];
     if (view.held_out || view.masks.empty()) continue;
-    DrawableView drawable = {static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}};
+    DrawableView drawable = {static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}, {}, {}};
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
     std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
     drawable.patch_weight = PatchWeights(view.masks, mask_scales[i]);
@@ -78,11 +78,13 @@ PixelBatch BatchDrawer::Next() {
   const DrawableView& view = NextView();
   PixelBatch batch;
   batch.view = view.view;
-  const std::vector<float> scales = DrawScales(view);
+  batch.scene_scales = DrawScales(view);
   DrawPixels(view, batch);
   DrawBackground(view, batch);
-  Label(view, scales, batch);
-  for (const float scale : scales) {
+  batch.num_labelled = static_cast<int>(batch.pixels.size());
+  DrawUnlabelled(view, batch);
+  Label(view, batch.scene_scales, batch);
+  for (const float scale : batch.scene_scales) {
     batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
   }
   batch.pair_seed = static_cast<uint32_t>(random_() >> 32);
@@ -145,6 +147,13 @@ void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch) {
     batch.weight.push_back(weight);
   }
   ++batch.num_patches;
+}
+
+void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch) {
+  if (view.unlabelled.empty()) return;
+  for (int i = 0; i < options_.num_perception_pixels; ++i) {
+    batch.pixels.push_back(view.unlabelled[DrawIndex(view.unlabelled.size(), random_)]);
+  }
 }
 
 void BatchDrawer::Label(const DrawableView& view, std::span<const float> scales,

@@ -13,17 +13,28 @@
 
 namespace pepeseg {
 
+// Pairs of a batch's pixels for PerceptionLoss, which says more of each.
+struct PairLists {
+  std::vector<int32_t> first = {}, other = {};
+  std::vector<uint32_t> cues = {};
+  std::vector<float> share = {};
+};
+
 // The samples of one step: nothing here depends on a feature.
 struct PixelBatch {
   int view = 0;  // index in the capture
-  // [S] y * width + x, each under a mask that has a scale; then of the background.
+  // [S] y * width + x: the labelled ones, each under a mask that has a scale; of the background,
+  // which is labelled, too; of what no mask covers in this view.
   std::vector<int32_t> pixels;
-  std::vector<float> weight;   // [S] 1 / mean area of the masks over the pixel
-  std::vector<int32_t> patch;  // [S] -> patches of this batch
+  int num_labelled = 0;
+  std::vector<float> weight;   // [labelled] 1 / mean area of the masks over the pixel
+  std::vector<int32_t> patch;  // [labelled] -> patches of this batch
   int num_patches = 0;
   int label_words = 1;
   std::vector<uint64_t> labels;  // [num_scales, num_patches, label_words]
-  std::vector<float> scales;     // [num_scales] quantiles
+  std::vector<float> scales;     // [num_scales] quantiles; the same in scene units:
+  std::vector<float> scene_scales;
+  PairLists pairs;  // empty where the perception loss is left out
   uint32_t pair_seed = 0;
   uint32_t drawn_neighbors = 1;  // bits: columns of the neighbour graph, see SmoothFeatures
 };
@@ -35,7 +46,8 @@ struct DrawableView {
   std::vector<float> sorted_scales;      // those over 0, ascending
   std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored
   std::vector<float> patch_weight;       // [num_patches] 1 / mean area of the masks with a scale
-  std::vector<int32_t> background = {};  // see BackgroundPixels
+  std::vector<int32_t> background = {};  // see UncoveredPixels, as:
+  std::vector<int32_t> unlabelled = {};
 };
 
 // Views without a pixel to draw are left out.
@@ -62,6 +74,7 @@ class BatchDrawer {
   std::vector<float> DrawScales(const DrawableView& view);
   void DrawPixels(const DrawableView& view, PixelBatch& batch);
   void DrawBackground(const DrawableView& view, PixelBatch& batch);
+  void DrawUnlabelled(const DrawableView& view, PixelBatch& batch);
   void Label(const DrawableView& view, std::span<const float> scales, PixelBatch& batch) const;
 
   const Capture& capture_;

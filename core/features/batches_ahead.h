@@ -6,10 +6,12 @@
 #include <vector>
 
 #include "core/features/batch_drawer.h"
+#include "core/features/perception_cues.h"
+#include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {
 
-// Draws the batches of the next chunk on a thread of its own while one chunk is trained.
+// Draws the batches of the next chunk on threads of its own while one chunk is trained.
 class BatchesAhead {
  public:
   struct Chunk {
@@ -17,9 +19,13 @@ class BatchesAhead {
     std::vector<PixelBatch> batches;
   };
 
-  // The drawer must outlive it, and nobody else may call it.
-  BatchesAhead(BatchDrawer& drawer, int num_batches, int chunk_size)
-      : drawer_(drawer), start_(drawer.Save()), num_left_(num_batches), chunk_size_(chunk_size) {
+  // The drawer must outlive it, and nobody else may call it. cues: null where no pairs are listed.
+  BatchesAhead(BatchDrawer& drawer, const PerceptionCues* cues, int num_batches, int chunk_size)
+      : drawer_(drawer),
+        cues_(cues),
+        start_(drawer.Save()),
+        num_left_(num_batches),
+        chunk_size_(chunk_size) {
     Begin();
   }
 
@@ -40,11 +46,15 @@ class BatchesAhead {
     next_ = std::async(std::launch::async, [this, count] {
       Chunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count))};
       for (PixelBatch& batch : chunk.batches) batch = drawer_.Next();
+      if (cues_ == nullptr) return chunk;
+      pool_.ParallelFor(count, [&](int64_t i, int) { cues_->List(chunk.batches[i]); });
       return chunk;
     });
   }
 
   BatchDrawer& drawer_;
+  const PerceptionCues* cues_;
+  ThreadPool pool_ = ThreadPool(0);
   DrawerState start_;
   int num_left_;
   int chunk_size_;

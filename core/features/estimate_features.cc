@@ -12,7 +12,8 @@ namespace {
 constexpr int64_t kFloat = sizeof(float);
 
 int64_t SamplesOf(const FeatureOptions& options) {
-  return int64_t{options.num_pixels} + options.num_background_pixels;
+  return int64_t{options.num_pixels} + options.num_background_pixels +
+         (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
 
 int64_t SamplesInChunk(const FeatureOptions& options) {

@@ -10,6 +10,7 @@
 #include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
 #include "core/features/neighbor_graph.h"
+#include "core/priors/depth_edges.h"
 #include "core/status_macros.h"
 #include "kernels/cpu/parallel_for.h"
 
@@ -20,6 +21,16 @@ constexpr int kFeatureStep = 100;  // of Backend::Sequence; stage one has the sm
 
 // How many steps are queued before the host waits for their losses.
 int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
+
+bool WantsPerception(const Capture& capture, const FeatureOptions& options) {
+  return options.perception_weight > 0 && HasTrainingDepth(capture);
+}
+
+std::string WhyNoPerception(const Capture& capture, const FeatureOptions& options) {
+  if (options.perception_weight == 0) return "perception_weight is 0";
+  if (!HasTrainingDepth(capture)) return "no training view has a depth prior";
+  return "masks or the background cover all pixels away from edges";
+}
 
 std::vector<float> AllScales(const std::vector<std::vector<float>>& scales) {
   std::vector<float> all;
@@ -74,28 +85,76 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
   return stage;
 }
 
-// Scales of all masks of each view that is trained on; none for the others. A block of views at a
-// time: their depths are rendered, then measured side by side.
-std::vector<std::vector<float>> FeatureStage::MeasureMasks() {
+// A block of views at a time: their depths are rendered, then their masks measured side by side.
+FeatureStage::MeasuredViews FeatureStage::MeasureViews() {
   constexpr size_t kBlock = 16;
-  std::vector<std::vector<float>> scales(capture_.views.size());
+  MeasuredViews measured = {std::vector<std::vector<float>>(capture_.views.size()),
+                            std::vector<std::vector<float>>(capture_.views.size())};
   std::vector<size_t> trained;
   for (size_t i = 0; i < capture_.views.size(); ++i) {
     if (!capture_.views[i].held_out && !capture_.views[i].masks.empty()) trained.push_back(i);
   }
+  const bool keep_depths = WantsPerception(capture_, options_);
   ThreadPool pool(0);
   for (size_t first = 0; first < trained.size(); first += kBlock) {
-    const size_t count = std::min(kBlock, trained.size() - first);
-    std::vector<std::vector<float>> depths;
-    for (size_t i = 0; i < count; ++i) {
-      depths.push_back(scene_.Depth(capture_.views[trained[first + i]]));
-    }
-    pool.ParallelFor(static_cast<int64_t>(count), [&](int64_t i, int) {
-      const size_t view = trained[first + i];
-      scales[view] = MaskScales(capture_.views[view], depths[i]);
+    const std::span<const size_t> block(trained.data() + first,
+                                        std::min(kBlock, trained.size() - first));
+    for (const size_t view : block) measured.depths[view] = scene_.Depth(capture_.views[view]);
+    pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
+      const size_t view = block[i];
+      measured.mask_scales[view] = MaskScales(capture_.views[view], measured.depths[view]);
     });
+    if (keep_depths) continue;
+    for (const size_t view : block) measured.depths[view] = {};
   }
-  return scales;
+  return measured;
+}
+
+void FeatureStage::FindUncoveredPixels(std::vector<DrawableView>& views) {
+  const bool with_background = options_.num_background_pixels > 0;
+  if (!with_background && !WantsPerception(capture_, options_)) return;
+  std::vector<UncoveredPixels> uncovered = FindUncovered(capture_, scene_);
+  for (DrawableView& view : views) {
+    UncoveredPixels& of_view = uncovered[view.view];
+    view.unlabelled = std::move(of_view.covered_elsewhere);
+    (with_background ? view.background : view.unlabelled)
+        .insert(with_background ? view.background.end() : view.unlabelled.end(),
+                of_view.background.begin(), of_view.background.end());
+  }
+}
+
+// Of what the perception loss is, PreparePerception tells.
+void FeatureStage::NoteSkipped(const std::vector<DrawableView>& views) {
+  const bool has_background = std::any_of(
+      views.begin(), views.end(), [](const auto& view) { return !view.background.empty(); });
+  if (!has_background) {
+    skipped_.push_back({"background", options_.num_background_pixels == 0
+                                          ? "num_background_pixels is 0"
+                                          : "masks cover all that is seen in some view"});
+  }
+  if (options_.centroid_weight_upper == 0 && options_.centroid_weight_lower == 0) {
+    skipped_.push_back({"centroids", "both centroid weights are 0"});
+  }
+}
+
+// Pixels near an edge are told nothing.
+void FeatureStage::PreparePerception(std::vector<DrawableView>& views,
+                                     std::span<const std::vector<float>> depths) {
+  std::vector<std::vector<uint8_t>> edges(capture_.views.size());
+  bool has_pixels = false;
+  for (DrawableView& drawn : views) {
+    const View& view = capture_.views[drawn.view];
+    if (!WantsPerception(capture_, options_) || !HasDepthPrior(view)) {
+      drawn.unlabelled.clear();
+      continue;
+    }
+    edges[drawn.view] = DepthEdges(view);
+    std::erase_if(drawn.unlabelled, [&](int32_t p) { return edges[drawn.view][p] != 0; });
+    has_pixels |= !drawn.unlabelled.empty();
+  }
+  if (!has_pixels) return skipped_.push_back({"perception", WhyNoPerception(capture_, options_)});
+  cross_view_.emplace(capture_, views, depths);
+  cues_.emplace(capture_, *cross_view_, views, std::move(edges), options_);
 }
 
 absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& gaussians) {
@@ -103,18 +162,17 @@ absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& ga
   auto neighbors = std::async(std::launch::async, [&] {  // beside the device's work
     return NearestNeighbors(gaussians, options_.num_neighbors);
   });
-  const std::vector<std::vector<float>> scales = MeasureMasks();
-  field_.scale_quantiles = ScaleQuantiles(AllScales(scales));
-  prepared.views = MakeDrawableViews(capture_, scales);
+  const MeasuredViews measured = MeasureViews();
+  field_.scale_quantiles = ScaleQuantiles(AllScales(measured.mask_scales));
+  prepared.views = MakeDrawableViews(capture_, measured.mask_scales);
   if (prepared.views.empty()) {
     return absl::FailedPreconditionError(
         "features: no training view has a mask of at least 8 pixels on which something is "
         "rendered");
   }
-  if (options_.num_background_pixels > 0) {
-    const std::vector<std::vector<int32_t>> background = BackgroundPixels(capture_, scene_);
-    for (DrawableView& view : prepared.views) view.background = background[view.view];
-  }
+  FindUncoveredPixels(prepared.views);
+  NoteSkipped(prepared.views);
+  PreparePerception(prepared.views, measured.depths);
   prepared.neighbors = neighbors.get();
   return prepared;
 }
@@ -127,7 +185,7 @@ absl::Status FeatureStage::Begin(Prepared prepared, const FeatureCheckpoint* che
   trainer_.emplace(backend_, num_gaussians_, graph_, *centroids_, options_);
   if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
   const int num_left = options_.num_steps - (step_ - steps_of_chunk_);
-  batches_.emplace(*drawer_, num_left, options_.steps_per_chunk);
+  batches_.emplace(*drawer_, cues_ ? &*cues_ : nullptr, num_left, options_.steps_per_chunk);
   if (steps_of_chunk_ == 0) return absl::OkStatus();
   const int skipped = steps_of_chunk_;
   RETURN_IF_ERROR(BeginChunk());
@@ -157,8 +215,9 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
   for (; step_ < end; ++step_, ++steps_of_chunk_) {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
     if (centroids_->Due(step_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
-    backend_.Sequence(kFeatureStep + (centroids_->active() ? 1 : 0),
-                      [&] { trainer_->Train(chunk_.Next()); });
+    const RowChunk::Step step = chunk_.Next();
+    const int kind = (centroids_->active() ? 1 : 0) + (step.pair_other.empty() ? 0 : 2);
+    backend_.Sequence(kFeatureStep + kind, [&] { trainer_->Train(step); });
   }
   return Reports(trainer_->ReadLosses());
 }

@@ -8,9 +8,11 @@
 #include "absl/status/statusor.h"
 #include "core/features/batches_ahead.h"
 #include "core/features/centroid_term.h"
+#include "core/features/cross_view.h"
 #include "core/features/feature_checkpoint.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
+#include "core/features/perception_cues.h"
 #include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
 
@@ -34,6 +36,8 @@ class FeatureStage {
                                                               const FeatureCheckpoint& checkpoint);
 
   int step() const { return step_; }  // done
+  // What of the loss is left out, from the start on.
+  const std::vector<SkippedTerm>& skipped() const { return skipped_; }
   bool done() const { return step_ == options_.num_steps; }
 
   // As many steps as are queued before the host waits: one where calls are done when they return.
@@ -51,21 +55,33 @@ class FeatureStage {
   absl::Status Begin(Prepared prepared, const FeatureCheckpoint* checkpoint);
   absl::Status Restore(const FeatureCheckpoint& checkpoint);
   absl::Status BeginChunk();
-  std::vector<std::vector<float>> MeasureMasks();
+  // By view of the capture, none where a view is not trained on.
+  struct MeasuredViews {
+    std::vector<std::vector<float>> mask_scales;  // of all masks
+    std::vector<std::vector<float>> depths;       // see FrozenScene; only where they are needed
+  };
+  MeasuredViews MeasureViews();
+  void FindUncoveredPixels(std::vector<DrawableView>& views);
+  void NoteSkipped(const std::vector<DrawableView>& views);
+  void PreparePerception(std::vector<DrawableView>& views,
+                         std::span<const std::vector<float>> depths);
   absl::StatusOr<std::vector<StepReport>> Reports(std::span<const double> losses) const;
 
   Backend& backend_;
   const Capture& capture_;
   const FeatureOptions options_;
   const int64_t num_gaussians_;
+  std::vector<SkippedTerm> skipped_;
   FrozenScene scene_;
   FeatureField field_;
   Buffer<int32_t> neighbors_;
   NeighborGraph graph_;
   std::optional<BatchDrawer> drawer_;
+  std::optional<CrossView> cross_view_;
+  std::optional<PerceptionCues> cues_;  // none: the perception loss is left out
   std::optional<CentroidTerm> centroids_;
   std::optional<FeatureTrainer> trainer_;
-  std::optional<BatchesAhead> batches_;  // its thread draws: gone before the drawer
+  std::optional<BatchesAhead> batches_;  // its threads draw: gone before the drawer
   DrawerState chunk_start_;
   RowChunk chunk_;
   int step_ = 0;

@@ -58,7 +58,9 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
       gate_moment1_(backend, kGateSize),
       gate_moment2_(backend, kGateSize),
       gate_grad_(backend, kGateSize),
-      sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums) {
+      sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums),
+      perception_loss_(backend, kMaxUnreadFeatureSteps),
+      perception_weight_(options.perception_weight) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
   rates_.correction = correction_.span();
@@ -71,6 +73,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
 void FeatureTrainer::Train(const RowChunk::Step& step) {
   const PixelBatch& batch = *step.batch;
   const auto num_pixels = static_cast<int64_t>(batch.pixels.size());
+  const int64_t num_labelled = int64_t{batch.num_labelled} * kFeatureSize;
   pixel_features_.Reserve(backend_, num_pixels * kFeatureSize);
   pixel_grad_.Reserve(backend_, num_pixels * kFeatureSize);
   sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
@@ -85,9 +88,9 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
   }
   backend_.FeatureRows({step.rows, smoothed_.span(), pixel_features_.span()});
   backend_.PairLoss(
-      {.pixel_features = pixel_features_.span(),
+      {.pixel_features = pixel_features_.span().Subspan(0, num_labelled),
        .pixel_weight = step.weight,
-       .pixel_alpha = step.alpha,
+       .pixel_alpha = step.alpha.Subspan(0, batch.num_labelled),
        .pixel_patch = step.patch,
        .labels = step.labels,
        .num_patches = batch.num_patches,
@@ -95,11 +98,14 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
        .scales = step.scales,
        .gate = gate_.span(),
        .pair_seed = batch.pair_seed,
-       .pixel_grad = pixel_grad_.span(),
+       .pixel_grad = pixel_grad_.span().Subspan(0, num_labelled),
        .gate_grad = gate_grad_.span(),
        .sums = sums_.span().Subspan(int64_t{num_unread_} * kNumPairLossSums, kNumPairLossSums)});
-  centroids_.AddGradients(
-      {pixel_features_.span(), gate_.span(), pixel_grad_.span(), gate_grad_.span()}, num_unread_++);
+  centroids_.AddGradients({pixel_features_.span().Subspan(0, num_labelled), gate_.span(),
+                           pixel_grad_.span().Subspan(0, num_labelled), gate_grad_.span()},
+                          num_unread_);
+  AddPerception(step);
+  ++num_unread_;
   backend_.SmoothBackward({.columns = step.columns,
                            .pixel_grad = pixel_grad_.span(),
                            .smoothed = smoothed_.span(),
@@ -117,6 +123,26 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
                           .gate_moment2 = gate_moment2_.span()});
 }
 
+// Beyond the labelled pixels nothing has written gradients yet.
+void FeatureTrainer::AddPerception(const RowChunk::Step& step) {
+  const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
+  const DeviceSpan<float> unlabelled =
+      pixel_grad_.span().Subspan(num_labelled, pixel_grad_.size() - num_labelled);
+  if (!unlabelled.empty()) backend_.Zero(unlabelled.data, unlabelled.size * sizeof(float));
+  if (step.pair_other.empty()) return;
+  backend_.PerceptionLoss({.pixel_features = pixel_features_.span(),
+                           .first = step.pair_first,
+                           .other = step.pair_other,
+                           .cues = step.pair_cues,
+                           .share = step.pair_share,
+                           .scales = step.scales,
+                           .gate = gate_.span(),
+                           .weight = perception_weight_,
+                           .pixel_grad = pixel_grad_.span(),
+                           .gate_grad = gate_grad_.span(),
+                           .loss = perception_loss_.span().Subspan(num_unread_, 1)});
+}
+
 std::vector<double> FeatureTrainer::ReadLosses() {
   std::vector<double> sums(static_cast<size_t>(num_unread_) * kNumPairLossSums);
   sums_.Download(std::span<double>(sums));
@@ -130,7 +156,12 @@ std::vector<double> FeatureTrainer::ReadLosses() {
                      mean(kNormLoss, kNumNormPixels));
   }
   const std::vector<double> centroid_losses = centroids_.ReadLosses(num_unread_);
-  for (size_t i = 0; i < losses.size(); ++i) losses[i] += centroid_losses[i];
+  std::vector<double> perception_losses(losses.size());
+  perception_loss_.Download(std::span<double>(perception_losses));
+  perception_loss_.Zero();
+  for (size_t i = 0; i < losses.size(); ++i) {
+    losses[i] += centroid_losses[i] + double{perception_weight_} * perception_losses[i];
+  }
   num_unread_ = 0;
   return losses;
 }

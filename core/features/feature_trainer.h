@@ -32,6 +32,7 @@ class FeatureTrainer {
   void Export(FeatureField& field);
 
  private:
+  void AddPerception(const RowChunk::Step& step);
   // Over all neighbours, of every row.
   void SmoothAll(DeviceSpan<const float> features);
   FeatureState State() {
@@ -51,7 +52,9 @@ class FeatureTrainer {
   Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;
   // Of the batch.
   Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
-  Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, kNumPairLossSums]
+  Buffer<double> sums_;             // [kMaxUnreadFeatureSteps, kNumPairLossSums]
+  Buffer<double> perception_loss_;  // [kMaxUnreadFeatureSteps] 0 where a step has no pair
+  float perception_weight_;
   int num_unread_ = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <span>
 
 namespace pepeseg {
@@ -61,8 +62,8 @@ class Coverage {
     }
   }
 
-  // The mean over what is blended into a pixel, in [0, 1]; 1 where too little is.
-  double OfRow(const HostRows& rows, size_t row) const {
+  // The mean over what is blended into a pixel, in [0, 1]; none where too little is.
+  std::optional<double> OfRow(const HostRows& rows, size_t row) const {
     double sum = 0, alpha = 0;
     for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
       const int32_t gaussian = rows.gaussian[e];
@@ -71,7 +72,8 @@ class Coverage {
         sum += double{rows.weight[e]} * double{covered_[gaussian]} / double{seen_[gaussian]};
       }
     }
-    return alpha > kMinAlpha ? sum / alpha : 1;
+    if (alpha <= kMinAlpha) return std::nullopt;
+    return sum / alpha;
   }
 
  private:
@@ -80,28 +82,29 @@ class Coverage {
 
 }  // namespace
 
-std::vector<std::vector<int32_t>> BackgroundPixels(const Capture& capture, FrozenScene& scene) {
+std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& scene) {
   Coverage coverage(scene.num_gaussians());
-  std::vector<std::vector<int32_t>> background(capture.views.size());
+  std::vector<std::vector<int32_t>> uncovered(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
     const std::vector<int32_t> pixels = GridPixels(view);
     coverage.Add(view, pixels, HostRows(scene.Capture(view, pixels)));
-    std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(background[v]),
+    std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
                  [&](int32_t pixel) { return !IsCovered(view, pixel); });
   }
+  std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
-    std::vector<int32_t>& pixels = background[v];
-    if (pixels.empty()) continue;
-    const HostRows rows(scene.Capture(capture.views[v], pixels));
-    size_t num_kept = 0;
+    if (uncovered[v].empty()) continue;
+    const HostRows rows(scene.Capture(capture.views[v], uncovered[v]));
     for (size_t i = 0; i < rows.num_rows(); ++i) {
-      if (coverage.OfRow(rows, i) < kMaxCoverage) pixels[num_kept++] = pixels[i];
+      const std::optional<double> covered = coverage.OfRow(rows, i);
+      if (!covered) continue;
+      (*covered < kMaxCoverage ? found[v].background : found[v].covered_elsewhere)
+          .push_back(uncovered[v][i]);
     }
-    pixels.resize(num_kept);
   }
-  return background;
+  return found;
 }
 
 }  // namespace pepeseg

@@ -8,11 +8,15 @@
 
 namespace pepeseg {
 
-// Pixels of each training view that are background: no mask covers them, and hardly any covers what
-// they show where other views see it. An uncovered pixel alone says little, because a mask may just
-// be missing in its view; the Gaussians that it shows tell how often masks covered them. The pixels
-// are y * width + x on a grid of the view, none of them ignored. [views]; empty for held-out views
-// and views without masks.
-std::vector<std::vector<int32_t>> BackgroundPixels(const Capture& capture, FrozenScene& scene);
+// Pixels that no mask of their view covers, on a grid of the view, none of them ignored and each
+// with something rendered on it: y * width + x. An uncovered pixel alone says little, because a
+// mask may just be missing in its view; the Gaussians that it shows tell how often masks covered
+// them.
+struct UncoveredPixels {
+  std::vector<int32_t> background;         // hardly any mask covers what they show in any view
+  std::vector<int32_t> covered_elsewhere;  // the others
+};
+// Of each view; none of held-out views and views without masks.
+std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& scene);
 
 }  // namespace pepeseg

@@ -70,13 +70,22 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
 }
 
 void RowChunk::UploadBatches(Backend& backend) {
-  std::vector<float> weight, scales;
-  std::vector<int32_t> patch;
+  std::vector<float> weight, scales, share;
+  std::vector<int32_t> patch, pair_first, pair_other;
+  std::vector<PairCues> cues;
   std::vector<uint64_t> labels;
   for (size_t i = 0; i < batches_.size(); ++i) {
     places_[i].pixel = static_cast<int64_t>(weight.size());
     places_[i].label = static_cast<int64_t>(labels.size());
     places_[i].scale = static_cast<int64_t>(scales.size());
+    const PairLists& pairs = batches_[i].pairs;
+    places_[i].pair_first = static_cast<int64_t>(pair_first.size());
+    places_[i].pair = static_cast<int64_t>(pair_other.size());
+    places_[i].share = static_cast<int64_t>(share.size());
+    Append(pairs.first, pair_first);
+    Append(pairs.other, pair_other);
+    Append(pairs.cues, cues);
+    Append(pairs.share, share);
     Append(batches_[i].weight, weight);
     Append(batches_[i].patch, patch);
     Append(batches_[i].labels, labels);
@@ -86,6 +95,10 @@ void RowChunk::UploadBatches(Backend& backend) {
   UploadTo(backend, patch, patch_);
   UploadTo(backend, labels, labels_);
   UploadTo(backend, scales, scales_);
+  UploadTo(backend, pair_first, pair_first_);
+  UploadTo(backend, pair_other, pair_other_);
+  UploadTo(backend, cues, pair_cues_);
+  UploadTo(backend, share, pair_share_);
 }
 
 void RowChunk::ListColumns(Backend& backend, const NeighborGraph& graph, int64_t num_gaussians,
@@ -133,10 +146,14 @@ RowChunk::Step RowChunk::Next() {
           Columns(view.neighbor_gaussian, view.neighbor_first, view.neighbor_pixel,
                   range(view.first_neighbor)),
           SpanFrom(view.rows.alpha, view.first_row[number], count),
-          SpanFrom(weight_, place.pixel, count),
-          SpanFrom(patch_, place.pixel, count),
+          SpanFrom(weight_, place.pixel, batch.weight.size()),
+          SpanFrom(patch_, place.pixel, batch.patch.size()),
           SpanFrom(labels_, place.label, batch.labels.size()),
-          SpanFrom(scales_, place.scale, batch.scales.size())};
+          SpanFrom(scales_, place.scale, batch.scales.size()),
+          SpanFrom(pair_first_, place.pair_first, batch.pairs.first.size()),
+          SpanFrom(pair_other_, place.pair, batch.pairs.other.size()),
+          SpanFrom(pair_cues_, place.pair, batch.pairs.cues.size()),
+          SpanFrom(pair_share_, place.share, batch.pairs.share.size())};
 }
 
 }  // namespace pepeseg

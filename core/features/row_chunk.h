@@ -20,10 +20,13 @@ class RowChunk {
     ColumnSpan columns;               // the same by Gaussian
     ColumnSpan neighbors;             // of the columns' Gaussians over those they are smoothed with
     DeviceSpan<const float> alpha;    // [S]
-    DeviceSpan<const float> weight;   // [S], as of the batch; likewise:
-    DeviceSpan<const int32_t> patch;  // [S]
+    DeviceSpan<const float> weight;   // [labelled], as of the batch; likewise:
+    DeviceSpan<const int32_t> patch;  // [labelled]
     DeviceSpan<const uint64_t> labels;
     DeviceSpan<const float> scales;
+    DeviceSpan<const int32_t> pair_first, pair_other;
+    DeviceSpan<const PairCues> pair_cues;
+    DeviceSpan<const float> pair_share;
   };
 
   bool Exhausted() const { return next_ == batches_.size(); }
@@ -45,8 +48,9 @@ class RowChunk {
     std::vector<int32_t> first_row, first_column, first_neighbor;  // [batches + 1]
   };
   struct Place {
-    size_t view, number;          // of views_, of its batches
-    int64_t pixel, label, scale;  // the first in the buffers of all batches
+    size_t view, number;  // of views_, of its batches
+    // The first in the buffers of all batches.
+    int64_t pixel, label, scale, pair_first, pair, share;
   };
 
   void UploadBatches(Backend& backend);
@@ -56,8 +60,9 @@ class RowChunk {
   std::vector<PixelBatch> batches_;
   std::vector<Place> places_;  // of each batch
   std::vector<ViewRows> views_;
-  Buffer<float> weight_, scales_;
-  Buffer<int32_t> patch_;
+  Buffer<float> weight_, scales_, pair_share_;
+  Buffer<int32_t> patch_, pair_first_, pair_other_;
+  Buffer<PairCues> pair_cues_;
   Buffer<uint64_t> labels_;
   Buffer<int32_t> row_first_, row_gaussian_;  // of NeighborRows, for one view at a time
   size_t next_ = 0;

@@ -29,6 +29,10 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("centroid_pixels", options.centroid_pixels, 1, 65'536));
   RETURN_IF_ERROR(CheckRange("centroid_weight_upper", options.centroid_weight_upper, 0.0f, 100.0f));
   RETURN_IF_ERROR(CheckRange("centroid_weight_lower", options.centroid_weight_lower, 0.0f, 100.0f));
+  RETURN_IF_ERROR(CheckRange("perception_weight", options.perception_weight, 0.0f, 100.0f));
+  RETURN_IF_ERROR(CheckRange("num_perception_pixels", options.num_perception_pixels, 1, 16'384));
+  RETURN_IF_ERROR(
+      CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 2));
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));

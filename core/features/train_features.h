@@ -12,8 +12,15 @@
 
 namespace pepeseg {
 
+// What a difference of depth or colour between two pixels is measured against.
+enum class PerceptionThreshold {
+  kDifferences = 1,  // between each of them and the pixels about it
+  kGradients = 2,    // between neighbours about each of them
+};
+
 // Stage two (method.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
-// gate from the scale-aware loss on sparse rows and the norms of pixels and Gaussians.
+// gate from the scale-aware loss, the perception loss and the centroid loss on sparse rows, and the
+// norms of pixels and Gaussians.
 struct FeatureOptions {
   int num_steps = 10000;  // one view each
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
@@ -33,6 +40,12 @@ struct FeatureOptions {
   int centroid_pixels = 16'384;
   float centroid_weight_upper = 1.0f;
   float centroid_weight_lower = 0.3f;
+  // The perception loss, for pixels that no mask of their view covers. Weight 0: left out, as where
+  // no view has a depth prior, or every pixel is covered or background.
+  float perception_weight = 0.2f;
+  int num_perception_pixels = 128;  // further samples a step
+  PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
+  bool perception_cross_view = true;  // whether other views' masks overrule what it sees
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
   // 0.3 MB a step.
   int steps_per_chunk = 500;

@@ -6,10 +6,6 @@
 
 namespace pepeseg {
 
-bool HasDepthPrior(const View& view) {
-  return std::ranges::any_of(view.depth.values, [](float value) { return !std::isnan(value); });
-}
-
 std::vector<float> ShrinkPrior(const View& view, int factor) {
   if (factor == 1) return view.depth.values;
   const int width = view.camera.width / factor, height = view.camera.height / factor;

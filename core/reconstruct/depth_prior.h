@@ -7,9 +7,6 @@
 
 namespace pepeseg {
 
-// True when the view has a prior that knows at least one pixel.
-bool HasDepthPrior(const View& view);
-
 // The view's prior at 1 / `factor` of its size: the mean of the known pixels of each block, NaN
 // where a block has none. Cropped to whole blocks.
 std::vector<float> ShrinkPrior(const View& view, int factor);

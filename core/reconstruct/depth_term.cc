@@ -11,18 +11,13 @@ namespace {
 constexpr float kOrbitWeight = 0.05f, kForwardFacingWeight = 0.1f;
 constexpr double kSmallestPatch = 1.0 / 16, kLargestPatch = 1.0 / 3;  // sides, share of the width
 
-bool AnyDepthPrior(const Capture& capture) {
-  return std::ranges::any_of(
-      capture.views, [](const View& view) { return !view.held_out && HasDepthPrior(view); });
-}
-
 }  // namespace
 
 ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& capture) {
   if (options.capture_kind == CaptureKind::kAutomatic) {
     options.capture_kind = FindCaptureKind(capture);
   }
-  if (!AnyDepthPrior(capture)) {
+  if (!HasTrainingDepth(capture)) {
     options.depth_weight = 0;
   } else if (options.depth_weight < 0) {
     options.depth_weight =

@@ -41,6 +41,22 @@ absl::Status CheckTrainable(const Capture& capture) {
       absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
 }
 
+// `options` with their depth_weight filled in.
+std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
+  std::vector<SkippedTerm> skipped;
+  if (options.depth_weight == 0) {
+    skipped.push_back({"depth", HasTrainingDepth(capture) ? "depth_weight is 0"
+                                                          : "no training view has a depth prior"});
+  }
+  const bool has_masks = std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
+  if (options.refine_keep == RefineKeep::kNone || !has_masks) {
+    skipped.push_back(
+        {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
+  }
+  return skipped;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
@@ -56,6 +72,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
       options_(WithDepthWeight(options, capture)),
+      skipped_(SkippedTerms(options_, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
       schedule_(options_, scene_radius_),

@@ -38,6 +38,8 @@ class Reconstructor {
       Backend& backend, const Capture& capture, const ReconstructOptions& options,
       const ReconstructCheckpoint& checkpoint);
 
+  // What is left out, from the start on.
+  const std::vector<SkippedTerm>& skipped() const { return skipped_; }
   // True after options.num_steps steps.
   bool done() const { return step_ >= options_.num_steps; }
   // The loss and PSNR reported are those of the newest step that the device has finished, which may
@@ -61,6 +63,7 @@ class Reconstructor {
 
   Backend& backend_;
   const ReconstructOptions options_;
+  const std::vector<SkippedTerm> skipped_;
   const double scene_radius_;
   std::mt19937_64 random_;
   const Schedule schedule_;

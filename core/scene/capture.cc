@@ -18,4 +18,13 @@ double SceneRadius(const Capture& capture) {
   return std::max(kMargin * radius, kSmallest);
 }
 
+bool HasDepthPrior(const View& view) {
+  return std::ranges::any_of(view.depth.values, [](float value) { return !std::isnan(value); });
+}
+
+bool HasTrainingDepth(const Capture& capture) {
+  return std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && HasDepthPrior(view); });
+}
+
 }  // namespace pepeseg

@@ -44,6 +44,9 @@ struct View {
   DepthPrior depth;
 };
 
+// True when the view has a prior that knows at least one pixel.
+bool HasDepthPrior(const View& view);
+
 struct ScenePoint {
   Eigen::Vector3f position;
   uint8_t rgb[3] = {};
@@ -55,6 +58,9 @@ struct Capture {
   std::vector<ScenePoint> points;
   std::vector<std::string> warnings;  // for the job's log: what was left out, and why
 };
+
+// True when a view that is trained on has a depth prior.
+bool HasTrainingDepth(const Capture& capture);
 
 // Radius of the camera centres about their mean, times 1.1 (3DGS's "extent"): the unit of learning
 // rates and of density control. At least 1e-6.

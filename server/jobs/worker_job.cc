@@ -57,6 +57,7 @@ class Training {
   absl::StatusOr<std::vector<DatasetFile>> Files() const;
   absl::Status Step(const StepReport& report);
   void Warn(const std::string& message);
+  absl::Status TellSkipped(const std::vector<SkippedTerm>& skipped);
   absl::Status TakeGivenGaussians();
   absl::Status TrainGaussians();
   void GoOnFrom(int64_t step, const char* metric);
@@ -154,6 +155,14 @@ void Training::Warn(const std::string& message) {
   progress_.Warn(message).IgnoreError();  // it is in the worker's log
 }
 
+absl::Status Training::TellSkipped(const std::vector<SkippedTerm>& skipped) {
+  for (const SkippedTerm& term : skipped) {
+    spdlog::info("stage {}: {} skipped: {}", stage_, term.term, term.reason);
+    RETURN_IF_ERROR(progress_.SkipTerm(term));
+  }
+  return absl::OkStatus();
+}
+
 // An earlier attempt of this job may have got so far: same files, options and seed, so the same
 // Gaussians.
 std::optional<Gaussians> Training::FindEarlierReconstruction() const {
@@ -177,6 +186,7 @@ absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
   ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
                    BeginReconstruction(checkpoints_, *backend_, capture_, settings_.reconstruct));
   GoOnFrom(checkpoints_.first_step(), "resumed_from_step");
+  RETURN_IF_ERROR(TellSkipped(reconstructor->skipped()));
   job_.stop.polled = true;
   absl::StatusOr<Gaussians> gaussians =
       FinishReconstruction(*reconstructor, [&](const StepReport& report) {
@@ -241,6 +251,7 @@ absl::Status Training::TrainSceneFeatures() {
                    BeginFeatures(feature_checkpoints_, *backend_, capture_, model_.gaussians,
                                  settings_.features));
   GoOnFrom(feature_checkpoints_.first_step(), "features_resumed_from_step");
+  RETURN_IF_ERROR(TellSkipped(stage->skipped()));
   job_.stop.polled = true;
   absl::StatusOr<FeatureField> field = FinishFeatures(*stage, [&](const StepReport& report) {
     return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);

@@ -58,6 +58,14 @@ absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metri
   return log_.Append(std::move(event));
 }
 
+absl::Status WorkerProgress::SkipTerm(const SkippedTerm& skipped) {
+  v1::JobEvent event;
+  event.mutable_term_skipped()->set_stage(stage_);
+  event.mutable_term_skipped()->set_term(skipped.term);
+  event.mutable_term_skipped()->set_reason(skipped.reason);
+  return log_.Append(std::move(event));
+}
+
 absl::Status WorkerProgress::Warn(const std::string& message) {
   v1::JobEvent event;
   event.mutable_warning()->set_message(message);

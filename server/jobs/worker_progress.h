@@ -29,6 +29,8 @@ class WorkerProgress {
   // `metrics`: what the stage measured of its result. `end`: what else there is to tell.
   absl::Status EndStage(const std::map<std::string, double>& metrics,
                         v1::JobEvent::StageEnded end = {});
+  // Of the stage that has been started.
+  absl::Status SkipTerm(const SkippedTerm& skipped);
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;

@@ -20,6 +20,12 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--centroid-pixels", stage.centroid_pixels);
   app.add_option("--centroid-upper", stage.centroid_weight_upper);
   app.add_option("--centroid-lower", stage.centroid_weight_lower);
+  app.add_option("--perception-weight", stage.perception_weight);
+  app.add_option("--perception-pixels", stage.num_perception_pixels);
+  app.add_flag("!--no-cross-view", stage.perception_cross_view,
+               "what the perception loss sees is not checked against other views' masks");
+  app.add_flag_callback("--perception-gradients",
+                        [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });
   app.add_option("--neighbors", stage.num_neighbors);
   app.add_option("--drawn-neighbors", stage.num_drawn_neighbors);
   app.add_option("--feature-chunk", stage.steps_per_chunk, "steps");

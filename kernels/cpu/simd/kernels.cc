@@ -5,11 +5,12 @@ namespace HWY_NAMESPACE {
 
 const SimdKernels& GetSimdKernels() {
   static constexpr SimdKernels kKernels = {
-      HWY_STR(HWY_NAMESPACE), BlendTile,         BlendTileBackward,  PixelWeights,
-      BlendFeatures,          ProjectGaussians,  UpdateParameters,   ImageLossBand,
-      FeatureCatchUpRange,    FeatureRowsRange,  FeatureUpdateRange, SmoothFeaturesRange,
-      SmoothBackwardRange,    GatePixels,        PairRows,           PairRowsVjp,
-      PerceptionUnits,        PerceptionRows,    SimilarityRange,        NearestNeighbours, RelaxColumns,       LeastOf};
+      HWY_STR(HWY_NAMESPACE), BlendTile,        BlendTileBackward,  PixelWeights,
+      BlendFeatures,          ProjectGaussians, UpdateParameters,   ImageLossBand,
+      FeatureCatchUpRange,    FeatureRowsRange, FeatureUpdateRange, SmoothFeaturesRange,
+      SmoothBackwardRange,    GatePixels,       PairRows,           PairRowsVjp,
+      PerceptionUnits,        PerceptionRows,   SimilarityRange,    NearestNeighbours,
+      RelaxColumns,           LeastOf};
   return kKernels;
 }
 

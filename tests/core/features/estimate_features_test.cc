@@ -1,5 +1,6 @@
 #include "core/features/estimate_features.h"
 
+#include "tests/core/features/perception_scene.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
@@ -8,7 +9,10 @@ namespace pepeseg {
 namespace {
 
 TEST(EstimateFeatures, BoundsATrainingFromAboveAndNotFarAbove) {
-  const Capture capture = testing::MakeSyntheticScene({.num_points = 4000}).capture;
+  Capture capture =
+      testing::MakeSyntheticScene({.num_points = 4000, .depth = DepthPrior::Kind::kDisparity})
+          .capture;
+  testing::DropMasks(capture);
   // Wide enough that rows are about as long as the estimate supposes.
   const Gaussians gaussians = testing::PointGaussians(capture, 0.1f);
   for (const int steps_per_chunk : {5, 40}) {

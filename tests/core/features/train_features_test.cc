@@ -4,8 +4,10 @@
 
 #include <cmath>
 
+#include "core/features/feature_stage.h"
 #include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
+#include "tests/core/features/perception_scene.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/kernels/backend_test.h"
 #include "tests/testing/status_testing.h"
@@ -23,8 +25,17 @@ Capture SmallCapture() {
   return testing::MakeSyntheticScene({.num_views = 6, .num_points = 1500}).capture;
 }
 
+// With all terms of the loss: priors, and masks that are missing in some views.
+Capture CaptureWithGaps() {
+  Capture capture = testing::MakeSyntheticScene(
+                        {.num_views = 6, .num_points = 1500, .depth = DepthPrior::Kind::kDisparity})
+                        .capture;
+  testing::DropMasks(capture);
+  return capture;
+}
+
 TEST(TrainFeatures, SameBytesForAnyNumberOfThreads) {
-  const Capture capture = SmallCapture();
+  const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   ASSERT_OK_AND_ASSIGN(const FeatureField one,
                        TrainFeatures(*MakeCpuBackend(1), capture, gaussians, kShort, Go));
@@ -83,7 +94,7 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
 TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
   const auto cuda = MakeCuda();
   if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
-  const Capture capture = SmallCapture();
+  const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto train = [&](Backend& backend, double& mean_loss) {
     return TrainFeatures(backend, capture, gaussians, kShort, [&](const StepReport& report) {
@@ -105,6 +116,31 @@ TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
   ASSERT_OK_AND_ASSIGN(const FeatureField once_more, train(*cuda, again));
   EXPECT_EQ(got.features, once_more.features);
   EXPECT_EQ(got.gate, once_more.gate);
+}
+
+std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions& options) {
+  const auto backend = MakeCpuBackend(2);
+  const auto stage =
+      FeatureStage::Create(*backend, capture, testing::PointGaussians(capture, 0.06f), options);
+  EXPECT_OK(stage.status());
+  std::vector<std::string> lines;
+  for (const SkippedTerm& skipped : (*stage)->skipped()) {
+    lines.push_back(skipped.term + ": " + skipped.reason);
+  }
+  return lines;
+}
+
+TEST(FeatureStage, TellsWhichTermsItSkips) {
+  using Lines = std::vector<std::string>;
+  EXPECT_EQ(SkippedOf(CaptureWithGaps(), kShort), Lines());
+  EXPECT_EQ(SkippedOf(SmallCapture(), kShort),
+            (Lines{"perception: no training view has a depth prior"}));
+  FeatureOptions options = kShort;
+  options.num_background_pixels = 0;
+  options.centroid_weight_lower = options.centroid_weight_upper = options.perception_weight = 0;
+  EXPECT_EQ(SkippedOf(CaptureWithGaps(), options), (Lines{"background: num_background_pixels is 0",
+                                                          "centroids: both centroid weights are 0",
+                                                          "perception: perception_weight is 0"}));
 }
 
 TEST(TrainFeatures, EndsWithTheErrorOfTheCallback) {

@@ -1,0 +1,259 @@
+#include "core/features/perception_cues.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "core/features/mask_scales.h"
+
+namespace pepeseg {
+namespace {
+
+// r(s) as a share of the image's shorter side, and as a share of the masks' sides.
+constexpr float kRadiusBase = 0.03f, kRadiusSlope = 0.12f, kMaxRadius = 0.2f;
+constexpr float kRadiusOfMasks = 0.5f;
+constexpr float kMinRadius = 2;  // pixels
+// Of the pixels about one, the nearest are paired with it, and as many of the others.
+constexpr size_t kNearest = 8;
+// What differs less is not dissimilar, however even its surroundings are.
+constexpr float kDepthNoise = 0.005f;  // of the prior's range
+constexpr float kColorNoise = 0.03f;   // of white
+// Differences are sampled along a spiral, the denser the nearer.
+constexpr int kNumSamples = 64, kMinSamples = 8;
+
+struct Offset {
+  float x, y;  // on the unit disc
+};
+std::array<Offset, kNumSamples> Spiral() {
+  constexpr double kGoldenAngle = 2.399963229728653;
+  std::array<Offset, kNumSamples> spiral;
+  for (int i = 0; i < kNumSamples; ++i) {
+    const double radius = (i + 0.5) / kNumSamples, angle = kGoldenAngle * i;
+    spiral[i] = {static_cast<float>(radius * std::cos(angle)),
+                 static_cast<float>(radius * std::sin(angle))};
+  }
+  return spiral;
+}
+
+float ColorDifference(const Image& photo, int64_t a, int64_t b) {
+  int squares = 0;
+  for (int c = 0; c < 3; ++c) {
+    const int difference = int{photo.pixels[3 * a + c]} - int{photo.pixels[3 * b + c]};
+    squares += difference * difference;
+  }
+  return std::sqrt(static_cast<float>(squares)) / 255;
+}
+
+// Mean + standard deviation of what has been added.
+class Spread {
+ public:
+  void Add(float x) {
+    ++count_;
+    sum_ += x;
+    squares_ += x * x;
+  }
+  int count() const { return count_; }
+  float OneAboveMean() const {
+    if (count_ == 0) return 0;
+    const float mean = sum_ / static_cast<float>(count_);
+    return mean + std::sqrt(std::max(0.0f, squares_ / static_cast<float>(count_) - mean * mean));
+  }
+
+ private:
+  int count_ = 0;
+  float sum_ = 0, squares_ = 0;
+};
+
+}  // namespace
+
+PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_view,
+                               const std::vector<DrawableView>& views,
+                               std::vector<std::vector<uint8_t>> edges,
+                               const FeatureOptions& options)
+    : capture_(capture),
+      cross_view_(cross_view),
+      edges_(std::move(edges)),
+      mask_sides_(capture.views.size()),
+      threshold_(options.perception_threshold),
+      ask_other_views_(options.perception_cross_view) {
+  for (const DrawableView& drawn : views) {
+    std::vector<std::pair<float, float>>& sides = mask_sides_[drawn.view];
+    const std::vector<int64_t>& areas = capture.views[drawn.view].masks.mask_area;
+    for (size_t mask = 0; mask < areas.size(); ++mask) {
+      if (drawn.mask_scales[mask] <= kNoScale) continue;
+      sides.emplace_back(drawn.mask_scales[mask], std::sqrt(static_cast<float>(areas[mask])));
+    }
+    std::sort(sides.begin(), sides.end());
+  }
+}
+
+// Pixels, at each scale of the batch: as the paper has it, but no more than half the mean side of
+// the view's masks that are no larger than the scale.
+std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
+  const Camera& camera = capture_.views[batch.view].camera;
+  const auto side = static_cast<float>(std::min(camera.width, camera.height));
+  std::vector<float> radii;
+  for (size_t k = 0; k < batch.scales.size(); ++k) {
+    float sum = 0;
+    int count = 0;
+    for (const auto& [scale, mask_side] : mask_sides_[batch.view]) {
+      if (count > 0 && scale > batch.scene_scales[k]) break;
+      sum += mask_side;
+      ++count;
+    }
+    const float of_image =
+        side * std::min(kMaxRadius, kRadiusBase + kRadiusSlope * batch.scales[k]);
+    radii.push_back(
+        std::max(kMinRadius, std::min(of_image, kRadiusOfMasks * sum / static_cast<float>(count))));
+  }
+  return radii;
+}
+
+// Each unlabelled pixel with some of the pixels about it.
+std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& batch,
+                                                            float radius) const {
+  const int width = capture_.views[batch.view].camera.width;
+  const auto num_pixels = static_cast<int32_t>(batch.pixels.size());
+  const std::vector<uint8_t>& edges = edges_[batch.view];
+  std::vector<Pair> pairs;
+  std::vector<std::pair<float, int32_t>> about;
+  for (int32_t p = batch.num_labelled; p < num_pixels; ++p) {
+    about.clear();
+    for (int32_t q = 0; q < num_pixels; ++q) {
+      const int32_t a = batch.pixels[p], b = batch.pixels[q];
+      const auto x = static_cast<float>(a % width - b % width);
+      const auto y = static_cast<float>(a / width - b / width);
+      if (x * x + y * y > radius * radius || a == b || edges[b] != 0) continue;
+      about.emplace_back(x * x + y * y, q);
+    }
+    std::sort(about.begin(), about.end());
+    const size_t nearest = std::min(kNearest, about.size()), others = about.size() - nearest;
+    const size_t stride = std::max<size_t>(1, (others + kNearest - 1) / kNearest);
+    for (size_t i = 0; i < about.size(); i += i < nearest ? 1 : stride) {
+      // Two unlabelled ones meet twice.
+      const int32_t q = about[i].second;
+      if (q < batch.num_labelled || p < q) pairs.push_back({p, q, 0});
+    }
+  }
+  return pairs;
+}
+
+PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_t pixel,
+                                                 std::span<const float> radii) const {
+  static const std::array<Offset, kNumSamples> kSpiral = Spiral();
+  const View& view = capture_.views[batch.view];
+  const int width = view.camera.width, height = view.camera.height;
+  const float max_radius = *std::max_element(radii.begin(), radii.end());
+  std::array<Spread, kNumSamples + 1> depth, color;  // of the first so many samples
+  for (int i = 0; i < kNumSamples; ++i) {
+    depth[i + 1] = depth[i];
+    color[i + 1] = color[i];
+    const int x = pixel % width + static_cast<int>(std::lround(max_radius * kSpiral[i].x));
+    const int y = pixel / width + static_cast<int>(std::lround(max_radius * kSpiral[i].y));
+    const bool gradients = threshold_ == PerceptionThreshold::kGradients;
+    if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= height) continue;
+    const int64_t at = int64_t{y} * width + x;
+    const int64_t beside = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
+    const float difference = std::abs(view.depth.values[at] - view.depth.values[beside]);
+    if (!std::isnan(difference)) depth[i + 1].Add(difference);
+    color[i + 1].Add(ColorDifference(view.photo, at, beside));
+  }
+  Usual usual = {};
+  for (size_t k = 0; k < radii.size(); ++k) {
+    const int count =
+        std::clamp(static_cast<int>(kNumSamples * radii[k] / max_radius), kMinSamples, kNumSamples);
+    usual.depth[k] = std::max(kDepthNoise, depth[count].OneAboveMean());
+    usual.color[k] = std::max(kColorNoise, color[count].OneAboveMean());
+  }
+  return usual;
+}
+
+// What is asked of a pixel is kept: most are in several pairs.
+class PerceptionCues::Judge {
+ public:
+  Judge(const PerceptionCues& cues, const PixelBatch& batch, std::span<const float> radii)
+      : cues_(cues),
+        view_(cues.capture_.views[batch.view]),
+        batch_(batch),
+        radii_(radii),
+        usual_(batch.pixels.size()),
+        sight_(batch.pixels.size()) {}
+
+  PairCues CuesOf(int32_t p, int32_t q) {
+    const int32_t a = batch_.pixels[p], b = batch_.pixels[q];
+    const int width = view_.camera.width;
+    const float distance = std::hypot(static_cast<float>(a % width - b % width),
+                                      static_cast<float>(a / width - b / width));
+    const float depth = std::abs(view_.depth.values[a] - view_.depth.values[b]);
+    const float color = ColorDifference(view_.photo, a, b);
+    const Usual &of_p = UsualAbout(p), &of_q = UsualAbout(q);
+    uint32_t similar = 0, dissimilar = 0;
+    for (size_t k = 0; k < radii_.size(); ++k) {
+      if (distance > radii_[k]) continue;
+      const bool deep = depth >= std::max(of_p.depth[k], of_q.depth[k]);
+      const bool colorful = color >= std::max(of_p.color[k], of_q.color[k]);
+      similar |= static_cast<uint32_t>(!deep && !colorful) << k;
+      dissimilar |= static_cast<uint32_t>(deep && colorful) << k;
+    }
+    if (cues_.ask_other_views_ && (similar | dissimilar) != 0) {
+      const CrossView::Verdict verdict =
+          cues_.cross_view_.Judge(batch_.view, SightOf(p), SightOf(q), batch_.scene_scales);
+      similar &= ~verdict.apart;
+      dissimilar &= ~verdict.together;
+    }
+    return similar | dissimilar << kDissimilarShift;
+  }
+
+ private:
+  const Usual& UsualAbout(int32_t p) {
+    if (!usual_[p]) usual_[p] = cues_.UsualAbout(batch_, batch_.pixels[p], radii_);
+    return *usual_[p];
+  }
+  const CrossView::Sight& SightOf(int32_t p) {
+    if (!sight_[p]) sight_[p] = cues_.cross_view_.Look(batch_.view, batch_.pixels[p]);
+    return *sight_[p];
+  }
+
+  const PerceptionCues& cues_;
+  const View& view_;
+  const PixelBatch& batch_;
+  std::span<const float> radii_;
+  std::vector<std::optional<Usual>> usual_;
+  std::vector<std::optional<CrossView::Sight>> sight_;
+};
+
+void PerceptionCues::List(PixelBatch& batch) const {
+  const std::vector<float> radii = Radii(batch);
+  std::vector<Pair> pairs = NearPairs(batch, *std::max_element(radii.begin(), radii.end()));
+  Judge judge(*this, batch, radii);
+  for (Pair& pair : pairs) pair.cues = judge.CuesOf(pair.p, pair.q);
+  std::erase_if(pairs, [](const Pair& pair) { return pair.cues == 0; });
+
+  PairLists& lists = batch.pairs;
+  lists.first.assign(batch.pixels.size() + 1, 0);
+  for (const Pair& pair : pairs) {
+    ++lists.first[pair.p + 1];
+    ++lists.first[pair.q + 1];
+  }
+  for (size_t i = 1; i < lists.first.size(); ++i) lists.first[i] += lists.first[i - 1];
+  lists.other.resize(2 * pairs.size());
+  lists.cues.resize(2 * pairs.size());
+  std::vector<int32_t> next(lists.first.begin(), lists.first.end() - 1);
+  for (const Pair& pair : pairs) {
+    for (const auto& [from, to] : {std::pair(pair.p, pair.q), std::pair(pair.q, pair.p)}) {
+      lists.other[next[from]] = to;
+      lists.cues[next[from]++] = pair.cues;
+    }
+  }
+  const size_t num_scales = batch.scales.size();
+  lists.share.assign(2 * num_scales, 0);
+  for (size_t i = 0; i < lists.share.size(); ++i) {
+    const size_t bit = i < num_scales ? i : kDissimilarShift + i - num_scales;
+    const auto count = std::count_if(
+        pairs.begin(), pairs.end(), [&](const Pair& pair) { return (pair.cues >> bit & 1u) != 0; });
+    if (count > 0) lists.share[i] = 1 / static_cast<float>(static_cast<size_t>(count) * num_scales);
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,192 @@
+#include "core/features/perception_cues.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "core/priors/depth_edges.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kWidth = 120, kHeight = 100, kBorder = 60;
+
+// The left half near and red, the right half far and blue, each with a little unrest; the mask
+// covers the left half but for its upper rows, and its right border is the edge of depth.
+Capture TwoHalves() {
+  Capture capture;
+  View& view = capture.views.emplace_back();
+  view.name = "a.png";
+  view.camera = {kWidth, kHeight, 100, 100, kWidth / 2.0, kHeight / 2.0};
+  view.photo = {kWidth, kHeight, 3, {}};
+  BinaryMask mask;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool left = x < kBorder;
+      const auto unrest = static_cast<uint8_t>((7 * x + 13 * y) % 5);
+      const uint8_t red = left ? 200 : 30, blue = left ? 30 : 200;
+      for (const uint8_t c : {red, uint8_t{30}, blue}) {
+        view.photo.pixels.push_back(static_cast<uint8_t>(c + unrest));
+      }
+      view.depth.values.push_back((left ? 0.8f : 0.2f) + 0.001f * static_cast<float>(unrest));
+      mask.pixels.push_back(left && y >= 50 ? 1 : 0);
+    }
+  }
+  view.masks = BuildMaskSet(kWidth, kHeight, std::vector<BinaryMask>{mask});
+  return capture;
+}
+
+// With masks of these scales, 1 away from the camera.
+struct Prepared {
+  Prepared(Capture of, const std::vector<std::vector<float>>& mask_scales)
+      : capture(std::move(of)),
+        depths(capture.views.size(), std::vector<float>(kWidth * kHeight, 1.0f)),
+        views(MakeDrawableViews(capture, mask_scales)),
+        cross_view(capture, views, depths),
+        edges(DepthEdges(capture.views[0])) {}
+  Prepared(const Prepared&) = delete;
+  Prepared& operator=(const Prepared&) = delete;
+
+  Capture capture;
+  std::vector<std::vector<float>> depths;
+  std::vector<DrawableView> views;
+  CrossView cross_view;
+  std::vector<uint8_t> edges;
+};
+
+// Every third pixel: those under the mask first.
+PixelBatch GridBatch(const Prepared& prepared) {
+  PixelBatch batch;
+  batch.scales = {0.1f, 1.0f, 0.5f};
+  batch.scene_scales = {0.1f, 1.0f, 0.5f};
+  for (const bool labelled : {true, false}) {
+    for (int y = 1; y < kHeight; y += 3) {
+      for (int x = 1; x < kWidth; x += 3) {
+        const int32_t pixel = y * kWidth + x;
+        const bool covered = prepared.capture.views[0].masks.pixel_patch[pixel] != 0;
+        if (covered != labelled || (!covered && prepared.edges[pixel] != 0)) continue;
+        batch.pixels.push_back(pixel);
+      }
+    }
+    if (labelled) batch.num_labelled = static_cast<int>(batch.pixels.size());
+  }
+  return batch;
+}
+
+PixelBatch List(const Prepared& prepared, const FeatureOptions& options = {}) {
+  PixelBatch batch = GridBatch(prepared);
+  const PerceptionCues cues(prepared.capture, prepared.cross_view, prepared.views, {prepared.edges},
+                            options);
+  cues.List(batch);
+  return batch;
+}
+
+bool IsLeft(const PixelBatch& batch, int32_t p) { return batch.pixels[p] % kWidth < kBorder; }
+
+class PerceptionCuesTest : public ::testing::Test {
+ protected:
+  Prepared prepared_ = Prepared(TwoHalves(), {{0.5f}});
+};
+
+TEST_F(PerceptionCuesTest, NearPixelsOfOneHalfAreSimilarAndOfTwoDissimilar) {
+  const PixelBatch batch = List(prepared_);
+  ASSERT_EQ(batch.pairs.first.size(), batch.pixels.size() + 1);
+  constexpr PairCues kSimilar = 0x7;
+  int num_similar = 0, num_dissimilar = 0;
+  for (size_t p = 0; p < batch.pixels.size(); ++p) {
+    for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+      const PairCues cues = batch.pairs.cues[e];
+      const bool same =
+          IsLeft(batch, static_cast<int32_t>(p)) == IsLeft(batch, batch.pairs.other[e]);
+      ASSERT_NE(cues, 0u);
+      ASSERT_EQ((cues & kSimilar) != 0, same);
+      ASSERT_EQ((cues >> kDissimilarShift & kSimilar) != 0, !same);
+      (same ? num_similar : num_dissimilar) += 1;
+    }
+  }
+  EXPECT_GT(num_similar, 200);
+  EXPECT_GT(num_dissimilar, 0);
+}
+
+TEST_F(PerceptionCuesTest, PairsAreNearAwayFromEdgesAndOneIsUnlabelled) {
+  const PixelBatch batch = List(prepared_);
+  // r(s) of the image; the mask's side is 55 px.
+  const float radii[] = {0.042f * kHeight, 0.15f * kHeight, 0.09f * kHeight};
+  for (size_t p = 0; p < batch.pixels.size(); ++p) {
+    for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+      const int32_t q = batch.pairs.other[e], a = batch.pixels[p], b = batch.pixels[q];
+      ASSERT_TRUE(static_cast<int>(p) >= batch.num_labelled || q >= batch.num_labelled);
+      ASSERT_EQ(prepared_.edges[a], 0);
+      ASSERT_EQ(prepared_.edges[b], 0);
+      const auto distance =
+          static_cast<float>(std::hypot(a % kWidth - b % kWidth, a / kWidth - b / kWidth));
+      const PairCues cues = batch.pairs.cues[e];
+      for (int k = 0; k < 3; ++k) {
+        const bool counts = ((cues | cues >> kDissimilarShift) >> k & 1) != 0;
+        if (counts) {
+          ASSERT_LE(distance, std::max(2.0f, radii[k]));
+        }
+      }
+    }
+  }
+}
+
+TEST_F(PerceptionCuesTest, EachPairStandsBothWaysRoundAndSharesAddUp) {
+  const PixelBatch batch = List(prepared_);
+  std::map<std::pair<int32_t, int32_t>, PairCues> pairs;
+  double similar_at_1 = 0;
+  for (size_t p = 0; p < batch.pixels.size(); ++p) {
+    for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+      const std::pair<int32_t, int32_t> key(p, batch.pairs.other[e]);
+      ASSERT_TRUE(pairs.emplace(key, batch.pairs.cues[e]).second) << "twice";
+      if ((batch.pairs.cues[e] >> 1 & 1) != 0) similar_at_1 += 0.5;
+    }
+  }
+  for (const auto& [key, cues] : pairs) ASSERT_EQ(pairs.at({key.second, key.first}), cues);
+  EXPECT_NEAR(batch.pairs.share[1] * similar_at_1, 1.0 / 3, 1e-6);
+}
+
+TEST_F(PerceptionCuesTest, WithoutUnlabelledPixelsThereAreNoPairs) {
+  PixelBatch batch = GridBatch(prepared_);
+  batch.pixels.resize(batch.num_labelled);
+  const PerceptionCues cues(prepared_.capture, prepared_.cross_view, prepared_.views,
+                            {prepared_.edges}, {});
+  cues.List(batch);
+  EXPECT_TRUE(batch.pairs.other.empty());
+  for (const float share : batch.pairs.share) EXPECT_EQ(share, 0);
+}
+
+// Both halves at one depth and of one colour: another view's masks alone tell them apart.
+TEST_F(PerceptionCuesTest, OtherViewsMasksHaveTheLastWord) {
+  Capture capture = TwoHalves();
+  View& view = capture.views[0];
+  std::fill(view.depth.values.begin(), view.depth.values.end(), 0.5f);
+  std::fill(view.photo.pixels.begin(), view.photo.pixels.end(), uint8_t{90});
+  capture.views.push_back(view);
+  capture.views[1].name = "b.png";
+  BinaryMask halves[2];
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    halves[0].pixels.push_back(i % kWidth < kBorder ? 1 : 0);
+    halves[1].pixels.push_back(i % kWidth < kBorder ? 0 : 1);
+  }
+  capture.views[1].masks = BuildMaskSet(kWidth, kHeight, halves);
+  const Prepared prepared(std::move(capture), {{0.5f}, {0.5f, 0.6f}});
+  const auto count_across = [&](const FeatureOptions& options) {
+    const PixelBatch batch = List(prepared, options);
+    int across = 0;
+    for (size_t p = 0; p < batch.pixels.size(); ++p) {
+      for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
+        across += IsLeft(batch, static_cast<int32_t>(p)) != IsLeft(batch, batch.pairs.other[e]);
+      }
+    }
+    EXPECT_GT(batch.pairs.other.size(), 100u);
+    return across;
+  };
+  EXPECT_EQ(count_across({}), 0);
+  EXPECT_GT(count_across({.perception_cross_view = false}), 10);
+}
+
+}  // namespace
+}  // namespace pepeseg

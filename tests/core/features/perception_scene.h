@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "core/features/batch_drawer.h"
+#include "core/scene/gaussians.h"
+#include "kernels/backend.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg::testing {
+
+// The synthetic scene with depth priors, and what stage two knows of it before its first step.
+struct PerceptionScene {
+  explicit PerceptionScene(SyntheticOptions options = {.num_views = 8,
+                                                       .num_points = 4000,
+                                                       .depth = DepthPrior::Kind::kDisparity});
+
+  SyntheticScene scene;
+  Gaussians gaussians;
+  std::vector<std::vector<float>> depths;  // of the views that are drawn
+  std::vector<DrawableView> views;
+};
+
+// Without its first mask in every other view.
+void DropMasks(Capture& capture);
+
+}  // namespace pepeseg::testing
