@@ -16,7 +16,6 @@ constexpr double kPartContrast = 0.05;
 const Vector3d kSkin = {0.85, 0.62, 0.48}, kShirt = {0.25, 0.42, 0.65};
 const Vector3d kTrousers = {0.3, 0.3, 0.36}, kShoe = {0.24, 0.18, 0.15};
 
-// Counter-clockwise about an axis, as columns see it.
 Matrix3d Turn(const Vector3d& axis, double degrees) {
   return Eigen::AngleAxisd(degrees * std::numbers::pi / 180, axis).toRotationMatrix();
 }
@@ -73,7 +72,7 @@ struct Limb {
   double x, top, z;  // of the upper end's middle; x on the right-hand side
   Vector3d half;
   double degrees;  // outwards from straight down
-  const Vector3d& color;
+  Vector3d color;
 };
 
 void AddFigure(CrowdedSurfaces& out) {

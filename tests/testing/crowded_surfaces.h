@@ -9,7 +9,7 @@
 namespace pepeseg::testing {
 
 // Many small parts that touch and often look alike: a wall of stacked blocks, a figure with limbs
-// and a row of thin books, on a table before a folding screen. About 4 wide and 1.5 high.
+// and a row of thin books, on a table before a folding screen. About 3 wide and 1.6 high.
 struct CrowdedSurfaces {
   std::vector<Surface> surfaces;          // labelled by part; table and screen: 0
   std::vector<std::string> part_names;    // by part; of 0: empty
