@@ -1,18 +1,31 @@
-// Developer program: imports a dataset folder and writes it as a capture pack,
-// with the ground truth that the folder has.
+// Developer program: imports a dataset folder, or makes the crowded development scene, and writes
+// it as a capture pack with the ground truth that it has.
 #include <CLI/CLI.hpp>
 #include <iostream>
+#include <string>
+#include <utility>
 
 #include "core/io/import.h"
 #include "core/status_macros.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"
+#include "tests/testing/crowded_capture.h"
 
 namespace pepeseg {
 namespace {
 
-absl::Status Run(const std::string& folder, const std::string& path, bool disparity,
-                 const ImportOptions& options) {
+// The levels `part` and `object`.
+absl::Status PackCrowdedScene(const std::string& path) {
+  testing::CrowdedScene scene = testing::MakeCrowdedScene();
+  CapturePack pack;
+  pack.capture = std::move(scene.capture);
+  pack.truth = {{"part", std::move(scene.parts.entities), std::move(scene.parts.labels)},
+                {"object", std::move(scene.objects.entities), std::move(scene.objects.labels)}};
+  return WriteCapturePack(path, pack);
+}
+
+absl::Status PackDataset(const std::string& folder, const std::string& path, bool disparity,
+                         const ImportOptions& options) {
   ASSIGN_OR_RETURN(auto files, ListDataset(folder));
   for (DatasetFile& file : files) {
     if (disparity && file.kind == FileKind::kDepth) file.kind = FileKind::kDisparity;
@@ -31,15 +44,23 @@ absl::Status Run(const std::string& folder, const std::string& path, bool dispar
 // NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   CLI::App app("A dataset folder as a capture pack");
-  std::string folder, pack;
+  std::string folder, pack, crowded_pack;
   bool disparity = false;
   pepeseg::ImportOptions options;
-  app.add_option("folder", folder)->required();
-  app.add_option("pack", pack)->required();
+  auto* crowded = app.add_option("--crowded", crowded_pack,
+                                 "write the crowded development scene to this pack instead");
+  app.add_option("folder", folder)->excludes(crowded);
+  app.add_option("pack", pack)->excludes(crowded);
   app.add_flag("--disparity", disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.image_scale);
   CLI11_PARSE(app, argc, argv);
-  const absl::Status status = pepeseg::Run(folder, pack, disparity, options);
+  if (crowded_pack.empty() && pack.empty()) {
+    std::cerr << "FOLDER PACK or --crowded PACK\n";
+    return 1;
+  }
+  const absl::Status status = crowded_pack.empty()
+                                  ? pepeseg::PackDataset(folder, pack, disparity, options)
+                                  : pepeseg::PackCrowdedScene(crowded_pack);
   if (!status.ok()) std::cerr << status << "\n";
   return status.ok() ? 0 : 1;
 }

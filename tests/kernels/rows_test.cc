@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "kernels/cpu/half.h"
 #include "tests/kernels/backend_test.h"
+#include "tests/kernels/reference_renderer.h"
 #include "tests/kernels/rendered.h"
 
 namespace pepeseg {
@@ -119,6 +121,65 @@ TEST_P(RowsTest, GiveTheRenderedFeatures) {
                   1e-5f + std::abs(want) / 2048);
     }
   }
+}
+
+// [H * W, 32] in double, three channels at a time as the colours of the reference renderer, black
+// behind. close_call: see ReferenceImage.
+std::vector<double> DenseFeatures(const Rendered& scene, const std::vector<float>& features,
+                                  std::vector<uint8_t>& close_call) {
+  const double of_degree_0 = 0.5 / std::sqrt(std::acos(-1.0));
+  const int64_t count = scene.host.count;
+  ReferenceScene reference = {
+      count, scene.host.sh_degree, {scene.host.planes.begin(), scene.host.planes.end()}};
+  std::vector<double> dense(size_t{kNumPixels} * kFeatureSize);
+  for (int from = 0; from < kFeatureSize; from += 3) {
+    const int num_channels = std::min(3, kFeatureSize - from);
+    for (int64_t i = 0; i < count; ++i) {
+      for (int c = 0; c < num_channels; ++c) {
+        const double feature = features[i * kFeatureSize + from + c];
+        reference.planes[(kShPlane + c) * count + i] = (feature - 0.5) / of_degree_0;
+      }
+    }
+    ReferenceOptions options;
+    options.near_plane = scene.near_plane;
+    const ReferenceImage image = RenderReference(reference, scene.view, options);
+    for (int c = 0; c < num_channels; ++c) {
+      for (int p = 0; p < kNumPixels; ++p) {
+        dense[p * kFeatureSize + from + c] = image.color[c * kNumPixels + p];
+      }
+    }
+    close_call = image.close_call;
+  }
+  return dense;
+}
+
+TEST_P(RowsTest, GiveTheFeaturesOfADenseRenderInDouble) {
+  Rendered scene(*backend_, RandomScene({.count = 400, .sh_degree = 0, .max_opacity_logit = 6}),
+                 TestView(kWidth, kHeight));
+  scene.Render();
+  std::vector<float> features = RandomValues(400 * kFeatureSize, 3);
+  for (float& value : features) value = 1 + 0.5f * value;  // colours are not negative
+  const std::vector<int32_t> pixels = EveryPixelBackwards();
+  Rows rows;
+  Capture(scene, pixels, rows);
+  const Buffer<float> features_in = Upload(*backend_, features);
+  Buffer<float> sparse(*backend_, kNumPixels * kFeatureSize);
+  const RowSpan span = {rows.first.span(), rows.gaussian.span(), rows.weight.span()};
+  backend_->FeatureRows({span, features_in.span(), sparse.span()});
+  const std::vector<float> got = Download(sparse);
+  std::vector<uint8_t> close_call;
+  const std::vector<double> want = DenseFeatures(scene, features, close_call);
+  int num_compared = 0;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const int32_t p = pixels[i];
+    if (close_call[p] != 0) continue;
+    if (want[p * kFeatureSize] > 0) ++num_compared;
+    for (int c = 0; c < kFeatureSize; ++c) {
+      const double dense = want[p * kFeatureSize + c];
+      ASSERT_NEAR(got[i * kFeatureSize + c], dense, 1e-5 * dense) << p << ", " << c;
+    }
+  }
+  EXPECT_GT(num_compared, 0.9 * kNumPixels);
 }
 
 TEST(Half, RoundTripsEveryFiniteValue) {

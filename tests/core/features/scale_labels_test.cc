@@ -2,86 +2,111 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <random>
 
 namespace pepeseg {
 namespace {
 
-// Random overlapping rectangles.
-MaskSet RandomMasks(int width, int height, int count, std::mt19937_64& random) {
-  std::vector<BinaryMask> masks;
-  for (int i = 0; i < count; ++i) {
+// Overlapping rectangles with holes, [height, width] each.
+std::vector<BinaryMask> RandomMasks(int width, int height, int count, std::mt19937_64& random) {
+  std::vector<BinaryMask> masks(count);
+  for (BinaryMask& mask : masks) {
     const int x0 = static_cast<int>(random() % width), y0 = static_cast<int>(random() % height);
     const int x1 = x0 + 1 + static_cast<int>(random() % width);
     const int y1 = y0 + 1 + static_cast<int>(random() % height);
-    BinaryMask mask;
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
-        mask.pixels.push_back(x >= x0 && x < x1 && y >= y0 && y < y1);
+        const bool inside = x >= x0 && x < x1 && y >= y0 && y < y1;
+        mask.pixels.push_back(inside && random() % 8 != 0);
       }
     }
-    masks.push_back(mask);
+    mask.pixels[size_t(y0) * width + x0] = 1;  // none is empty
   }
-  return BuildMaskSet(width, height, masks);
+  return masks;
 }
 
-struct Covered {
-  const MaskSet& masks;
-  const std::vector<float>& scales;
-  int x, y;
+// Some scales are the same, some masks have none.
+std::vector<float> RandomScales(size_t count, std::mt19937_64& random) {
+  std::vector<float> scales;
+  for (size_t i = 0; i < count; ++i) {
+    scales.push_back(random() % 8 == 0 ? 0.0f : 0.1f * static_cast<float>(1 + random() % 100));
+  }
+  return scales;
+}
 
-  bool By(int mask) const { return scales[mask] > 0 && masks.Covers(mask, x, y); }
-  // The paper's Lambda(s, p): the finest mask over p that is not smaller than s, or -1.
-  int Lambda(float s) const {
+// Every mask's own scale, others between, one below and one above all of them.
+std::vector<float> AskedScales(const std::vector<float>& mask_scales, std::mt19937_64& random) {
+  std::vector<float> asked = mask_scales;
+  for (int i = 0; i < 10; ++i) asked.push_back(0.011f * static_cast<float>(random() % 1000));
+  asked.push_back(0.05f);
+  asked.push_back(11);
+  return asked;
+}
+
+// The paper's G from the masks' pixels.
+struct PaperPairs {
+  const std::vector<BinaryMask>& masks;
+  const std::vector<float>& scales;
+
+  bool Covers(size_t mask, size_t pixel) const {
+    return scales[mask] > 0 && masks[mask].pixels[pixel] != 0;
+  }
+  // Lambda(s, p): the finest mask over p that is not smaller than s, of equal ones the first; or
+  // -1.
+  int Lambda(float s, size_t pixel) const {
     int best = -1;
-    for (int mask = 0; mask < masks.num_masks; ++mask) {
-      if (!By(mask) || scales[mask] < s) continue;
-      if (best < 0 || scales[mask] < scales[best]) best = mask;
+    for (size_t mask = 0; mask < masks.size(); ++mask) {
+      if (!Covers(mask, pixel) || scales[mask] < s) continue;
+      if (best < 0 || scales[mask] < scales[best]) best = static_cast<int>(mask);
     }
     return best;
   }
+  // "Lambda(s,p) = Lambda(s,q), or a shared finer mask"; an empty Lambda equals nothing.
+  bool Together(float s, size_t p, size_t q) const {
+    if (Lambda(s, p) >= 0 && Lambda(s, p) == Lambda(s, q)) return true;
+    for (size_t mask = 0; mask < masks.size(); ++mask) {
+      if (scales[mask] < s && Covers(mask, p) && Covers(mask, q)) return true;
+    }
+    return false;
+  }
 };
 
-// "Lambda(s,p) = Lambda(s,q), or a shared finer mask"; an empty Lambda equals nothing.
-bool Together(const Covered& p, const Covered& q, float s) {
-  if (p.Lambda(s) >= 0 && p.Lambda(s) == q.Lambda(s)) return true;
-  for (int mask = 0; mask < p.masks.num_masks; ++mask) {
-    if (p.scales[mask] < s && p.By(mask) && q.By(mask)) return true;
-  }
-  return false;
+bool Intersect(const std::vector<uint64_t>& a, const std::vector<uint64_t>& b) {
+  uint64_t common = 0;
+  for (size_t word = 0; word < a.size(); ++word) common |= a[word] & b[word];
+  return common != 0;
 }
 
 TEST(ScaleLabels, IntersectAsThePaperPairsPixels) {
+  constexpr int kWidth = 12, kHeight = 9;
   std::mt19937_64 random(7);
   int together = 0, apart = 0;
-  for (int trial = 0; trial < 40; ++trial) {
-    const int width = 12, height = 9;
+  for (int trial = 0; trial < 24; ++trial) {
     // More than one word of masks in some trials.
-    const MaskSet masks = RandomMasks(width, height, trial % 4 == 0 ? 90 : 12, random);
-    std::vector<float> scales;
-    scales.reserve(masks.num_masks);
-    for (int i = 0; i < masks.num_masks; ++i) {
-      scales.push_back(random() % 8 == 0 ? 0.0f : 0.01f * static_cast<float>(1 + random() % 1000));
-    }
-    for (int draw = 0; draw < 200; ++draw) {
-      const Covered p = {masks, scales, int(random() % width), int(random() % height)};
-      const Covered q = {masks, scales, int(random() % width), int(random() % height)};
-      const float s = draw % 5 == 0 && masks.num_masks > 0
-                          ? scales[random() % scales.size()]  // exactly a mask's own
-                          : 0.011f * static_cast<float>(random() % 1000);
-      std::vector<uint64_t> a(masks.words), b(masks.words);
-      ScaleLabels(masks.BitsAt(p.x, p.y), scales, s, a);
-      ScaleLabels(masks.BitsAt(q.x, q.y), scales, s, b);
-      uint64_t common = 0;
-      for (int word = 0; word < masks.words; ++word) common |= a[word] & b[word];
-      const bool want = Together(p, q, s);
-      ASSERT_EQ(common != 0, want) << "scale " << s;
-      ++(want ? together : apart);
+    const auto masks = RandomMasks(kWidth, kHeight, trial % 4 == 0 ? 90 : 1 + trial / 2, random);
+    const MaskSet set = BuildMaskSet(kWidth, kHeight, masks, /*duplicate_iou=*/1);
+    ASSERT_EQ(set.num_masks, masks.size());
+    const std::vector<float> scales = RandomScales(masks.size(), random);
+    std::vector<int> pixels(20);
+    for (int& pixel : pixels) pixel = static_cast<int>(random() % (kWidth * kHeight));
+    for (const float s : AskedScales(scales, random)) {
+      std::vector<std::vector<uint64_t>> labels;
+      for (const int p : pixels) {
+        labels.emplace_back(set.words);
+        ScaleLabels(set.BitsAt(p % kWidth, p / kWidth), scales, s, labels.back());
+      }
+      for (size_t i = 0; i < pixels.size(); ++i) {
+        for (size_t j = i; j < pixels.size(); ++j) {  // a pixel with itself, too
+          const bool want = PaperPairs{masks, scales}.Together(s, pixels[i], pixels[j]);
+          ASSERT_EQ(Intersect(labels[i], labels[j]), want)
+              << "trial " << trial << ", scale " << s << ", " << pixels[i] << " and " << pixels[j];
+          ++(want ? together : apart);
+        }
+      }
     }
   }
-  EXPECT_GT(together, 500);
-  EXPECT_GT(apart, 500);
+  EXPECT_GT(together, 10000);
+  EXPECT_GT(apart, 10000);
 }
 
 TEST(ScaleLabels, AboveTheLargestScaleKeepAllMasks) {
