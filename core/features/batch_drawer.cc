@@ -74,25 +74,7 @@ BatchDrawer::BatchDrawer(const Capture& capture, const FeatureField& field,
       options_(options),
       random_(options.seed) {}
 
-PixelBatch BatchDrawer::Next() {
-  const DrawableView& view = NextView();
-  PixelBatch batch;
-  batch.view = view.view;
-  batch.scene_scales = DrawScales(view);
-  DrawPixels(view, batch);
-  DrawBackground(view, batch);
-  batch.num_labelled = static_cast<int>(batch.pixels.size());
-  DrawUnlabelled(view, batch);
-  Label(view, batch.scene_scales, batch);
-  for (const float scale : batch.scene_scales) {
-    batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
-  }
-  batch.pair_seed = static_cast<uint32_t>(random_() >> 32);
-  batch.drawn_neighbors = DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random_);
-  return batch;
-}
-
-const DrawableView& BatchDrawer::NextView() {
+BatchDrawer::Draft BatchDrawer::Next() {
   if (views_left_.empty()) {
     views_left_.resize(views_.size());
     std::iota(views_left_.begin(), views_left_.end(), 0);
@@ -100,74 +82,97 @@ const DrawableView& BatchDrawer::NextView() {
   std::swap(views_left_[DrawIndex(views_left_.size(), random_)], views_left_.back());
   const int next = views_left_.back();
   views_left_.pop_back();
-  return views_[next];
+  return {next, random_()};
+}
+
+PixelBatch BatchDrawer::Draw(const Draft& draft) const {
+  const DrawableView& view = views_[draft.view];
+  Random random(draft.seed);
+  PixelBatch batch;
+  batch.view = view.view;
+  batch.scene_scales = DrawScales(view, random);
+  const std::vector<uint32_t> patches = DrawPixels(view, batch, random);
+  DrawBackground(view, batch, random);
+  batch.num_labelled = static_cast<int>(batch.pixels.size());
+  DrawUnlabelled(view, batch, random);
+  Label(view, patches, batch);
+  for (const float scale : batch.scene_scales) {
+    batch.scales.push_back(static_cast<float>(QuantileOfScale(field_, scale)));
+  }
+  batch.pair_seed = static_cast<uint32_t>(random() >> 32);
+  batch.drawn_neighbors = DrawBits(options_.num_neighbors, options_.num_drawn_neighbors, random);
+  return batch;
 }
 
 // Scene units: masks at random, each jittered down towards the next smaller one; one scale at which
 // only the largest mask may still hold things apart; one below the smallest.
-std::vector<float> BatchDrawer::DrawScales(const DrawableView& view) {
+std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, Random& random) const {
   const std::vector<float>& sorted = view.sorted_scales;
   std::vector<float> scales;
   for (int k = 0; k + 2 < options_.num_scales; ++k) {
-    const size_t mask = DrawIndex(sorted.size(), random_);
-    scales.push_back(DrawBetween(mask == 0 ? 0 : sorted[mask - 1], sorted[mask], random_));
+    const size_t mask = DrawIndex(sorted.size(), random);
+    scales.push_back(DrawBetween(mask == 0 ? 0 : sorted[mask - 1], sorted[mask], random));
   }
   if (options_.num_scales >= 2) {
     const float second = sorted.size() < 2 ? 0 : sorted[sorted.size() - 2];
-    scales.push_back(DrawBetween(second, 2 * field_.scale_quantiles.back(), random_));
+    scales.push_back(DrawBetween(second, 2 * field_.scale_quantiles.back(), random));
   }
-  scales.push_back(DrawBetween(0, sorted.front(), random_));
+  scales.push_back(DrawBetween(0, sorted.front(), random));
   return scales;
 }
 
-void BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch) {
+std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
+                                              Random& random) const {
   const MaskSet& masks = capture_.views[view.view].masks;
   std::unordered_map<uint32_t, int32_t> number;
-  batch_patch_.clear();
+  std::vector<uint32_t> patches;
   for (int i = 0; i < options_.num_pixels; ++i) {
-    const int32_t pixel = view.pixels[DrawIndex(view.pixels.size(), random_)];
+    const int32_t pixel = view.pixels[DrawIndex(view.pixels.size(), random)];
     const uint32_t patch = masks.pixel_patch[pixel];
-    const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(batch_patch_.size()));
-    if (is_new) batch_patch_.push_back(patch);
+    const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(patches.size()));
+    if (is_new) patches.push_back(patch);
     batch.pixels.push_back(pixel);
     batch.patch.push_back(at->second);
     batch.weight.push_back(view.patch_weight[patch]);
   }
-  batch.num_patches = static_cast<int>(batch_patch_.size());
+  batch.num_patches = static_cast<int>(patches.size());
+  return patches;
 }
 
 // One patch more, without a number in the view: a mask of its own, as large as the image.
-void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch) {
+void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch,
+                                 Random& random) const {
   if (view.background.empty() || options_.num_background_pixels == 0) return;
   const MaskSet& masks = capture_.views[view.view].masks;
   const float weight = 1 / (static_cast<float>(masks.width) * static_cast<float>(masks.height));
   for (int i = 0; i < options_.num_background_pixels; ++i) {
-    batch.pixels.push_back(view.background[DrawIndex(view.background.size(), random_)]);
+    batch.pixels.push_back(view.background[DrawIndex(view.background.size(), random)]);
     batch.patch.push_back(batch.num_patches);
     batch.weight.push_back(weight);
   }
   ++batch.num_patches;
 }
 
-void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch) {
+void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch,
+                                 Random& random) const {
   if (view.unlabelled.empty()) return;
   for (int i = 0; i < options_.num_perception_pixels; ++i) {
-    batch.pixels.push_back(view.unlabelled[DrawIndex(view.unlabelled.size(), random_)]);
+    batch.pixels.push_back(view.unlabelled[DrawIndex(view.unlabelled.size(), random)]);
   }
 }
 
-void BatchDrawer::Label(const DrawableView& view, std::span<const float> scales,
+void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> patches,
                         PixelBatch& batch) const {
   const MaskSet& masks = capture_.views[view.view].masks;
   const auto words = static_cast<size_t>(masks.words);
-  const bool has_background = static_cast<size_t>(batch.num_patches) > batch_patch_.size();
+  const bool has_background = static_cast<size_t>(batch.num_patches) > patches.size();
   // Behind the masks' bits stands that of the background.
   const size_t all_words = has_background ? static_cast<size_t>(masks.num_masks) / 64 + 1 : words;
   batch.label_words = static_cast<int>(all_words);
-  batch.labels.resize(scales.size() * batch.num_patches * all_words);
+  batch.labels.resize(batch.scene_scales.size() * batch.num_patches * all_words);
   std::span<uint64_t> out = batch.labels;
-  for (const float scale : scales) {
-    for (const uint32_t patch : batch_patch_) {
+  for (const float scale : batch.scene_scales) {
+    for (const uint32_t patch : patches) {
       const std::span<const uint64_t> bits(masks.patch_bits.data() + patch * words, words);
       ScaleLabels(bits, view.mask_scales, scale, out.first(words));
       out = out.subspan(all_words);

@@ -54,14 +54,20 @@ struct DrawableView {
 std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
                                             std::span<const std::vector<float>> mask_scales);
 
-// Draws batches, view after view shuffled without replacement, all from one seed.
+// Draws batches, view after view shuffled without replacement, all from one seed. Which view and
+// which random numbers a batch has is drawn one after the other; its content from these alone.
 class BatchDrawer {
  public:
   // The capture, the views and the field (for its quantiles) must outlive it.
   BatchDrawer(const Capture& capture, const FeatureField& field, std::vector<DrawableView> views,
               const FeatureOptions& options);
 
-  PixelBatch Next();
+  struct Draft {
+    int view = 0;  // index into views()
+    uint64_t seed = 0;
+  };
+  Draft Next();
+  PixelBatch Draw(const Draft& draft) const;  // thread safe
 
   DrawerState Save() const;
   // DATA_LOSS: what it holds is no state of a drawer of these views.
@@ -70,20 +76,22 @@ class BatchDrawer {
   const std::vector<DrawableView>& views() const { return views_; }
 
  private:
-  const DrawableView& NextView();
-  std::vector<float> DrawScales(const DrawableView& view);
-  void DrawPixels(const DrawableView& view, PixelBatch& batch);
-  void DrawBackground(const DrawableView& view, PixelBatch& batch);
-  void DrawUnlabelled(const DrawableView& view, PixelBatch& batch);
-  void Label(const DrawableView& view, std::span<const float> scales, PixelBatch& batch) const;
+  using Random = std::mt19937_64;
+
+  std::vector<float> DrawScales(const DrawableView& view, Random& random) const;
+  // The patches of the view that the batch has, by their number in it.
+  std::vector<uint32_t> DrawPixels(const DrawableView& view, PixelBatch& batch,
+                                   Random& random) const;
+  void DrawBackground(const DrawableView& view, PixelBatch& batch, Random& random) const;
+  void DrawUnlabelled(const DrawableView& view, PixelBatch& batch, Random& random) const;
+  void Label(const DrawableView& view, std::span<const uint32_t> patches, PixelBatch& batch) const;
 
   const Capture& capture_;
   const FeatureField& field_;
   std::vector<DrawableView> views_;
   FeatureOptions options_;
-  std::mt19937_64 random_;
-  std::vector<int> views_left_;        // of this round
-  std::vector<uint32_t> batch_patch_;  // the patches of the batch, by their number in it
+  Random random_;
+  std::vector<int> views_left_;  // of this round
 };
 
 }  // namespace pepeseg

@@ -45,9 +45,13 @@ class BatchesAhead {
     num_left_ -= count;
     next_ = std::async(std::launch::async, [this, count] {
       Chunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count))};
-      for (PixelBatch& batch : chunk.batches) batch = drawer_.Next();
-      if (cues_ == nullptr) return chunk;
-      pool_.ParallelFor(count, [&](int64_t i, int) { cues_->List(chunk.batches[i]); });
+      std::vector<BatchDrawer::Draft> drafts;
+      drafts.reserve(chunk.batches.size());
+      for (int i = 0; i < count; ++i) drafts.push_back(drawer_.Next());
+      pool_.ParallelFor(count, [&](int64_t i, int) {
+        chunk.batches[i] = drawer_.Draw(drafts[i]);
+        if (cues_ != nullptr) cues_->List(chunk.batches[i]);
+      });
       return chunk;
     });
   }

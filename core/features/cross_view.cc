@@ -89,9 +89,7 @@ int32_t CrossView::PatchAt(int number, const Eigen::Vector3d& point) const {
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const double depth = DepthAt(seen_[number], view, x, y);
   if (!(std::abs(depth - in_cam.z()) < kDepthTolerance * in_cam.z())) return kUnknown;
-  const auto patch =
-      static_cast<int32_t>(view.masks.pixel_patch[static_cast<size_t>(y) * camera.width + x]);
-  return seen_[number].patch_masks[patch].empty() ? kUnknown : patch;
+  return static_cast<int32_t>(view.masks.pixel_patch[static_cast<size_t>(y) * camera.width + x]);
 }
 
 CrossView::Sight CrossView::Look(int number, int32_t pixel) const {
@@ -136,8 +134,10 @@ CrossView::Verdict CrossView::Judge(int view, const Sight& a, const Sight& b,
   const std::vector<int>& near = seen_[view].near;
   for (size_t i = 0; i < near.size(); ++i) {
     if (a[i] == kUnknown || b[i] == kUnknown) continue;
-    const auto& patch_masks = seen_[near[i]].patch_masks;
-    const uint32_t agrees = Agreements(patch_masks[a[i]], patch_masks[b[i]], scales);
+    const std::vector<MaskAt>&of_a = seen_[near[i]].patch_masks[a[i]],
+          &of_b = seen_[near[i]].patch_masks[b[i]];
+    if (of_a.empty() && of_b.empty()) continue;
+    const uint32_t agrees = Agreements(of_a, of_b, scales);
     verdict.together |= agrees;
     verdict.apart |= all & ~agrees;
   }

@@ -21,14 +21,15 @@ class CrossView {
   CrossView(const Capture& capture, const std::vector<DrawableView>& views,
             std::span<const std::vector<float>> depths);
 
-  // The patch that covers the pixel in each of the nearest other views; kUnknown where it is
-  // hidden, outside or under no mask there.
+  // The patch in which the pixel lies in each of the nearest other views; kUnknown where it is
+  // hidden or outside.
   static constexpr int32_t kUnknown = -1;
   using Sight = std::array<int32_t, kNearViews>;
   Sight Look(int view, int32_t pixel) const;  // view: of the capture
 
   // Bit k: at the scale scales[k], scene units, the masks of some near view put the two pixels
-  // together (G = 1), or keep them apart (G = 0).
+  // together (G = 1), or keep them apart (G = 0). A view of which no mask covers either says
+  // nothing.
   struct Verdict {
     uint32_t together = 0, apart = 0;
   };

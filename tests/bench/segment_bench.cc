@@ -17,6 +17,8 @@
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_pack.h"
+#include "tests/bench/fewer_priors.h"
+#include "tests/bench/granularity.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
 
@@ -29,9 +31,11 @@ struct BenchOptions {
   std::string name = "run";
   int num_threads = 0;
   int num_seeds = 1;
-  bool strip_depth = false;
+  CaptureShare share;
   bool entities = false;
   bool kernels = false;
+  bool granularity = false;
+  bool rows_only = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
   OneClickOptions protocol;
@@ -161,6 +165,17 @@ absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView
   return absl::OkStatus();
 }
 
+// As comments.
+absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Model& model,
+                              const std::vector<double>& scales) {
+  ASSIGN_OR_RETURN(const auto measured, MeasureGranularity(backend, capture, model, scales));
+  for (const Granularity& at : measured) {
+    std::printf("# scale %.2f: %.1f clusters of %.0f pixels, %.1f %% in none\n", at.scale,
+                at.num_clusters, at.mean_pixels, 100 * at.noise_share);
+  }
+  return absl::OkStatus();
+}
+
 // Stage two and its scores.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run) {
@@ -173,6 +188,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   const double feature_seconds = Now() - start;
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
+  if (options.granularity) {
+    RETURN_IF_ERROR(PrintGranularity(backend, pack.capture, model, options.protocol.fixed_scales));
+  }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
@@ -194,14 +212,12 @@ absl::Status Run(const BenchOptions& options) {
   RETURN_IF_ERROR(Validate(options.protocol));
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
   if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
-  for (View& view : pack.capture.views) {
-    if (options.strip_depth) view.depth = {};
-  }
   std::vector<KernelTime> times;
+  Reduce(options.share, pack);
   const auto backend =
       MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
-  PrintHeader(options.protocol);
+  if (!options.rows_only) PrintHeader(options.protocol);
   Geometry geometry;
   for (int run = 0; run < options.num_seeds; ++run) {
     if (run == 0 || options.gaussians.empty()) {  // one file, one geometry for all seeds
@@ -237,7 +253,12 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
-  app.add_flag("--no-depth", options.strip_depth);
+  app.add_flag("--no-depth", options.share.without_depth);
+  app.add_option("--every-view", options.share.every_view, "only every n-th training view");
+  app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
+  app.add_flag("--granularity", options.granularity,
+               "clusters by scale on the held-out views, too");
+  app.add_flag("--rows-only", options.rows_only, "no heading of the table");
   app.add_option("--dump", options.dump, "folder for a picture of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
   app.add_flag("--entities", options.entities, "a line for each entity, too");

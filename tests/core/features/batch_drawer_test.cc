@@ -38,7 +38,7 @@ TEST(BatchDrawer, DrawsEachTrainingViewOnceARound) {
   for (const View& view : drawn.capture.views) num_training += view.held_out ? 0 : 1;
   for (int round = 0; round < 3; ++round) {
     std::map<int, int> times;
-    for (int i = 0; i < num_training; ++i) ++times[drawn.drawer->Next().view];
+    for (int i = 0; i < num_training; ++i) ++times[drawn.drawer->Draw(drawn.drawer->Next()).view];
     EXPECT_EQ(times.size(), static_cast<size_t>(num_training));
     for (const auto& [view, count] : times) EXPECT_FALSE(drawn.capture.views[view].held_out);
   }
@@ -47,7 +47,7 @@ TEST(BatchDrawer, DrawsEachTrainingViewOnceARound) {
 TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
   Drawn drawn({.num_pixels = 200});
   for (int i = 0; i < 24; ++i) {
-    const PixelBatch batch = drawn.drawer->Next();
+    const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
     const View& view = drawn.capture.views[batch.view];
     ASSERT_EQ(batch.pixels.size(), 200u);
     for (const int32_t pixel : batch.pixels) {
@@ -59,7 +59,7 @@ TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
 
 TEST(BatchDrawer, WeighsPixelsByTheAreaOfTheirMasks) {
   Drawn drawn({.num_pixels = 50});
-  const PixelBatch batch = drawn.drawer->Next();
+  const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
   const MaskSet& masks = drawn.capture.views[batch.view].masks;
   for (size_t i = 0; i < batch.pixels.size(); ++i) {
     double area = 0, count = 0;
@@ -77,7 +77,7 @@ TEST(BatchDrawer, WeighsPixelsByTheAreaOfTheirMasks) {
 TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
   Drawn drawn({.num_pixels = 4, .num_scales = 10});
   for (int i = 0; i < 50; ++i) {
-    const PixelBatch batch = drawn.drawer->Next();
+    const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
     ASSERT_EQ(batch.scales.size(), 10u);
     for (const float scale : batch.scales) {
       EXPECT_GE(scale, 0);
@@ -96,7 +96,8 @@ TEST(BatchDrawer, FollowsItsSeed) {
   Drawn c({.num_pixels = 30, .seed = 6});
   bool differs = false;
   for (int i = 0; i < 5; ++i) {
-    const PixelBatch x = a.drawer->Next(), y = b.drawer->Next(), z = c.drawer->Next();
+    const PixelBatch x = a.drawer->Draw(a.drawer->Next()), y = b.drawer->Draw(b.drawer->Next()),
+                     z = c.drawer->Draw(c.drawer->Next());
     EXPECT_EQ(x.pixels, y.pixels);
     EXPECT_EQ(x.scales, y.scales);
     EXPECT_EQ(x.pair_seed, y.pair_seed);

@@ -42,7 +42,7 @@ TEST_F(CrossViewTest, SeesMostOfAnObjectUnderItsMaskElsewhere) {
   int num_known = 0;
   for (const int32_t pixel : pixels) {
     const CrossView::Sight sight = cross_view_.Look(view_, pixel);
-    num_known += std::ranges::any_of(sight, [](int32_t p) { return p != CrossView::kUnknown; });
+    num_known += std::ranges::any_of(sight, [](int32_t patch) { return patch > 0; });
   }
   EXPECT_GT(num_known, 0.9 * static_cast<double>(pixels.size()));
 }
@@ -52,7 +52,7 @@ TEST_F(CrossViewTest, PutsAnObjectTogetherAndKeepsTwoApart) {
                              blue = Inside(scene_, view_, kBlueBox);
   ASSERT_GT(blue.size(), 20u);
   const std::vector<float> scales = {0.01f, 0.3f, 10};
-  int num_judged = 0;
+  int num_judged = 0, num_wrong = 0;
   for (size_t i = 0; i < std::min(red.size(), blue.size()); i += 5) {
     const CrossView::Sight a = cross_view_.Look(view_, red[i]),
                            b = cross_view_.Look(view_, red[red.size() - 1 - i]),
@@ -60,20 +60,30 @@ TEST_F(CrossViewTest, PutsAnObjectTogetherAndKeepsTwoApart) {
     const CrossView::Verdict same = cross_view_.Judge(view_, a, b, scales),
                              other = cross_view_.Judge(view_, a, c, scales);
     EXPECT_TRUE(same.together == 7 || same.together == 0);
-    EXPECT_EQ(same.apart, 0u);
+    num_wrong += same.apart != 0 ? 1 : 0;  // splats overhang: a pixel misses the mask elsewhere
     EXPECT_EQ(other.together, 0u);
     EXPECT_TRUE(other.apart == 7 || other.apart == 0);
     num_judged += same.together != 0 && other.apart != 0 ? 1 : 0;
   }
   EXPECT_GE(num_judged, 3);
+  EXPECT_LE(num_wrong, 2);
 }
 
-TEST_F(CrossViewTest, KnowsNothingOfWhatNoMaskCovers) {
-  for (const int32_t pixel : Inside(scene_, view_, 0)) {
-    for (const int32_t patch : cross_view_.Look(view_, pixel)) {
-      ASSERT_EQ(patch, CrossView::kUnknown) << pixel;
-    }
+TEST_F(CrossViewTest, KeepsAnObjectApartFromWhatNoMaskCoversAndThatFromNothing) {
+  const std::vector<int32_t> red = Inside(scene_, view_, kRedBox), table = Inside(scene_, view_, 0);
+  const std::vector<float> scales = {0.01f, 10};
+  int num_judged = 0;
+  for (size_t i = 0; i < red.size(); i += 5) {
+    const CrossView::Sight a = cross_view_.Look(view_, table[i]),
+                           b = cross_view_.Look(view_, table[i + 1]),
+                           c = cross_view_.Look(view_, red[i]);
+    const CrossView::Verdict of_table = cross_view_.Judge(view_, a, b, scales),
+                             other = cross_view_.Judge(view_, a, c, scales);
+    EXPECT_EQ(of_table.together | of_table.apart, 0u);
+    EXPECT_EQ(other.together, 0u);
+    num_judged += other.apart == 3 ? 1 : 0;
   }
+  EXPECT_GE(num_judged, 3);
 }
 
 TEST_F(CrossViewTest, OneViewHasNoOthers) {

@@ -1,0 +1,97 @@
+#include "tests/bench/granularity.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/cluster/hdbscan.h"
+#include "core/features/frozen_scene.h"
+#include "core/status_macros.h"
+#include "kernels/math/gate.h"
+#include "kernels/math/pair.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMaxPoints = 16'384;
+constexpr float kMinNorm = 0.5f;  // of a pixel's features: else little is there
+
+std::vector<int32_t> Grid(const Camera& camera, int stride) {
+  std::vector<int32_t> pixels;
+  for (int y = stride / 2; y < camera.height; y += stride) {
+    for (int x = stride / 2; x < camera.width; x += stride) pixels.push_back(y * camera.width + x);
+  }
+  return pixels;
+}
+
+// [n, 32] of the pixels on which there is something.
+std::vector<float> Features(Backend& backend, FrozenScene& scene, const View& view,
+                            std::span<const int32_t> pixels, const Buffer<float>& features) {
+  const CapturedRows rows = scene.Capture(view, pixels);
+  Buffer<float> of_pixels(backend, static_cast<int64_t>(pixels.size()) * kFeatureSize);
+  backend.FeatureRows({{rows.first.span(), rows.gaussian.span(), rows.weight.span()},
+                       features.span(),
+                       of_pixels.span()});
+  std::vector<float> all(static_cast<size_t>(of_pixels.size())), kept;
+  of_pixels.Download(std::span<float>(all));
+  for (size_t i = 0; i < all.size(); i += kFeatureSize) {
+    float squares = 0;
+    for (int k = 0; k < kFeatureSize; ++k) squares += all[i + k] * all[i + k];
+    if (squares < kMinNorm * kMinNorm) continue;
+    kept.insert(kept.end(), all.begin() + static_cast<std::ptrdiff_t>(i),
+                all.begin() + static_cast<std::ptrdiff_t>(i + kFeatureSize));
+  }
+  return kept;
+}
+
+absl::Status Add(Backend& backend, const Model& model, const std::vector<float>& features,
+                 double pixels_per_point, Granularity& sum) {
+  float psi[kFeatureSize];
+  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(sum.scale), psi);
+  std::vector<float> units(features.size());
+  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
+    GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
+  }
+  ASSIGN_OR_RETURN(const Clusters clusters,
+                   Hdbscan(backend, std::span<const float>(units), HdbscanOptions{20, 5}));
+  const auto num_noise = static_cast<double>(std::ranges::count(clusters.labels, -1));
+  const auto num_points = static_cast<double>(clusters.labels.size());
+  sum.num_clusters += clusters.count;
+  if (clusters.count > 0) {
+    sum.mean_pixels += pixels_per_point * (num_points - num_noise) / clusters.count;
+  }
+  if (num_points > 0) sum.noise_share += num_noise / num_points;
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<Granularity>> MeasureGranularity(Backend& backend,
+                                                            const Capture& capture,
+                                                            const Model& model,
+                                                            const std::vector<double>& scales) {
+  std::vector<Granularity> measured;
+  for (const double scale : scales) measured.push_back({.scale = scale});
+  FrozenScene scene(backend, model.gaussians, model.scene_radius);
+  const Buffer<float> features(backend, std::span<const float>(model.field.features));
+  int num_views = 0;
+  for (const View& view : capture.views) {
+    if (!view.held_out) continue;
+    ++num_views;
+    const Camera& camera = view.camera;
+    const int stride = std::max(1, static_cast<int>(std::ceil(std::sqrt(
+                                       double{1} * camera.width * camera.height / kMaxPoints))));
+    const std::vector<float> of_view =
+        Features(backend, scene, view, Grid(camera, stride), features);
+    for (Granularity& sum : measured) {
+      RETURN_IF_ERROR(Add(backend, model, of_view, double{1} * stride * stride, sum));
+    }
+  }
+  for (Granularity& sum : measured) {
+    sum.num_clusters /= num_views;
+    sum.mean_pixels /= num_views;
+    sum.noise_share /= num_views;
+  }
+  return measured;
+}
+
+}  // namespace pepeseg
