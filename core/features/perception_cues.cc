@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "core/features/mask_scales.h"
@@ -43,6 +44,29 @@ float ColorDifference(const Image& photo, int64_t a, int64_t b) {
     squares += difference * difference;
   }
   return std::sqrt(static_cast<float>(squares)) / 255;
+}
+
+// A pixel of a batch.
+struct Place {
+  float y, x;
+  int32_t number;
+
+  friend bool operator<(const Place& a, const Place& b) {
+    return std::tie(a.y, a.number) < std::tie(b.y, b.number);
+  }
+};
+// Those away from edges.
+std::vector<Place> PlacesByRow(std::span<const int32_t> pixels, std::span<const uint8_t> edges,
+                               int width) {
+  std::vector<Place> places;
+  places.reserve(pixels.size());
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (edges[pixels[i]] != 0) continue;
+    places.push_back({static_cast<float>(pixels[i] / width), static_cast<float>(pixels[i] % width),
+                      static_cast<int32_t>(i)});
+  }
+  std::sort(places.begin(), places.end());
+  return places;
 }
 
 // Mean + standard deviation of what has been added.
@@ -113,19 +137,17 @@ std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
 // Each unlabelled pixel with some of the pixels about it.
 std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& batch,
                                                             float radius) const {
-  const int width = capture_.views[batch.view].camera.width;
-  const auto num_pixels = static_cast<int32_t>(batch.pixels.size());
-  const std::vector<uint8_t>& edges = edges_[batch.view];
+  const std::vector<Place> places =
+      PlacesByRow(batch.pixels, edges_[batch.view], capture_.views[batch.view].camera.width);
   std::vector<Pair> pairs;
   std::vector<std::pair<float, int32_t>> about;
-  for (int32_t p = batch.num_labelled; p < num_pixels; ++p) {
+  for (const Place& place : places) {
+    if (place.number < batch.num_labelled) continue;
     about.clear();
-    for (int32_t q = 0; q < num_pixels; ++q) {
-      const int32_t a = batch.pixels[p], b = batch.pixels[q];
-      const auto x = static_cast<float>(a % width - b % width);
-      const auto y = static_cast<float>(a / width - b / width);
-      if (x * x + y * y > radius * radius || a == b || edges[b] != 0) continue;
-      about.emplace_back(x * x + y * y, q);
+    for (auto at = std::lower_bound(places.begin(), places.end(), Place{place.y - radius, 0, 0});
+         at != places.end() && at->y <= place.y + radius; ++at) {
+      const float x = at->x - place.x, y = at->y - place.y, squared = x * x + y * y;
+      if (squared > 0 && squared <= radius * radius) about.emplace_back(squared, at->number);
     }
     std::sort(about.begin(), about.end());
     const size_t nearest = std::min(kNearest, about.size()), others = about.size() - nearest;
@@ -133,7 +155,7 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
     for (size_t i = 0; i < about.size(); i += i < nearest ? 1 : stride) {
       // Two unlabelled ones meet twice.
       const int32_t q = about[i].second;
-      if (q < batch.num_labelled || p < q) pairs.push_back({p, q, 0});
+      if (q < batch.num_labelled || place.number < q) pairs.push_back({place.number, q, 0});
     }
   }
   return pairs;
@@ -224,6 +246,7 @@ class PerceptionCues::Judge {
 };
 
 void PerceptionCues::List(PixelBatch& batch) const {
+  if (static_cast<size_t>(batch.num_labelled) == batch.pixels.size()) return;
   const std::vector<float> radii = Radii(batch);
   std::vector<Pair> pairs = NearPairs(batch, *std::max_element(radii.begin(), radii.end()));
   Judge judge(*this, batch, radii);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "kernels/cpu/feature_jobs.h"
 #include "kernels/cpu/image_loss_band.h"
@@ -72,9 +73,9 @@ struct SimdKernels {
   // Writes slot_grad[entry_slot[k]] for every entry k.
   void (*blend_tile_backward)(const TileSplats& tile, const ImageGrads& image,
                               SplatGrad* slot_grad);
-  // The weights of the splats at one pixel, given within the tile: weights[k] for entry k, 0 where
-  // it is skipped.
-  void (*pixel_weights)(const TileSplats& tile, int x, int y, float* weights);
+  // weights [pixels, tile.count] of the entries at some pixels, each once, given as y * kTileSize +
+  // x within the tile; 0 where an entry is skipped. All of them in rows 2 n and 2 n + 1.
+  void (*pixel_weights)(const TileSplats& tile, std::span<const int32_t> pixels, float* weights);
   // features [visible, kFeatureSize] -> sums [kTilePixels, kFeatureSize]
   void (*blend_features)(const TileSplats& tile, const float* features,
                          const int32_t* visible_gaussian, float* sums);

@@ -9,24 +9,22 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWarps = 8;
-constexpr int kBlock = 32 * kWarps;
-constexpr int kSumBlock = 512;
+constexpr int kPixels = 4;   // of a block, one after the other
+constexpr int kAtOnce = 4;   // pairs whose features are on their way at once
+constexpr int kSumWarps = 3;  // a scale, in the last kernel
 
 struct Work {
   PerceptionLossArgs args;
   int num_pixels, num_scales;
-  float* inv_norm;  // [S, scales] 1 / |psi * F|; only of pixels with a pair
   float* psi_grad;  // [pixel blocks, scales, 32]
-  double* loss;     // [pixel blocks] of ordered pairs
+  double* loss;     // [pixel blocks, scales] of ordered pairs
 };
 
 Work TakeWork(const PerceptionLossArgs& args, Arena& arena) {
   Work work = {args, static_cast<int>(args.first.size - 1), static_cast<int>(args.scales.size)};
-  const int64_t blocks = NumBlocks(work.num_pixels, kWarps), scales = work.num_scales;
-  work.inv_norm = arena.Take<float>(work.num_pixels * scales);
-  work.psi_grad = arena.Take<float>(blocks * scales * kFeatureSize);
-  work.loss = arena.Take<double>(blocks);
+  const int64_t parts = int64_t{NumBlocks(work.num_pixels, kPixels)} * work.num_scales;
+  work.psi_grad = arena.Take<float>(parts * kFeatureSize);
+  work.loss = arena.Take<double>(parts);
   return work;
 }
 
@@ -35,111 +33,116 @@ __device__ float PsiOf(const Work& work, int scale, int lane) {
   return Gate(gate[lane], gate[kFeatureSize + lane], work.args.scales.data[scale]);
 }
 
-// A warp a pixel.
-__global__ void __launch_bounds__(kBlock) NormKernel(Work work) {
-  const int p = static_cast<int>(blockIdx.x * kWarps + threadIdx.x / 32);
-  const int lane = static_cast<int>(threadIdx.x) % 32;
-  if (p >= work.num_pixels || work.args.first.data[p] == work.args.first.data[p + 1]) return;
-  const Channel feature(work.args.pixel_features.data[p * kFeatureSize + lane]);
-  for (int scale = 0; scale < work.num_scales; ++scale) {
-    const Channel psi(PsiOf(work, scale, lane));
-    Channel unit(0);
-    const Channel inv_norm = GatedUnit(&psi, &feature, 1, &unit);
-    if (lane == 0) work.inv_norm[p * work.num_scales + scale] = inv_norm.v;
-  }
-}
-
-// The pairs of one pixel at one scale: their terms' sum, and the gradient of the pixel's unit.
-__device__ float AddPairs(const Work& work, int p, int scale, float psi, float unit,
-                          float& unit_grad) {
-  const PerceptionLossArgs& args = work.args;
-  const int lane = static_cast<int>(threadIdx.x) % 32;
-  const float similar_share = args.share.data[scale];
-  const float dissimilar_share = args.share.data[work.num_scales + scale];
-  float loss = 0;
-  for (int32_t e = args.first.data[p]; e < args.first.data[p + 1]; ++e) {
-    const PairCues cues = args.cues.data[e];
-    const bool similar = (cues >> scale & 1u) != 0;
-    if (!similar && (cues >> (kDissimilarShift + scale) & 1u) == 0) continue;
-    const int q = args.other.data[e];
-    const float other = psi * args.pixel_features.data[q * kFeatureSize + lane] *
-                        work.inv_norm[q * work.num_scales + scale];
-    const float cosine = Total(Channel(unit * other)).v;
-    const float share = similar ? similar_share : dissimilar_share;
-    loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine);
-    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine);
-    unit_grad = MulAdd(args.weight * pull, other, unit_grad);
-  }
-  return loss;
-}
-
-struct Shared {
-  float psi_grad[kWarps][kMaxScales * kFeatureSize];
-  double loss[kWarps];
+// One pixel at one scale, a channel a lane.
+struct PixelAtScale {
+  int scale;
+  float psi, unit;          // of the pixel
+  float share[2];           // of a similar pair and of a dissimilar one
+  float unit_grad, loss;    // sums
 };
 
-// A warp a pixel; what the block adds to the sums is left in `shared`.
-__device__ void AddPixel(const Work& work, int p, int warp, int lane, Shared& shared) {
-  const bool has_pair = p < work.num_pixels && work.args.first.data[p] < work.args.first.data[p + 1];
-  const int64_t at = has_pair ? int64_t{p} * kFeatureSize + lane : lane;
-  const Channel feature(work.args.pixel_features.data[at]);
+// kAtOnce pairs from entry e on, of which those from `end` on are none.
+__device__ void AddPairs(const Work& work, int32_t e, int32_t end, PixelAtScale& pixel) {
+  const PerceptionLossArgs& args = work.args;
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  float other[kAtOnce];
+  PairCues cues[kAtOnce];
+#pragma unroll
+  for (int k = 0; k < kAtOnce; ++k) {
+    const int32_t at = min(e + k, end - 1);
+    cues[k] = e + k < end ? args.cues.data[at] >> pixel.scale : 0;
+    other[k] = pixel.psi * args.pixel_features.data[args.other.data[at] * kFeatureSize + lane];
+  }
+#pragma unroll
+  for (int k = 0; k < kAtOnce; ++k) {
+    const bool similar = (cues[k] & 1u) != 0;
+    if (!similar && (cues[k] >> kDissimilarShift & 1u) == 0) continue;  // the same for all lanes
+    const float squares = Total(Channel(other[k] * other[k])).v;
+    const float along = Total(Channel(pixel.unit * other[k])).v;
+    const float inv_norm = 1 / Sqrt(squares + kSquaredNormFloor);
+    const float cosine = along * inv_norm, share = pixel.share[similar ? 0 : 1];
+    pixel.loss += similar ? share + PositiveTerm(share, cosine) : NegativeTerm(share, cosine);
+    const float pull = similar ? PositiveTermVjp(share) : NegativeTermVjp(share, cosine);
+    pixel.unit_grad = MulAdd(args.weight * pull * inv_norm, other[k], pixel.unit_grad);
+  }
+}
+
+// The gradient of the pixel's feature through one scale; adds to psi_grad and the loss.
+__device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad, float& loss) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const Channel psi(PsiOf(work, scale, lane));
+  const Channel feature(work.args.pixel_features.data[p * kFeatureSize + lane]);
+  Channel unit(0);
+  GatedUnit(&psi, &feature, 1, &unit);
+  const float* share = work.args.share.data + scale;
+  PixelAtScale pixel = {scale, psi.v, unit.v, {share[0], share[work.num_scales]}, 0, 0};
+  const int32_t end = work.args.first.data[p + 1];
+  for (int32_t e = work.args.first.data[p]; e < end; e += kAtOnce) AddPairs(work, e, end, pixel);
+  loss += pixel.loss;
+  const Channel unit_grad(pixel.unit_grad);
   Channel grad(0);
-  double loss = 0;
-  for (int scale = 0; scale < work.num_scales; ++scale) {
-    Channel psi_grad(0);
-    if (has_pair) {
-      const Channel psi(PsiOf(work, scale, lane));
-      const float unit = psi.v * feature.v * work.inv_norm[p * work.num_scales + scale];
-      Channel unit_grad(0);
-      loss += static_cast<double>(AddPairs(work, p, scale, psi.v, unit, unit_grad.v));
-      GatedUnitVjp(&psi, &feature, 1, &unit_grad, &grad, &psi_grad);
-    }
-    shared.psi_grad[warp][scale * kFeatureSize + lane] = psi_grad.v;
-  }
-  if (has_pair) work.args.pixel_grad.data[at] += grad.v;
-  if (lane == 0) shared.loss[warp] = loss;
+  GatedUnitVjp(&psi, &feature, 1, &unit_grad, &grad, &psi_grad);
+  return grad.v;
 }
 
-__global__ void __launch_bounds__(kBlock) PairKernel(Work work) {
-  __shared__ Shared shared;
-  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
-  AddPixel(work, static_cast<int>(blockIdx.x) * kWarps + warp, warp, lane, shared);
-  __syncthreads();
-  const int num_psi = work.num_scales * kFeatureSize;
-  for (int i = static_cast<int>(threadIdx.x); i < num_psi; i += kBlock) {
-    float sum = 0;
-    for (const auto& of_warp : shared.psi_grad) sum += of_warp[i];
-    work.psi_grad[blockIdx.x * num_psi + i] = sum;
-  }
-  if (threadIdx.x != 0) return;
-  double sum = 0;
-  for (const double of_warp : shared.loss) sum += of_warp;
-  work.loss[blockIdx.x] = sum;
-}
-
-// One block, in a fixed order: a warp a scale.
-__global__ void __launch_bounds__(kSumBlock) SumKernel(Work work, int num_blocks) {
-  __shared__ float bias_grads[kMaxScales][kFeatureSize];
-  static_assert(kSumBlock == kMaxScales * kFeatureSize);
+// A warp a scale.
+__global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
+  __shared__ float grads[kMaxScales][kFeatureSize];
   const int scale = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
-  if (scale < work.num_scales) {
+  Channel psi_grad(0);
+  float loss = 0;
+  for (int i = 0; i < kPixels; ++i) {
+    const int p = static_cast<int>(blockIdx.x) * kPixels + i;
+    if (p >= work.num_pixels || work.args.first.data[p] == work.args.first.data[p + 1]) continue;
+    grads[scale][lane] = PixelGrad(work, p, scale, psi_grad, loss);
+    __syncthreads();
+    if (scale == 0) {
+      float sum = work.args.pixel_grad.data[p * kFeatureSize + lane];
+      for (int s = 0; s < work.num_scales; ++s) sum += grads[s][lane];
+      work.args.pixel_grad.data[p * kFeatureSize + lane] = sum;
+    }
+    __syncthreads();
+  }
+  const int64_t part = int64_t{blockIdx.x} * work.num_scales + scale;
+  work.psi_grad[part * kFeatureSize + lane] = psi_grad.v;
+  if (lane == 0) work.loss[part] = static_cast<double>(loss);
+}
+
+// One block, in a fixed order: some warps a scale.
+__global__ void __launch_bounds__(1024) SumKernel(Work work, int num_blocks) {
+  constexpr int kScalesAtOnce = 1024 / 32 / kSumWarps;
+  __shared__ float psi_grads[kMaxScales][kSumWarps][kFeatureSize];
+  __shared__ double losses[kMaxScales][kSumWarps];
+  const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
+  const int turn = warp % kSumWarps;
+  for (int scale = warp / kSumWarps; scale < work.num_scales; scale += kScalesAtOnce) {
     float psi_grad = 0;
 #pragma unroll 8
-    for (int block = 0; block < num_blocks; ++block) {
-      psi_grad += work.psi_grad[(block * work.num_scales + scale) * kFeatureSize + lane];
+    for (int block = turn; block < num_blocks; block += kSumWarps) {
+      psi_grad += work.psi_grad[(int64_t{block} * work.num_scales + scale) * kFeatureSize + lane];
     }
-    bias_grads[scale][lane] = GateVjp(PsiOf(work, scale, lane), psi_grad);
+    double loss = 0;
+    for (int block = turn + kSumWarps * lane; block < num_blocks; block += kSumWarps * 32) {
+      loss += work.loss[int64_t{block} * work.num_scales + scale];
+    }
+    for (int offset = 16; offset > 0; offset /= 2) loss += __shfl_xor_sync(~0u, loss, offset);
+    psi_grads[scale][turn][lane] = psi_grad;
+    if (lane == 0) losses[scale][turn] = loss;
   }
   __syncthreads();
-  if (scale != 0) return;
-  float* gate_grad = work.args.gate_grad.data;
-  for (int s = 0; s < work.num_scales; ++s) {
-    gate_grad[lane] += work.args.scales.data[s] * bias_grads[s][lane];
-    gate_grad[kFeatureSize + lane] += bias_grads[s][lane];
-  }
+  if (warp != 0) return;
+  float weight_grad = 0, bias_grad = 0;
   double loss = 0;
-  for (int block = lane; block < num_blocks; block += 32) loss += 0.5 * work.loss[block];
-  for (int offset = 16; offset > 0; offset /= 2) loss += __shfl_xor_sync(~0u, loss, offset);
+  for (int scale = 0; scale < work.num_scales; ++scale) {
+    float psi_grad = 0;
+    for (const auto& of_turn : psi_grads[scale]) psi_grad += of_turn[lane];
+    const float grad = GateVjp(PsiOf(work, scale, lane), psi_grad);
+    weight_grad = MulAdd(work.args.scales.data[scale], grad, weight_grad);
+    bias_grad += grad;
+    for (const double of_turn : losses[scale]) loss += 0.5 * of_turn;
+  }
+  work.args.gate_grad.data[lane] += weight_grad;
+  work.args.gate_grad.data[kFeatureSize + lane] += bias_grad;
   if (lane == 0) work.args.loss.data[0] = loss;
 }
 
@@ -153,10 +156,9 @@ void CudaBackend::PerceptionLoss(const PerceptionLossArgs& args) {
   Arena arena(Temporary(sizes.num_bytes()));
   const Work work = TakeWork(args, arena);
   if (!error_.empty()) return;
-  const int num_blocks = NumBlocks(work.num_pixels, kWarps);
-  NormKernel<<<num_blocks, kBlock, 0, stream_>>>(work);
-  PairKernel<<<num_blocks, kBlock, 0, stream_>>>(work);
-  SumKernel<<<1, kSumBlock, 0, stream_>>>(work, num_blocks);
+  const int num_blocks = NumBlocks(work.num_pixels, kPixels);
+  PairKernel<<<num_blocks, work.num_scales * 32, 0, stream_>>>(work);
+  SumKernel<<<1, kSumWarps * 32 * (32 / kSumWarps), 0, stream_>>>(work, num_blocks);
   Launched("perception loss");
 }
 

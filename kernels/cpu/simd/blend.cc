@@ -93,21 +93,25 @@ void BlendTile(const TileSplats& tile, const ImageColors& image) {
   StoreTile(tile, colors, image);
 }
 
-void PixelWeights(const TileSplats& tile, int x, int y, float* weights) {
-  // All but the pixel asked for are out of play: the walk ends with it.
+void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float* weights) {
+  // All but the pixels asked for are out of play: the walk ends with them.
   alignas(64) float transmittance[kTilePixels] = {};
-  const int pixel_asked = y * kTileSize + x;
-  transmittance[pixel_asked] = 1;
-  for (int32_t k = 0; k < tile.count; ++k) weights[k] = 0;
-  const int row = y & -kBlockRows, column = x / kLanes & -kBlockColumns;
-  const WalkWindow window = {row, row + kBlockRows, column, column + kBlockColumns};
+  int32_t number[kTilePixels];
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    transmittance[pixels[i]] = 1;
+    number[pixels[i]] = static_cast<int32_t>(i);
+  }
+  for (size_t i = 0; i < pixels.size() * tile.count; ++i) weights[i] = 0;
+  const int row = pixels[0] / kTileSize & -2;
   WalkTile(
-      tile, window, transmittance,
-      [&](int32_t k, int pixel, LaneMask, Lanes weight) __attribute__((always_inline)) {
-        if (pixel_asked < pixel || pixel_asked >= pixel + kLanes) return;
+      tile, {row, row + 2, 0, kVectorsPerRow}, transmittance,
+      [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
         alignas(64) float lanes[kLanes];
         weight.Store(lanes);
-        weights[k] = lanes[pixel_asked - pixel];
+        for (uint32_t bits = BitsOf(live); bits != 0; bits &= bits - 1) {
+          const int lane = __builtin_ctz(bits);
+          weights[int64_t{number[pixel + lane]} * tile.count + k] = lanes[lane];
+        }
       },
       [](int32_t, uint32_t) {});
 }
