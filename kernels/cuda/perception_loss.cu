@@ -92,7 +92,8 @@ __global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
   Channel psi_grad(0);
   float loss = 0;
   for (int i = 0; i < kPixels; ++i) {
-    const int p = static_cast<int>(blockIdx.x) * kPixels + i;
+    // Far apart: pixels with many pairs stand together.
+    const int p = i * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
     if (p >= work.num_pixels || work.args.first.data[p] == work.args.first.data[p + 1]) continue;
     grads[scale][lane] = PixelGrad(work, p, scale, psi_grad, loss);
     __syncthreads();
