@@ -28,6 +28,7 @@ struct DeviceMemory {
 // What a RenderScratch grows with.
 struct ScratchSize {
   int64_t num_gaussians = 0, num_entries = 0, num_tiles = 0, num_pixels = 0;
+  bool for_backward = true;  // of RenderArgs
 };
 
 // The arithmetic of the method on one device: its memory, and one virtual per pipeline step.

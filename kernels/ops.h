@@ -32,6 +32,7 @@ struct RenderArgs {
   DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
   DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
   bool inverse_depth = false;    // `depth` is the sum of weight / z; nothing else changes
+  bool for_backward = true;      // else RenderBackward fails: what it reads need not be kept
   // 0: the host waits until the (Gaussian, tile) entries are counted and makes room for them. More:
   // it waits for nothing (so that a step can be a graph) and takes room for so many entries. Where
   // that is too few the render is void: the images are background, RenderBackward and Update with

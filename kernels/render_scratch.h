@@ -54,6 +54,7 @@ struct RenderScratch {
   int num_tiles_x = 0;
   int num_tiles_y = 0;
   bool inverse_depth = false;  // of RenderArgs: the splats' depth is 1 / z, the order is by z
+  bool for_backward = false;   // of RenderArgs
 
   Buffer<int32_t> visible_gaussian;   // [visible] -> Gaussian
   Buffer<Splat> visible_splat;        // [visible]

@@ -61,7 +61,8 @@ class ViewScorer {
                      .near_plane = near_plane_,
                      .active_sh_degree = gaussians_.sh_degree,
                      .scratch = &scratch_,
-                     .color = color.span()});
+                     .color = color.span(),
+                     .for_backward = false});
     backend_.ImageLoss({.width = width,
                         .height = height,
                         .color = color.span(),

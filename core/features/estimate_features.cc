@@ -24,6 +24,8 @@ int64_t SamplesInChunk(const FeatureOptions& options) {
 
 int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, int sh_degree,
                            const FeatureOptions& options) {
+  ScratchSize render = scratch;
+  render.for_backward = false;
   const CapturedRows rows;
   const int64_t entry = BytesOfRow(rows.gaussian, rows.weight);
   // The entries by Gaussian, too; the Gaussians that they reach, each with its drawn neighbours,
@@ -46,7 +48,7 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
   return scratch.num_gaussians * gaussian + image + WithReserve(SamplesInChunk(options) * sample) +
          WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat +
-         backend.ScratchBytes(scratch);
+         backend.ScratchBytes(render);
 }
 
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {

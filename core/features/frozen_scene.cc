@@ -28,7 +28,8 @@ void FrozenScene::Render(const View& view) {
                    .scratch = &scratch_,
                    .color = color_.span(),
                    .alpha = alpha_.span(),
-                   .depth = depth_.span()});
+                   .depth = depth_.span(),
+                   .for_backward = false});
 }
 
 std::vector<float> FrozenScene::Depth(const View& view) {

@@ -44,7 +44,8 @@ absl::Status FeatureMaps::Render(const ModelView& view, int sh_degree) {
        .scratch = &scratch_,
        .color = color_.span(),
        .alpha = {},
-       .depth = {}});
+       .depth = {},
+       .for_backward = false});
   return absl::OkStatus();
 }
 

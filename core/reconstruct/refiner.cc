@@ -74,7 +74,8 @@ void Refiner::Render(const Target& target, GaussianState& state) {
                    .scratch = &working_->render,
                    .color = working_->color.span(),
                    .alpha = working_->alpha.span(),
-                   .depth = working_->depth.span()});
+                   .depth = working_->depth.span(),
+                   .for_backward = false});
 }
 
 RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state) {

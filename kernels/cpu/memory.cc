@@ -70,10 +70,12 @@ int64_t CpuBackend::ScratchBytes(const ScratchSize& size) const {
   const RenderScratch s;
   const int64_t by_gaussian =
       BytesOfRow(s.candidate_gaussian, s.candidate_splat, s.candidate_num_tiles,
-                 s.candidate_num_runs, s.visible_gaussian, s.visible_splat, s.visible_grad,
-                 s.visible_first_slot, s.visible_first_run, s.sort_keys, s.sort_keys);
+                 s.candidate_num_runs, s.visible_gaussian, s.visible_splat, s.visible_first_slot,
+                 s.visible_first_run, s.sort_keys, s.sort_keys) +
+      (size.for_backward ? BytesOfRow(s.visible_grad) : 0);
   // A run is one entry or more.
-  const int64_t by_entry = BytesOfRow(s.entry_visible, s.entry_slot, s.slot_grad, s.runs);
+  const int64_t by_entry = BytesOfRow(s.entry_visible, s.entry_slot, s.runs) +
+                           (size.for_backward ? BytesOfRow(s.slot_grad) : 0);
   const int64_t by_tile = BytesOfRow(s.tile_first_entry);
   const int64_t by_pixel = BytesOfRow(s.pixel_transmittance, s.pixel_last_entry);
   constexpr int64_t kFixed = 4096;

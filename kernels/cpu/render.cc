@@ -14,6 +14,7 @@ void CpuBackend::Render(const RenderArgs& args) {
   scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
   scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
   scratch.inverse_depth = args.inverse_depth;
+  scratch.for_backward = args.for_backward;
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
   if (!scratch.counters.Reserve(*this, kNumRenderCounters) ||
       !scratch.pixel_transmittance.Reserve(*this, num_pixels) ||

@@ -16,7 +16,7 @@ struct BlendParams {
   const int32_t* tile_first_bucket;
   const int32_t* tile_order;
   float background[3];
-  // Outputs; alpha and depth may be null.
+  // Outputs; alpha and depth may be null, and of those for the backward pass all.
   float *color, *alpha, *depth;
   float4* pixel_color;
   float* pixel_depth;
@@ -80,8 +80,10 @@ __device__ void StoreBucket(const BlendParams& p, int32_t bucket, const PixelSum
 template <bool kDepth>
 __device__ void StorePixel(const BlendParams& p, int tile, int x, int y, const PixelSum& sum) {
   const int64_t in_tiles = int64_t{tile} * kTilePixels + threadIdx.x;
-  p.pixel_color[in_tiles] = sum.color;
-  if constexpr (kDepth) p.pixel_depth[in_tiles] = sum.depth;
+  if (p.pixel_color != nullptr) {
+    p.pixel_color[in_tiles] = sum.color;
+    if constexpr (kDepth) p.pixel_depth[in_tiles] = sum.depth;
+  }
   if (x >= p.tiles.width || y >= p.tiles.height) return;
   const int64_t num_pixels = int64_t{p.tiles.width} * p.tiles.height;
   const int64_t pixel = int64_t{y} * p.tiles.width + x;
@@ -106,7 +108,7 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
   const float center_x = x + 0.5f, center_y = y + 0.5f;
   const int32_t first = p.tiles.tile_first_entry[tile], end = p.tiles.tile_first_entry[tile + 1];
   const int32_t first_bucket = p.tile_first_bucket[tile];
-  const int num_buckets = NumBuckets(end - first);
+  const int num_buckets = p.bucket_tile == nullptr ? 0 : NumBuckets(end - first);
   for (int k = static_cast<int>(threadIdx.x); k < num_buckets; k += kTilePixels) {
     p.bucket_tile[first_bucket + k] = tile;
   }
@@ -131,7 +133,7 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
         BlendSplat<kDepth>(s, center_x, center_y, base - first + k, sum);
       }
       const int32_t passed = base + group + 32 - first;
-      if (passed % kBucketSize == 0 && first + passed < end) {
+      if (p.bucket_color != nullptr && passed % kBucketSize == 0 && first + passed < end) {
         StoreBucket<kDepth>(p, first_bucket + passed / kBucketSize - 1, sum);
       }
     }
@@ -176,6 +178,7 @@ SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   scratch.tile_first_entry.Reserve(*this, num_tiles + 1);
   scratch.cuda.tile_first_bucket.Reserve(*this, num_tiles + 1);
   scratch.cuda.tile_order.Reserve(*this, num_tiles);
+  if (!args.for_backward) return bits;
   const int64_t num_buckets = MaxBuckets(num_entries, num_tiles);
   scratch.cuda.bucket_tile.Reserve(*this, num_buckets);
   scratch.cuda.bucket_color.Reserve(*this, num_buckets * kTilePixels * 4);
@@ -195,6 +198,7 @@ void CudaBackend::Render(const RenderArgs& args) {
   scratch.num_tiles_x = (args.view.width + kTileSize - 1) / kTileSize;
   scratch.num_tiles_y = (args.view.height + kTileSize - 1) / kTileSize;
   scratch.inverse_depth = args.inverse_depth;
+  scratch.for_backward = args.for_backward;
   scratch.counters.Reserve(*this, kNumCudaCounters);
   const int64_t num_pixels = int64_t{scratch.width} * scratch.height;
   scratch.pixel_transmittance.Reserve(*this, num_pixels);
@@ -205,23 +209,25 @@ void CudaBackend::Render(const RenderArgs& args) {
   if (!error_.empty()) return;
   ListTileEntries(args, bits);
   if (!error_.empty()) return;
-  const BlendParams params = {TilesOf(scratch),
-                              RoomOf(scratch),
-                              scratch.entry_visible.span().data,
-                              scratch.cuda.tile_first_bucket.span().data,
-                              scratch.cuda.tile_order.span().data,
-                              {args.background[0], args.background[1], args.background[2]},
-                              args.color.data,
-                              args.alpha.data,
-                              args.depth.data,
-                              reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data),
-                              scratch.cuda.pixel_depth.span().data,
-                              scratch.pixel_transmittance.span().data,
-                              scratch.pixel_last_entry.span().data,
-                              scratch.cuda.bucket_tile.span().data,
-                              reinterpret_cast<float4*>(scratch.cuda.bucket_color.span().data),
-                              scratch.cuda.bucket_depth.span().data,
-                              scratch.counters.span().data + kNumVoidRenders};
+  BlendParams params = {TilesOf(scratch),
+                        RoomOf(scratch),
+                        scratch.entry_visible.span().data,
+                        scratch.cuda.tile_first_bucket.span().data,
+                        scratch.cuda.tile_order.span().data,
+                        {args.background[0], args.background[1], args.background[2]},
+                        args.color.data,
+                        args.alpha.data,
+                        args.depth.data};
+  params.pixel_transmittance = scratch.pixel_transmittance.span().data;
+  params.pixel_last_entry = scratch.pixel_last_entry.span().data;
+  params.num_void_renders = scratch.counters.span().data + kNumVoidRenders;
+  if (args.for_backward) {
+    params.pixel_color = reinterpret_cast<float4*>(scratch.cuda.pixel_color.span().data);
+    params.pixel_depth = scratch.cuda.pixel_depth.span().data;
+    params.bucket_tile = scratch.cuda.bucket_tile.span().data;
+    params.bucket_color = reinterpret_cast<float4*>(scratch.cuda.bucket_color.span().data);
+    params.bucket_depth = scratch.cuda.bucket_depth.span().data;
+  }
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
   if (args.depth.empty()) {
     BlendKernel<false><<<num_tiles, kTilePixels, 0, stream_>>>(params);

@@ -8,17 +8,21 @@ int64_t CudaBackend::ScratchBytes(const ScratchSize& size) const {
   // Renders take room for what the last visit needed and a margin: see EntryRooms.
   const int64_t num_entries = size.num_entries + size.num_entries / 5;
   const RenderScratch s;
-  const int64_t by_gaussian = BytesOfRow(s.cuda.gaussian_visible, s.visible_gaussian,
-                                         s.visible_splat, s.visible_first_slot, s.visible_grad);
+  const int64_t by_gaussian =
+      BytesOfRow(s.cuda.gaussian_visible, s.visible_gaussian, s.visible_splat,
+                 s.visible_first_slot) +
+      (size.for_backward ? BytesOfRow(s.visible_grad) : 0);
   constexpr int64_t kSlotSums = 10;  // CudaScratch::slot_sums
   const int64_t by_entry = BytesOfRow(s.entry_visible, s.entry_slot, s.cuda.unsorted_slot,
                                       s.cuda.slot_visible, s.cuda.sort_keys, s.cuda.sort_keys) +
-                           kSlotSums * BytesOfRow(s.cuda.slot_sums);
+                           (size.for_backward ? kSlotSums * BytesOfRow(s.cuda.slot_sums) : 0);
   const int64_t by_tile =
       BytesOfRow(s.tile_first_entry, s.cuda.tile_first_bucket, s.cuda.tile_order) +
-      4 * kTilePixels * BytesOfRow(s.cuda.pixel_color);
+      (size.for_backward ? 4 * kTilePixels * BytesOfRow(s.cuda.pixel_color) : 0);
   const int64_t by_bucket =
-      BytesOfRow(s.cuda.bucket_tile) + 4 * kTilePixels * BytesOfRow(s.cuda.bucket_color);
+      size.for_backward
+          ? BytesOfRow(s.cuda.bucket_tile) + 4 * kTilePixels * BytesOfRow(s.cuda.bucket_color)
+          : 0;
   // ImageLoss keeps maps of derivatives, three for each channel.
   constexpr int64_t kLossMaps = 9 * static_cast<int64_t>(sizeof(float));
   const int64_t by_pixel = BytesOfRow(s.pixel_transmittance, s.pixel_last_entry) + kLossMaps;

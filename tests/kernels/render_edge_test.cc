@@ -51,6 +51,20 @@ PinholeView AxisView(int width, int height) {
   return view;
 }
 
+TEST_P(RenderEdgeTest, ARenderOfItsOwnShowsTheSameAndHasNoBackward) {
+  const auto backend = GetParam().make();  // for the error that it keeps
+  Rendered scene(*backend, Balls(60), AxisView(40, 30));
+  scene.Render();
+  const std::vector<float> color = Download(scene.color), depth = Download(scene.depth);
+  scene.for_backward = false;
+  scene.Render();
+  EXPECT_EQ(Download(scene.color), color);
+  EXPECT_EQ(Download(scene.depth), depth);
+  EXPECT_EQ(backend->error(), "");
+  scene.Backward(RandomValues(3 * 40 * 30, 1));
+  EXPECT_NE(backend->error(), "");
+}
+
 TEST_P(RenderEdgeTest, NoGaussiansGiveTheBackground) {
   Rendered scene(*backend_, HostGaussians{0, 3, {}}, TestView(33, 17));
   ExpectFinite(scene);

@@ -29,6 +29,7 @@ void Rendered::Render() {
   args.alpha = alpha.span();
   args.depth = depth.span();
   args.inverse_depth = inverse_depth;
+  args.for_backward = for_backward;
   backend.Render(args);
 }
 

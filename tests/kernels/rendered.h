@@ -25,6 +25,7 @@ struct Rendered {
   float background[3] = {0.1f, 0.3f, 0.2f};
   float near_plane = 0.05f;
   bool inverse_depth = false;  // likewise
+  bool for_backward = true;    // likewise
   int64_t entry_room = 0;      // see RenderArgs
   Buffer<float> gaussians, moment1, moment2;
   Buffer<int32_t> num_steps;
