@@ -45,6 +45,7 @@ std::vector<float> AllScales(const std::vector<std::vector<float>>& scales) {
 struct FeatureStage::Prepared {
   std::vector<DrawableView> views;
   std::vector<int32_t> neighbors;
+  std::vector<float> features;  // to begin with
 };
 
 FeatureStage::FeatureStage(Backend& backend, const Capture& capture, const Gaussians& gaussians,
@@ -141,17 +142,17 @@ void FeatureStage::NoteSkipped(const std::vector<DrawableView>& views) {
 void FeatureStage::PreparePerception(std::vector<DrawableView>& views,
                                      std::span<const std::vector<float>> depths) {
   std::vector<std::vector<uint8_t>> edges(capture_.views.size());
-  bool has_pixels = false;
-  for (DrawableView& drawn : views) {
-    const View& view = capture_.views[drawn.view];
-    if (!WantsPerception(capture_, options_) || !HasDepthPrior(view)) {
-      drawn.unlabelled.clear();
-      continue;
-    }
-    edges[drawn.view] = DepthEdges(view);
-    std::erase_if(drawn.unlabelled, [&](int32_t p) { return edges[drawn.view][p] != 0; });
-    has_pixels |= !drawn.unlabelled.empty();
-  }
+  const bool wanted = WantsPerception(capture_, options_);
+  ThreadPool pool(0);
+  pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int) {
+    std::vector<int32_t>& unlabelled = views[i].unlabelled;
+    const View& view = capture_.views[views[i].view];
+    if (!wanted || !HasDepthPrior(view)) return unlabelled.clear();
+    std::vector<uint8_t>& of_view = edges[views[i].view] = DepthEdges(view);
+    std::erase_if(unlabelled, [&](int32_t p) { return of_view[p] != 0; });
+  });
+  const bool has_pixels = std::any_of(views.begin(), views.end(),
+                                      [](const auto& view) { return !view.unlabelled.empty(); });
   if (!has_pixels) return skipped_.push_back({"perception", WhyNoPerception(capture_, options_)});
   cross_view_.emplace(capture_, views, depths);
   cues_.emplace(capture_, *cross_view_, views, std::move(edges), options_);
@@ -161,6 +162,9 @@ absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& ga
   Prepared prepared;
   auto neighbors = std::async(std::launch::async, [&] {  // beside the device's work
     return NearestNeighbors(gaussians, options_.num_neighbors);
+  });
+  auto features = std::async(std::launch::async, [&] {
+    return FeatureTrainer::InitialFeatures(num_gaussians_, options_);
   });
   const MeasuredViews measured = MeasureViews();
   field_.scale_quantiles = ScaleQuantiles(AllScales(measured.mask_scales));
@@ -174,6 +178,7 @@ absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& ga
   NoteSkipped(prepared.views);
   PreparePerception(prepared.views, measured.depths);
   prepared.neighbors = neighbors.get();
+  prepared.features = features.get();
   return prepared;
 }
 
@@ -182,7 +187,7 @@ absl::Status FeatureStage::Begin(Prepared prepared, const FeatureCheckpoint* che
   graph_ = {neighbors_.span(), options_.num_neighbors};
   drawer_.emplace(capture_, field_, std::move(prepared.views), options_);
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
-  trainer_.emplace(backend_, num_gaussians_, graph_, *centroids_, options_);
+  trainer_.emplace(backend_, prepared.features, graph_, *centroids_, options_);
   if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
   const int num_left = options_.num_steps - (step_ - steps_of_chunk_);
   batches_.emplace(*drawer_, cues_ ? &*cues_ : nullptr, num_left, options_.steps_per_chunk);

@@ -8,6 +8,7 @@ namespace pepeseg {
 namespace {
 
 constexpr float kInitialDeviation = 0.01f;
+constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;  // apart from the sampler's
 
 // c(t) of FeatureState's comment, for t up to the number of steps. The fall of the learning rate is
 // a factor of it, so that rows that wait are moved by the rates of the steps that they missed.
@@ -42,18 +43,24 @@ std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) 
 
 }  // namespace
 
-FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const NeighborGraph& graph,
-                               CentroidTerm& centroids, const FeatureOptions& options)
+std::vector<float> FeatureTrainer::InitialFeatures(int64_t num_gaussians,
+                                                   const FeatureOptions& options) {
+  return NormalNumbers(num_gaussians * kFeatureSize, kInitialDeviation, options.seed ^ kStream);
+}
+
+FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
+                               const NeighborGraph& graph, CentroidTerm& centroids,
+                               const FeatureOptions& options)
     : backend_(backend),
-      num_gaussians_(num_gaussians),
+      num_gaussians_(static_cast<int64_t>(initial.size()) / kFeatureSize),
       graph_(graph),
       centroids_(centroids),
-      features_(backend, num_gaussians * kFeatureSize),
-      moment1_(backend, num_gaussians * kFeatureSize),
-      moment2_(backend, num_gaussians * kFeatureSize),
-      last_step_(backend, num_gaussians),
-      smoothed_(backend, num_gaussians * kFeatureSize),
-      inv_length_(backend, num_gaussians),
+      features_(backend, initial),
+      moment1_(backend, features_.size()),
+      moment2_(backend, features_.size()),
+      last_step_(backend, num_gaussians_),
+      smoothed_(backend, features_.size()),
+      inv_length_(backend, num_gaussians_),
       gate_(backend, kGateSize),
       gate_moment1_(backend, kGateSize),
       gate_moment2_(backend, kGateSize),
@@ -64,10 +71,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, int64_t num_gaussians, const Ne
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
   rates_.correction = correction_.span();
-  // Apart from the sampler's stream.
-  const uint64_t seed = options.seed ^ 0x9e3779b97f4a7c15u;
-  features_.Upload(NormalNumbers(features_.size(), kInitialDeviation, seed));
-  gate_.Upload(NormalNumbers(kGateSize, 1, seed + 1));
+  gate_.Upload(NormalNumbers(kGateSize, 1, (options.seed ^ kStream) + 1));
 }
 
 void FeatureTrainer::Train(const RowChunk::Step& step) {

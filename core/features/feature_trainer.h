@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/features/centroid_term.h"
@@ -12,8 +13,11 @@ namespace pepeseg {
 // Features, gate and optimiser in backend memory, and the update of one batch.
 class FeatureTrainer {
  public:
+  // The features to begin with, [num_gaussians, 32]: drawn, which takes a while.
+  static std::vector<float> InitialFeatures(int64_t num_gaussians, const FeatureOptions& options);
+
   // The centroid term must outlive it.
-  FeatureTrainer(Backend& backend, int64_t num_gaussians, const NeighborGraph& graph,
+  FeatureTrainer(Backend& backend, std::span<const float> initial, const NeighborGraph& graph,
                  CentroidTerm& centroids, const FeatureOptions& options);
 
   // Waits for nothing. At most kMaxUnreadFeatureSteps between two calls of ReadLosses.

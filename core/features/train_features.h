@@ -43,7 +43,7 @@ struct FeatureOptions {
   // The perception loss, for pixels that no mask of their view covers. Weight 0: left out, as where
   // no view has a depth prior, or every pixel is covered or background.
   float perception_weight = 0.2f;
-  int num_perception_pixels = 64;  // further samples a step
+  int num_perception_pixels = 128;  // further samples a step
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   bool perception_cross_view = true;  // whether other views' masks overrule what it sees
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
