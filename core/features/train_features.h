@@ -46,9 +46,9 @@ struct FeatureOptions {
   int num_perception_pixels = 128;  // further samples a step
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   bool perception_cross_view = true;  // whether other views' masks overrule what it sees
-  // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, about
-  // 0.3 MB a step.
-  int steps_per_chunk = 500;
+  // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, 1 to
+  // 3 MB a step.
+  int steps_per_chunk = 750;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);

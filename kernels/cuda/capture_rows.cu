@@ -4,6 +4,7 @@
 
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/fit.h"
 #include "kernels/cuda/launch.h"
 
 namespace pepeseg {
@@ -116,8 +117,8 @@ void CudaBackend::CaptureRows(const CaptureRowsArgs& args) {
   int32_t num_entries = 0;
   CopyToHost(&num_entries, row_first + num_pixels, sizeof(num_entries));
   if (!error_.empty()) return;
-  args.entry_gaussian->Reserve(*this, num_entries);
-  args.entry_weight->Reserve(*this, num_entries);
+  Fit(*this, num_entries, *args.entry_gaussian);
+  Fit(*this, num_entries, *args.entry_weight);
   if (!error_.empty() || num_blocks == 0) return;
   params.entry_gaussian = args.entry_gaussian->span().data;
   params.entry_weight = args.entry_weight->span().data;

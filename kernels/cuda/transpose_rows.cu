@@ -8,6 +8,7 @@
 
 #include "kernels/cuda/arena.h"
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda/fit.h"
 #include "kernels/cuda/groups.cuh"
 #include "kernels/cuda/launch.h"
 
@@ -79,7 +80,8 @@ __global__ void __launch_bounds__(kBlock) ColumnKernel(ColumnParams p) {
 }
 
 struct TransposeScratch {
-  int32_t *group_first, *group_column;  // [groups + 1]
+  int32_t *group_first, *group_column;       // [groups + 1]
+  int32_t *column_gaussian, *column_first;  // [entries], [entries + 1]: of so many only some
   int32_t *key, *other_key;             // [entries]
   RowAndWeight *value, *other_value;
   int32_t* num_touched;  // [1]
@@ -89,6 +91,8 @@ struct TransposeScratch {
 TransposeScratch TakeScratch(Arena& arena, int num_groups, int count, size_t cub_bytes) {
   return {arena.Take<int32_t>(num_groups + 1),
           arena.Take<int32_t>(num_groups + 1),
+          arena.Take<int32_t>(count),
+          arena.Take<int32_t>(count + 1),
           arena.Take<int32_t>(count),
           arena.Take<int32_t>(count),
           arena.Take<RowAndWeight>(count),
@@ -127,13 +131,12 @@ cudaError_t SortByGaussian(const Entries& entries, const TransposeRowsArgs& args
       scratch.cub, scratch.cub_bytes, keys, values, entries.count, 0, entries.num_bits, stream);
   if (sorted != cudaSuccess) return sorted;
   const cudaError_t selected =
-      cub::DeviceSelect::If(scratch.cub, scratch.cub_bytes, Places(0), args.first->span().data,
+      cub::DeviceSelect::If(scratch.cub, scratch.cub_bytes, Places(0), scratch.column_first,
                             scratch.num_touched, entries.count, IsFirst{keys.Current()}, stream);
   if (selected != cudaSuccess) return selected;
   ColumnKernel<<<NumBlocks(entries.count, kBlock), kBlock, 0, stream>>>(
       {entries.groups, keys.Current(), values.Current(), scratch.num_touched, entries.count,
-       scratch.group_column, args.gaussian->span().data, args.first->span().data,
-       args.pixel->span().data, args.rows.weight.size == 0 ? nullptr : args.weight->span().data});
+       scratch.group_column, scratch.column_gaussian, scratch.column_first, args.pixel->span().data, args.rows.weight.size == 0 ? nullptr : args.weight->span().data});
   return cudaGetLastError();
 }
 
@@ -159,10 +162,8 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   CopyToHost(&begin, args.rows.first.data + group_first.front(), sizeof(begin));
   CopyToHost(&end, args.rows.first.data + group_first.back(), sizeof(end));
   const int count = end - begin;
-  args.gaussian->Reserve(*this, count);
-  args.first->Reserve(*this, count + 1);
-  args.pixel->Reserve(*this, count);
-  if (args.rows.weight.size != 0) args.weight->Reserve(*this, count);
+  Fit(*this, count, *args.pixel);
+  if (args.rows.weight.size != 0) Fit(*this, count, *args.weight);
   const int num_bits = std::bit_width(static_cast<uint64_t>(std::max<int64_t>(num_keys - 1, 1)));
   const size_t cub_bytes = CubBytes(count, num_bits);
   const auto take = [&](Arena& arena) {
@@ -174,7 +175,11 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   TransposeScratch scratch = take(arena);
   if (!error_.empty()) return;
   if (args.group_column != nullptr) args.group_column->assign(group_first.size(), 0);
-  if (count == 0) return args.first->Zero();
+  if (count == 0) {
+    Fit(*this, 0, *args.gaussian);
+    Fit(*this, 1, *args.first);
+    return args.first->Zero();
+  }
 
   CopyFromHost(scratch.group_first, group_first.data(), group_first.size() * sizeof(int32_t));
   const Groups groups = {{scratch.group_first, num_groups + 1},
@@ -190,8 +195,11 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   }
   CopyToHost(&num_touched, scratch.num_touched, sizeof(num_touched));
   if (!error_.empty()) return;
-  args.gaussian->Resize(num_touched);
-  args.first->Resize(num_touched + 1);
+  Fit(*this, num_touched, *args.gaussian);
+  Fit(*this, num_touched + 1, *args.first);
+  if (!error_.empty()) return;
+  Copy(args.gaussian->span().data, scratch.column_gaussian, num_touched * sizeof(int32_t));
+  Copy(args.first->span().data, scratch.column_first, (num_touched + 1) * sizeof(int32_t));
 }
 
 }  // namespace pepeseg

@@ -45,7 +45,7 @@ class WorkerCheckpointTest : public WorkerTest {
     }
     worker->Signal(SIGKILL);
     EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
-    const Paths paths = Checkpoints(stage);
+    Paths paths = Checkpoints(stage);
     // Three while the third's arrival is not yet the first's end.
     EXPECT_GE(paths.size(), 2u);
     EXPECT_LE(paths.size(), 3u);

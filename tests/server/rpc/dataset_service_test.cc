@@ -227,6 +227,7 @@ TEST_F(DatasetServiceTest, ManyStreamsAtOnce) {
   ASSERT_TRUE(Create(declarations).ok());
   std::atomic<int> written = 0;
   std::vector<std::thread> threads;
+  threads.reserve(8);
   for (int t = 0; t < 8; ++t) {
     threads.emplace_back([&, t] {
       for (int i = t; i < 24; i += 8) {

@@ -10,6 +10,7 @@ namespace {
 // Nothing is decoded: black pictures will do.
 std::vector<TestFile> Photos() {
   std::vector<TestFile> files;
+  files.reserve(5);
   for (int i = 0; i < 4; ++i) {
     files.push_back({absl::StrCat("images/", i, ".png"), testing::BlackPng(400, 300 + 20 * i, 8)});
   }

@@ -210,6 +210,7 @@ TEST_F(JobServiceTest, WatchersThatGoAwayCostNothing) {
   const std::string name = job.name();
   AwaitStage(name);
   std::vector<std::thread> threads;
+  threads.reserve(20);
   for (int i = 0; i < 20; ++i) {
     threads.emplace_back([&] {
       grpc::ClientContext context;

@@ -19,8 +19,8 @@ constexpr float kShOfColour = 3.5f;  // about 1 / 0.282: what makes a full chann
 void AddSquare(float left, int channel, int64_t first, Model& model) {
   Gaussians& gaussians = model.gaussians;
   for (int64_t i = first; i < first + kSide * kSide; ++i) {
-    const auto column = static_cast<float>((i - first) % kSide);
-    const auto row = static_cast<float>((i - first) / kSide);
+    const int64_t of_row = (i - first) % kSide, of_column = (i - first) / kSide;
+    const auto column = static_cast<float>(of_row), row = static_cast<float>(of_column);
     gaussians.Plane(kMeanPlane)[i] = left + column / kSide;
     gaussians.Plane(kMeanPlane + 1)[i] = row / kSide - 0.5f;
     gaussians.Plane(kMeanPlane + 2)[i] = 2;

@@ -198,6 +198,7 @@ struct Program {
         PEPESEG_SERVER, "--data=" + (folder / "data").string(), "--port-file=" + port_file,
         std::string("--worker=") + PEPESEG_FAKE_WORKER, "--reflection"};
     std::vector<char*> arguments;
+    arguments.reserve(words.size() + 1);
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
     EXPECT_EQ(posix_spawn(&pid, PEPESEG_SERVER, nullptr, nullptr, arguments.data(), environ), 0);
