@@ -50,6 +50,7 @@
   FIELD(num_pixels) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
+  FIELD(scale_mapping) \
   FIELD(learning_rate) \
   FIELD(learning_rate_final) \
   FIELD(num_neighbors) \

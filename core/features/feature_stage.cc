@@ -167,7 +167,9 @@ absl::StatusOr<FeatureStage::Prepared> FeatureStage::Prepare(const Gaussians& ga
     return FeatureTrainer::InitialFeatures(num_gaussians_, options_);
   });
   const MeasuredViews measured = MeasureViews();
-  field_.scale_quantiles = ScaleQuantiles(AllScales(measured.mask_scales));
+  const std::vector<float> all = AllScales(measured.mask_scales);
+  field_.scale_quantiles =
+      options_.scale_mapping == ScaleMapping::kQuantiles ? ScaleQuantiles(all) : EvenScales(all);
   prepared.views = MakeDrawableViews(capture_, measured.mask_scales);
   if (prepared.views.empty()) {
     return absl::FailedPreconditionError(

@@ -57,6 +57,21 @@ class MajorityFilter {
   std::vector<int> touched_;
 };
 
+// False when none is over 0.
+bool SortPositive(std::vector<float>& scales) {
+  std::erase_if(scales, [](float scale) { return scale <= kNoScale; });
+  std::sort(scales.begin(), scales.end());
+  return !scales.empty();
+}
+
+float Quantile(const std::vector<float>& sorted, double share) {
+  const double position = share * static_cast<double>(sorted.size() - 1);
+  const auto low = static_cast<size_t>(position);
+  const size_t high = std::min(low + 1, sorted.size() - 1);
+  return static_cast<float>(
+      std::lerp(double{sorted[low]}, double{sorted[high]}, position - static_cast<double>(low)));
+}
+
 }  // namespace
 
 std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
@@ -84,17 +99,22 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
 }
 
 std::vector<float> ScaleQuantiles(std::vector<float> scales) {
-  std::erase_if(scales, [](float scale) { return scale <= kNoScale; });
-  if (scales.empty()) return {};
-  std::sort(scales.begin(), scales.end());
+  if (!SortPositive(scales)) return {};
   std::vector<float> knots;
   for (int k = 0; k < kNumScaleKnots; ++k) {
-    const double position =
-        static_cast<double>(k) / (kNumScaleKnots - 1) * static_cast<double>(scales.size() - 1);
-    const auto low = static_cast<size_t>(position);
-    const size_t high = std::min(low + 1, scales.size() - 1);
-    knots.push_back(static_cast<float>(
-        std::lerp(double{scales[low]}, double{scales[high]}, position - static_cast<double>(low))));
+    knots.push_back(Quantile(scales, static_cast<double>(k) / (kNumScaleKnots - 1)));
+  }
+  return knots;
+}
+
+std::vector<float> EvenScales(std::vector<float> scales) {
+  constexpr double kLargest = 0.99;
+  if (!SortPositive(scales)) return {};
+  const double low = double{scales.front()}, high = double{Quantile(scales, kLargest)};
+  std::vector<float> knots;
+  for (int k = 0; k < kNumScaleKnots; ++k) {
+    const double share = static_cast<double>(k) / (kNumScaleKnots - 1);
+    knots.push_back(static_cast<float>(std::lerp(low, high, share)));
   }
   return knots;
 }

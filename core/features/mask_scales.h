@@ -16,7 +16,13 @@ inline constexpr int kNumScaleKnots = 1000;
 // the view's ignore mask are left out.
 std::vector<float> MaskScales(const View& view, std::span<const float> depth);
 
-// Quantiles k / 999 of the scales over 0, linear between the sorted ones; empty when there is none.
+// What the query scale is measured by: the scale in scene units at 0, 1 / 999, .. 1, ascending.
+// Empty when no scale is over 0.
+//
+// Its quantiles, linear between the sorted scales.
 std::vector<float> ScaleQuantiles(std::vector<float> scales);
+// Evenly from the smallest to the largest; that is the 99 percentile, so that a stray mask does not
+// stretch the rest.
+std::vector<float> EvenScales(std::vector<float> scales);
 
 }  // namespace pepeseg

@@ -12,6 +12,12 @@
 
 namespace pepeseg {
 
+// How scene units become the query scale in [0, 1].
+enum class ScaleMapping {
+  kQuantiles = 1,  // the share of the masks that are smaller
+  kEven = 2,       // linearly, from the smallest mask to the largest but for the last percent
+};
+
 // What a difference of depth or colour between two pixels is measured against.
 enum class PerceptionThreshold {
   kDifferences = 1,  // between each of them and the pixels about it
@@ -26,7 +32,8 @@ struct FeatureOptions {
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
   // Further samples of what no mask covers in any view, as one thing apart from all others.
   int num_background_pixels = 200;
-  int num_scales = 10;          // a step, 1..kMaxScales; two of them beyond the masks' own
+  int num_scales = 10;  // a step, 1..kMaxScales; two of them beyond the masks' own
+  ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
   float learning_rate = 1e-2f;  // of Adam, at the start; falls exponentially to
   float learning_rate_final = 1e-4f;
   // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn

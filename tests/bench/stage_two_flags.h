@@ -13,6 +13,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.add_option("--feature-pixels", stage.num_pixels);
   app.add_option("--background-pixels", stage.num_background_pixels);
   app.add_option("--feature-scales", stage.num_scales);
+  app.add_flag_callback("--even-scales", [&stage] { stage.scale_mapping = ScaleMapping::kEven; });
   app.add_option("--feature-rate", stage.learning_rate);
   app.add_option("--feature-rate-final", stage.learning_rate_final);
   app.add_option("--centroid-from", stage.centroid_from);

@@ -87,5 +87,16 @@ TEST(ScaleQuantiles, RunFromTheSmallestToTheLargest) {
   EXPECT_TRUE(ScaleQuantiles({0, 0}).empty());
 }
 
+TEST(EvenScales, RunEvenlyFromTheSmallestToTheNinetyNinthPercentile) {
+  std::vector<float> scales = {0, 1000};
+  for (int i = 1; i <= 200; ++i) scales.push_back(static_cast<float>(i));
+  const std::vector<float> knots = EvenScales(scales);
+  ASSERT_EQ(knots.size(), 1000u);
+  EXPECT_EQ(knots.front(), 1);
+  EXPECT_EQ(knots.back(), 199);  // at 0.99 * 200 of the sorted ones
+  EXPECT_NEAR(knots[333], 1 + 198 / 3.0, 1e-4);
+  EXPECT_TRUE(EvenScales({0}).empty());
+}
+
 }  // namespace
 }  // namespace pepeseg
