@@ -13,8 +13,9 @@ struct CudaScratch {
   Buffer<int32_t> slot_visible;      // [entries] -> visible
   Buffer<float> slot_sums;           // [entries, 10] the gradient before the sum over the tiles
 
-  // For RenderBackward: what a pixel has gathered in the end, and at the end of each bucket, from where the backward
-  // pass starts: rgb without background and transmittance; depth only where it is rendered.
+  // For RenderBackward: what a pixel has gathered in the end, and at the end of each bucket, from
+  // where the backward pass starts: rgb without background and transmittance; depth only where it
+  // is rendered.
   Buffer<float> pixel_color;          // [tiles, 256, 4]
   Buffer<float> pixel_depth;          // [tiles, 256]
   Buffer<int32_t> tile_first_bucket;  // [tiles + 1]

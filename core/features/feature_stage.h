@@ -8,11 +8,10 @@
 #include "absl/status/statusor.h"
 #include "core/features/batches_ahead.h"
 #include "core/features/centroid_term.h"
-#include "core/features/cross_view.h"
 #include "core/features/feature_checkpoint.h"
+#include "core/features/feature_preparation.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/frozen_scene.h"
-#include "core/features/perception_cues.h"
 #include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
 
@@ -47,24 +46,11 @@ class FeatureStage {
   FeatureField Export();
 
  private:
-  struct Prepared;  // what is known before the first step
-
   FeatureStage(Backend& backend, const Capture& capture, const Gaussians& gaussians,
                const FeatureOptions& options);
-  absl::StatusOr<Prepared> Prepare(const Gaussians& gaussians);
-  absl::Status Begin(Prepared prepared, const FeatureCheckpoint* checkpoint);
+  absl::Status Begin(PreparedFeatures prepared, const FeatureCheckpoint* checkpoint);
   absl::Status Restore(const FeatureCheckpoint& checkpoint);
   absl::Status BeginChunk();
-  // By view of the capture, none where a view is not trained on.
-  struct MeasuredViews {
-    std::vector<std::vector<float>> mask_scales;  // of all masks
-    std::vector<std::vector<float>> depths;       // see FrozenScene; only where they are needed
-  };
-  MeasuredViews MeasureViews();
-  void FindUncoveredPixels(std::vector<DrawableView>& views);
-  void NoteSkipped(const std::vector<DrawableView>& views);
-  void PreparePerception(std::vector<DrawableView>& views,
-                         std::span<const std::vector<float>> depths);
   absl::StatusOr<std::vector<StepReport>> Reports(std::span<const double> losses) const;
 
   Backend& backend_;
@@ -77,8 +63,8 @@ class FeatureStage {
   Buffer<int32_t> neighbors_;
   NeighborGraph graph_;
   std::optional<BatchDrawer> drawer_;
-  std::optional<CrossView> cross_view_;
-  std::optional<PerceptionCues> cues_;  // none: the perception loss is left out
+  std::unique_ptr<CrossView> cross_view_;
+  std::unique_ptr<PerceptionCues> cues_;  // null: the perception loss is left out
   std::optional<CentroidTerm> centroids_;
   std::optional<FeatureTrainer> trainer_;
   std::optional<BatchesAhead> batches_;  // its threads draw: gone before the drawer

@@ -37,6 +37,9 @@ void SetEveryField(Message* message, int* next) {
       case FieldDescriptor::CPPTYPE_DOUBLE:
         reflection->SetDouble(message, field, value);
         break;
+      case FieldDescriptor::CPPTYPE_BOOL:
+        reflection->SetBool(message, field, false);  // by default they are true
+        break;
       case FieldDescriptor::CPPTYPE_ENUM:  // which keeps numbers that it does not know
         reflection->SetEnumValue(message, field, value);
         break;

@@ -63,7 +63,7 @@ TEST(TrainedFeatures, AClickSegmentsItsObjectInAHeldOutView) {
                        Reconstruct(*backend, scene.capture, {.num_steps = 400}, go_on));
   ASSERT_OK_AND_ASSIGN(
       model.field, TrainFeatures(*backend, scene.capture, model.gaussians,
-                                 {.num_steps = 400, .num_pixels = 200, .num_scales = 6}, go_on));
+                                 {.num_steps = 600, .num_pixels = 200, .num_scales = 6}, go_on));
   model.scene_radius = SceneRadius(scene.capture);
   ASSERT_OK_AND_ASSIGN(const auto segmenter, Segmenter::Create(*backend, std::move(model)));
   int num_scored = 0;

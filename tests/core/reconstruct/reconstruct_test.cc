@@ -1,9 +1,11 @@
 #include "core/reconstruct/reconstruct.h"
 
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "core/evaluate/metrics.h"
+#include "core/reconstruct/reconstructor.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
@@ -196,6 +198,30 @@ TEST(Reconstruct, WithDepthGivesTheSameBytesForAnyThreadCount) {
     }
     EXPECT_EQ(results[0].planes, results[1].planes);
   }
+}
+
+std::vector<std::string> SkippedOf(const Capture& capture, const ReconstructOptions& options) {
+  const auto backend = MakeCpuBackend(2);
+  const auto reconstructor = Reconstructor::Create(*backend, capture, options);
+  EXPECT_OK(reconstructor.status());
+  std::vector<std::string> lines;
+  for (const SkippedTerm& skipped : (*reconstructor)->skipped()) {
+    lines.push_back(skipped.term + ": " + skipped.reason);
+  }
+  return lines;
+}
+
+TEST(Reconstructor, TellsWhichTermsItSkips) {
+  using Lines = std::vector<std::string>;
+  ReconstructOptions options = ShortRun(30);
+  EXPECT_EQ(SkippedOf(WithDepth(DepthPrior::Kind::kDisparity), options), Lines());
+  const Capture bare = testing::MakeSyntheticScene({.with_masks = false}).capture;
+  EXPECT_EQ(SkippedOf(bare, options), (Lines{"depth: no training view has a depth prior",
+                                             "refinement: no training view has masks"}));
+  options.depth_weight = 0;
+  options.refine_keep = RefineKeep::kNone;
+  EXPECT_EQ(SkippedOf(WithDepth(DepthPrior::Kind::kDisparity), options),
+            (Lines{"depth: depth_weight is 0", "refinement: refine_keep is NONE"}));
 }
 
 TEST(Reconstruct, WithoutADepthWeightAPriorChangesNothing) {

@@ -66,6 +66,19 @@ TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
   EXPECT_EQ(told.num_void_renders(), 5);
 }
 
+TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
+  WorkerProgress progress(*log_);
+  ASSERT_TRUE(progress.StartStage("features").ok());
+  ASSERT_TRUE(progress.SkipTerm({"perception", "no training view has a depth prior"}).ok());
+  EventLogReader reader(path_);
+  const auto events = reader.Read();
+  ASSERT_EQ(events->size(), 2u);
+  const v1::JobEvent::TermSkipped& skipped = events->back().term_skipped();
+  EXPECT_EQ(skipped.stage(), "features");
+  EXPECT_EQ(skipped.term(), "perception");
+  EXPECT_EQ(skipped.reason(), "no training view has a depth prior");
+}
+
 TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
