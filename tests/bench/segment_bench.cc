@@ -1,6 +1,7 @@
 // Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
 // level of its ground truth on the held-out views. One table row a seed and level.
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +14,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/features/train_features.h"
 #include "core/io/gaussian_ply.h"
+#include "core/query/propose_scales.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
@@ -35,6 +37,7 @@ struct BenchOptions {
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
+  bool proposals = false;
   bool rows_only = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
@@ -176,6 +179,53 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
   return absl::OkStatus();
 }
 
+// What a person who gives no scale gets: the mean IoU over the scored views of the first proposal,
+// and of the one of three that suits the reference best.
+absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+                            const Row& row) {
+  double first_sum = 0, best_sum = 0, chosen_sum = 0;
+  for (const EntityScore& score : row.scores.entities) {
+    chosen_sum += score.chosen.iou;
+    const auto reference = std::ranges::find_if(
+        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
+    Segmenter::Prompt prompt = {.view = reference->view, .points = {score.click}};
+    if (score.missing) continue;
+    ASSIGN_OR_RETURN(const auto proposals, ProposeScales(segmenter, prompt));
+    double best_on_reference = -1, first = 0, best = 0;
+    for (size_t i = 0; i < proposals.size(); ++i) {
+      prompt.scale = proposals[i].result.scale;
+      prompt.threshold = proposals[i].result.threshold;
+      double on_reference = 0, sum = 0;
+      for (const EntityViewScore& of_view : score.views) {
+        const auto view = std::ranges::find_if(
+            views, [&](const LabeledView& v) { return v.view.name == of_view.view; });
+        ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view->view, 1}));
+        int64_t both = 0, either = 0;
+        for (size_t p = 0; p < view->labels.size(); ++p) {
+          const bool got = results[0].mask.pixels[p] != 0, want = view->labels[p] == score.id;
+          both += got && want ? 1 : 0;
+          either += got || want ? 1 : 0;
+        }
+        const double iou =
+            either == 0 ? 0 : static_cast<double>(both) / static_cast<double>(either);
+        (&of_view == &score.views[0] ? on_reference : sum) += iou;
+      }
+      const double mean = sum / static_cast<double>(score.views.size() - 1);
+      if (i == 0) first = mean;
+      if (on_reference > best_on_reference) {
+        best_on_reference = on_reference;
+        best = mean;
+      }
+    }
+    first_sum += first;
+    best_sum += best;
+  }
+  const auto count = static_cast<double>(row.scores.entities.size());
+  std::printf("# %s: first proposal %.4f, best of three %.4f, chosen %.4f\n",
+              row.level->name.c_str(), first_sum / count, best_sum / count, chosen_sum / count);
+  return absl::OkStatus();
+}
+
 // Stage two and its scores.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run) {
@@ -201,6 +251,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      std::move(scores)};
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
+    if (options.proposals) {
+      RETURN_IF_ERROR(PrintProposals(*segmenter, LabeledViews(pack.capture, level), row));
+    }
     if (!options.dump.empty()) {
       RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
     }
@@ -258,6 +311,7 @@ int main(int argc, char** argv) {
   app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
+  app.add_flag("--proposals", options.proposals, "what scale proposals score, too");
   app.add_flag("--rows-only", options.rows_only, "no heading of the table");
   app.add_option("--dump", options.dump, "folder for a picture of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");

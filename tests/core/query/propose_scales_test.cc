@@ -1,0 +1,96 @@
+#include "core/query/propose_scales.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kSize = 48;
+constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
+
+// Two opaque blobs in front of the camera that share a channel: with the gate of that channel
+// alone open, at large scales, they are one thing.
+Model TwoBlobs() {
+  Capture capture;
+  capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
+  capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
+  Model model;
+  model.gaussians = testing::PointGaussians(capture, 0.12f);
+  model.field.features.assign(2 * 32, 0.0f);
+  model.field.features[0] = model.field.features[32] = 0.6f;
+  model.field.features[1] = model.field.features[32 + 2] = 0.8f;
+  for (const int channel : {1, 2}) {  // psi falls from 0.98 at scale 0 to 0.02 at scale 1
+    model.field.gate[channel] = -8;
+    model.field.gate[32 + channel] = 4;
+  }
+  model.field.scale_quantiles = {1, 3};
+  ModelView view;
+  view.name = "front";
+  view.camera = {kSize, kSize, 40, 40, 24, 24};
+  model.views = {view};
+  return model;
+}
+
+class ProposeScalesTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
+    prompt_.view = segmenter_->model().views[0];
+    prompt_.points = {{kLeftX, kY, true}};
+  }
+  static bool Shows(const SegmentResult& result, double x) {
+    return result.mask.pixels[static_cast<size_t>(kY) * kSize + static_cast<size_t>(x)] != 0;
+  }
+
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  std::unique_ptr<Segmenter> segmenter_;
+  Segmenter::Prompt prompt_;
+};
+
+TEST_F(ProposeScalesTest, FindsTheBlobAndBothBlobs) {
+  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_));
+  ASSERT_EQ(proposals.size(), 2u);
+  EXPECT_GE(proposals[0].support, proposals[1].support);
+  const bool first_is_one = !Shows(proposals[0].result, kRightX);
+  const ScaleProposal &one = proposals[first_is_one ? 0 : 1],
+                      &both = proposals[first_is_one ? 1 : 0];
+  EXPECT_TRUE(Shows(one.result, kLeftX) && !Shows(one.result, kRightX));
+  EXPECT_TRUE(Shows(both.result, kLeftX) && Shows(both.result, kRightX));
+  EXPECT_LT(one.result.scale, both.result.scale);
+  for (const ScaleProposal& proposal : proposals) {
+    EXPECT_GT(proposal.stability, 0.9);
+    EXPECT_GT(proposal.result.scale_units, 0);
+  }
+}
+
+TEST_F(ProposeScalesTest, ANegativePointLeavesTheOther) {
+  prompt_.points.push_back({kRightX, kY, false});
+  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_));
+  ASSERT_FALSE(proposals.empty());
+  for (const ScaleProposal& proposal : proposals) EXPECT_FALSE(Shows(proposal.result, kRightX));
+}
+
+TEST_F(ProposeScalesTest, AtMostAsManyAsAskedFor) {
+  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_, 1));
+  EXPECT_EQ(proposals.size(), 1u);
+  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_, 0), absl::StatusCode::kInvalidArgument,
+                "0 proposals");
+}
+
+TEST_F(ProposeScalesTest, BadPromptsAreRefused) {
+  prompt_.points = {{-1, 3, true}};
+  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
+                "point 0 is at (-1, 3)");
+  prompt_.points = {};
+  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
+                "no positive point");
+  prompt_.points = {{2, 3, true}};
+  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
+                "nothing with a feature");
+}
+
+}  // namespace
+}  // namespace pepeseg
