@@ -39,6 +39,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddCancel(app, shell);
   pepeseg::cli::AddJobs(app, shell);
   pepeseg::cli::AddSegment(app, shell);
+  pepeseg::cli::AddPropose(app, shell);
   pepeseg::cli::AddRender(app, shell);
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);

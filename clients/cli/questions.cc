@@ -6,12 +6,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_split.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/mask.h"
+#include "clients/cli/prompt.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
 
@@ -25,11 +24,7 @@ constexpr Rgb kPositive{60, 255, 60};
 constexpr Rgb kNegative{255, 40, 40};
 
 struct SegmentFlags {
-  std::string scene;
-  std::string model = "live";
-  std::string view;
-  std::vector<std::string> positive;
-  std::vector<std::string> negative;
+  PromptFlags prompt;
   double scale = -1;      // below 0: the server's default
   double threshold = -2;  // below -1: the server's default
   std::vector<std::string> targets;
@@ -42,26 +37,6 @@ struct RenderFlags {
   std::vector<std::string> views;
   std::string out = ".";
 };
-
-std::string ModelName(const std::string& scene, const std::string& model) {
-  return absl::StrCat(SceneName(scene), "/models/", model);
-}
-
-// "120,88.5".
-absl::StatusOr<v1::PointsPrompt::Point> ParsePoint(const std::string& text, bool negative) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ',');
-  v1::PointsPrompt::Point point;
-  double x = 0;
-  double y = 0;
-  if (parts.size() != 2 || !absl::SimpleAtod(parts[0], &x) || !absl::SimpleAtod(parts[1], &y)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("point \"", text, "\": x,y in pixels is wanted, as 320,240"));
-  }
-  point.set_x(x);
-  point.set_y(y);
-  point.set_negative(negative);
-  return point;
-}
 
 void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
   using Targets = v1::SegmentRequest::Targets;
@@ -78,14 +53,9 @@ void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& reque
 
 absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
   v1::SegmentRequest request;
-  request.set_model(ModelName(flags.scene, flags.model));
-  request.mutable_prompt_view()->set_view(flags.view);
-  for (const std::string& text : flags.positive) {
-    ASSIGN_OR_RETURN(*request.mutable_points()->add_points(), ParsePoint(text, false));
-  }
-  for (const std::string& text : flags.negative) {
-    ASSIGN_OR_RETURN(*request.mutable_points()->add_points(), ParsePoint(text, true));
-  }
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  request.mutable_prompt_view()->set_view(flags.prompt.view);
+  ASSIGN_OR_RETURN(*request.mutable_points(), ParsePoints(flags.prompt));
   if (flags.scale >= 0) request.set_scale_quantile(flags.scale);
   if (flags.threshold >= -1) request.set_threshold(flags.threshold);
   SetTargets(flags.targets, request);
@@ -102,16 +72,9 @@ absl::Status WriteMask(const Connection& connection, const SegmentFlags& flags,
   GreyPicture grey{view.rle().width(), view.rle().height(), mask};
   for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
   RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
-  ASSIGN_OR_RETURN(Picture overlay, AskRender(connection, answer.model(), view.view()));
-  if (overlay.width != grey.width || overlay.height != grey.height) {
-    return absl::InternalError(absl::StrCat(view.view(), ": mask and rendering differ in size"));
-  }
-  DrawMask(overlay, mask, kMaskColor);
-  if (view.view() == request.prompt_view().view()) {
-    for (const auto& point : request.points().points()) {
-      DrawClick(overlay, point.x(), point.y(), point.negative() ? kNegative : kPositive);
-    }
-  }
+  Points points;
+  if (view.view() == request.prompt_view().view()) points = request.points().points();
+  ASSIGN_OR_RETURN(const Picture overlay, OverlayOf(connection, answer.model(), view, points));
   return WritePng(stem.string() + "_overlay.png", overlay);
 }
 
@@ -181,6 +144,20 @@ absl::StatusOr<Picture> AskRender(const Connection& connection, const std::strin
   return DecodePicture(answer.png(), view);
 }
 
+absl::StatusOr<Picture> OverlayOf(const Connection& connection, const std::string& model,
+                                  const v1::SegmentResponse::ViewMask& view, const Points& points) {
+  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
+  ASSIGN_OR_RETURN(Picture overlay, AskRender(connection, model, view.view()));
+  if (overlay.width != view.rle().width() || overlay.height != view.rle().height()) {
+    return absl::InternalError(absl::StrCat(view.view(), ": mask and rendering differ in size"));
+  }
+  DrawMask(overlay, mask, kMaskColor);
+  for (const auto& point : points) {
+    DrawClick(overlay, point.x(), point.y(), point.negative() ? kNegative : kPositive);
+  }
+  return overlay;
+}
+
 std::string Stem(const std::string& view) {
   std::string stem = fs::path(view).replace_extension().generic_string();
   std::replace(stem.begin(), stem.end(), '/', '-');
@@ -191,22 +168,13 @@ std::string Stem(const std::string& view) {
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
-  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--view", flags->view, "The view that is clicked in")->required();
-  verb->add_option("-p,--point", flags->positive, "A pixel of what is meant; may be repeated")
-      ->type_name("X,Y")
-      ->allow_extra_args(false)
-      ->required();
-  verb->add_option("-n,--negative", flags->negative, "A pixel of what is not meant")
-      ->type_name("X,Y")
-      ->allow_extra_args(false);
+  AddPromptFlags(*verb, flags->prompt);
   verb->add_option("--scale", flags->scale, "How large a thing: 0 a small part, 1 the largest")
       ->check(CLI::Range(0.0, 1.0));
   verb->add_option("--threshold", flags->threshold, "Cosine over which a pixel is in")
       ->check(CLI::Range(-1.0, 1.0));
   verb->add_option("--views", flags->targets,
                    "Where masks are wanted: names, all or held-out; by default where the click is");
-  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });

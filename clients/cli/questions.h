@@ -17,6 +17,11 @@ absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
 absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
                                   const std::string& view);
 
+using Points = google::protobuf::RepeatedPtrField<v1::PointsPrompt::Point>;
+// The rendering of a view with an RLE mask and points drawn over it.
+absl::StatusOr<Picture> OverlayOf(const Connection& connection, const std::string& model,
+                                  const v1::SegmentResponse::ViewMask& view, const Points& points);
+
 // "frame-000000.jpg" -> "frame-000000"; folders become dashes: a file name for what is about a
 // view.
 std::string Stem(const std::string& view);

@@ -35,6 +35,7 @@ void AddCancel(CLI::App& app, Shell& shell);
 void AddJobs(CLI::App& app, Shell& shell);
 void AddScenes(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
+void AddPropose(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);

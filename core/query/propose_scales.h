@@ -20,6 +20,6 @@ struct ScaleProposal {
 // view is rendered that has been. INVALID_ARGUMENT as Segmenter::Segment; max_count under 1.
 absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmenter,
                                                          const Segmenter::Prompt& prompt,
-                                                         int max_count = 3);
+                                                         int max_count = 5);
 
 }  // namespace pepeseg

@@ -81,6 +81,20 @@ absl::StatusOr<double> ReadScale(const v1::SegmentRequest& request, const Model&
   }
 }
 
+// View and points, and whether the answer's encoding is one.
+template <class Request>
+absl::StatusOr<Segmenter::Prompt> ReadPrompt(const Request& request, const Model& model) {
+  if (!v1::MaskEncoding_IsValid(request.mask_encoding())) {
+    return BadField("mask_encoding", absl::StrCat(static_cast<int>(request.mask_encoding())),
+                    "no encoding");
+  }
+  Segmenter::Prompt prompt;
+  ASSIGN_OR_RETURN(prompt.view, FindViewpoint(request.prompt_view(), model, "prompt_view"));
+  if (!request.has_points()) return BadField("prompt", "", "no points");
+  ASSIGN_OR_RETURN(prompt.points, PointsFromProto(request.points()));
+  return prompt;
+}
+
 }  // namespace
 
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
@@ -98,10 +112,8 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
 absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request,
                                              const Model& model) {
   SegmentQuestion question;
+  ASSIGN_OR_RETURN(question.prompt, ReadPrompt(request, model));
   Segmenter::Prompt& prompt = question.prompt;
-  ASSIGN_OR_RETURN(prompt.view, FindViewpoint(request.prompt_view(), model, "prompt_view"));
-  if (!request.has_points()) return BadField("prompt", "", "no points");
-  ASSIGN_OR_RETURN(prompt.points, PointsFromProto(request.points()));
   ASSIGN_OR_RETURN(prompt.scale, ReadScale(request, model, prompt.scale));
   if (request.has_threshold()) {
     prompt.threshold = request.threshold();
@@ -109,12 +121,19 @@ absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request,
       return BadField("threshold", absl::StrCat(prompt.threshold), "not in [-1, 1]");
     }
   }
-  if (!v1::MaskEncoding_IsValid(request.mask_encoding())) {
-    return BadField("mask_encoding", absl::StrCat(static_cast<int>(request.mask_encoding())),
-                    "no encoding");
-  }
   ASSIGN_OR_RETURN(question.targets, FindTargets(request, model, prompt.view));
   return question;
+}
+
+absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
+                                              const Model& model) {
+  constexpr int kDefault = 5, kMax = 16;
+  const int asked = request.max_proposals();
+  if (asked < 0 || asked > kMax) {
+    return BadField("max_proposals", absl::StrCat(asked), absl::StrCat("not in [0, ", kMax, "]"));
+  }
+  ASSIGN_OR_RETURN(Segmenter::Prompt prompt, ReadPrompt(request, model));
+  return ProposalQuestion{std::move(prompt), asked == 0 ? kDefault : asked};
 }
 
 absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,

@@ -15,6 +15,14 @@ struct SegmentQuestion {
 // INVALID_ARGUMENT names the field.
 absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request, const Model& model);
 
+// Likewise, of a ProposeScales request.
+struct ProposalQuestion {
+  Segmenter::Prompt prompt;
+  int max_proposals;
+};
+absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
+                                              const Model& model);
+
 // The view that a viewpoint names, or its free camera.
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
                                         const std::string& field);

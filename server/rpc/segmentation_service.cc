@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
+#include "core/query/propose_scales.h"
 #include "core/status_macros.h"
 #include "server/rpc/evaluate_answer.h"
 #include "server/rpc/export_selection.h"
@@ -72,6 +73,34 @@ absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
   return absl::OkStatus();
 }
 
+absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& context,
+                                 const v1::ProposeScalesRequest& request,
+                                 v1::ProposeScalesResponse* response) {
+  Stopwatch stopwatch;
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  v1::QueryTiming& timing = *response->mutable_timing();
+  *timing.mutable_queue() = ToProto(call.queued);
+  *timing.mutable_load() = ToProto(stopwatch.Lap());
+  ASSIGN_OR_RETURN(const ProposalQuestion question,
+                   ReadQuestion(request, model.segmenter->model()));
+  ASSIGN_OR_RETURN(const std::vector<ScaleProposal> proposals,
+                   ProposeScales(*model.segmenter, question.prompt, question.max_proposals));
+  *timing.mutable_compute() = ToProto(stopwatch.Lap());
+  for (const ScaleProposal& proposal : proposals) {
+    v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
+    out.set_scale_quantile(proposal.result.scale);
+    out.set_threshold(proposal.result.threshold);
+    out.set_scale_units(proposal.result.scale_units);
+    out.set_support(proposal.support);
+    out.set_stability(proposal.stability);
+    ASSIGN_OR_RETURN(*out.mutable_mask(), EncodeMask(question.prompt.view.name, proposal.result,
+                                                     request.mask_encoding()));
+  }
+  *timing.mutable_encode() = ToProto(stopwatch.Lap());
+  response->set_model(model.name);
+  return CheckSize(response->ByteSizeLong());
+}
+
 absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context,
                             const v1::EvaluateRequest& request, v1::EvaluateResponse* response) {
   ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
@@ -116,6 +145,14 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerCo
                                                           v1::SegmentResponse* response) {
   return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
     return AnswerSegment(unary, context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* SegmentationServiceRpc::ProposeScales(
+    grpc::CallbackServerContext* call, const v1::ProposeScalesRequest* request,
+    v1::ProposeScalesResponse* response) {
+  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
+    return AnswerProposeScales(unary, context_, *request, response);
   });
 }
 

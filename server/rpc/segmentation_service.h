@@ -12,6 +12,9 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   grpc::ServerUnaryReactor* Segment(grpc::CallbackServerContext* call,
                                     const v1::SegmentRequest* request,
                                     v1::SegmentResponse* response) override;
+  grpc::ServerUnaryReactor* ProposeScales(grpc::CallbackServerContext* call,
+                                          const v1::ProposeScalesRequest* request,
+                                          v1::ProposeScalesResponse* response) override;
   grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* call,
                                      const v1::EvaluateRequest* request,
                                      v1::EvaluateResponse* response) override;

@@ -180,7 +180,7 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 }
 
 // What a person who gives no scale gets: the mean IoU over the scored views of the first proposal,
-// and of the one of three that suits the reference best.
+// and of the one of five that suits the reference best.
 absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<LabeledView>& views,
                             const Row& row) {
   double first_sum = 0, best_sum = 0, chosen_sum = 0;
@@ -221,7 +221,7 @@ absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<Labele
     best_sum += best;
   }
   const auto count = static_cast<double>(row.scores.entities.size());
-  std::printf("# %s: first proposal %.4f, best of three %.4f, chosen %.4f\n",
+  std::printf("# %s: first proposal %.4f, best of five %.4f, chosen %.4f\n",
               row.level->name.c_str(), first_sum / count, best_sum / count, chosen_sum / count);
   return absl::OkStatus();
 }

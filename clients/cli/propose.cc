@@ -1,0 +1,79 @@
+// The verb that asks what a click may mean.
+#include <filesystem>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/prompt.h"
+#include "clients/cli/questions.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ProposeFlags {
+  PromptFlags prompt;
+  int max_proposals = 0;  // 0: the server's default
+  std::string out;
+};
+
+void PrintAnswer(const v1::ProposeScalesResponse& answer) {
+  Print(answer.model());
+  for (const auto& proposal : answer.proposals()) {
+    Print(absl::StrFormat(
+        "  scale %.2f (%.4g scene units)  threshold %.2f  %8d px  support %.2f  stability %.2f",
+        proposal.scale_quantile(), proposal.scale_units(), proposal.threshold(),
+        proposal.mask().area(), proposal.support(), proposal.stability()));
+  }
+  if (answer.proposals().empty()) Print("  nothing stable is under the click");
+}
+
+// STEM_1.png, the best, and so on.
+absl::Status WriteOverlays(const Connection& connection, const ProposeFlags& flags,
+                           const v1::ProposeScalesRequest& request,
+                           const v1::ProposeScalesResponse& answer) {
+  for (int i = 0; i < answer.proposals_size(); ++i) {
+    ASSIGN_OR_RETURN(const Picture overlay,
+                     OverlayOf(connection, answer.model(), answer.proposals(i).mask(),
+                               request.points().points()));
+    const fs::path path =
+        fs::path(flags.out) / absl::StrCat(Stem(flags.prompt.view), "_", i + 1, ".png");
+    RETURN_IF_ERROR(WritePng(path, overlay));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
+  v1::ProposeScalesRequest request;
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  request.mutable_prompt_view()->set_view(flags.prompt.view);
+  ASSIGN_OR_RETURN(*request.mutable_points(), ParsePoints(flags.prompt));
+  request.set_max_proposals(flags.max_proposals);
+  const Connection connection(shell.server);
+  v1::ProposeScalesResponse answer;
+  Call call(SceneOf(request.model()), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->ProposeScales(call, request, &answer)));
+  if (!flags.out.empty()) RETURN_IF_ERROR(WriteOverlays(connection, flags, request, answer));
+  shell.json ? PrintJson(answer) : PrintAnswer(answer);
+  if (!flags.out.empty()) Note(absl::StrCat("overlays are in ", flags.out));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddPropose(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<ProposeFlags>();
+  CLI::App* verb = app.add_subcommand(
+      "propose", "What a click may mean: the scales at which something stable is there");
+  AddPromptFlags(*verb, flags->prompt);
+  verb->add_option("--max", flags->max_proposals, "How many at most")->check(CLI::Range(1, 16));
+  verb->add_option("--out", flags->out, "Folder for STEM_1.png, STEM_2.png, ...");
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunPropose(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::cli
