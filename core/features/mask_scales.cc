@@ -101,6 +101,7 @@ std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
 std::vector<float> ScaleQuantiles(std::vector<float> scales) {
   if (!SortPositive(scales)) return {};
   std::vector<float> knots;
+  knots.reserve(kNumScaleKnots);
   for (int k = 0; k < kNumScaleKnots; ++k) {
     knots.push_back(Quantile(scales, static_cast<double>(k) / (kNumScaleKnots - 1)));
   }
@@ -112,6 +113,7 @@ std::vector<float> EvenScales(std::vector<float> scales) {
   if (!SortPositive(scales)) return {};
   const double low = double{scales.front()}, high = double{Quantile(scales, kLargest)};
   std::vector<float> knots;
+  knots.reserve(kNumScaleKnots);
   for (int k = 0; k < kNumScaleKnots; ++k) {
     const double share = static_cast<double>(k) / (kNumScaleKnots - 1);
     knots.push_back(static_cast<float>(std::lerp(low, high, share)));

@@ -62,8 +62,8 @@ std::vector<Place> PlacesByRow(std::span<const int32_t> pixels, std::span<const 
   places.reserve(pixels.size());
   for (size_t i = 0; i < pixels.size(); ++i) {
     if (edges[pixels[i]] != 0) continue;
-    places.push_back({static_cast<float>(pixels[i] / width), static_cast<float>(pixels[i] % width),
-                      static_cast<int32_t>(i)});
+    const int32_t y = pixels[i] / width, x = pixels[i] % width;
+    places.push_back({static_cast<float>(y), static_cast<float>(x), static_cast<int32_t>(i)});
   }
   std::sort(places.begin(), places.end());
   return places;
@@ -205,8 +205,8 @@ class PerceptionCues::Judge {
   PairCues CuesOf(int32_t p, int32_t q) {
     const int32_t a = batch_.pixels[p], b = batch_.pixels[q];
     const int width = view_.camera.width;
-    const float distance = std::hypot(static_cast<float>(a % width - b % width),
-                                      static_cast<float>(a / width - b / width));
+    const int32_t x = a % width - b % width, y = a / width - b / width;
+    const float distance = std::hypot(static_cast<float>(x), static_cast<float>(y));
     const float depth = std::abs(view_.depth.values[a] - view_.depth.values[b]);
     const float color = ColorDifference(view_.photo, a, b);
     const Usual &of_p = UsualAbout(p), &of_q = UsualAbout(q);

@@ -70,6 +70,7 @@ absl::StatusOr<std::vector<Granularity>> MeasureGranularity(Backend& backend,
                                                             const Model& model,
                                                             const std::vector<double>& scales) {
   std::vector<Granularity> measured;
+  measured.reserve(scales.size());
   for (const double scale : scales) measured.push_back({.scale = scale});
   FrozenScene scene(backend, model.gaussians, model.scene_radius);
   const Buffer<float> features(backend, std::span<const float>(model.field.features));
