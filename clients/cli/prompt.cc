@@ -3,7 +3,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/shell.h"
+#include "clients/cli/connection.h"
 #include "clients/cli/status_macros.h"
 
 namespace pepeseg::cli {
