@@ -101,6 +101,7 @@ std::vector<MaskGrid::Plateau> MaskGrid::FindPlateaus(int64_t min_area, int max_
   while (!left.empty()) {
     const Cell best = CellAt(left.front());
     std::vector<Overlap> overlaps;
+    overlaps.reserve(levels_.size());
     for (int i = 0; i < num_scales(); ++i) overlaps.push_back(OverlapOf(best.scale, i));
     const double before = static_cast<double>(left.size()), first = stability[left.front()];
     std::erase_if(left, [&](size_t k) {
