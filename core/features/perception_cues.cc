@@ -77,7 +77,6 @@ class Spread {
     sum_ += x;
     squares_ += x * x;
   }
-  int count() const { return count_; }
   float OneAboveMean() const {
     if (count_ == 0) return 0;
     const float mean = sum_ / static_cast<float>(count_);
@@ -252,9 +251,13 @@ void PerceptionCues::List(PixelBatch& batch) const {
   Judge judge(*this, batch, radii);
   for (Pair& pair : pairs) pair.cues = judge.CuesOf(pair.p, pair.q);
   std::erase_if(pairs, [](const Pair& pair) { return pair.cues == 0; });
+  batch.pairs = ListsOf(pairs, batch.pixels.size(), batch.scales.size());
+}
 
-  PairLists& lists = batch.pairs;
-  lists.first.assign(batch.pixels.size() + 1, 0);
+PairLists PerceptionCues::ListsOf(std::span<const Pair> pairs, size_t num_pixels,
+                                  size_t num_scales) {
+  PairLists lists;
+  lists.first.assign(num_pixels + 1, 0);
   for (const Pair& pair : pairs) {
     ++lists.first[pair.p + 1];
     ++lists.first[pair.q + 1];
@@ -269,7 +272,6 @@ void PerceptionCues::List(PixelBatch& batch) const {
       lists.cues[next[from]++] = pair.cues;
     }
   }
-  const size_t num_scales = batch.scales.size();
   lists.share.assign(2 * num_scales, 0);
   for (size_t i = 0; i < lists.share.size(); ++i) {
     const size_t bit = i < num_scales ? i : kDissimilarShift + i - num_scales;
@@ -277,6 +279,7 @@ void PerceptionCues::List(PixelBatch& batch) const {
         pairs.begin(), pairs.end(), [&](const Pair& pair) { return (pair.cues >> bit & 1u) != 0; });
     if (count > 0) lists.share[i] = 1 / static_cast<float>(static_cast<size_t>(count) * num_scales);
   }
+  return lists;
 }
 
 }  // namespace pepeseg

@@ -41,6 +41,8 @@ class PerceptionCues {
   class Judge;  // of one batch's pairs
 
   std::vector<float> Radii(const PixelBatch& batch) const;
+  // Both ways round, by pixel.
+  static PairLists ListsOf(std::span<const Pair> pairs, size_t num_pixels, size_t num_scales);
   std::vector<Pair> NearPairs(const PixelBatch& batch, float radius) const;
   Usual UsualAbout(const PixelBatch& batch, int32_t pixel, std::span<const float> radii) const;
 

@@ -98,11 +98,13 @@ std::vector<MaskGrid::Plateau> MaskGrid::FindPlateaus(int64_t min_area, int max_
   std::stable_sort(left.begin(), left.end(),
                    [&](size_t a, size_t b) { return stability[a] > stability[b]; });
   std::vector<Plateau> plateaus;
+  std::vector<std::vector<Overlap>> overlaps_of(levels_.size());  // of a scale with all, once
   while (!left.empty()) {
     const Cell best = CellAt(left.front());
-    std::vector<Overlap> overlaps;
-    overlaps.reserve(levels_.size());
-    for (int i = 0; i < num_scales(); ++i) overlaps.push_back(OverlapOf(best.scale, i));
+    std::vector<Overlap>& overlaps = overlaps_of[best.scale];
+    for (auto i = static_cast<int>(overlaps.size()); i < num_scales(); ++i) {
+      overlaps.push_back(OverlapOf(best.scale, i));
+    }
     const double before = static_cast<double>(left.size()), first = stability[left.front()];
     std::erase_if(left, [&](size_t k) {
       const Cell cell = CellAt(k);

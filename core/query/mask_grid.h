@@ -33,6 +33,7 @@ class MaskGrid {
   static constexpr double kSameMask = 0.8;
   // The distinct masks of at least `min_area` pixels, those with the most support first; at most
   // `max_count`.
+  // No scale can be added afterwards.
   std::vector<Plateau> FindPlateaus(int64_t min_area, int max_count);
 
  private:

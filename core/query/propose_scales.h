@@ -14,12 +14,14 @@ struct ScaleProposal {
   double support = 0;    // in (0, 1]: the share of all scales and thresholds that show this mask
 };
 
+inline constexpr int kDefaultProposals = 5;
+
 // The granularities at which there is something stable under a prompt: a part, an object, a group
 // (method.md section 4). Those with the most support first, at most `max_count`; none where no mask
 // of some pixels appears at any scale. The prompt's own scale and threshold are not looked at. No
 // view is rendered that has been. INVALID_ARGUMENT as Segmenter::Segment; max_count under 1.
 absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmenter,
                                                          const Segmenter::Prompt& prompt,
-                                                         int max_count = 5);
+                                                         int max_count = kDefaultProposals);
 
 }  // namespace pepeseg

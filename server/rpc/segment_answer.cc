@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
 #include "core/io/rle.h"
+#include "core/query/propose_scales.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"
@@ -127,13 +128,13 @@ absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request,
 
 absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
                                               const Model& model) {
-  constexpr int kDefault = 5, kMax = 16;
+  constexpr int kMax = 16;
   const int asked = request.max_proposals();
   if (asked < 0 || asked > kMax) {
     return BadField("max_proposals", absl::StrCat(asked), absl::StrCat("not in [0, ", kMax, "]"));
   }
   ASSIGN_OR_RETURN(Segmenter::Prompt prompt, ReadPrompt(request, model));
-  return ProposalQuestion{std::move(prompt), asked == 0 ? kDefault : asked};
+  return ProposalQuestion{std::move(prompt), asked == 0 ? kDefaultProposals : asked};
 }
 
 absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,

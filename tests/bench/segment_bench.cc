@@ -1,7 +1,6 @@
 // Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
 // level of its ground truth on the held-out views. One table row a seed and level.
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -21,6 +20,7 @@
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
+#include "tests/bench/proposal_scores.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
 
@@ -179,50 +179,13 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
   return absl::OkStatus();
 }
 
-// What a person who gives no scale gets: the mean IoU over the scored views of the first proposal,
-// and of the one of five that suits the reference best.
+// As a comment.
 absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<LabeledView>& views,
                             const Row& row) {
-  double first_sum = 0, best_sum = 0, chosen_sum = 0;
-  for (const EntityScore& score : row.scores.entities) {
-    chosen_sum += score.chosen.iou;
-    const auto reference = std::ranges::find_if(
-        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
-    Segmenter::Prompt prompt = {.view = reference->view, .points = {score.click}};
-    if (score.missing) continue;
-    ASSIGN_OR_RETURN(const auto proposals, ProposeScales(segmenter, prompt));
-    double best_on_reference = -1, first = 0, best = 0;
-    for (size_t i = 0; i < proposals.size(); ++i) {
-      prompt.scale = proposals[i].result.scale;
-      prompt.threshold = proposals[i].result.threshold;
-      double on_reference = 0, sum = 0;
-      for (const EntityViewScore& of_view : score.views) {
-        const auto view = std::ranges::find_if(
-            views, [&](const LabeledView& v) { return v.view.name == of_view.view; });
-        ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view->view, 1}));
-        int64_t both = 0, either = 0;
-        for (size_t p = 0; p < view->labels.size(); ++p) {
-          const bool got = results[0].mask.pixels[p] != 0, want = view->labels[p] == score.id;
-          both += got && want ? 1 : 0;
-          either += got || want ? 1 : 0;
-        }
-        const double iou =
-            either == 0 ? 0 : static_cast<double>(both) / static_cast<double>(either);
-        (&of_view == &score.views[0] ? on_reference : sum) += iou;
-      }
-      const double mean = sum / static_cast<double>(score.views.size() - 1);
-      if (i == 0) first = mean;
-      if (on_reference > best_on_reference) {
-        best_on_reference = on_reference;
-        best = mean;
-      }
-    }
-    first_sum += first;
-    best_sum += best;
-  }
-  const auto count = static_cast<double>(row.scores.entities.size());
-  std::printf("# %s: first proposal %.4f, best of five %.4f, chosen %.4f\n",
-              row.level->name.c_str(), first_sum / count, best_sum / count, chosen_sum / count);
+  ASSIGN_OR_RETURN(const ProposalScores scores,
+                   ScoreProposals(segmenter, views, row.scores.entities));
+  std::printf("# %s: first proposal %.4f, best of %d %.4f, chosen %.4f\n", row.level->name.c_str(),
+              scores.first_iou, kDefaultProposals, scores.best_iou, row.scores.chosen.iou);
   return absl::OkStatus();
 }
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/core/query/point_gaussians.h"
+#include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -11,26 +11,16 @@ namespace {
 constexpr int kSize = 48;
 constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
 
-// Two opaque blobs in front of the camera that share a channel: with the gate of that channel
-// alone open, at large scales, they are one thing.
+// The blobs of FrontBlobs share a channel: with the gate of that channel alone open, at large
+// scales, they are one thing.
 Model TwoBlobs() {
-  Capture capture;
-  capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
-  capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
-  Model model;
-  model.gaussians = testing::PointGaussians(capture, 0.12f);
-  model.field.features.assign(2 * 32, 0.0f);
+  Model model = testing::FrontBlobs(kSize);
   model.field.features[0] = model.field.features[32] = 0.6f;
   model.field.features[1] = model.field.features[32 + 2] = 0.8f;
   for (const int channel : {1, 2}) {  // psi falls from 0.98 at scale 0 to 0.02 at scale 1
     model.field.gate[channel] = -8;
     model.field.gate[32 + channel] = 4;
   }
-  model.field.scale_quantiles = {1, 3};
-  ModelView view;
-  view.name = "front";
-  view.camera = {kSize, kSize, 40, 40, 24, 24};
-  model.views = {view};
   return model;
 }
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <thread>
 
-#include "tests/core/query/point_gaussians.h"
+#include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -13,21 +13,11 @@ namespace {
 
 constexpr int kSize = 48;
 
-// Two opaque blobs in front of the camera, left and right, with orthogonal features; nothing else.
+// The blobs of FrontBlobs with orthogonal features.
 Model TwoBlobs() {
-  Capture capture;
-  capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
-  capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
-  Model model;
-  model.gaussians = testing::PointGaussians(capture, 0.12f);
-  model.field.features.assign(2 * 32, 0.0f);
+  Model model = testing::FrontBlobs(kSize);
   model.field.features[0] = 1;
   model.field.features[32 + 1] = 1;
-  model.field.scale_quantiles = {1, 3};
-  ModelView view;
-  view.name = "front";
-  view.camera = {kSize, kSize, 40, 40, 24, 24};
-  model.views = {view};
   return model;
 }
 

@@ -1,0 +1,22 @@
+#include "tests/core/query/front_blobs.h"
+
+#include "tests/core/query/point_gaussians.h"
+
+namespace pepeseg::testing {
+
+Model FrontBlobs(int size) {
+  Capture capture;
+  capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
+  capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
+  Model model;
+  model.gaussians = PointGaussians(capture, 0.12f);
+  model.field.features.assign(2 * 32, 0.0f);
+  model.field.scale_quantiles = {1, 3};
+  ModelView view;
+  view.name = "front";
+  view.camera = {size, size, 40, 40, size / 2.0, size / 2.0};
+  model.views = {view};
+  return model;
+}
+
+}  // namespace pepeseg::testing
