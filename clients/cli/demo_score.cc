@@ -37,12 +37,12 @@ absl::StatusOr<std::vector<Mask>> AskMasks(const Connection& connection, const s
                                            const FixedQuestion& fixed) {
   v1::SegmentRequest request;
   request.set_model(model);
-  request.mutable_prompt_view()->set_view(entity.views(0).view());
-  auto* point = request.mutable_points()->add_points();
+  request.mutable_prompt()->mutable_view()->set_view(entity.views(0).view());
+  auto* point = request.mutable_prompt()->mutable_points()->add_points();
   point->set_x(entity.click_x());
   point->set_y(entity.click_y());
-  request.set_scale_quantile(fixed.scale);
-  request.set_threshold(fixed.threshold);
+  request.mutable_granularity()->set_scale_quantile(fixed.scale);
+  request.mutable_granularity()->set_threshold(fixed.threshold);
   for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));

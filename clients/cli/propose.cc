@@ -39,7 +39,7 @@ absl::Status WriteOverlays(const Connection& connection, const ProposeFlags& fla
   for (int i = 0; i < answer.proposals_size(); ++i) {
     ASSIGN_OR_RETURN(const Picture overlay,
                      OverlayOf(connection, answer.model(), answer.proposals(i).mask(),
-                               request.points().points()));
+                               request.prompt().points().points()));
     const fs::path path =
         fs::path(flags.out) / absl::StrCat(Stem(flags.prompt.view), "_", i + 1, ".png");
     RETURN_IF_ERROR(WritePng(path, overlay));
@@ -50,8 +50,8 @@ absl::Status WriteOverlays(const Connection& connection, const ProposeFlags& fla
 absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
   v1::ProposeScalesRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  request.mutable_prompt_view()->set_view(flags.prompt.view);
-  ASSIGN_OR_RETURN(*request.mutable_points(), ParsePoints(flags.prompt));
+  request.mutable_prompt()->mutable_view()->set_view(flags.prompt.view);
+  ASSIGN_OR_RETURN(*request.mutable_prompt()->mutable_points(), ParsePoints(flags.prompt));
   request.set_max_proposals(flags.max_proposals);
   const Connection connection(shell.server);
   v1::ProposeScalesResponse answer;

@@ -54,10 +54,10 @@ void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& reque
 absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
   v1::SegmentRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  request.mutable_prompt_view()->set_view(flags.prompt.view);
-  ASSIGN_OR_RETURN(*request.mutable_points(), ParsePoints(flags.prompt));
-  if (flags.scale >= 0) request.set_scale_quantile(flags.scale);
-  if (flags.threshold >= -1) request.set_threshold(flags.threshold);
+  request.mutable_prompt()->mutable_view()->set_view(flags.prompt.view);
+  ASSIGN_OR_RETURN(*request.mutable_prompt()->mutable_points(), ParsePoints(flags.prompt));
+  if (flags.scale >= 0) request.mutable_granularity()->set_scale_quantile(flags.scale);
+  if (flags.threshold >= -1) request.mutable_granularity()->set_threshold(flags.threshold);
   SetTargets(flags.targets, request);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   return request;
@@ -73,7 +73,7 @@ absl::Status WriteMask(const Connection& connection, const SegmentFlags& flags,
   for (uint8_t& pixel : grey.pixels) pixel = pixel != 0 ? 255 : 0;
   RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
   Points points;
-  if (view.view() == request.prompt_view().view()) points = request.points().points();
+  if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
   ASSIGN_OR_RETURN(const Picture overlay, OverlayOf(connection, answer.model(), view, points));
   return WritePng(stem.string() + "_overlay.png", overlay);
 }

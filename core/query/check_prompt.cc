@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "kernels/ops.h"
 
 namespace pepeseg {
 namespace {
@@ -24,15 +25,14 @@ absl::Status CheckBetween(const std::string& what, double value, double low, dou
       absl::StrCat(what, " is ", value, ", must be in [", low, ", ", high, "]"));
 }
 
-absl::Status CheckPoint(const Segmenter::Prompt& prompt, size_t index) {
-  const PointPrompt& point = prompt.points[index];
-  const Camera& camera = prompt.view.camera;
+absl::Status CheckPoint(const ModelView& view, const PointPrompt& point, size_t index) {
+  const Camera& camera = view.camera;
   if (point.x >= 0 && point.x < camera.width && point.y >= 0 && point.y < camera.height) {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("point ", index, " is at (", point.x, ", ", point.y, "), outside of ",
-                   NameOf(prompt.view), " of ", camera.width, "x", camera.height, " pixels"));
+  return absl::InvalidArgumentError(absl::StrCat("point ", index, " is at (", point.x, ", ",
+                                                 point.y, "), outside of ", NameOf(view), " of ",
+                                                 camera.width, "x", camera.height, " pixels"));
 }
 
 }  // namespace
@@ -65,20 +65,36 @@ absl::Status CheckView(const ModelView& view) {
 
 absl::Status CheckScale(double scale) { return CheckBetween("scale", scale, 0, 1); }
 
-absl::Status CheckPrompt(const Segmenter::Prompt& prompt) {
-  RETURN_IF_ERROR(CheckView(prompt.view));
-  RETURN_IF_ERROR(CheckScale(prompt.scale));
-  RETURN_IF_ERROR(CheckBetween("threshold", prompt.threshold, -1, 1));
-  if (std::none_of(prompt.points.begin(), prompt.points.end(),
+absl::Status CheckThreshold(double threshold) {
+  return CheckBetween("threshold", threshold, -1, 1);
+}
+
+absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> points) {
+  RETURN_IF_ERROR(CheckView(view));
+  if (std::none_of(points.begin(), points.end(),
                    [](const PointPrompt& point) { return point.positive; })) {
     return absl::InvalidArgumentError("the prompt has no positive point");
   }
   constexpr size_t kMaxPoints = 256;
-  if (prompt.points.size() > kMaxPoints) {
-    return absl::InvalidArgumentError(absl::StrCat("the prompt has ", prompt.points.size(),
-                                                   " points, must be at most ", kMaxPoints));
+  if (points.size() > kMaxPoints) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the prompt has ", points.size(), " points, must be at most ", kMaxPoints));
   }
-  for (size_t i = 0; i < prompt.points.size(); ++i) RETURN_IF_ERROR(CheckPoint(prompt, i));
+  for (size_t i = 0; i < points.size(); ++i) RETURN_IF_ERROR(CheckPoint(view, points[i], i));
+  return absl::OkStatus();
+}
+
+absl::Status CheckQuery(const Query& query) {
+  RETURN_IF_ERROR(CheckScale(query.scale));
+  RETURN_IF_ERROR(CheckThreshold(query.threshold));
+  if (query.features.size() != query.positive.size() * kFeatureSize) {
+    return absl::InvalidArgumentError(absl::StrCat(query.features.size(), " feature values for ",
+                                                   query.positive.size(), " features"));
+  }
+  if (std::none_of(query.positive.begin(), query.positive.end(),
+                   [](uint8_t positive) { return positive != 0; })) {
+    return absl::InvalidArgumentError("the query has no positive feature");
+  }
   return absl::OkStatus();
 }
 

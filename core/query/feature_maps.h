@@ -5,24 +5,19 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/scene/capture.h"
-#include "core/scene/model.h"
-#include "kernels/backend.h"
+#include "core/query/model_renderer.h"
 
 namespace pepeseg {
 
-// A model in backend memory that renders views, and keeps the feature maps of the last ones asked
-// for: the least recently used go when they are more than `max_bytes` together, but never the last.
-// Not thread safe.
+// Feature maps of a model's views: keeps the last ones asked for, the least recently used go when
+// they are more than `max_bytes` together, but never the last. Not thread safe.
 class FeatureMaps {
  public:
-  FeatureMaps(Backend& backend, const Model& model, int64_t max_bytes);
+  FeatureMaps(ModelRenderer& renderer, int64_t max_bytes);
 
   // The features of each pixel, [height * width, 32]. Valid until the next call. A view is
   // recognised by its camera and pose, whatever its name. RESOURCE_EXHAUSTED: no memory.
   absl::StatusOr<DeviceSpan<const Half>> Get(const ModelView& view);
-
-  absl::StatusOr<Image> Color(const ModelView& view);
 
   int64_t bytes() const { return bytes_; }
   int64_t num_renders() const { return num_renders_; }  // feature maps rendered so far
@@ -32,15 +27,11 @@ class FeatureMaps {
     std::string key;
     Buffer<Half> pixels;
   };
-  absl::Status Render(const ModelView& view, int sh_degree);
 
-  Backend& backend_;
-  const Model& model_;
+  ModelRenderer& renderer_;
   int64_t max_bytes_;
   int64_t bytes_ = 0;
   int64_t num_renders_ = 0;
-  Buffer<float> planes_, features_, color_;
-  RenderScratch scratch_;
   std::list<Map> maps_;  // the last used first
 };
 

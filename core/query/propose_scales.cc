@@ -39,28 +39,27 @@ std::vector<float> BestOf(std::span<const PointPrompt> points, bool positive,
 }  // namespace
 
 absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmenter,
-                                                         const Segmenter::Prompt& prompt,
+                                                         const ModelView& view,
+                                                         std::span<const PointPrompt> points,
                                                          int max_count) {
   if (max_count < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(max_count, " proposals are asked for, must be at least 1"));
   }
-  ASSIGN_OR_RETURN(const std::vector<float> features,
-                   segmenter.PointFeatures(prompt.view, prompt.points));
+  Query query;
+  ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
+  for (const PointPrompt& point : points) query.positive.push_back(point.positive ? 1 : 0);
   MaskGrid grid(kThresholds);
   for (int k = 0; k < kNumScales; ++k) {
     ASSIGN_OR_RETURN(const std::vector<float> similarities,
-                     segmenter.Similarity(features, ScaleAt(k), prompt.view));
-    grid.AddScale(BestOf(prompt.points, true, similarities),
-                  BestOf(prompt.points, false, similarities));
+                     segmenter.Similarity(query.features, ScaleAt(k), view));
+    grid.AddScale(BestOf(points, true, similarities), BestOf(points, false, similarities));
   }
   std::vector<ScaleProposal> proposals;
   for (const MaskGrid::Plateau& plateau : grid.FindPlateaus(kMinArea, max_count)) {
-    Segmenter::Prompt chosen = prompt;
-    chosen.scale = ScaleAt(plateau.cell.scale);
-    chosen.threshold = double{kThresholds[plateau.cell.threshold]};
-    ASSIGN_OR_RETURN(std::vector<SegmentResult> results,
-                     segmenter.Segment(chosen, {&prompt.view, 1}));
+    query.scale = ScaleAt(plateau.cell.scale);
+    query.threshold = double{kThresholds[plateau.cell.threshold]};
+    ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
     proposals.push_back({std::move(results[0]), plateau.stability, plateau.support});
   }
   return proposals;

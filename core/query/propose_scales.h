@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -18,10 +19,11 @@ inline constexpr int kDefaultProposals = 5;
 
 // The granularities at which there is something stable under a prompt: a part, an object, a group
 // (method.md section 4). Those with the most support first, at most `max_count`; none where no mask
-// of some pixels appears at any scale. The prompt's own scale and threshold are not looked at. No
-// view is rendered that has been. INVALID_ARGUMENT as Segmenter::Segment; max_count under 1.
+// of some pixels appears at any scale. No view is rendered that has been. INVALID_ARGUMENT as
+// Segmenter::PointFeatures; max_count under 1.
 absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmenter,
-                                                         const Segmenter::Prompt& prompt,
+                                                         const ModelView& view,
+                                                         std::span<const PointPrompt> points,
                                                          int max_count = kDefaultProposals);
 
 }  // namespace pepeseg

@@ -57,29 +57,33 @@ void FillMask(std::span<const float> positive, std::span<const float> negative,
 }  // namespace
 
 struct Segmenter::State {
-  State(Backend& b, Model m) : backend(b), model(std::move(m)), maps(b, model, kMaxMapBytes) {}
+  State(Backend& b, Model m)
+      : backend(b), model(std::move(m)), renderer(b, model), maps(renderer, kMaxMapBytes) {}
 
   // [points, 32] as rendered, not gated.
-  absl::StatusOr<std::vector<float>> QueryFeatures(const Prompt& prompt);
+  absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
+                                                std::span<const PointPrompt> points);
   // [queries, height, width] of `queries` [queries, 32], on the backend.
   absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
                                              const ModelView& target);
-  absl::StatusOr<SegmentResult> SegmentView(const Prompt& prompt, const Buffer<float>& queries,
+  absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
 
   Backend& backend;
   const Model model;
   std::mutex mutex;  // one query at a time: the maps and their scratch are shared
+  ModelRenderer renderer;
   FeatureMaps maps;
 };
 
-absl::StatusOr<std::vector<float>> Segmenter::State::QueryFeatures(const Prompt& prompt) {
-  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(prompt.view));
+absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(
+    const ModelView& view, std::span<const PointPrompt> points) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(view));
   std::vector<float> queries;
-  for (size_t i = 0; i < prompt.points.size(); ++i) {
-    const PointPrompt& point = prompt.points[i];
+  for (size_t i = 0; i < points.size(); ++i) {
+    const PointPrompt& point = points[i];
     const int64_t pixel =
-        static_cast<int64_t>(point.y) * prompt.view.camera.width + static_cast<int64_t>(point.x);
+        static_cast<int64_t>(point.y) * view.camera.width + static_cast<int64_t>(point.x);
     Half feature[kFeatureSize];
     backend.CopyToHost(feature, map.data + pixel * kFeatureSize, sizeof(feature));
     double squares = 0;
@@ -113,26 +117,26 @@ absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>
   return similarity;
 }
 
-absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Prompt& prompt,
+absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
                                                             const Buffer<float>& queries,
                                                             const ModelView& target,
                                                             bool want_similarity) {
-  ASSIGN_OR_RETURN(const Buffer<float> similarity, SimilarityTo(queries, prompt.scale, target));
+  ASSIGN_OR_RETURN(const Buffer<float> similarity, SimilarityTo(queries, query.scale, target));
   const int64_t num_pixels = int64_t{target.camera.width} * target.camera.height;
   constexpr float kNever = -std::numeric_limits<float>::infinity();
   std::vector<float> positive(num_pixels, kNever), negative(num_pixels, kNever);
   std::vector<float> one(num_pixels);
-  for (size_t i = 0; i < prompt.points.size(); ++i) {
+  for (size_t i = 0; i < query.positive.size(); ++i) {
     similarity.Download(one, static_cast<int64_t>(i) * num_pixels);
-    std::vector<float>& best = prompt.points[i].positive ? positive : negative;
+    std::vector<float>& best = query.positive[i] != 0 ? positive : negative;
     for (int64_t p = 0; p < num_pixels; ++p) best[p] = std::max(best[p], one[p]);
   }
   SegmentResult result;
   result.width = target.camera.width;
   result.height = target.camera.height;
-  result.scale = prompt.scale;
-  result.scale_units = ScaleOfQuantile(model.field, prompt.scale);
-  result.threshold = prompt.threshold;
+  result.scale = query.scale;
+  result.scale_units = ScaleOfQuantile(model.field, query.scale);
+  result.threshold = query.threshold;
   FillMask(positive, negative, result);
   if (want_similarity) result.similarity = std::move(positive);
   return result;
@@ -152,21 +156,27 @@ const Model& Segmenter::model() const { return state_->model; }
 absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view) const {
   RETURN_IF_ERROR(CheckView(view));
   const std::lock_guard lock(state_->mutex);
-  return state_->maps.Color(view);
+  return state_->renderer.Color(view);
 }
 
-absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Prompt& prompt,
+absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
+                                          std::span<const int32_t> pixels) const {
+  RETURN_IF_ERROR(CheckView(view));
+  const std::lock_guard lock(state_->mutex);
+  return state_->renderer.Rows(view, pixels);
+}
+
+absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query,
                                                               std::span<const ModelView> targets,
                                                               bool want_similarity) const {
-  RETURN_IF_ERROR(CheckPrompt(prompt));
+  RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
   const std::lock_guard lock(state_->mutex);
-  ASSIGN_OR_RETURN(const std::vector<float> features, state_->QueryFeatures(prompt));
-  const Buffer<float> queries(state_->backend, std::span<const float>(features));
+  const Buffer<float> queries(state_->backend, std::span<const float>(query.features));
   std::vector<SegmentResult> results;
   for (const ModelView& target : targets) {
     ASSIGN_OR_RETURN(SegmentResult result,
-                     state_->SegmentView(prompt, queries, target, want_similarity));
+                     state_->SegmentView(query, queries, target, want_similarity));
     if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
     results.push_back(std::move(result));
   }
@@ -175,10 +185,9 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Prompt& prom
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
     const ModelView& view, std::span<const PointPrompt> points) const {
-  const Prompt prompt = {.view = view, .points = {points.begin(), points.end()}};
-  RETURN_IF_ERROR(CheckPrompt(prompt));
+  RETURN_IF_ERROR(CheckPoints(view, points));
   const std::lock_guard lock(state_->mutex);
-  auto features = state_->QueryFeatures(prompt);
+  auto features = state_->FeaturesAt(view, points);
   // A device that failed leaves zeros, which would read as a click on nothing.
   if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
   return features;

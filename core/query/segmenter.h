@@ -1,22 +1,18 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/query/model_renderer.h"
+#include "core/query/prompt.h"
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
-
-struct PointPrompt {
-  double x = 0, y = 0;  // pixels of the prompt's view, in [0, width) x [0, height)
-  bool positive = true;
-};
 
 struct SegmentResult {
   BinaryMask mask;  // of the target view
@@ -40,23 +36,18 @@ class Segmenter {
 
   // Colour of a view, RGB.
   absl::StatusOr<Image> RenderColor(const ModelView& view) const;
+  // What is blended into pixels, y * width + x, of a view.
+  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
 
-  struct Prompt {
-    ModelView view;                   // where the points are
-    std::vector<PointPrompt> points;  // at least one positive
-    double scale = 0.5;               // quantile, [0, 1]
-    double threshold = 0.75;          // cosine, [-1, 1]
-  };
-  // One result per target view, in order. A pixel is in when its best positive similarity is over
-  // the threshold and over its best negative one. INVALID_ARGUMENT: a point outside its view, a
-  // scale or threshold out of range, no positive point, a point on which nothing was rendered.
-  absl::StatusOr<std::vector<SegmentResult>> Segment(const Prompt& prompt,
+  // One result per target view, in order. INVALID_ARGUMENT: a scale or threshold out of range, no
+  // positive feature.
+  absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
                                                      std::span<const ModelView> targets,
                                                      bool want_similarity = false) const;
 
-  // The two halves of Segment, for who asks the same at many scales and thresholds.
-  // What points of a view mean, before a scale is chosen: [points, 32] features as rendered. Errors
-  // as Segment's.
+  // What points of a view mean, before a scale is chosen: [points, 32] features as rendered.
+  // INVALID_ARGUMENT: a point outside its view, no positive point, a point on which nothing was
+  // rendered.
   absl::StatusOr<std::vector<float>> PointFeatures(const ModelView& view,
                                                    std::span<const PointPrompt> points) const;
   // Similarity, cosine, of each pixel of the target to each of such features at a quantile scale:

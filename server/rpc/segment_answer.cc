@@ -1,7 +1,7 @@
 #include "server/rpc/segment_answer.h"
 
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
@@ -10,18 +10,16 @@
 #include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"
+#include "server/rpc/read_prompt.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMaxTargets = 1000;
 
-absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
-                                   const std::string& field) {
-  const auto found = std::find_if(model.views.begin(), model.views.end(),
-                                  [&](const ModelView& view) { return view.name == name; });
-  if (found == model.views.end()) return BadField(field, name, "no view of the model");
-  return *found;
+absl::Status CheckEncoding(v1::MaskEncoding encoding) {
+  if (v1::MaskEncoding_IsValid(encoding)) return absl::OkStatus();
+  return BadField("mask_encoding", absl::StrCat(static_cast<int>(encoding)), "no encoding");
 }
 
 absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentRequest& request,
@@ -62,79 +60,33 @@ absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentRequest& req
   return views;
 }
 
-absl::StatusOr<double> ReadScale(const v1::SegmentRequest& request, const Model& model,
-                                 double default_quantile) {
-  switch (request.scale_case()) {
-    case v1::SegmentRequest::kScaleQuantile: {
-      const double quantile = request.scale_quantile();
-      if (quantile >= 0 && quantile <= 1) return quantile;
-      return BadField("scale_quantile", absl::StrCat(quantile), "not in [0, 1]");
-    }
-    case v1::SegmentRequest::kScaleUnits: {
-      const double units = request.scale_units();
-      if (!std::isfinite(units) || units <= 0) {
-        return BadField("scale_units", absl::StrCat(units), "not finite and > 0");
-      }
-      return QuantileOfScale(model.field, units);
-    }
-    default:
-      return default_quantile;
-  }
-}
-
-// View and points, and whether the answer's encoding is one.
-template <class Request>
-absl::StatusOr<Segmenter::Prompt> ReadPrompt(const Request& request, const Model& model) {
-  if (!v1::MaskEncoding_IsValid(request.mask_encoding())) {
-    return BadField("mask_encoding", absl::StrCat(static_cast<int>(request.mask_encoding())),
-                    "no encoding");
-  }
-  Segmenter::Prompt prompt;
-  ASSIGN_OR_RETURN(prompt.view, FindViewpoint(request.prompt_view(), model, "prompt_view"));
-  if (!request.has_points()) return BadField("prompt", "", "no points");
-  ASSIGN_OR_RETURN(prompt.points, PointsFromProto(request.points()));
-  return prompt;
-}
-
 }  // namespace
-
-absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
-                                        const std::string& field) {
-  switch (viewpoint.place_case()) {
-    case v1::Viewpoint::kView:
-      return FindView(viewpoint.view(), model, field + ".view");
-    case v1::Viewpoint::kFree:
-      return FreeViewFromProto(viewpoint.free(), field + ".free");
-    default:
-      return BadField(field, "", "neither a view nor a free camera");
-  }
-}
 
 absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request,
                                              const Model& model) {
+  RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   SegmentQuestion question;
-  ASSIGN_OR_RETURN(question.prompt, ReadPrompt(request, model));
-  Segmenter::Prompt& prompt = question.prompt;
-  ASSIGN_OR_RETURN(prompt.scale, ReadScale(request, model, prompt.scale));
-  if (request.has_threshold()) {
-    prompt.threshold = request.threshold();
-    if (!(prompt.threshold >= -1 && prompt.threshold <= 1)) {
-      return BadField("threshold", absl::StrCat(prompt.threshold), "not in [-1, 1]");
-    }
-  }
-  ASSIGN_OR_RETURN(question.targets, FindTargets(request, model, prompt.view));
+  ASSIGN_OR_RETURN(question.prompt, ReadPrompt(request.prompt(), model, "prompt"));
+  ASSIGN_OR_RETURN(question.granularity,
+                   ReadGranularity(request.granularity(), model, "granularity"));
+  ASSIGN_OR_RETURN(question.targets, FindTargets(request, model, question.prompt.view));
   return question;
 }
 
 absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
                                               const Model& model) {
-  constexpr int kMax = 16;
-  const int asked = request.max_proposals();
-  if (asked < 0 || asked > kMax) {
-    return BadField("max_proposals", absl::StrCat(asked), absl::StrCat("not in [0, ", kMax, "]"));
+  RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
+  ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(request.prompt(), model, "prompt"));
+  const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
+  if (points == nullptr) return BadField("prompt", "", "only points have proposals");
+  const int wanted = request.max_proposals();
+  constexpr int kMostProposals = 16;
+  if (wanted < 0 || wanted > kMostProposals) {
+    return BadField("max_proposals", absl::StrCat(wanted),
+                    absl::StrCat("not in [0, ", kMostProposals, "]"));
   }
-  ASSIGN_OR_RETURN(Segmenter::Prompt prompt, ReadPrompt(request, model));
-  return ProposalQuestion{std::move(prompt), asked == 0 ? kDefaultProposals : asked};
+  return ProposalQuestion{std::move(prompt.view), *points,
+                          wanted == 0 ? kDefaultProposals : wanted};
 }
 
 absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,

@@ -8,7 +8,8 @@ namespace pepeseg {
 
 // What a Segment request asks, in the model's terms.
 struct SegmentQuestion {
-  Segmenter::Prompt prompt;
+  Prompt prompt;
+  Granularity granularity;
   std::vector<ModelView> targets;
 };
 
@@ -17,15 +18,12 @@ absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request, 
 
 // Likewise, of a ProposeScales request.
 struct ProposalQuestion {
-  Segmenter::Prompt prompt;
+  ModelView view;
+  std::vector<PointPrompt> points;
   int max_proposals;
 };
 absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
                                               const Model& model);
-
-// The view that a viewpoint names, or its free camera.
-absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
-                                        const std::string& field);
 
 // One view's part of the answer, encoded.
 absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,

@@ -3,10 +3,12 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
 #include "core/query/propose_scales.h"
+#include "core/query/resolve_prompt.h"
 #include "core/status_macros.h"
 #include "server/rpc/evaluate_answer.h"
 #include "server/rpc/export_selection.h"
 #include "server/rpc/model_lookup.h"
+#include "server/rpc/read_prompt.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/segment_answer.h"
 #include "server/rpc/unary.h"
@@ -50,13 +52,15 @@ absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(const SegmentQuestion question, ReadQuestion(request, model.segmenter->model()));
+  ASSIGN_OR_RETURN(const Query query,
+                   ResolvePrompt(*model.segmenter, question.prompt, question.granularity));
   absl::Duration compute;
   absl::Duration encode;
   size_t num_bytes = 0;
   for (const ModelView& target : question.targets) {
     if (call.cancelled()) return absl::CancelledError("the client is gone");
-    ASSIGN_OR_RETURN(const auto results, model.segmenter->Segment(question.prompt, {&target, 1},
-                                                                  request.want_similarity()));
+    ASSIGN_OR_RETURN(const auto results,
+                     model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(*response->add_masks(),
                      EncodeMask(target.name, results.front(), request.mask_encoding()));
@@ -83,8 +87,9 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
   *timing.mutable_load() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(const ProposalQuestion question,
                    ReadQuestion(request, model.segmenter->model()));
-  ASSIGN_OR_RETURN(const std::vector<ScaleProposal> proposals,
-                   ProposeScales(*model.segmenter, question.prompt, question.max_proposals));
+  ASSIGN_OR_RETURN(
+      const std::vector<ScaleProposal> proposals,
+      ProposeScales(*model.segmenter, question.view, question.points, question.max_proposals));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
   for (const ScaleProposal& proposal : proposals) {
     v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
@@ -93,8 +98,8 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
     out.set_scale_units(proposal.result.scale_units);
     out.set_support(proposal.support);
     out.set_stability(proposal.stability);
-    ASSIGN_OR_RETURN(*out.mutable_mask(), EncodeMask(question.prompt.view.name, proposal.result,
-                                                     request.mask_encoding()));
+    ASSIGN_OR_RETURN(*out.mutable_mask(),
+                     EncodeMask(question.view.name, proposal.result, request.mask_encoding()));
   }
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
   response->set_model(model.name);

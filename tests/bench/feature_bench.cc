@@ -19,6 +19,7 @@
 #include "core/io/encode_png.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/import.h"
+#include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
@@ -115,19 +116,18 @@ PointPrompt DeepestPixel(std::vector<uint8_t> mask, int width, int height) {
 absl::StatusOr<double> ScoreLabel(const Segmenter& segmenter, const std::vector<ScoredView>& views,
                                   uint32_t label, double scale, double threshold) {
   constexpr int64_t kMinPixels = 100;
-  Segmenter::Prompt prompt;
-  prompt.scale = scale;
-  prompt.threshold = threshold;
+  std::optional<Query> query;
   double sum = 0;
   int count = 0;
   for (const ScoredView& view : views) {
     const std::vector<uint8_t> truth = view.MaskOf(label);
     if (std::count(truth.begin(), truth.end(), 1) < kMinPixels) continue;
-    if (prompt.points.empty()) {
-      prompt.view = view.camera;
-      prompt.points = {DeepestPixel(truth, view.labels.width, view.labels.height)};
+    if (!query) {
+      const std::vector<PointPrompt> click = {
+          DeepestPixel(truth, view.labels.width, view.labels.height)};
+      ASSIGN_OR_RETURN(query, ResolvePrompt(segmenter, {view.camera, click}, {scale, threshold}));
     }
-    ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view.camera, 1}));
+    ASSIGN_OR_RETURN(const auto results, segmenter.Segment(*query, {&view.camera, 1}));
     sum += Iou(results[0].mask.pixels, truth, view.view->ignore);
     ++count;
   }
@@ -161,21 +161,21 @@ absl::StatusOr<nlohmann::json> Score(const Segmenter& segmenter,
 // Photograph | render | similarity, for each label and held-out view.
 absl::Status WritePictures(const Segmenter& segmenter, const std::vector<ScoredView>& views,
                            const BenchOptions& options) {
-  std::map<uint32_t, Segmenter::Prompt> prompts;
+  std::map<uint32_t, Query> queries;
   for (size_t v = 0; v < views.size(); ++v) {
     const ScoredView& view = views[v];
     std::map<uint32_t, int> labels;
     for (const uint32_t label : view.labels.labels) ++labels[label];
     labels.erase(0);
     for (const auto& [label, pixels] : labels) {
-      Segmenter::Prompt& prompt = prompts[label];
-      if (prompt.points.empty()) {
-        prompt = {view.camera,
-                  {DeepestPixel(view.MaskOf(label), view.labels.width, view.labels.height)},
-                  options.scale,
-                  options.threshold};
+      Query& query = queries[label];
+      if (query.features.empty()) {
+        const std::vector<PointPrompt> click = {
+            DeepestPixel(view.MaskOf(label), view.labels.width, view.labels.height)};
+        ASSIGN_OR_RETURN(query, ResolvePrompt(segmenter, {view.camera, click},
+                                              {options.scale, options.threshold}));
       }
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view.camera, 1}, true));
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, {&view.camera, 1}, true));
       ASSIGN_OR_RETURN(const Image render, segmenter.RenderColor(view.camera));
       Image all = {3 * render.width, render.height, 3, {}};
       for (size_t i = 0; i < all.pixels.max_size() && i < size_t{9} * render.width * render.height;

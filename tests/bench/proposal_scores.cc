@@ -7,6 +7,7 @@
 
 #include "core/evaluate/metrics.h"
 #include "core/query/propose_scales.h"
+#include "core/query/resolve_prompt.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -18,14 +19,13 @@ const LabeledView& Named(std::span<const LabeledView> views, const std::string& 
 }
 
 // On the reference, and the mean over the scored views.
-absl::StatusOr<std::pair<double, double>> ScorePrompt(const Segmenter& segmenter,
-                                                      const Segmenter::Prompt& prompt,
-                                                      std::span<const LabeledView> views,
-                                                      const EntityScore& entity) {
+absl::StatusOr<std::pair<double, double>> ScoreQuery(const Segmenter& segmenter, const Query& query,
+                                                     std::span<const LabeledView> views,
+                                                     const EntityScore& entity) {
   std::vector<double> ious;
   for (const EntityViewScore& of_view : entity.views) {
     const LabeledView& view = Named(views, of_view.view);
-    ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, {&view.view, 1}));
+    ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, {&view.view, 1}));
     ious.push_back(
         Iou(results[0].mask.pixels, view.MaskOf(static_cast<uint16_t>(entity.id)), view.ignore));
   }
@@ -42,15 +42,14 @@ absl::StatusOr<ProposalScores> ScoreProposals(const Segmenter& segmenter,
   ProposalScores sum;
   for (const EntityScore& entity : entities) {
     if (entity.missing) continue;
-    Segmenter::Prompt prompt;
-    prompt.view = Named(views, entity.views[0].view).view;
-    prompt.points = {entity.click};
-    ASSIGN_OR_RETURN(const auto proposals, ProposeScales(segmenter, prompt));
+    const ModelView& reference = Named(views, entity.views[0].view).view;
+    ASSIGN_OR_RETURN(const auto proposals, ProposeScales(segmenter, reference, {&entity.click, 1}));
     std::vector<std::pair<double, double>> scores;
     for (const ScaleProposal& proposal : proposals) {
-      prompt.scale = proposal.result.scale;
-      prompt.threshold = proposal.result.threshold;
-      ASSIGN_OR_RETURN(scores.emplace_back(), ScorePrompt(segmenter, prompt, views, entity));
+      ASSIGN_OR_RETURN(const Query query,
+                       ResolvePrompt(segmenter, {reference, std::vector<PointPrompt>{entity.click}},
+                                     {proposal.result.scale, proposal.result.threshold}));
+      ASSIGN_OR_RETURN(scores.emplace_back(), ScoreQuery(segmenter, query, views, entity));
     }
     if (scores.empty()) continue;
     const auto by_reference = [](const auto& a, const auto& b) { return a.first < b.first; };

@@ -13,7 +13,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/features/train_features.h"
 #include "core/io/gaussian_ply.h"
-#include "core/query/propose_scales.h"
+#include "core/query/resolve_prompt.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
@@ -141,16 +141,15 @@ void PrintEntities(const Row& row) {
 absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
                        const Row& row, const std::string& folder) {
   for (const EntityScore& score : row.scores.entities) {
-    Segmenter::Prompt prompt;
-    prompt.points = {score.click};
-    prompt.scale = score.chosen.scale;
-    prompt.threshold = score.chosen.threshold;
-    for (const LabeledView& view : views) {
-      if (view.view.name == score.views[0].view) prompt.view = view.view;
-    }
+    const auto reference = std::ranges::find_if(
+        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
+    ASSIGN_OR_RETURN(
+        const Query query,
+        ResolvePrompt(segmenter, {reference->view, std::vector<PointPrompt>{score.click}},
+                      {score.chosen.scale, score.chosen.threshold}));
     for (const LabeledView& view : views) {
       const ModelView target[] = {view.view};
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(prompt, target));
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, target));
       const SegmentResult& result = results[0];
       std::ofstream file(
           absl::StrCat(folder, "/", row.level->name, "_", score.id, "_", view.view.name, ".ppm"),

@@ -103,7 +103,7 @@ v1::Viewpoint::FreeCamera GoodCamera() {
 }
 
 TEST(FreeCamera, IsReadFieldByField) {
-  const auto view = FreeViewFromProto(GoodCamera(), "prompt_view.free");
+  const auto view = FreeViewFromProto(GoodCamera(), "prompt.view.free");
   ASSERT_TRUE(view.ok()) << view.status();
   EXPECT_EQ(view->camera.width, 64);
   EXPECT_EQ(view->camera.height, 48);

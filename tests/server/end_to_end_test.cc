@@ -134,8 +134,8 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
 
   v1::SegmentRequest request;
   request.set_model("scenes/shelf/models/live");
-  request.mutable_prompt_view()->set_view(view.view());
-  v1::PointsPrompt::Point& point = *request.mutable_points()->add_points();
+  request.mutable_prompt()->mutable_view()->set_view(view.view());
+  v1::PointsPrompt::Point& point = *request.mutable_prompt()->mutable_points()->add_points();
   point.set_x(view.camera().width() * 0.5);
   point.set_y(view.camera().height() * 0.5);
   request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);

@@ -7,6 +7,7 @@
 
 #include "core/evaluate/boundary_iou.h"
 #include "core/evaluate/metrics.h"
+#include "core/query/resolve_prompt.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 
@@ -60,7 +61,10 @@ class OneClickTest : public ::testing::Test {
   std::vector<uint8_t> Blob(int view, bool left) const {
     const ModelView& at = segmenter_->model().views[view];
     const double y = 48 + 80 * at.cam_from_world.translation.y() / 3;
-    const auto results = segmenter_->Segment({at, {{left ? 32.5 : 64.5, y, true}}, 0}, {&at, 1});
+    const std::vector<PointPrompt> click = {{left ? 32.5 : 64.5, y, true}};
+    const auto query = ResolvePrompt(*segmenter_, {at, click}, {0, 0.75});
+    EXPECT_OK(query);
+    const auto results = segmenter_->Segment(query.value_or(Query()), {&at, 1});
     EXPECT_OK(results);
     return results.ok() ? (*results)[0].mask.pixels : std::vector<uint8_t>(kSize * kSize);
   }

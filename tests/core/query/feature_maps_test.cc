@@ -19,7 +19,8 @@ struct Maps {
       : capture(testing::MakeSyntheticScene({.num_views = 4}).capture), backend(MakeCpuBackend(1)) {
     model.gaussians = testing::PointGaussians(capture, 0.1f);
     model.field.features.assign(static_cast<size_t>(model.gaussians.count) * 32, 0.1f);
-    maps.emplace(*backend, model, max_bytes);
+    renderer.emplace(*backend, model);
+    maps.emplace(*renderer, max_bytes);
   }
   ModelView View(int i) const {
     return {capture.views[i].name, capture.views[i].camera, capture.views[i].cam_from_world};
@@ -27,6 +28,7 @@ struct Maps {
   Capture capture;
   Model model;
   std::unique_ptr<Backend> backend;
+  std::optional<ModelRenderer> renderer;
   std::optional<FeatureMaps> maps;
 };
 

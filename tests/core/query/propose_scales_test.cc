@@ -28,8 +28,11 @@ class ProposeScalesTest : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
-    prompt_.view = segmenter_->model().views[0];
-    prompt_.points = {{kLeftX, kY, true}};
+    view_ = segmenter_->model().views[0];
+    points_ = {{kLeftX, kY, true}};
+  }
+  absl::StatusOr<std::vector<ScaleProposal>> Propose(int max_count = kDefaultProposals) const {
+    return ProposeScales(*segmenter_, view_, points_, max_count);
   }
   static bool Shows(const SegmentResult& result, double x) {
     return result.mask.pixels[static_cast<size_t>(kY) * kSize + static_cast<size_t>(x)] != 0;
@@ -37,11 +40,12 @@ class ProposeScalesTest : public ::testing::Test {
 
   std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
   std::unique_ptr<Segmenter> segmenter_;
-  Segmenter::Prompt prompt_;
+  ModelView view_;
+  std::vector<PointPrompt> points_;
 };
 
 TEST_F(ProposeScalesTest, FindsTheBlobAndBothBlobs) {
-  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_));
+  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose());
   ASSERT_EQ(proposals.size(), 2u);
   EXPECT_GE(proposals[0].support, proposals[1].support);
   const bool first_is_one = !Shows(proposals[0].result, kRightX);
@@ -57,29 +61,25 @@ TEST_F(ProposeScalesTest, FindsTheBlobAndBothBlobs) {
 }
 
 TEST_F(ProposeScalesTest, ANegativePointLeavesTheOther) {
-  prompt_.points.push_back({kRightX, kY, false});
-  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_));
+  points_.push_back({kRightX, kY, false});
+  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose());
   ASSERT_FALSE(proposals.empty());
   for (const ScaleProposal& proposal : proposals) EXPECT_FALSE(Shows(proposal.result, kRightX));
 }
 
 TEST_F(ProposeScalesTest, AtMostAsManyAsAskedFor) {
-  ASSERT_OK_AND_ASSIGN(const auto proposals, ProposeScales(*segmenter_, prompt_, 1));
+  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose(1));
   EXPECT_EQ(proposals.size(), 1u);
-  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_, 0), absl::StatusCode::kInvalidArgument,
-                "0 proposals");
+  EXPECT_STATUS(Propose(0), absl::StatusCode::kInvalidArgument, "0 proposals");
 }
 
 TEST_F(ProposeScalesTest, BadPromptsAreRefused) {
-  prompt_.points = {{-1, 3, true}};
-  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
-                "point 0 is at (-1, 3)");
-  prompt_.points = {};
-  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
-                "no positive point");
-  prompt_.points = {{2, 3, true}};
-  EXPECT_STATUS(ProposeScales(*segmenter_, prompt_), absl::StatusCode::kInvalidArgument,
-                "nothing with a feature");
+  points_ = {{-1, 3, true}};
+  EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "point 0 is at (-1, 3)");
+  points_ = {};
+  EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "no positive point");
+  points_ = {{2, 3, true}};
+  EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "nothing with a feature");
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <thread>
 
+#include "core/query/resolve_prompt.h"
+#include "core/status_macros.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -25,11 +27,17 @@ class SegmenterTest : public ::testing::Test {
  protected:
   void SetUp() override {
     ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
-    prompt_.view = segmenter_->model().views[0];
-    prompt_.points = {{kLeftX, kY, true}};
+    view_ = segmenter_->model().views[0];
+    points_ = {{kLeftX, kY, true}};
   }
   absl::StatusOr<std::vector<SegmentResult>> Ask(bool want_similarity = false) const {
-    return segmenter_->Segment(prompt_, segmenter_->model().views, want_similarity);
+    return Ask(segmenter_->model().views, want_similarity);
+  }
+  absl::StatusOr<std::vector<SegmentResult>> Ask(std::span<const ModelView> targets,
+                                                 bool want_similarity = false) const {
+    ASSIGN_OR_RETURN(const Query query,
+                     ResolvePrompt(*segmenter_, {view_, points_}, {scale_, threshold_}));
+    return segmenter_->Segment(query, targets, want_similarity);
   }
   void ExpectInvalid(const std::string& message) const {
     EXPECT_STATUS(Ask(), absl::StatusCode::kInvalidArgument, message);
@@ -38,7 +46,9 @@ class SegmenterTest : public ::testing::Test {
   static constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
   std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
   std::unique_ptr<Segmenter> segmenter_;
-  Segmenter::Prompt prompt_;
+  ModelView view_;
+  std::vector<PointPrompt> points_;
+  double scale_ = 0.5, threshold_ = 0.75;
 };
 
 TEST_F(SegmenterTest, AClickFindsItsBlobAndNotTheOther) {
@@ -72,23 +82,23 @@ TEST_F(SegmenterTest, TheBoxHoldsTheMask) {
 }
 
 TEST_F(SegmenterTest, TwoPositivePointsTakeBothAndANegativeOneTakesBack) {
-  prompt_.points.push_back({kRightX, kY, true});
+  points_.push_back({kRightX, kY, true});
   ASSERT_OK_AND_ASSIGN(const auto both, Ask());
   EXPECT_EQ(both[0].mask.pixels[24 * kSize + 17], 1);
   EXPECT_EQ(both[0].mask.pixels[24 * kSize + 30], 1);
-  prompt_.points.push_back({kRightX, kY, false});
+  points_.push_back({kRightX, kY, false});
   ASSERT_OK_AND_ASSIGN(const auto one, Ask());
   EXPECT_EQ(one[0].mask.pixels[24 * kSize + 17], 1);
   EXPECT_EQ(one[0].mask.pixels[24 * kSize + 30], 0);
 }
 
 TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
-  ModelView target = prompt_.view;
+  ModelView target = view_;
   target.name.clear();
   target.camera = {64, 40, 50, 50, 30, 20};
   target.cam_from_world.translation = {0.1, 0, 0.2};
-  const std::vector<ModelView> targets = {prompt_.view, target};
-  ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(prompt_, targets));
+  const std::vector<ModelView> targets = {view_, target};
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask(targets));
   ASSERT_EQ(results.size(), 2u);
   EXPECT_EQ(results[1].width, 64);
   EXPECT_EQ(results[1].height, 40);
@@ -96,22 +106,22 @@ TEST_F(SegmenterTest, FreeCamerasAreTargetsAndPromptViews) {
   const int x = static_cast<int>(50 * (-0.5 + 0.1) / 3.2 + 30);
   EXPECT_EQ(results[1].mask.pixels[20 * 64 + x], 1);
 
-  prompt_.view = target;
-  prompt_.points = {{x + 0.5, 20.5, true}};
+  view_ = target;
+  points_ = {{x + 0.5, 20.5, true}};
   ASSERT_OK_AND_ASSIGN(const auto back, Ask());
   EXPECT_EQ(back[0].mask.pixels[24 * kSize + 17], 1);
 }
 
 TEST_F(SegmenterTest, AnEmptyMaskHasNoBoxAndNoScore) {
-  ModelView away = prompt_.view;
+  ModelView away = view_;
   away.cam_from_world.translation = {0, 0, -50};  // everything is behind it
-  ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(prompt_, {&away, 1}));
+  ASSERT_OK_AND_ASSIGN(const auto results, Ask({&away, 1}));
   EXPECT_EQ(results[0].score, 0);
   for (const int value : results[0].box) EXPECT_EQ(value, 0);
 }
 
 TEST_F(SegmenterTest, RendersColour) {
-  ASSERT_OK_AND_ASSIGN(const Image image, segmenter_->RenderColor(prompt_.view));
+  ASSERT_OK_AND_ASSIGN(const Image image, segmenter_->RenderColor(view_));
   const uint8_t* left = &image.pixels[(24 * kSize + 17) * 3];
   EXPECT_GT(left[0], 200);
   EXPECT_LT(left[2], 50);
@@ -128,7 +138,7 @@ TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
       for (int i = 0; i < 20; ++i) {
         const auto got = Ask();
         wrong[t] += got.ok() && (*got)[0].mask.pixels == want[0].mask.pixels ? 0 : 1;
-        wrong[t] += segmenter_->RenderColor(prompt_.view).ok() ? 0 : 1;
+        wrong[t] += segmenter_->RenderColor(view_).ok() ? 0 : 1;
       }
     });
   }
@@ -137,7 +147,7 @@ TEST_F(SegmenterTest, QueriesFromSeveralThreadsAgree) {
 }
 
 TEST_F(SegmenterTest, TheHalvesOfAQuestionGiveItsSimilarity) {
-  const ModelView& view = prompt_.view;
+  const ModelView& view = view_;
   const std::vector<PointPrompt> points = {{kRightX, kY, true}, {kLeftX, kY, true}};
   ASSERT_OK_AND_ASSIGN(const auto features, segmenter_->PointFeatures(view, points));
   ASSERT_EQ(features.size(), 2u * 32);
@@ -155,33 +165,32 @@ TEST_F(SegmenterTest, TheHalvesOfAQuestionGiveItsSimilarity) {
 }
 
 TEST_F(SegmenterTest, RefusesPromptsItCannotAnswer) {
-  prompt_.points = {};
+  points_ = {};
   ExpectInvalid("no positive point");
-  prompt_.points = {{kLeftX, kY, false}};
+  points_ = {{kLeftX, kY, false}};
   ExpectInvalid("no positive point");
-  prompt_.points = {{kLeftX, kY, true}, {48, 3, true}};
+  points_ = {{kLeftX, kY, true}, {48, 3, true}};
   ExpectInvalid("point 1 is at (48, 3), outside of view front of 48x48 pixels");
-  prompt_.points = {{NAN, 3, true}};
+  points_ = {{NAN, 3, true}};
   ExpectInvalid("point 0 is at (nan, 3)");
-  prompt_.points = {{-0.1, 3, true}};
+  points_ = {{-0.1, 3, true}};
   ExpectInvalid("point 0");
-  prompt_.points = {{1.5, 1.5, true}};
+  points_ = {{1.5, 1.5, true}};
   ExpectInvalid("nothing with a feature is rendered there");
-  prompt_.points = {{kLeftX, kY, true}};
-  prompt_.scale = 1.01;
+  points_ = {{kLeftX, kY, true}};
+  scale_ = 1.01;
   ExpectInvalid("scale is 1.01, must be in [0, 1]");
-  prompt_.scale = NAN;
+  scale_ = NAN;
   ExpectInvalid("scale is nan");
-  prompt_.scale = 0.5;
-  prompt_.threshold = -1.5;
+  scale_ = 0.5;
+  threshold_ = -1.5;
   ExpectInvalid("threshold is -1.5, must be in [-1, 1]");
 }
 
 TEST_F(SegmenterTest, RefusesCamerasThatAreNone) {
-  const ModelView good = prompt_.view;
+  const ModelView good = view_;
   const auto expect_refused = [&](const ModelView& view, const std::string& message) {
-    EXPECT_STATUS(segmenter_->Segment(prompt_, {&view, 1}), absl::StatusCode::kInvalidArgument,
-                  message);
+    EXPECT_STATUS(Ask({&view, 1}), absl::StatusCode::kInvalidArgument, message);
     EXPECT_STATUS(segmenter_->RenderColor(view), absl::StatusCode::kInvalidArgument, message);
   };
   ModelView view = good;

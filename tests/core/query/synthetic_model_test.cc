@@ -4,6 +4,7 @@
 
 #include "core/evaluate/metrics.h"
 #include "core/features/train_features.h"
+#include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 #include "tests/testing/status_testing.h"
@@ -75,9 +76,10 @@ TEST(TrainedFeatures, AClickSegmentsItsObjectInAHeldOutView) {
       std::vector<uint8_t> truth;
       for (const uint8_t at : scene.labels[v]) truth.push_back(at == label ? 1 : 0);
       if (std::count(truth.begin(), truth.end(), 1) < 60) continue;
-      const Segmenter::Prompt prompt = {target,
-                                        {Deepest(scene.labels[v], label, view.camera.width)}};
-      ASSERT_OK_AND_ASSIGN(const auto results, segmenter->Segment(prompt, {&target, 1}));
+      const std::vector<PointPrompt> click = {Deepest(scene.labels[v], label, view.camera.width)};
+      ASSERT_OK_AND_ASSIGN(const Query query,
+                           ResolvePrompt(*segmenter, {target, click}, {0.5, 0.75}));
+      ASSERT_OK_AND_ASSIGN(const auto results, segmenter->Segment(query, {&target, 1}));
       const double iou = Iou(results[0].mask.pixels, truth);
       EXPECT_GT(iou, 0.8) << view.name << ", object " << label;
       ++num_scored;

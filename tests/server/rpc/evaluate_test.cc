@@ -51,9 +51,9 @@ struct EvaluateTest : ::testing::Test {
   std::vector<uint32_t> Square(const std::string& view, double x) {
     v1::SegmentRequest request;
     request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt_view()->set_view(view);
-    request.mutable_points()->add_points()->set_x(x);
-    request.mutable_points()->mutable_points(0)->set_y(32);
+    request.mutable_prompt()->mutable_view()->set_view(view);
+    request.mutable_prompt()->mutable_points()->add_points()->set_x(x);
+    request.mutable_prompt()->mutable_points()->mutable_points(0)->set_y(32);
     grpc::ClientContext context;
     v1::SegmentResponse segments;
     EXPECT_TRUE(running.segmentation->Segment(&context, request, &segments).ok());

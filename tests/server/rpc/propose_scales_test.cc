@@ -12,8 +12,8 @@ struct ProposeScalesRpcTest : ::testing::Test {
     const v1::Job job = running.Await(running.Train("shelf", "file").name());
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
     request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt_view()->set_view("middle.jpg");
-    auto* point = request.mutable_points()->add_points();
+    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+    auto* point = request.mutable_prompt()->mutable_points()->add_points();
     point->set_x(30);
     point->set_y(32);
   }
@@ -45,10 +45,9 @@ TEST_F(ProposeScalesRpcTest, AProposalIsWhatSegmentShowsAtItsScaleAndThreshold) 
   EXPECT_EQ(best.mask().view(), "middle.jpg");
   v1::SegmentRequest same;
   same.set_model(request.model());
-  *same.mutable_prompt_view() = request.prompt_view();
-  *same.mutable_points() = request.points();
-  same.set_scale_quantile(best.scale_quantile());
-  same.set_threshold(best.threshold());
+  *same.mutable_prompt() = request.prompt();
+  same.mutable_granularity()->set_scale_quantile(best.scale_quantile());
+  same.mutable_granularity()->set_threshold(best.threshold());
   v1::SegmentResponse segment;
   grpc::ClientContext context;
   ASSERT_TRUE(running.segmentation->Segment(&context, same, &segment).ok());
@@ -69,11 +68,11 @@ TEST_F(ProposeScalesRpcTest, BadRequestsAreRefused) {
   request.set_max_proposals(-1);
   ExpectRefused(grpc::INVALID_ARGUMENT, "max_proposals");
   request.set_max_proposals(0);
-  request.mutable_points()->mutable_points(0)->set_x(-4);
+  request.mutable_prompt()->mutable_points()->mutable_points(0)->set_x(-4);
   ExpectRefused(grpc::INVALID_ARGUMENT, "point 0");
-  request.clear_points();
+  request.mutable_prompt()->clear_points();
   ExpectRefused(grpc::INVALID_ARGUMENT, "no points");
-  request.mutable_prompt_view()->set_view("nowhere.jpg");
+  request.mutable_prompt()->mutable_view()->set_view("nowhere.jpg");
   ExpectRefused(grpc::INVALID_ARGUMENT, "nowhere.jpg");
   request.set_model("scenes/none/models/live");
   ExpectRefused(grpc::NOT_FOUND, "none");

@@ -26,8 +26,8 @@ struct SegmentationServiceTest : ::testing::Test {
   static v1::SegmentRequest Click(const std::string& view, double x, double y) {
     v1::SegmentRequest request;
     request.set_model("scenes/shelf/models/live");
-    request.mutable_prompt_view()->set_view(view);
-    auto* point = request.mutable_points()->add_points();
+    request.mutable_prompt()->mutable_view()->set_view(view);
+    auto* point = request.mutable_prompt()->mutable_points()->add_points();
     point->set_x(x);
     point->set_y(y);
     return request;
@@ -112,8 +112,8 @@ TEST_F(SegmentationServiceTest, AnswersPngAndSimilarityOnRequest) {
 
 TEST_F(SegmentationServiceTest, TakesAFreeCameraAndUnits) {
   auto request = Click("middle.jpg", 66, 32);
-  request.clear_prompt_view();
-  v1::Viewpoint::FreeCamera& free = *request.mutable_prompt_view()->mutable_free();
+  request.mutable_prompt()->clear_view();
+  v1::Viewpoint::FreeCamera& free = *request.mutable_prompt()->mutable_view()->mutable_free();
   free.mutable_camera()->set_width(96);
   free.mutable_camera()->set_height(64);
   free.mutable_camera()->set_fx(60);
@@ -122,8 +122,8 @@ TEST_F(SegmentationServiceTest, TakesAFreeCameraAndUnits) {
   free.mutable_camera()->set_cy(32);
   for (double value : {1, 0, 0, 0}) free.mutable_cam_from_world()->add_rotation(value);
   for (double value : {0, 0, 0}) free.mutable_cam_from_world()->add_translation(value);
-  request.set_scale_units(0.25);
-  request.set_threshold(0.6);
+  request.mutable_granularity()->set_scale_units(0.25);
+  request.mutable_granularity()->set_threshold(0.6);
   const grpc::Status status = Segment(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
   EXPECT_EQ(answer.masks(0).view(), "");
@@ -132,35 +132,35 @@ TEST_F(SegmentationServiceTest, TakesAFreeCameraAndUnits) {
   EXPECT_EQ(answer.threshold(), 0.6);
 
   free.mutable_camera()->set_fx(kNan);
-  ExpectRefused(request, "prompt_view.free.camera.fx");
+  ExpectRefused(request, "prompt.view.free.camera.fx");
   free.mutable_camera()->set_fx(60);
   free.mutable_cam_from_world()->set_translation(2, kNan);
-  ExpectRefused(request, "prompt_view.free.cam_from_world.translation[2]");
+  ExpectRefused(request, "prompt.view.free.cam_from_world.translation[2]");
 }
 
 TEST_F(SegmentationServiceTest, RefusesWhatIsNoQuestion) {
   ExpectRefused(Click("middle.jpg", 96, 32), "96");
   ExpectRefused(Click("middle.jpg", 30, -1), "-1");
   ExpectRefused(Click("middle.jpg", kNan, 32), "points.points[0]");
-  ExpectRefused(Click("nowhere.jpg", 30, 32), "prompt_view.view: 'nowhere.jpg'");
+  ExpectRefused(Click("nowhere.jpg", 30, 32), "prompt.view.view: 'nowhere.jpg'");
   EXPECT_EQ(Segment(Click("middle.jpg", 2, 2)).error_code(), grpc::INVALID_ARGUMENT)
       << "nothing is there";
   auto request = Click("middle.jpg", 30, 32);
-  request.mutable_points()->mutable_points(0)->set_negative(true);
+  request.mutable_prompt()->mutable_points()->mutable_points(0)->set_negative(true);
   ExpectRefused(request, "no positive point");
   request = Click("middle.jpg", 30, 32);
-  request.clear_points();
+  request.mutable_prompt()->clear_points();
   ExpectRefused(request, "prompt");
   request = Click("middle.jpg", 30, 32);
-  request.clear_prompt_view();
-  ExpectRefused(request, "prompt_view");
+  request.mutable_prompt()->clear_view();
+  ExpectRefused(request, "prompt.view");
   request = Click("middle.jpg", 30, 32);
-  request.set_scale_quantile(1.5);
+  request.mutable_granularity()->set_scale_quantile(1.5);
   ExpectRefused(request, "scale_quantile");
-  request.set_scale_units(kNan);
+  request.mutable_granularity()->set_scale_units(kNan);
   ExpectRefused(request, "scale_units");
   request = Click("middle.jpg", 30, 32);
-  request.set_threshold(kNan);
+  request.mutable_granularity()->set_threshold(kNan);
   ExpectRefused(request, "threshold");
   request = Click("middle.jpg", 30, 32);
   request.mutable_targets()->add_views("middle.jpg");

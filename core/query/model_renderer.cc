@@ -1,0 +1,92 @@
+#include "core/query/model_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "core/scene/pinhole_view.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kNearPlane = 0.01;  // of the scene radius, as in training
+
+}  // namespace
+
+ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
+    : backend_(backend),
+      model_(model),
+      planes_(backend, std::span<const float>(model.gaussians.planes)),
+      features_(backend, std::span<const float>(model.field.features)) {}
+
+absl::Status ModelRenderer::Render(const ModelView& view, int sh_degree) {
+  const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+  color_.Reserve(backend_, 3 * num_pixels);
+  if (color_.empty() || planes_.empty()) {
+    return absl::ResourceExhaustedError(absl::StrCat("no memory to render ", view.camera.width, "x",
+                                                     view.camera.height, " pixels"));
+  }
+  const Gaussians& gaussians = model_.gaussians;
+  backend_.Render(
+      {.gaussians = {planes_.span().data, gaussians.count, gaussians.count, gaussians.sh_degree},
+       .view = ToPinholeView(view.camera, view.cam_from_world),
+       .near_plane = static_cast<float>(kNearPlane * model_.scene_radius),
+       .active_sh_degree = sh_degree,
+       .scratch = &scratch_,
+       .color = color_.span(),
+       .alpha = {},
+       .depth = {},
+       .for_backward = false});
+  return absl::OkStatus();
+}
+
+absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map) {
+  RETURN_IF_ERROR(Render(view, 0));  // its colours are not looked at
+  backend_.RenderFeatures({features_.span(), &scratch_, map});
+  return absl::OkStatus();
+}
+
+absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
+                                              std::span<const int32_t> pixels) {
+  RETURN_IF_ERROR(Render(view, 0));
+  const Buffer<int32_t> pixel_buffer(backend_, pixels);
+  Buffer<int32_t> first, gaussian;
+  Buffer<float> weight;
+  backend_.CaptureRows({.pixels = pixel_buffer.span(),
+                        .scratch = &scratch_,
+                        .row_first = &first,
+                        .entry_gaussian = &gaussian,
+                        .entry_weight = &weight});
+  PixelRows rows;
+  rows.first.resize(first.size());
+  rows.gaussian.resize(gaussian.size());
+  rows.weight.resize(weight.size());
+  first.Download(std::span<int32_t>(rows.first));
+  gaussian.Download(std::span<int32_t>(rows.gaussian));
+  weight.Download(std::span<float>(rows.weight));
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(error);
+  }
+  return rows;
+}
+
+absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view) {
+  RETURN_IF_ERROR(Render(view, model_.gaussians.sh_degree));
+  std::vector<float> planes(color_.size());
+  color_.Download(std::span<float>(planes));
+  // A device that failed leaves zeros: no picture of the scene.
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(error);
+  }
+  Image image = {view.camera.width, view.camera.height, 3, {}};
+  image.pixels.resize(planes.size());
+  const size_t num_pixels = planes.size() / 3;
+  for (size_t i = 0; i < planes.size(); ++i) {
+    const float value = std::clamp(planes[i % 3 * num_pixels + i / 3], 0.0f, 1.0f);
+    image.pixels[i] = static_cast<uint8_t>(std::lround(value * 255));
+  }
+  return image;
+}
+
+}  // namespace pepeseg
