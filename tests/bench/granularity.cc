@@ -44,7 +44,7 @@ std::vector<float> Features(Backend& backend, FrozenScene& scene, const View& vi
 }
 
 absl::Status Add(Backend& backend, const Model& model, const std::vector<float>& features,
-                 double pixels_per_point, Granularity& sum) {
+                 double pixels_per_point, ClusterSizes& sum) {
   float psi[kFeatureSize];
   GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(sum.scale), psi);
   std::vector<float> units(features.size());
@@ -65,11 +65,11 @@ absl::Status Add(Backend& backend, const Model& model, const std::vector<float>&
 
 }  // namespace
 
-absl::StatusOr<std::vector<Granularity>> MeasureGranularity(Backend& backend,
+absl::StatusOr<std::vector<ClusterSizes>> MeasureGranularity(Backend& backend,
                                                             const Capture& capture,
                                                             const Model& model,
                                                             const std::vector<double>& scales) {
-  std::vector<Granularity> measured;
+  std::vector<ClusterSizes> measured;
   measured.reserve(scales.size());
   for (const double scale : scales) measured.push_back({.scale = scale});
   FrozenScene scene(backend, model.gaussians, model.scene_radius);
@@ -83,11 +83,11 @@ absl::StatusOr<std::vector<Granularity>> MeasureGranularity(Backend& backend,
                                        double{1} * camera.width * camera.height / kMaxPoints))));
     const std::vector<float> of_view =
         Features(backend, scene, view, Grid(camera, stride), features);
-    for (Granularity& sum : measured) {
+    for (ClusterSizes& sum : measured) {
       RETURN_IF_ERROR(Add(backend, model, of_view, double{1} * stride * stride, sum));
     }
   }
-  for (Granularity& sum : measured) {
+  for (ClusterSizes& sum : measured) {
     sum.num_clusters /= num_views;
     sum.mean_pixels /= num_views;
     sum.noise_share /= num_views;

@@ -13,6 +13,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/features/train_features.h"
 #include "core/io/gaussian_ply.h"
+#include "core/query/propose_scales.h"
 #include "core/query/resolve_prompt.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
@@ -171,7 +172,7 @@ absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView
 absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Model& model,
                               const std::vector<double>& scales) {
   ASSIGN_OR_RETURN(const auto measured, MeasureGranularity(backend, capture, model, scales));
-  for (const Granularity& at : measured) {
+  for (const ClusterSizes& at : measured) {
     std::printf("# scale %.2f: %.1f clusters of %.0f pixels, %.1f %% in none\n", at.scale,
                 at.num_clusters, at.mean_pixels, 100 * at.noise_share);
   }
