@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "core/features/cluster_agreement.h"
 #include "core/features/random_draws.h"
 #include "core/status_macros.h"
 #include "kernels/math/gate.h"
@@ -68,13 +70,25 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
       max_pixels_(options.centroid_pixels),
       random_(options.seed ^ kStream) {
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
+  // Of what is pulled. 0.9 (method.md) at the lower scale pulls parts that touch onto one another.
+  constexpr float kUpperCosine = 0.9f, kLowerCosine = 0.97f;
   if (options.centroid_weight_upper > 0) {
-    levels_.push_back(
-        {true, 1.0f, options.centroid_weight_upper, {20, 5}, CentroidBank(kUpperMerge), {}});
+    levels_.push_back({true,
+                       1.0f,
+                       options.centroid_weight_upper,
+                       kUpperCosine,
+                       {20, 5},
+                       CentroidBank(kUpperMerge),
+                       {}});
   }
   if (options.centroid_weight_lower > 0) {
-    levels_.push_back(
-        {false, 0.01f, options.centroid_weight_lower, {10, 5}, CentroidBank(kLowerMerge), {}});
+    levels_.push_back({false,
+                       0.01f,
+                       options.centroid_weight_lower,
+                       kLowerCosine,
+                       {10, 5},
+                       CentroidBank(kLowerMerge),
+                       {}});
   }
   sums_ = Buffer<double>(
       backend, static_cast<int64_t>(kMaxUnreadFeatureSteps * levels_.size()) * kNumCentroidSums);
@@ -115,15 +129,19 @@ std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const
 
 absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<const float> gate) {
   const DrawableView& view = views_[DrawIndex(views_.size(), random_)];
-  const std::vector<float> of_pixels =
-      PixelFeatures(capture_.views[view.view], DrawPixels(view), features);
+  const std::vector<int32_t> pixels = DrawPixels(view);
+  const std::vector<float> of_pixels = PixelFeatures(capture_.views[view.view], pixels, features);
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::ResourceExhaustedError(absl::StrCat("features: centroids: ", error));
   }
   for (Level& level : levels_) {
     const std::vector<float> units = GatedUnits(of_pixels, gate, level.scale);
-    ASSIGN_OR_RETURN(const Clusters clusters,
+    ASSIGN_OR_RETURN(const Clusters found,
                      Hdbscan(backend_, std::span<const float>(units), level.hdbscan));
+    // At the upper scale a pixel has all its masks, at the lower one only the finest.
+    const float label_scale = level.upper ? std::numeric_limits<float>::infinity() : 0.0f;
+    const Clusters clusters =
+        KeepAgreeing(found, capture_.views[view.view].masks, pixels, view.mask_scales, label_scale);
     level.bank.Merge(ClusterMeans(units, clusters));
     UploadBank(level);
   }
@@ -160,6 +178,7 @@ void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {
                            .centroids = levels_[i].centroids.span(),
                            .gate = spans.gate,
                            .scale = levels_[i].scale,
+                           .min_cosine = levels_[i].min_cosine,
                            .weight = levels_[i].weight,
                            .pixel_grad = spans.pixel_grad,
                            .gate_grad = spans.gate_grad,

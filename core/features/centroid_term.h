@@ -59,6 +59,7 @@ class CentroidTerm {
     bool upper;
     float scale;  // quantile
     float weight;
+    float min_cosine;  // of what is pulled
     HdbscanOptions hdbscan;
     CentroidBank bank;
     Buffer<float> centroids;

@@ -46,7 +46,9 @@ struct FeatureOptions {
   int centroid_every = 200;
   int centroid_pixels = 16'384;
   float centroid_weight_upper = 1.0f;
-  float centroid_weight_lower = 0.3f;
+  // Off: worth nothing measurable on desk, and it loses where many small parts touch
+  // (tests/bench/results/h200_segmentation.md).
+  float centroid_weight_lower = 0;
   // The perception loss, for pixels that no mask of their view covers. Weight 0: left out, as where
   // no view has a depth prior, or every pixel is covered or background.
   float perception_weight = 0.2f;

@@ -21,6 +21,7 @@ constexpr FeatureOptions kOptions = {.num_steps = 40,
                                      .centroid_from = 0.6,
                                      .centroid_every = 5,
                                      .centroid_pixels = 300,
+                                     .centroid_weight_lower = 0.3f,
                                      .steps_per_chunk = 7};
 
 const Capture& Synthetic() {

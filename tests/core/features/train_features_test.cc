@@ -16,8 +16,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr FeatureOptions kShort = {
-    .num_steps = 30, .num_pixels = 60, .num_scales = 5, .steps_per_chunk = 7};
+constexpr FeatureOptions kShort = {.num_steps = 30,
+                                   .num_pixels = 60,
+                                   .num_scales = 5,
+                                   .centroid_weight_lower = 0.3f,
+                                   .steps_per_chunk = 7};
 
 absl::Status Go(const StepReport&) { return absl::OkStatus(); }
 
