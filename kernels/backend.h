@@ -103,6 +103,7 @@ class Backend {
   virtual void SmoothFeatures(const SmoothFeaturesArgs& args) = 0;
   virtual void SmoothBackward(const SmoothBackwardArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
+  virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   // Clustering (cluster_ops.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 };

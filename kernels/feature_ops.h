@@ -162,4 +162,25 @@ struct SimilarityArgs {
   DeviceSpan<float> similarity;  // [num_queries, num_pixels]
 };
 
+// The mask of a question: a pixel is in where its best similarity, see SimilarityArgs, to the first
+// num_positive queries is over the threshold and over its best to the others.
+struct SegmentPixelsArgs {
+  DeviceSpan<const Half> map;       // [num_pixels, 32]
+  DeviceSpan<const float> psi;      // [32]
+  DeviceSpan<const float> queries;  // [num_queries, 32], at most kMaxQueries
+  int num_positive = 1;             // 1..num_queries
+  float min_norm = 0;
+  float threshold = 0;
+  DeviceSpan<uint8_t> mask;           // [num_pixels] 0 or 1
+  DeviceSpan<float> similarity = {};  // [num_pixels] the best positive one; may be empty
+  DeviceSpan<int64_t> sums;           // [kNumSegmentSums]
+};
+inline constexpr int kMaxQueries = 256;
+enum SegmentSum {
+  kNumInside,      // pixels in the mask
+  kSimilaritySum,  // over them, of similarity * kSimilarityUnit, rounded: in any order the same
+  kNumSegmentSums
+};
+inline constexpr float kSimilarityUnit = 1 << 20;
+
 }  // namespace pepeseg

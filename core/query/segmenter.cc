@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <mutex>
 #include <utility>
 
@@ -32,37 +31,53 @@ absl::Status CheckModel(const Model& model) {
                                                  " for its ", model.gaussians.count, " Gaussians"));
 }
 
-// Fills mask, score and box from the best similarities to positive and to negative points.
-void FillMask(std::span<const float> positive, std::span<const float> negative,
-              SegmentResult& result) {
-  int min_x = result.width, max_x = -1, min_y = result.height, max_y = -1;
-  double sum = 0;
-  int64_t count = 0;
-  result.mask.pixels.assign(positive.size(), 0);
-  for (size_t i = 0; i < positive.size(); ++i) {
-    if (positive[i] <= static_cast<float>(result.threshold) || positive[i] <= negative[i]) continue;
-    result.mask.pixels[i] = 1;
-    sum += double{positive[i]};
-    ++count;
-    const auto x = static_cast<int>(i % result.width), y = static_cast<int>(i / result.width);
-    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
-    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+// x, y, width and height of what is set; zeros where nothing is.
+void FindBox(std::span<const uint8_t> mask, int width, int box[4]) {
+  const int height = static_cast<int>(mask.size()) / width;
+  int min_x = width, max_x = -1, min_y = height, max_y = -1;
+  for (int y = 0; y < height; ++y) {
+    const std::span<const uint8_t> row = mask.subspan(static_cast<size_t>(y) * width, width);
+    const auto first = std::find(row.begin(), row.end(), uint8_t{1});
+    if (first == row.end()) continue;
+    const auto last = std::find(row.rbegin(), row.rend(), uint8_t{1});
+    min_x = std::min(min_x, static_cast<int>(first - row.begin()));
+    max_x = std::max(max_x, width - 1 - static_cast<int>(last - row.rbegin()));
+    min_y = std::min(min_y, y);
+    max_y = y;
   }
-  if (count == 0) return;
-  result.score = sum / static_cast<double>(count);
-  const int box[] = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
-  std::copy(std::begin(box), std::end(box), result.box);
+  if (max_y < 0) return;
+  const int found[] = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+  std::copy(std::begin(found), std::end(found), box);
+}
+
+// Features of a query, the positive ones first, as SegmentPixels takes them.
+std::vector<float> PositiveFirst(const Query& query) {
+  std::vector<float> features;
+  features.reserve(query.features.size());
+  for (const bool positive : {true, false}) {
+    for (size_t i = 0; i < query.positive.size(); ++i) {
+      if ((query.positive[i] != 0) != positive) continue;
+      const auto first = query.features.begin() + static_cast<int64_t>(i) * kFeatureSize;
+      features.insert(features.end(), first, first + kFeatureSize);
+    }
+  }
+  return features;
 }
 
 }  // namespace
 
 struct Segmenter::State {
   State(Backend& b, Model m)
-      : backend(b), model(std::move(m)), renderer(b, model), maps(renderer, kMaxMapBytes) {}
+      : backend(b),
+        model(std::move(m)),
+        renderer(b, model),
+        maps(renderer, kMaxMapBytes),
+        sums(b, kNumSegmentSums) {}
 
   // [points, 32] as rendered, not gated.
   absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
                                                 std::span<const PointPrompt> points);
+  Buffer<float> GateOf(double scale) const;  // psi(scale): [32]
   // [queries, height, width] of `queries` [queries, 32], on the backend.
   absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
                                              const ModelView& target);
@@ -74,6 +89,9 @@ struct Segmenter::State {
   std::mutex mutex;  // one query at a time: the maps and their scratch are shared
   ModelRenderer renderer;
   FeatureMaps maps;
+  Buffer<uint8_t> mask;
+  Buffer<float> similarity;
+  Buffer<int64_t> sums;
 };
 
 absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(
@@ -100,20 +118,24 @@ absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(
   return queries;
 }
 
+Buffer<float> Segmenter::State::GateOf(double scale) const {
+  std::vector<float> psi(kFeatureSize);
+  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scale), psi.data());
+  return {backend, std::span<const float>(psi)};
+}
+
 absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>& queries,
                                                              double scale,
                                                              const ModelView& target) {
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
   const int64_t num_queries = queries.size() / kFeatureSize;
-  std::vector<float> psi(kFeatureSize);
-  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scale), psi.data());
-  const Buffer<float> psi_buffer(backend, std::span<const float>(psi));
+  const Buffer<float> psi = GateOf(scale);
   Buffer<float> similarity(backend, map.size / kFeatureSize * num_queries);
   if (similarity.empty()) {
     return absl::ResourceExhaustedError(
         absl::StrCat("no memory for the similarities to ", num_queries, " features"));
   }
-  backend.Similarity({map, psi_buffer.span(), queries.span(), kMinPixelNorm, similarity.span()});
+  backend.Similarity({map, psi.span(), queries.span(), kMinPixelNorm, similarity.span()});
   return similarity;
 }
 
@@ -121,24 +143,44 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
                                                             const Buffer<float>& queries,
                                                             const ModelView& target,
                                                             bool want_similarity) {
-  ASSIGN_OR_RETURN(const Buffer<float> similarity, SimilarityTo(queries, query.scale, target));
-  const int64_t num_pixels = int64_t{target.camera.width} * target.camera.height;
-  constexpr float kNever = -std::numeric_limits<float>::infinity();
-  std::vector<float> positive(num_pixels, kNever), negative(num_pixels, kNever);
-  std::vector<float> one(num_pixels);
-  for (size_t i = 0; i < query.positive.size(); ++i) {
-    similarity.Download(one, static_cast<int64_t>(i) * num_pixels);
-    std::vector<float>& best = query.positive[i] != 0 ? positive : negative;
-    for (int64_t p = 0; p < num_pixels; ++p) best[p] = std::max(best[p], one[p]);
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  const Buffer<float> psi = GateOf(query.scale);
+  const int64_t num_pixels = map.size / kFeatureSize;
+  mask.Reserve(backend, num_pixels);
+  if (want_similarity) similarity.Reserve(backend, num_pixels);
+  if (mask.empty() || (want_similarity && similarity.empty())) {
+    return absl::ResourceExhaustedError("no memory for the mask of a view");
   }
+  backend.SegmentPixels({.map = map,
+                         .psi = psi.span(),
+                         .queries = queries.span(),
+                         .num_positive = static_cast<int>(
+                             std::count(query.positive.begin(), query.positive.end(), 1)),
+                         .min_norm = kMinPixelNorm,
+                         .threshold = static_cast<float>(query.threshold),
+                         .mask = mask.span(),
+                         .similarity = want_similarity ? similarity.span() : DeviceSpan<float>(),
+                         .sums = sums.span()});
   SegmentResult result;
   result.width = target.camera.width;
   result.height = target.camera.height;
   result.scale = query.scale;
   result.scale_units = ScaleOfQuantile(model.field, query.scale);
   result.threshold = query.threshold;
-  FillMask(positive, negative, result);
-  if (want_similarity) result.similarity = std::move(positive);
+  result.mask.pixels.resize(num_pixels);
+  mask.Download(std::span<uint8_t>(result.mask.pixels));
+  int64_t sum[kNumSegmentSums] = {};
+  sums.Download(std::span<int64_t>(sum));
+  if (sum[kNumInside] > 0) {
+    result.score = static_cast<double>(sum[kSimilaritySum]) /
+                   (static_cast<double>(sum[kNumInside]) * double{kSimilarityUnit});
+    FindBox(result.mask.pixels, result.width, result.box);
+  }
+  result.area = sum[kNumInside];
+  if (want_similarity) {
+    result.similarity.resize(num_pixels);
+    similarity.Download(std::span<float>(result.similarity));
+  }
   return result;
 }
 
@@ -152,6 +194,11 @@ Segmenter::Segmenter(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
+
+int64_t Segmenter::num_renders() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->maps.num_renders();
+}
 
 absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view) const {
   RETURN_IF_ERROR(CheckView(view));
@@ -172,7 +219,8 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
   const std::lock_guard lock(state_->mutex);
-  const Buffer<float> queries(state_->backend, std::span<const float>(query.features));
+  const std::vector<float> features = PositiveFirst(query);
+  const Buffer<float> queries(state_->backend, std::span<const float>(features));
   std::vector<SegmentResult> results;
   for (const ModelView& target : targets) {
     ASSIGN_OR_RETURN(SegmentResult result,

@@ -17,6 +17,7 @@ namespace pepeseg {
 struct SegmentResult {
   BinaryMask mask;  // of the target view
   int width = 0, height = 0;
+  int64_t area = 0;               // pixels in the mask
   double score = 0;               // mean similarity inside the mask, cosine
   double scale = 0;               // quantile scale used, [0, 1]
   double scale_units = 0;         // the same in scene units
@@ -33,6 +34,7 @@ class Segmenter {
   ~Segmenter();
 
   const Model& model() const;
+  int64_t num_renders() const;  // feature maps rendered so far: none by a new scale or threshold
 
   // Colour of a view, RGB.
   absl::StatusOr<Image> RenderColor(const ModelView& view) const;

@@ -62,6 +62,7 @@ class CpuBackend final : public Backend {
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;
   void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SegmentPixels(const SegmentPixelsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:

@@ -75,6 +75,7 @@ class CudaBackend final : public Backend {
   void SmoothFeatures(const SmoothFeaturesArgs& args) override;
   void SmoothBackward(const SmoothBackwardArgs& args) override;
   void Similarity(const SimilarityArgs& args) override;
+  void SegmentPixels(const SegmentPixelsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:

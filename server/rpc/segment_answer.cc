@@ -109,8 +109,7 @@ absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view
   mask.mutable_box()->set_y(result.box[1]);
   mask.mutable_box()->set_width(result.box[2]);
   mask.mutable_box()->set_height(result.box[3]);
-  mask.set_area(std::count_if(result.mask.pixels.begin(), result.mask.pixels.end(),
-                              [](uint8_t pixel) { return pixel != 0; }));
+  mask.set_area(result.area);
   if (!result.similarity.empty()) {
     *mask.mutable_similarity() = SimilarityToProto(result.width, result.height, result.similarity);
   }

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cuda_fp16.h>
+#include <cuda_runtime.h>
+
+#include <cstdint>
+
+#include "kernels/ops.h"
+
+namespace pepeseg {
+
+// A pixel of a cached feature map in registers, and queries gated for it in shared memory:
+// cos(psi f, psi q) = sum_k f_k (psi_k^2 q_k / |psi q|) / |psi f|.
+struct PixelFeature {
+  float value[kFeatureSize];
+  float inv_norm;  // 1 / |psi f|; 0 where |f| is under the least norm that counts
+};
+
+// map: [num_pixels, 32] halves, four words of eight.
+__device__ inline PixelFeature LoadPixelFeature(const uint4* map, int64_t pixel, const float* psi2,
+                                                float min_norm) {
+  PixelFeature f;
+#pragma unroll
+  for (int word = 0; word < kFeatureSize / 8; ++word) {
+    const uint4 bits = map[pixel * (kFeatureSize / 8) + word];
+    const uint32_t pairs[4] = {bits.x, bits.y, bits.z, bits.w};
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      const float2 two = __half22float2(reinterpret_cast<const __half2&>(pairs[k]));
+      f.value[8 * word + 2 * k] = two.x;
+      f.value[8 * word + 2 * k + 1] = two.y;
+    }
+  }
+  float squares = 0, norm2 = 0;
+#pragma unroll
+  for (int k = 0; k < kFeatureSize; ++k) {
+    squares += f.value[k] * f.value[k];
+    norm2 += psi2[k] * f.value[k] * f.value[k];
+  }
+  f.inv_norm = norm2 > 0 && squares >= min_norm * min_norm ? rsqrtf(norm2) : 0.0f;
+  return f;
+}
+
+__device__ inline float CosineTo(const PixelFeature& f, const float* gated_query) {
+  float dot = 0;
+#pragma unroll
+  for (int k = 0; k < kFeatureSize; ++k) dot += f.value[k] * gated_query[k];
+  return dot * f.inv_norm;
+}
+
+// By a whole warp, lane = channel: psi^2 q / |psi q|, or 0.
+__device__ inline float GateQuery(float psi, float query) {
+  const float gated = psi * query;
+  float norm2 = gated * gated;
+  for (int offset = 16; offset > 0; offset /= 2) norm2 += __shfl_xor_sync(~0u, norm2, offset);
+  return norm2 > 0 ? psi * gated * rsqrtf(norm2) : 0.0f;
+}
+
+}  // namespace pepeseg
