@@ -84,6 +84,35 @@ absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> poi
   return absl::OkStatus();
 }
 
+absl::Status CheckBox(const ModelView& view, const BoxPrompt& box) {
+  RETURN_IF_ERROR(CheckView(view));
+  const Camera& camera = view.camera;
+  const bool finite = std::isfinite(box.x) && std::isfinite(box.y) && std::isfinite(box.width) &&
+                      std::isfinite(box.height);
+  if (finite && box.width > 0 && box.height > 0 && box.x < camera.width && box.y < camera.height &&
+      box.x + box.width > 0 && box.y + box.height > 0) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("the box is at (", box.x, ", ", box.y, ") and has ", box.width, "x", box.height,
+                   " pixels, must be finite, not empty and overlap ", NameOf(view), " of ",
+                   camera.width, "x", camera.height, " pixels"));
+}
+
+absl::Status CheckMask(const ModelView& view, const BinaryMask& mask) {
+  RETURN_IF_ERROR(CheckView(view));
+  const auto num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
+  if (mask.pixels.size() != num_pixels) {
+    return absl::InvalidArgumentError(absl::StrCat("the mask has ", mask.pixels.size(),
+                                                   " pixels, must have the ", num_pixels, " of ",
+                                                   NameOf(view)));
+  }
+  if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](uint8_t p) { return p == 0; })) {
+    return absl::InvalidArgumentError("the mask of the prompt is empty");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckQuery(const Query& query) {
   RETURN_IF_ERROR(CheckScale(query.scale));
   RETURN_IF_ERROR(CheckThreshold(query.threshold));

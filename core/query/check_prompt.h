@@ -12,6 +12,8 @@ absl::Status CheckView(const ModelView& view);
 absl::Status CheckScale(double scale);
 absl::Status CheckThreshold(double threshold);
 absl::Status CheckPoints(const ModelView& view, std::span<const PointPrompt> points);
+absl::Status CheckBox(const ModelView& view, const BoxPrompt& box);
+absl::Status CheckMask(const ModelView& view, const BinaryMask& mask);
 absl::Status CheckQuery(const Query& query);
 
 }  // namespace pepeseg

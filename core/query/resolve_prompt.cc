@@ -1,20 +1,43 @@
 #include "core/query/resolve_prompt.h"
 
 #include "core/query/check_prompt.h"
+#include "core/query/choose_granularity.h"
+#include "core/query/fit_prompt.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
+namespace {
+
+absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
+                                    const std::vector<PointPrompt>& points,
+                                    const Granularity& granularity) {
+  Query query;
+  ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
+  for (const PointPrompt& point : points) query.positive.push_back(point.positive ? 1 : 0);
+  query.scale = granularity.scale.value_or(query.scale);
+  query.threshold = granularity.threshold.value_or(query.threshold);
+  if (granularity.scale && granularity.threshold) return query;
+  ASSIGN_OR_RETURN(const std::vector<StableGranularity> stable,
+                   FindStable(segmenter, query, view, GridOf(granularity), 1));
+  if (stable.empty()) return query;  // some pixels at most, at any scale: as good as any
+  query.scale = stable.front().scale;
+  query.threshold = granularity.threshold.value_or(stable.front().threshold);
+  return query;
+}
+
+}  // namespace
 
 absl::StatusOr<Query> ResolvePrompt(const Segmenter& segmenter, const Prompt& prompt,
                                     const Granularity& granularity) {
-  const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
-  if (points == nullptr) return absl::UnimplementedError("only points");
-  Query query;
-  ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(prompt.view, *points));
-  for (const PointPrompt& point : *points) query.positive.push_back(point.positive ? 1 : 0);
-  query.scale = granularity.scale.value_or(query.scale);
-  query.threshold = granularity.threshold.value_or(query.threshold);
-  return query;
+  if (granularity.scale) RETURN_IF_ERROR(CheckScale(*granularity.scale));
+  if (granularity.threshold) RETURN_IF_ERROR(CheckThreshold(*granularity.threshold));
+  if (const auto* mask = std::get_if<BinaryMask>(&prompt.what)) {
+    return FitMask(segmenter, prompt.view, *mask, granularity);
+  }
+  if (const auto* box = std::get_if<BoxPrompt>(&prompt.what)) {
+    return FitBox(segmenter, prompt.view, *box, granularity);
+  }
+  return ResolvePoints(segmenter, prompt.view, std::get<0>(prompt.what), granularity);
 }
 
 }  // namespace pepeseg

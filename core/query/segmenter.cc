@@ -31,6 +31,12 @@ absl::Status CheckModel(const Model& model) {
                                                  " for its ", model.gaussians.count, " Gaussians"));
 }
 
+double NormOf(const float* feature) {
+  double squares = 0;
+  for (int k = 0; k < kFeatureSize; ++k) squares += double{feature[k]} * feature[k];
+  return std::sqrt(squares);
+}
+
 // x, y, width and height of what is set; zeros where nothing is.
 void FindBox(std::span<const uint8_t> mask, int width, int box[4]) {
   const int height = static_cast<int>(mask.size()) / width;
@@ -74,9 +80,9 @@ struct Segmenter::State {
         maps(renderer, kMaxMapBytes),
         sums(b, kNumSegmentSums) {}
 
-  // [points, 32] as rendered, not gated.
+  // [pixels, 32] as rendered, not gated.
   absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
-                                                std::span<const PointPrompt> points);
+                                                std::span<const int32_t> pixels);
   Buffer<float> GateOf(double scale) const;  // psi(scale): [32]
   // [queries, height, width] of `queries` [queries, 32], on the backend.
   absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
@@ -94,28 +100,19 @@ struct Segmenter::State {
   Buffer<int64_t> sums;
 };
 
-absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(
-    const ModelView& view, std::span<const PointPrompt> points) {
+absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView& view,
+                                                                std::span<const int32_t> pixels) {
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(view));
-  std::vector<float> queries;
-  for (size_t i = 0; i < points.size(); ++i) {
-    const PointPrompt& point = points[i];
-    const int64_t pixel =
-        static_cast<int64_t>(point.y) * view.camera.width + static_cast<int64_t>(point.x);
+  std::vector<float> features;
+  features.reserve(pixels.size() * kFeatureSize);
+  for (const int32_t pixel : pixels) {
     Half feature[kFeatureSize];
-    backend.CopyToHost(feature, map.data + pixel * kFeatureSize, sizeof(feature));
-    double squares = 0;
-    for (const Half half : feature) {
-      queries.push_back(FloatFromHalf(half));
-      squares += double{queries.back()} * queries.back();
-    }
-    if (std::sqrt(squares) >= kMinClickedNorm) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        "point ", i, " at (", point.x, ", ", point.y,
-        "): nothing with a feature is rendered there; click where the model shows an object that a "
-        "mask covered in training"));
+    backend.CopyToHost(feature, map.data + int64_t{pixel} * kFeatureSize, sizeof(feature));
+    for (const Half half : feature) features.push_back(FloatFromHalf(half));
   }
-  return queries;
+  // A device that failed leaves zeros, which would read as nothing there.
+  if (const std::string error = backend.error(); !error.empty()) return absl::InternalError(error);
+  return features;
 }
 
 Buffer<float> Segmenter::State::GateOf(double scale) const {
@@ -234,11 +231,28 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
     const ModelView& view, std::span<const PointPrompt> points) const {
   RETURN_IF_ERROR(CheckPoints(view, points));
-  const std::lock_guard lock(state_->mutex);
-  auto features = state_->FeaturesAt(view, points);
-  // A device that failed leaves zeros, which would read as a click on nothing.
-  if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+  std::vector<int32_t> pixels;
+  pixels.reserve(points.size());
+  for (const PointPrompt& point : points) {
+    pixels.push_back(static_cast<int32_t>(point.y) * view.camera.width +
+                     static_cast<int32_t>(point.x));
+  }
+  ASSIGN_OR_RETURN(std::vector<float> features, PixelFeatures(view, pixels));
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (NormOf(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "point ", i, " at (", points[i].x, ", ", points[i].y,
+        "): nothing with a feature is rendered there; click where the model shows an object that a "
+        "mask covered in training"));
+  }
   return features;
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::PixelFeatures(const ModelView& view,
+                                                            std::span<const int32_t> pixels) const {
+  RETURN_IF_ERROR(CheckView(view));
+  const std::lock_guard lock(state_->mutex);
+  return state_->FeaturesAt(view, pixels);
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,

@@ -52,6 +52,9 @@ class Segmenter {
   // rendered.
   absl::StatusOr<std::vector<float>> PointFeatures(const ModelView& view,
                                                    std::span<const PointPrompt> points) const;
+  // Likewise of any pixels, y * width + x, also where nothing was rendered: [pixels, 32].
+  absl::StatusOr<std::vector<float>> PixelFeatures(const ModelView& view,
+                                                   std::span<const int32_t> pixels) const;
   // Similarity, cosine, of each pixel of the target to each of such features at a quantile scale:
   // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,

@@ -19,4 +19,16 @@ Model FrontBlobs(int size) {
   return model;
 }
 
+// They share a channel; at large scales its gate alone is open.
+Model PairOfBlobs(int size) {
+  Model model = FrontBlobs(size);
+  model.field.features[0] = model.field.features[32] = 0.6f;
+  model.field.features[1] = model.field.features[32 + 2] = 0.8f;
+  for (const int channel : {1, 2}) {  // psi falls from 0.98 at scale 0 to 0.02 at scale 1
+    model.field.gate[channel] = -8;
+    model.field.gate[32 + channel] = 4;
+  }
+  return model;
+}
+
 }  // namespace pepeseg::testing

@@ -8,4 +8,7 @@ namespace pepeseg::testing {
 // nothing else. Their features are zeros, to be filled in.
 Model FrontBlobs(int size);
 
+// The same with features: two things at small scales, one thing at large ones.
+Model PairOfBlobs(int size);
+
 }  // namespace pepeseg::testing

@@ -11,23 +11,10 @@ namespace {
 constexpr int kSize = 48;
 constexpr double kLeftX = 17.5, kRightX = 30.5, kY = 24.5;
 
-// The blobs of FrontBlobs share a channel: with the gate of that channel alone open, at large
-// scales, they are one thing.
-Model TwoBlobs() {
-  Model model = testing::FrontBlobs(kSize);
-  model.field.features[0] = model.field.features[32] = 0.6f;
-  model.field.features[1] = model.field.features[32 + 2] = 0.8f;
-  for (const int channel : {1, 2}) {  // psi falls from 0.98 at scale 0 to 0.02 at scale 1
-    model.field.gate[channel] = -8;
-    model.field.gate[32 + channel] = 4;
-  }
-  return model;
-}
-
 class ProposeScalesTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
+    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, testing::PairOfBlobs(kSize)));
     view_ = segmenter_->model().views[0];
     points_ = {{kLeftX, kY, true}};
   }
