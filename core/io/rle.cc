@@ -1,6 +1,9 @@
 #include "core/io/rle.h"
 
+#include <algorithm>
 #include <cassert>
+#include <cstring>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 
@@ -13,17 +16,63 @@ constexpr int64_t kSignBit = 0x10;
 constexpr char kFirstCharacter = '0';
 constexpr int kMaxDigits = 10;  // 50 bits: far over any image
 
-std::vector<int64_t> CountsOf(const BinaryMask& mask, int width, int height) {
-  std::vector<int64_t> counts = {0};
-  bool inside = false;
-  for (int x = 0; x < width; ++x) {
+// Where a mask changes from one row to the next, found a word of pixels at a time: read down its
+// columns it is a few changes, while memory runs along its rows.
+class Changes {
+ public:
+  Changes(const BinaryMask& mask, int width, int height) : height_(height) {
+    const uint8_t* pixels = mask.pixels.data();
+    // The pixel above a column's first is the last of the column before it.
+    std::vector<uint8_t> above(static_cast<size_t>(width));
+    std::copy_n(pixels + static_cast<size_t>(height - 1) * width, width - 1, above.data() + 1);
     for (int y = 0; y < height; ++y) {
-      const bool set = mask.pixels[static_cast<size_t>(y) * width + x] != 0;
-      if (set != inside) counts.push_back(0);
-      inside = set;
-      ++counts.back();
+      const uint8_t* row = pixels + static_cast<size_t>(y) * width;
+      CompareRows(y == 0 ? above.data() : row - width, row, width, y);
     }
   }
+
+  // Their positions down the columns, ascending.
+  std::vector<int64_t> Positions(int width) const {
+    std::vector<size_t> next(static_cast<size_t>(width) + 1);
+    for (const auto& [x, y] : changes_) ++next[x + 1];
+    for (int x = 0; x < width; ++x) next[x + 1] += next[x];
+    std::vector<int64_t> positions(changes_.size());
+    for (const auto& [x, y] : changes_) positions[next[x]++] = int64_t{x} * height_ + y;
+    return positions;
+  }
+
+ private:
+  void CompareRows(const uint8_t* above, const uint8_t* row, int width, int y) {
+    int x = 0;
+    for (; x + 8 <= width; x += 8) {
+      uint64_t a = 0;
+      uint64_t b = 0;
+      std::memcpy(&a, above + x, 8);
+      std::memcpy(&b, row + x, 8);
+      if (a == b) continue;
+      for (int k = x; k < x + 8; ++k) Compare(above[k], row[k], k, y);
+    }
+    for (; x < width; ++x) Compare(above[x], row[x], x, y);
+  }
+  void Compare(uint8_t above, uint8_t pixel, int x, int y) {
+    if ((above != 0) != (pixel != 0)) changes_.emplace_back(x, y);
+  }
+
+  int height_;
+  std::vector<std::pair<int, int>> changes_;  // x, y; by rows
+};
+
+std::vector<int64_t> CountsOf(const BinaryMask& mask, int width, int height) {
+  if (mask.pixels.empty()) return {0};
+  const std::vector<int64_t> positions = Changes(mask, width, height).Positions(width);
+  std::vector<int64_t> counts;
+  counts.reserve(positions.size() + 1);
+  int64_t last = 0;
+  for (const int64_t position : positions) {
+    counts.push_back(position - last);
+    last = position;
+  }
+  counts.push_back(int64_t{width} * height - last);
   return counts;
 }
 

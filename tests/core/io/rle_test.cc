@@ -25,6 +25,33 @@ TEST(CocoRle, EncodesAsCocoDoes) {
   EXPECT_EQ(EncodeCocoRle({{0, 0}}, 2, 1), "2");
 }
 
+// The runs, pixel by pixel down the columns.
+std::vector<int64_t> NaiveCounts(const std::vector<uint8_t>& mask, int width, int height) {
+  std::vector<int64_t> counts = {0};
+  bool inside = false;
+  for (int i = 0; i < width * height; ++i) {
+    const bool set = mask[static_cast<size_t>(i % height) * width + i / height] != 0;
+    if (set != inside) counts.push_back(0);
+    inside = set;
+    ++counts.back();
+  }
+  return counts;
+}
+
+TEST(CocoRle, EncodesRunsThatCrossColumnsAndWords) {
+  std::mt19937 random(3);
+  for (const auto& [width, height] :
+       {std::pair(1, 1), {8, 3}, {23, 17}, {9, 1}, {1, 9}, {40, 40}}) {
+    for (const int one_in : {1, 2, 9, 1000}) {
+      std::vector<uint8_t> mask(static_cast<size_t>(width) * height);
+      for (uint8_t& pixel : mask) pixel = random() % one_in == 0 ? 1 : 0;
+      const auto counts = ParseCocoCounts(EncodeCocoRle({mask}, width, height));
+      ASSERT_OK(counts);
+      EXPECT_EQ(*counts, NaiveCounts(mask, width, height)) << width << "x" << height;
+    }
+  }
+}
+
 TEST(CocoRle, ReadsNumbersOfSeveralDigitsAndNegativeDifferences) {
   // 40 = 8 + 1 * 32, 100 = 4 + 3 * 32; then 100 - 4, and 1 as a difference of -99 to 100.
   ASSERT_OK_AND_ASSIGN(const auto counts, ParseCocoCounts("X1T34mL"));
