@@ -2,6 +2,8 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "grpcpp/support/server_callback.h"
@@ -111,6 +113,64 @@ class ReadStream : public grpc::ServerReadReactor<Request>, public Stream {
   void OnReadDone(bool ok) final { IoDone(ok); }
   void OnCancel() final { Cancelled(); }
   void OnDone() final { Done(); }
+};
+
+// Reads and writes at once, for requests of which only the newest counts: one that comes while
+// another waits takes its place. Work() takes what there is and answers kIo when `message_` is an
+// answer, else kIdle; it is called again when a request has come.
+template <typename Request, typename Response>
+class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public Stream {
+ public:
+  // Once, in place of Begin.
+  void BeginReading() {
+    Begin(/*with_io=*/false);
+    const std::lock_guard lock(read_mutex_);
+    if (!finished_) this->StartRead(&incoming_);
+  }
+
+ protected:
+  using Stream::Stream;
+  // None: wait, or end, when the client has sent all it will.
+  std::optional<Request> TakeNewest() {
+    const std::lock_guard lock(read_mutex_);
+    return std::exchange(newest_, std::nullopt);
+  }
+  bool superseded() const {
+    const std::lock_guard lock(read_mutex_);
+    return newest_.has_value();
+  }
+  bool all_read() const {
+    const std::lock_guard lock(read_mutex_);
+    return all_read_ && !newest_;
+  }
+  Response message_;  // filled by Work() before it answers kIo
+
+ private:
+  void StartIo() final { this->StartWrite(&message_); }
+  void FinishCall(const grpc::Status& status) final {
+    const std::lock_guard lock(read_mutex_);  // no read is started after this
+    finished_ = true;
+    this->Finish(status);
+  }
+  bool may_finish_during_io() const final { return false; }
+  void OnReadDone(bool ok) final {
+    {
+      const std::lock_guard lock(read_mutex_);
+      all_read_ = !ok;
+      if (ok) newest_ = std::move(incoming_);
+      if (ok && !finished_) this->StartRead(&incoming_);
+    }
+    Wake();
+  }
+  void OnWriteDone(bool ok) final { IoDone(ok); }
+  void OnCancel() final { Cancelled(); }
+  void OnDone() final { Done(); }
+
+  mutable std::mutex read_mutex_;  // taken after the stream's own
+  Request incoming_;
+  std::optional<Request> newest_;
+  bool all_read_ = false;  // no further request will come
+  bool finished_ = false;
 };
 
 }  // namespace pepeseg
