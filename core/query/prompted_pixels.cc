@@ -28,9 +28,11 @@ struct Pointing {
 std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count) {
   const int width = prompt.view.camera.width, height = prompt.view.camera.height;
   std::vector<int32_t> pixels;
-  for (int32_t pixel = 0; pixel < width * height; ++pixel) {
-    const Pointing points_at = {pixel % width + 0.5, pixel / width + 0.5, pixel};
-    if (std::visit(points_at, prompt.what)) pixels.push_back(pixel);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const Pointing points_at = {x + 0.5, y + 0.5, y * width + x};
+      if (std::visit(points_at, prompt.what)) pixels.push_back(points_at.pixel);
+    }
   }
   if (pixels.size() <= max_count) return pixels;
   std::vector<int32_t> thinned;

@@ -102,7 +102,7 @@ absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabel
 absl::Status AnswerDeleteLabel(const ServiceContext& context,
                                const v1::DeleteLabelRequest& request) {
   ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
-  const absl::Status deleted = context.store->DeleteLabel(label.scene, label.id);
+  absl::Status deleted = context.store->DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
 }

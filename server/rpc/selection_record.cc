@@ -84,7 +84,7 @@ absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
   row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
   const std::filesystem::path path = context.data_folder / row.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
-  const auto made = context.store->CreateSelection(row);
+  auto made = context.store->CreateSelection(row);
   if (!made.ok() || made->number != row.number) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
