@@ -22,6 +22,7 @@ std::vector<ModelView> Views(int num, const std::vector<int>& away) {
 
 std::vector<std::string> Names(const std::vector<ModelView>& views) {
   std::vector<std::string> names;
+  names.reserve(views.size());
   for (const ModelView& view : views) names.push_back(view.name);
   return names;
 }
