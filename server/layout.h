@@ -12,6 +12,7 @@
 //   pepeseg.db                the store
 //   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256
 //   datasets/SCENE/N.json     manifest of a sealed dataset
+//   selections/SCENE/N        members of a selection (core/io/selection_file.h)
 //   jobs/JOB/...              of server/jobs
 namespace pepeseg {
 
@@ -33,6 +34,11 @@ inline std::filesystem::path BlobPath(const std::filesystem::path& data, std::st
 inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,
                                                  std::string_view scene, int64_t number) {
   return data / "datasets" / std::string(scene) / (std::to_string(number) + ".json");
+}
+
+// Below the data directory.
+inline std::filesystem::path SelectionFolder(std::string_view scene) {
+  return std::filesystem::path("selections") / std::string(scene);
 }
 
 }  // namespace pepeseg

@@ -39,7 +39,7 @@ std::string Advice(const absl::Status& status, const std::string& server) {
       if (resource.rfind("jobs/", 0) == 0) {
         return absl::StrCat("Follow the job with `pepeseg watch ", resource, "`.");
       }
-      return status.code() == absl::StatusCode::kFailedPrecondition
+      return status.code() == absl::StatusCode::kFailedPrecondition && resource.empty()
                  ? "A scene answers once it is trained: `pepeseg train SCENE`."
                  : "";
     case kNotFound:

@@ -41,6 +41,11 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddSegment(app, shell);
   pepeseg::cli::AddPropose(app, shell);
   pepeseg::cli::AddRender(app, shell);
+  pepeseg::cli::AddLabel(app, shell);
+  pepeseg::cli::AddLabels(app, shell);
+  pepeseg::cli::AddSelect(app, shell);
+  pepeseg::cli::AddSelections(app, shell);
+  pepeseg::cli::AddCombine(app, shell);
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddDemo(app, shell);

@@ -40,6 +40,20 @@ void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
   verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
 }
 
+void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags) {
+  verb.add_option("--scale", flags.scale, "How large a thing: 0 a small part, 1 the largest")
+      ->check(CLI::Range(0.0, 1.0));
+  verb.add_option("--threshold", flags.threshold, "Cosine over which a pixel is in")
+      ->check(CLI::Range(-1.0, 1.0));
+}
+
+v1::Granularity ToGranularity(const GranularityFlags& flags) {
+  v1::Granularity granularity;
+  if (flags.scale >= 0) granularity.set_scale_quantile(flags.scale);
+  if (flags.threshold >= -1) granularity.set_threshold(flags.threshold);
+  return granularity;
+}
+
 std::string ModelName(const std::string& scene, const std::string& model) {
   return absl::StrCat(SceneName(scene), "/models/", model);
 }
@@ -52,6 +66,13 @@ absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
   for (const std::string& text : flags.negative) {
     ASSIGN_OR_RETURN(*prompt.add_points(), ParsePoint(text, true));
   }
+  return prompt;
+}
+
+absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
+  v1::Prompt prompt;
+  prompt.mutable_view()->set_view(flags.view);
+  ASSIGN_OR_RETURN(*prompt.mutable_points(), ParsePoints(flags));
   return prompt;
 }
 

@@ -19,10 +19,20 @@ struct PromptFlags {
 };
 void AddPromptFlags(CLI::App& verb, PromptFlags& flags);
 
+// How large a thing is meant, and how alike its pixels are.
+struct GranularityFlags {
+  double scale = -1;      // below 0: the server's choice
+  double threshold = -2;  // below -1: the server's choice
+};
+void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
+v1::Granularity ToGranularity(const GranularityFlags& flags);
+
 // "scenes/shelf/models/live".
 std::string ModelName(const std::string& scene, const std::string& model);
 
 // INVALID_ARGUMENT: a point that is none.
 absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags);
+// The points and their view.
+absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
 
 }  // namespace pepeseg::cli

@@ -50,8 +50,7 @@ absl::Status WriteOverlays(const Connection& connection, const ProposeFlags& fla
 absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
   v1::ProposeScalesRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  request.mutable_prompt()->mutable_view()->set_view(flags.prompt.view);
-  ASSIGN_OR_RETURN(*request.mutable_prompt()->mutable_points(), ParsePoints(flags.prompt));
+  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   request.set_max_proposals(flags.max_proposals);
   const Connection connection(shell.server);
   v1::ProposeScalesResponse answer;

@@ -25,8 +25,7 @@ constexpr Rgb kNegative{255, 40, 40};
 
 struct SegmentFlags {
   PromptFlags prompt;
-  double scale = -1;      // below 0: the server's default
-  double threshold = -2;  // below -1: the server's default
+  GranularityFlags granularity;
   std::vector<std::string> targets;
   std::string out;
 };
@@ -54,10 +53,8 @@ void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& reque
 absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
   v1::SegmentRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  request.mutable_prompt()->mutable_view()->set_view(flags.prompt.view);
-  ASSIGN_OR_RETURN(*request.mutable_prompt()->mutable_points(), ParsePoints(flags.prompt));
-  if (flags.scale >= 0) request.mutable_granularity()->set_scale_quantile(flags.scale);
-  if (flags.threshold >= -1) request.mutable_granularity()->set_threshold(flags.threshold);
+  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  *request.mutable_granularity() = ToGranularity(flags.granularity);
   SetTargets(flags.targets, request);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   return request;
@@ -169,10 +166,7 @@ void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
   AddPromptFlags(*verb, flags->prompt);
-  verb->add_option("--scale", flags->scale, "How large a thing: 0 a small part, 1 the largest")
-      ->check(CLI::Range(0.0, 1.0));
-  verb->add_option("--threshold", flags->threshold, "Cosine over which a pixel is in")
-      ->check(CLI::Range(-1.0, 1.0));
+  AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
                    "Where masks are wanted: names, all or held-out; by default where the click is");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -7,7 +8,8 @@
 #include "absl/time/time.h"
 
 // What the store keeps, as plain values. Resource names are built from these at the RPC edge:
-// scenes/{scene}, scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number}, jobs/{id}.
+// scenes/{scene}, scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number},
+// scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number}, jobs/{id}.
 namespace pepeseg {
 
 struct SceneRow {
@@ -77,6 +79,34 @@ struct ModelRow {
   std::string metrics;  // JSON object of numbers: Model::metrics
   int64_t num_gaussians = 0;
   int64_t num_bytes = 0;  // on disk
+  absl::Time create_time;
+};
+
+// A name for what a mask of a view shows.
+struct LabelRow {
+  std::string scene;
+  std::string id;    // RFC 1034 label
+  std::string text;  // UTF-8
+  std::string view;
+  int width = 0, height = 0;  // of the view and the mask, pixels
+  std::string counts;         // of the mask: COCO's compressed run lengths
+  int64_t area = 0;           // pixels in the mask
+  std::string request_id;
+  absl::Time create_time;
+};
+
+// Gaussians of a model.
+struct SelectionRow {
+  std::string scene;
+  int64_t number = 0;                  // from 1, never reused
+  int64_t model = 0;                   // number of the model that it is of
+  int64_t model_gaussians = 0;         // that the model has
+  int64_t num_gaussians = 0;           // that are selected
+  std::array<double, 3> min{}, max{};  // of their means, scene units; zeros when there are none
+  int64_t base = 0;                    // number of the selection that it was made from; 0: none
+  std::string file;                    // below the data directory: for core/io/selection_file.h
+  std::string request_id;
+  std::string request_digest;  // of what was asked for with the request_id
   absl::Time create_time;
 };
 

@@ -5,8 +5,8 @@
 namespace pepeseg {
 namespace {
 
-// next_dataset, next_model, next_job: numbers name resources, so they are never given twice, not
-// even after a deletion.
+// next_dataset, next_model, next_job, next_selection: numbers name resources, so they are never
+// given twice, not even after a deletion.
 constexpr const char* kScenes =
     "CREATE TABLE scenes ("
     " id VARCHAR(63) PRIMARY KEY,"
@@ -87,11 +87,63 @@ constexpr const char* kJobDevices = "ALTER TABLE jobs ADD COLUMN device TEXT NOT
 constexpr const char* kModelDevices =
     "ALTER TABLE models ADD COLUMN device TEXT NOT NULL DEFAULT ''";
 
+// counts: COCO's compressed run lengths.
+constexpr const char* kLabels =
+    "CREATE TABLE labels ("
+    " scene VARCHAR(63) NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,"
+    " id VARCHAR(63) NOT NULL,"
+    " text TEXT NOT NULL,"
+    " view TEXT NOT NULL,"
+    " width INTEGER NOT NULL,"
+    " height INTEGER NOT NULL,"
+    " counts TEXT NOT NULL,"
+    " area BIGINT NOT NULL,"
+    " request_id TEXT NOT NULL,"
+    " create_time BIGINT NOT NULL,"
+    " PRIMARY KEY (scene, id))";
+constexpr const char* kLabelRequests =
+    "CREATE UNIQUE INDEX label_requests ON labels (scene, request_id) WHERE request_id <> ''";
+
+constexpr const char* kNextSelection =
+    "ALTER TABLE scenes ADD COLUMN next_selection BIGINT NOT NULL DEFAULT 1";
+// base: number of another selection of the scene, which may be deleted since; 0: none. The bounds
+// are 0 where nothing is selected.
+constexpr const char* kSelections =
+    "CREATE TABLE selections ("
+    " scene VARCHAR(63) NOT NULL,"
+    " number BIGINT NOT NULL,"
+    " model BIGINT NOT NULL,"
+    " model_gaussians BIGINT NOT NULL,"
+    " num_gaussians BIGINT NOT NULL,"
+    " min_x DOUBLE PRECISION NOT NULL,"
+    " min_y DOUBLE PRECISION NOT NULL,"
+    " min_z DOUBLE PRECISION NOT NULL,"
+    " max_x DOUBLE PRECISION NOT NULL,"
+    " max_y DOUBLE PRECISION NOT NULL,"
+    " max_z DOUBLE PRECISION NOT NULL,"
+    " base BIGINT NOT NULL,"
+    " file TEXT NOT NULL,"
+    " request_id TEXT NOT NULL,"
+    " request_digest TEXT NOT NULL,"
+    " create_time BIGINT NOT NULL,"
+    " PRIMARY KEY (scene, number),"
+    " FOREIGN KEY (scene, model) REFERENCES models (scene, number) ON DELETE CASCADE)";
+constexpr const char* kSelectionRequests =
+    "CREATE UNIQUE INDEX selection_requests ON selections (scene, request_id)"
+    " WHERE request_id <> ''";
+// Without it a model's deletion looks at every selection.
+constexpr const char* kSelectionModels =
+    "CREATE INDEX selection_models ON selections (scene, model)";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
   assert(to >= 1 && to <= kSchemaVersion);
   if (to == 2) return {kJobDevices, kModelDevices};
+  if (to == 3) {
+    return {kLabels,     kLabelRequests,     kNextSelection,
+            kSelections, kSelectionRequests, kSelectionModels};
+  }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

@@ -13,9 +13,9 @@ namespace pepeseg {
 
 class Database;
 
-// Scenes, datasets, jobs and models in SQL. Every call is one transaction, durable when it returns,
-// and blocks on the disk: never call one from an RPC reaction. Thread safe. NOT_FOUND names what is
-// missing; nothing throws.
+// Scenes, datasets, jobs, models, labels and selections in SQL. Every call is one transaction,
+// durable when it returns, and blocks on the disk: never call one from an RPC reaction. Thread
+// safe. NOT_FOUND names what is missing; nothing throws.
 //
 // A create call with the request_id of an earlier one of its parent answers what that one made, or
 // ALREADY_EXISTS when the two asked for different things.
@@ -30,7 +30,7 @@ class Store {
   absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
   absl::StatusOr<SceneRow> GetScene(const std::string& id);
   absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page);  // by id
-  // With its datasets, jobs and models. FAILED_PRECONDITION while a job of it is active.
+  // With all that belongs to it. FAILED_PRECONDITION while a job of it is active.
   absl::Status DeleteScene(const std::string& id);
 
   // `files`: with distinct paths; `stored` is kept as given. Checks nothing else of them.
@@ -82,7 +82,32 @@ class Store {
   absl::StatusOr<ModelRow> GetLiveModel(const std::string& scene);
   absl::StatusOr<Page<ModelRow>> ListModels(const std::string& scene,
                                             const PageRequest& page);  // newest first
+  // With its selections.
   absl::Status DeleteModel(const std::string& scene, int64_t number);
+
+  // INVALID_ARGUMENT: id is not an RFC 1034 label; ALREADY_EXISTS: another request's label has it.
+  // Checks nothing else. Reads all but create_time.
+  absl::StatusOr<LabelRow> CreateLabel(const LabelRow& label);
+  // NOT_FOUND also names labels that the scene has.
+  absl::StatusOr<LabelRow> GetLabel(const std::string& scene, const std::string& id);
+  absl::StatusOr<Page<LabelRow>> ListLabels(const std::string& scene,
+                                            const PageRequest& page);  // by id
+  absl::Status DeleteLabel(const std::string& scene, const std::string& id);
+
+  // A selection's file is written before its row, and both are named by a number taken first.
+  absl::StatusOr<int64_t> TakeSelectionNumber(const std::string& scene);
+  // What an earlier CreateSelection with this request_id made, so that a retry need not compute it
+  // again; none when request_id is empty. ALREADY_EXISTS: of another digest.
+  absl::StatusOr<std::optional<SelectionRow>> FindSelectionOfRequest(
+      const std::string& scene, const std::string& request_id, const std::string& request_digest);
+  // Reads all but create_time. NOT_FOUND: the model or the base is gone. When the answer has
+  // another number, it is what the request_id made meanwhile.
+  absl::StatusOr<SelectionRow> CreateSelection(const SelectionRow& selection);
+  absl::StatusOr<SelectionRow> GetSelection(const std::string& scene, int64_t number);
+  absl::StatusOr<Page<SelectionRow>> ListSelections(const std::string& scene,
+                                                    const PageRequest& page);  // newest first
+  // Those made from it stay.
+  absl::Status DeleteSelection(const std::string& scene, int64_t number);
 
  private:
   explicit Store(std::unique_ptr<Database> database);

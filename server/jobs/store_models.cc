@@ -34,16 +34,6 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
   return rows;
 }
 
-absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number) {
-  RETURN_IF_ERROR(CheckScene(sql, scene));
-  std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
-  if (rows.empty()) {
-    return absl::NotFoundError(
-        absl::StrCat("scenes/", scene, "/models/", number, " does not exist"));
-  }
-  return rows[0];
-}
-
 absl::Status NoModelError(soci::session& sql, const std::string& scene) {
   const JobRow active = SelectActiveJob(sql, scene);
   return absl::FailedPreconditionError(
@@ -53,6 +43,16 @@ absl::Status NoModelError(soci::session& sql, const std::string& scene) {
 }
 
 }  // namespace
+
+absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number) {
+  RETURN_IF_ERROR(CheckScene(sql, scene));
+  std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
+  if (rows.empty()) {
+    return absl::NotFoundError(
+        absl::StrCat("scenes/", scene, "/models/", number, " does not exist"));
+  }
+  return rows[0];
+}
 
 absl::StatusOr<ModelRow> Store::GetModel(const std::string& scene, int64_t number) {
   return database_->Query<ModelRow>(
@@ -90,7 +90,7 @@ absl::Status Store::DeleteModel(const std::string& scene, int64_t number) {
   return database_->Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const ModelRow model, SelectModel(sql, scene, number));
     sql << "DELETE FROM models WHERE scene = :scene AND number = :number", soci::use(model.scene),
-        soci::use(number);
+        soci::use(number);  // its selections cascade
     return absl::OkStatus();
   });
 }

@@ -1,4 +1,3 @@
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
@@ -7,17 +6,6 @@
 
 namespace pepeseg {
 namespace {
-
-// RFC 1034: letters, digits and hyphens, from a letter to no hyphen, at most 63.
-bool IsLabel(const std::string& id) {
-  if (id.empty() || id.size() > 63 || !absl::ascii_islower(id.front()) || id.back() == '-') {
-    return false;
-  }
-  for (const char c : id) {
-    if (!absl::ascii_islower(c) && !absl::ascii_isdigit(c) && c != '-') return false;
-  }
-  return true;
-}
 
 std::vector<SceneRow> SelectScenes(soci::session& sql, const std::string& where,
                                    const std::string& key, int64_t limit) {
@@ -64,7 +52,7 @@ absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) 
 }  // namespace
 
 absl::StatusOr<SceneRow> Store::CreateScene(const SceneRow& scene) {
-  if (!IsLabel(scene.id)) {
+  if (!IsRfc1034Label(scene.id)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "scene id '", scene.id, "': must be 1 to 63 of a-z, 0-9 and '-', from a letter to no '-'"));
   }

@@ -13,10 +13,14 @@
 // What the store's parts share: columns to rows, checks inside a transaction, and pages.
 namespace pepeseg {
 
+// Letters, digits and hyphens, from a letter to no hyphen, at most 63.
+bool IsRfc1034Label(const std::string& id);
+
 // NOT_FOUND "scenes/ID does not exist".
 absl::Status CheckScene(soci::session& sql, const std::string& scene);
 absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,
                                          int64_t number);
+absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number);
 absl::StatusOr<JobRow> SelectJob(soci::session& sql, const std::string& id);
 // Rows whose `where` (with one placeholder) holds, at most `limit`, in `order`.
 std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,

@@ -5,10 +5,9 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/decode_image.h"
-#include "core/io/image_header.h"
 #include "core/status_macros.h"
 #include "server/rpc/error.h"
+#include "server/rpc/read_mask.h"
 
 namespace pepeseg {
 namespace {
@@ -16,25 +15,6 @@ namespace {
 constexpr int kMaxLabels = 1000;
 constexpr int64_t kMaxLabelPixels =
     64'000'000;  // of all views together: 2 bytes each, 3 if ignored
-
-// A grey PNG of the view's size; the header tells before anything is decoded.
-absl::StatusOr<FloatImage> DecodeFor(const ModelView& view, const std::string& bytes,
-                                     const std::string& field) {
-  const std::span png(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  const auto header = ReadImageHeader(view.name, png);
-  if (!header.ok() || header->format != ImageFormat::kPng) {
-    return BadField(field, view.name, "not a whole PNG");
-  }
-  const Camera& camera = view.camera;
-  if (header->width != camera.width || header->height != camera.height) {
-    return BadField(field, absl::StrCat(header->width, "x", header->height),
-                    absl::StrCat("pixels; view ", view.name, " has ", camera.width, "x",
-                                 camera.height, " in the model"));
-  }
-  auto image = DecodeGrey(png, view.name);
-  if (!image.ok()) return BadField(field, view.name, std::string(image.status().message()));
-  return image;
-}
 
 absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& model,
                                       const std::string& field) {
@@ -49,11 +29,11 @@ absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest::ViewLabels& labe
                                      const Model& model, const std::string& field) {
   LabeledView labeled;
   ASSIGN_OR_RETURN(labeled.view, FindHeldOut(labels.view(), model, field + ".view"));
-  ASSIGN_OR_RETURN(const FloatImage ids, DecodeFor(labeled.view, labels.png(), field + ".png"));
+  ASSIGN_OR_RETURN(const FloatImage ids, DecodeGreyOf(labeled.view, labels.png(), field + ".png"));
   labeled.labels.assign(ids.values.begin(), ids.values.end());
   if (labels.ignore_png().empty()) return labeled;
   ASSIGN_OR_RETURN(const FloatImage ignore,
-                   DecodeFor(labeled.view, labels.ignore_png(), field + ".ignore_png"));
+                   DecodeGreyOf(labeled.view, labels.ignore_png(), field + ".ignore_png"));
   for (const float value : ignore.values) labeled.ignore.push_back(value != 0 ? 1 : 0);
   return labeled;
 }

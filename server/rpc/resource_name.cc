@@ -72,6 +72,15 @@ absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::st
   return ParseChildName(name, "models", field);
 }
 
+absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field) {
+  const auto parts = Parts(name);
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneId(parts[1]) || parts[2] != "labels" ||
+      !IsSceneId(parts[3])) {
+    return BadField(field, name, "not of the form scenes/{scene}/labels/{label}");
+  }
+  return SceneLabel{parts[1], parts[3]};
+}
+
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
   if (parts.size() != 2 || parts[0] != "jobs" || parts[1].substr(0, 1) != "j" ||
@@ -85,6 +94,10 @@ std::string SceneName(const std::string& scene) { return absl::StrCat("scenes/",
 
 std::string ChildName(const std::string& scene, const std::string& collection, int64_t number) {
   return absl::StrCat("scenes/", scene, "/", collection, "/", number);
+}
+
+std::string LabelName(const std::string& scene, const std::string& id) {
+  return absl::StrCat("scenes/", scene, "/labels/", id);
 }
 
 std::string JobName(const std::string& job) { return absl::StrCat("jobs/", job); }

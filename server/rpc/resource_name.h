@@ -18,6 +18,12 @@ struct SceneChild {
   int64_t number = 0;
 };
 
+// A label of a scene.
+struct SceneLabel {
+  std::string scene;
+  std::string id;
+};
+
 // RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
 bool IsSceneId(std::string_view id);
 
@@ -28,11 +34,14 @@ absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::st
                                           const std::string& field);
 // As above for "models", where "live" is kLiveModel.
 absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field);
+// "scenes/{scene}/labels/{label}".
+absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field);
 // "jobs/{job}": the job's id, "j" and digits.
 absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::string& field);
 
 std::string SceneName(const std::string& scene);
 std::string ChildName(const std::string& scene, const std::string& collection, int64_t number);
+std::string LabelName(const std::string& scene, const std::string& id);
 std::string JobName(const std::string& job);
 
 }  // namespace pepeseg

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
+#include "server/layout.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
@@ -69,6 +70,7 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
     std::filesystem::remove_all(context.data_folder / "jobs" / job, ignored);
   }
   std::filesystem::remove_all(context.data_folder / "datasets" / scene, ignored);
+  std::filesystem::remove_all(context.data_folder / SelectionFolder(scene), ignored);
   return absl::OkStatus();
 }
 

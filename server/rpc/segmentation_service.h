@@ -18,6 +18,33 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* call,
                                      const v1::EvaluateRequest* request,
                                      v1::EvaluateResponse* response) override;
+  grpc::ServerUnaryReactor* CreateLabel(grpc::CallbackServerContext* call,
+                                        const v1::CreateLabelRequest* request,
+                                        v1::Label* response) override;
+  grpc::ServerUnaryReactor* ListLabels(grpc::CallbackServerContext* call,
+                                       const v1::ListLabelsRequest* request,
+                                       v1::ListLabelsResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteLabel(grpc::CallbackServerContext* call,
+                                        const v1::DeleteLabelRequest* request,
+                                        google::protobuf::Empty* response) override;
+  grpc::ServerUnaryReactor* Select(grpc::CallbackServerContext* call,
+                                   const v1::SelectRequest* request,
+                                   v1::Selection* response) override;
+  grpc::ServerUnaryReactor* CombineSelections(grpc::CallbackServerContext* call,
+                                              const v1::CombineSelectionsRequest* request,
+                                              v1::Selection* response) override;
+  grpc::ServerUnaryReactor* UndoSelection(grpc::CallbackServerContext* call,
+                                          const v1::UndoSelectionRequest* request,
+                                          v1::Selection* response) override;
+  grpc::ServerUnaryReactor* GetSelection(grpc::CallbackServerContext* call,
+                                         const v1::GetSelectionRequest* request,
+                                         v1::Selection* response) override;
+  grpc::ServerUnaryReactor* ListSelections(grpc::CallbackServerContext* call,
+                                           const v1::ListSelectionsRequest* request,
+                                           v1::ListSelectionsResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteSelection(grpc::CallbackServerContext* call,
+                                            const v1::DeleteSelectionRequest* request,
+                                            google::protobuf::Empty* response) override;
   grpc::ServerUnaryReactor* Render(grpc::CallbackServerContext* call,
                                    const v1::RenderRequest* request,
                                    v1::RenderResponse* response) override;

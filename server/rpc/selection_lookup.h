@@ -8,6 +8,11 @@
 
 namespace pepeseg {
 
+// The row of a selection named in a request. INVALID_ARGUMENT names `field` when it is no name;
+// NOT_FOUND. Blocks.
+absl::StatusOr<SelectionRow> FindSelectionRow(const ServiceContext& context,
+                                              const std::string& name, const std::string& field);
+
 // The Gaussians of a selection named in a request, of the model of this name. INVALID_ARGUMENT
 // names `field` when it is no name; NOT_FOUND; FAILED_PRECONDITION when it is of another model;
 // DATA_LOSS. Blocks.

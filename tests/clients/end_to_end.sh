@@ -54,6 +54,32 @@ for stem in frame-000000 frame-000008; do
     fail "no mask of $stem"
 done
 expect 4 pepeseg segment shelf --view frame-000000.jpg --point 9999,60
+
+expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 70,70 --threshold 0 --text 'A cup'
+expect 0 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
+expect 6 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
+expect 4 pepeseg label shelf plate --view frame-000000.jpg --mask "$dataset/labels/frame-000000.png"
+expect 0 pepeseg labels shelf
+areas=$(awk '{print $3}' "$work/output" | uniq | wc -l)
+[[ $(wc -l <"$work/output") == 2 && $areas == 1 ]] || fail 'the click and its mask differ'
+expect 0 pepeseg labels shelf --delete mug
+expect 3 pepeseg labels shelf --delete mug
+
+expect 0 pepeseg select shelf --view frame-000000.jpg --point 70,70 --threshold 0
+grep -Eq '^scenes/shelf/selections/1  scenes/shelf/models/1  [1-9][0-9]* Gaussians' "$work/output" ||
+  fail 'nothing is selected'
+expect 0 pepeseg select shelf --view frame-000003.jpg --point 70,70 --threshold 0 --add-to 1 \
+  --views 4 --keep-disconnected --out "$work"
+grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'the base is not told'
+expect 0 pepeseg combine shelf 2 subtract 1
+expect 0 pepeseg selections shelf 3 --undo
+grep -q '^scenes/shelf/selections/2 ' "$work/output" || fail 'undo does not answer the base'
+expect 6 pepeseg selections shelf 1 --undo
+expect 0 pepeseg selections shelf 1 --delete
+expect 3 pepeseg selections shelf 1
+expect 0 pepeseg --json selections shelf
+grep -q '"num_gaussians":' "$work/output" || fail 'no selections as JSON'
+
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'no rendering'
 expect 4 pepeseg evaluate shelf "$dataset/labels"

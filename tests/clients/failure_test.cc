@@ -10,7 +10,9 @@
 namespace pepeseg::cli {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 grpc::Status WithDetail() {
   v1::ErrorDetail detail;
@@ -42,6 +44,20 @@ TEST(Explain, SaysWhatToDo) {
   EXPECT_THAT(text, HasSubstr("one training a scene"));
   EXPECT_THAT(text, HasSubstr("pepeseg watch jobs/17"));
   EXPECT_THAT(Explain(absl::UnavailableError("refused"), "host:1"), HasSubstr("host:1"));
+}
+
+TEST(Explain, AdvisesToTrainOnlyWhereNothingElseIsInTheWay) {
+  EXPECT_THAT(Explain(absl::FailedPreconditionError("no model yet"), "host:1"),
+              HasSubstr("pepeseg train"));
+  v1::ErrorDetail detail;
+  detail.set_reason("NO_BASE");
+  detail.set_resource("scenes/shelf/selections/1");
+  v1::Status status;
+  status.add_details()->PackFrom(detail);
+  const grpc::Status refused(grpc::StatusCode::FAILED_PRECONDITION, "not made from another",
+                             status.SerializeAsString());
+  EXPECT_THAT(Explain(FromGrpc(refused), "host:1"),
+              AllOf(HasSubstr("not made from another"), Not(HasSubstr("pepeseg train"))));
 }
 
 TEST(ExplainJson, CarriesTheServersDetail) {

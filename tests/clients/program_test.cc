@@ -33,16 +33,23 @@ Ran RunPepeseg(const std::string& arguments) {
 TEST(Program, HelpListsVerbsAndExitCodes) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
-  for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
-                           "render", "evaluate", "export", "demo", "Exit codes"}) {
+  for (const char* verb :
+       {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment", "render", "label",
+        "labels", "select", "selections", "combine", "evaluate", "export", "demo", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
 
 TEST(Program, WrongCommandLinesAreUsage) {
-  for (const char* arguments : {"", "fly", "upload", "upload shelf", "segment shelf --view a",
-                                "segment shelf --view a --point 1,2 --scale 7", "evaluate shelf",
-                                "scenes --delete", "jobs --nonsense"}) {
+  for (const char* arguments :
+       {"", "fly", "upload", "upload shelf", "segment shelf --view a",
+        "segment shelf --view a --point 1,2 --scale 7", "evaluate shelf", "scenes --delete",
+        "jobs --nonsense", "label shelf cup --view a",
+        "label shelf cup --view a -p 1,2 --mask a.png", "labels",
+        "select shelf --view a -p 1,2 --views 101",
+        "select shelf --view a -p 1,2 --add-to 1 --intersect 2",
+        "select shelf --view a -p 1,2 --add-to 0", "selections shelf --undo",
+        "selections shelf 1 --undo --delete", "combine shelf 1 with 2", "combine shelf 1 union"}) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
   }
 }
@@ -66,6 +73,9 @@ TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
   EXPECT_EQ(RunPepeseg("upload shelf /nowhere 2>&1").exit_code, 3);
   EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/images 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("segment shelf --view a --point 1x2 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("select shelf --view a --point 1x2 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("label shelf cup --view a --point 1x2 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("label shelf cup --view a --mask /nowhere 2>&1").exit_code, 3);
   EXPECT_EQ(RunPepeseg("evaluate shelf /nowhere 2>&1").exit_code, 3);
   EXPECT_EQ(RunPepeseg("evaluate shelf / --names /dev/null 2>&1").exit_code, 4);
   const Ran ran = RunPepeseg("train shelf --dataset 1 -o reconstruct.steps=5 2>&1");

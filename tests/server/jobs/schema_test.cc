@@ -44,5 +44,25 @@ TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
   EXPECT_EQ((**(*store)->ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
 }
 
+TEST(Schema, ScenesAndModelsOfOldVersionsTakeLabelsAndSelections) {
+  const testing::TempFolder folder;
+  const std::string path = (folder.path() / "store.db").string();
+  WriteFirstVersion(path);
+  const auto store = Store::Open("sqlite:" + path);
+  ASSERT_TRUE(store.ok()) << store.status();
+  LabelRow label;
+  label.scene = "a";
+  label.id = "cup";
+  EXPECT_TRUE((*store)->CreateLabel(label).ok());
+  const auto number = (*store)->TakeSelectionNumber("a");
+  ASSERT_TRUE(number.ok()) << number.status();
+  EXPECT_EQ(*number, 1);
+  SelectionRow selection;
+  selection.scene = "a";
+  selection.number = *number;
+  selection.model = 1;
+  EXPECT_TRUE((*store)->CreateSelection(selection).ok());
+}
+
 }  // namespace
 }  // namespace pepeseg

@@ -22,6 +22,10 @@ TEST(ResourceNames, ParseWhatTheyPrint) {
   ASSERT_TRUE(child.ok());
   EXPECT_EQ(child->scene, "shelf");
   EXPECT_EQ(child->number, 12);
+  const auto label = ParseLabelName(LabelName("shelf", "red-cup"), "name");
+  ASSERT_TRUE(label.ok());
+  EXPECT_EQ(label->scene, "shelf");
+  EXPECT_EQ(label->id, "red-cup");
   EXPECT_EQ(*ParseJobName(JobName("j7"), "name"), "j7");
   EXPECT_EQ(ParseModelName("scenes/shelf/models/3", "model")->number, 3);
   EXPECT_EQ(ParseModelName("scenes/shelf/models/live", "model")->number, kLiveModel);
@@ -41,6 +45,11 @@ TEST(ResourceNames, RefuseAllElse) {
   }
   for (const char* bad : {"jobs/", "jobs/7", "jobs/j", "jobs/j0", "jobs/j1/x", "jobs/j../../x"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(ParseJobName(bad, "name").status())) << bad;
+  }
+  for (const char* bad :
+       {"", "cup", "scenes/a/labels/", "scenes/a/labels/Cup", "scenes/a/labels/..",
+        "scenes/a/models/cup", "scenes/A/labels/cup", "scenes/a/labels/cup/x"}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(ParseLabelName(bad, "name").status())) << bad;
   }
   EXPECT_FALSE(ParseModelName("scenes/a/models/dead", "model").ok());
   EXPECT_FALSE(ParseSceneName("scenes/" + std::string(1 << 20, 'a'), "name").ok());

@@ -1,0 +1,129 @@
+// Verbs about names for masks: label, labels.
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/file_bytes.h"
+#include "clients/cli/prompt.h"
+#include "clients/cli/questions.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+
+namespace pepeseg::cli {
+namespace {
+
+struct LabelFlags {
+  PromptFlags prompt;
+  GranularityFlags granularity;
+  std::string id;
+  std::string text;
+  std::string mask;  // a file; empty: what the points mean
+};
+
+struct LabelsFlags {
+  std::string scene;
+  std::string remove;  // id of a label; empty: list them
+};
+
+std::string LabelLine(const v1::Label& label) {
+  return absl::StrFormat("%-36s %s  %d px  %s", label.name(), label.view(), label.area(),
+                         label.text());
+}
+
+// The mask in the file, or of what the points mean in their view.
+absl::StatusOr<v1::MaskImage> FindMask(const Connection& connection, const LabelFlags& flags) {
+  v1::MaskImage mask;
+  if (!flags.mask.empty()) {
+    ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(flags.mask));
+    return mask;
+  }
+  v1::SegmentRequest request;
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  *request.mutable_granularity() = ToGranularity(flags.granularity);
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
+  if (answer.masks_size() != 1) return absl::InternalError("no mask was answered");
+  *mask.mutable_rle() = answer.masks(0).rle();
+  return mask;
+}
+
+absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
+  const Connection connection(shell.server);
+  v1::CreateLabelRequest request;
+  request.set_parent(SceneName(flags.prompt.scene));
+  request.set_label_id(flags.id);
+  request.set_request_id(NewRequestId());
+  request.mutable_label()->set_text(flags.text);
+  request.mutable_label()->set_view(flags.prompt.view);
+  ASSIGN_OR_RETURN(*request.mutable_label()->mutable_mask(), FindMask(connection, flags));
+  v1::Label label;
+  Call call(request.parent(), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->CreateLabel(call, request, &label)));
+  shell.json ? PrintJson(label) : Print(LabelLine(label));
+  return absl::OkStatus();
+}
+
+absl::Status ListLabels(const Shell& shell, const Connection& connection,
+                        const std::string& scene) {
+  v1::ListLabelsRequest request;
+  request.set_parent(scene);
+  request.set_page_size(1000);
+  v1::ListLabelsResponse all;
+  do {
+    v1::ListLabelsResponse page;
+    Call call(scene, kCallSeconds);
+    RETURN_IF_ERROR(FromGrpc(connection.segmentation->ListLabels(call, request, &page)));
+    request.set_page_token(page.next_page_token());
+    page.clear_next_page_token();
+    all.MergeFrom(page);
+  } while (!request.page_token().empty());
+  if (shell.json) {
+    PrintJson(all);
+  } else {
+    for (const v1::Label& label : all.labels()) Print(LabelLine(label));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RunLabels(const Shell& shell, const LabelsFlags& flags) {
+  const Connection connection(shell.server);
+  const std::string scene = SceneName(flags.scene);
+  if (flags.remove.empty()) return ListLabels(shell, connection, scene);
+  v1::DeleteLabelRequest request;
+  request.set_name(absl::StrCat(scene, "/labels/", flags.remove));
+  google::protobuf::Empty answer;
+  Call call(scene, kCallSeconds);
+  return FromGrpc(connection.segmentation->DeleteLabel(call, request, &answer));
+}
+
+}  // namespace
+
+void AddLabel(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<LabelFlags>();
+  CLI::App* verb = app.add_subcommand("label", "Name what a mask of a view shows");
+  AddPromptFlags(*verb, flags->prompt);
+  verb->add_option("ID", flags->id, "Of the label: a-z, 0-9 and '-'")->required();
+  AddGranularityFlags(*verb, flags->granularity);
+  CLI::Option* point = verb->get_option("--point")->required(false);
+  CLI::Option* mask =
+      verb->add_option("--mask", flags->mask, "A grey PNG of the view's size, 0 outside, instead")
+          ->excludes(point);
+  verb->add_option("--text", flags->text, "What it says; the id by default");
+  verb->callback([flags, &shell, point, mask] {
+    if (point->empty() && mask->empty()) throw CLI::RequiredError("--point or --mask");
+    shell.verb = [&, flags] { return RunLabel(shell, *flags); };
+  });
+}
+
+void AddLabels(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<LabelsFlags>();
+  CLI::App* verb = app.add_subcommand("labels", "List a scene's labels, or delete one");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("--delete", flags->remove, "Delete the label of this id");
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunLabels(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::cli

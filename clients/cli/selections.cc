@@ -1,0 +1,246 @@
+// Verbs about Gaussians chosen: select, selections, combine.
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/picture.h"
+#include "clients/cli/prompt.h"
+#include "clients/cli/questions.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+
+namespace pepeseg::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SelectFlags {
+  PromptFlags prompt;
+  GranularityFlags granularity;
+  int add_to = 0, subtract_from = 0, intersect = 0;  // numbers of selections; 0: none
+  int num_views = 0;                                 // 0: the server's choice
+  bool keep_disconnected = false;
+  std::string out;
+};
+
+struct SelectionsFlags {
+  std::string scene;
+  int number = 0;  // 0: list them
+  bool undo = false;
+  bool remove = false;
+};
+
+struct CombineFlags {
+  std::string scene;
+  int first = 0, second = 0;
+  std::string operation;
+};
+
+const std::map<std::string, v1::SetOperation>& Operations() {
+  static const auto& operations =
+      *new std::map<std::string, v1::SetOperation>{{"union", v1::SET_OPERATION_UNION},
+                                                   {"subtract", v1::SET_OPERATION_SUBTRACT},
+                                                   {"intersect", v1::SET_OPERATION_INTERSECT}};
+  return operations;
+}
+
+std::string SelectionName(const std::string& scene, int number) {
+  return absl::StrCat(SceneName(scene), "/selections/", number);
+}
+
+void PrintSelection(const Shell& shell, const v1::Selection& selection) {
+  if (shell.json) return PrintJson(selection);
+  std::string line = absl::StrFormat("%s  %s  %d Gaussians", selection.name(), selection.model(),
+                                     selection.num_gaussians());
+  if (selection.min_size() == 3 && selection.max_size() == 3) {
+    absl::StrAppendFormat(&line, "  %.4g x %.4g x %.4g scene units",
+                          selection.max(0) - selection.min(0), selection.max(1) - selection.min(1),
+                          selection.max(2) - selection.min(2));
+  }
+  if (!selection.base().empty()) absl::StrAppend(&line, "  from ", selection.base());
+  Print(line);
+}
+
+void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
+  const auto set = [&](int number, v1::SetOperation operation) {
+    if (number == 0) return;
+    request.set_base(SelectionName(flags.prompt.scene, number));
+    request.set_operation(operation);
+  };
+  set(flags.add_to, v1::SET_OPERATION_UNION);
+  set(flags.subtract_from, v1::SET_OPERATION_SUBTRACT);
+  set(flags.intersect, v1::SET_OPERATION_INTERSECT);
+}
+
+// STEM_selection.png: the selection alone, from the prompt's view.
+absl::Status WritePicture(const Connection& connection, const SelectFlags& flags,
+                          const v1::Selection& selection) {
+  v1::RenderRequest request;
+  request.set_model(selection.model());
+  request.mutable_viewpoint()->set_view(flags.prompt.view);
+  request.mutable_subset()->set_selection(selection.name());
+  v1::RenderResponse answer;
+  Call call(SceneOf(selection.model()), kCallSeconds);
+  const absl::Status status = FromGrpc(connection.segmentation->Render(call, request, &answer));
+  if (absl::IsUnimplemented(status)) {
+    Note("no picture: the server does not render selections");
+    return absl::OkStatus();
+  }
+  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const Picture picture, DecodePicture(answer.png(), flags.prompt.view));
+  const fs::path path = fs::path(flags.out) / (Stem(flags.prompt.view) + "_selection.png");
+  RETURN_IF_ERROR(WritePng(path, picture));
+  Note(absl::StrCat("the selection is in ", path.string()));
+  return absl::OkStatus();
+}
+
+absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
+  v1::SelectRequest request;
+  request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
+  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  *request.mutable_granularity() = ToGranularity(flags.granularity);
+  request.set_num_views(flags.num_views);
+  request.set_keep_disconnected(flags.keep_disconnected);
+  SetBase(flags, request);
+  request.set_request_id(NewRequestId());
+  const Connection connection(shell.server);
+  v1::Selection selection;
+  Call call(SceneOf(request.model()), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Select(call, request, &selection)));
+  PrintSelection(shell, selection);
+  return flags.out.empty() ? absl::OkStatus() : WritePicture(connection, flags, selection);
+}
+
+absl::Status ListSelections(const Shell& shell, const Connection& connection,
+                            const std::string& scene) {
+  v1::ListSelectionsRequest request;
+  request.set_parent(scene);
+  request.set_page_size(1000);
+  v1::ListSelectionsResponse all;
+  do {
+    v1::ListSelectionsResponse page;
+    Call call(scene, kCallSeconds);
+    RETURN_IF_ERROR(FromGrpc(connection.segmentation->ListSelections(call, request, &page)));
+    request.set_page_token(page.next_page_token());
+    page.clear_next_page_token();
+    all.MergeFrom(page);
+  } while (!request.page_token().empty());
+  if (shell.json) {
+    PrintJson(all);
+  } else {
+    for (const v1::Selection& selection : all.selections()) PrintSelection(shell, selection);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RemoveSelection(const Connection& connection, const std::string& name) {
+  v1::DeleteSelectionRequest request;
+  request.set_name(name);
+  google::protobuf::Empty answer;
+  Call call(SceneOf(name), kCallSeconds);
+  return FromGrpc(connection.segmentation->DeleteSelection(call, request, &answer));
+}
+
+absl::StatusOr<v1::Selection> AskUndo(const Connection& connection, const std::string& name) {
+  v1::UndoSelectionRequest request;
+  request.set_name(name);
+  v1::Selection base;
+  Call call(SceneOf(name), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->UndoSelection(call, request, &base)));
+  return base;
+}
+
+absl::StatusOr<v1::Selection> AskSelection(const Connection& connection, const std::string& name) {
+  v1::GetSelectionRequest request;
+  request.set_name(name);
+  v1::Selection selection;
+  Call call(SceneOf(name), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->GetSelection(call, request, &selection)));
+  return selection;
+}
+
+absl::Status RunSelections(const Shell& shell, const SelectionsFlags& flags) {
+  const Connection connection(shell.server);
+  if (flags.number == 0) return ListSelections(shell, connection, SceneName(flags.scene));
+  const std::string name = SelectionName(flags.scene, flags.number);
+  if (flags.remove) return RemoveSelection(connection, name);
+  ASSIGN_OR_RETURN(const v1::Selection selection,
+                   flags.undo ? AskUndo(connection, name) : AskSelection(connection, name));
+  PrintSelection(shell, selection);
+  return absl::OkStatus();
+}
+
+absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
+  const Connection connection(shell.server);
+  v1::CombineSelectionsRequest request;
+  request.set_first(SelectionName(flags.scene, flags.first));
+  request.set_second(SelectionName(flags.scene, flags.second));
+  request.set_operation(Operations().at(flags.operation));
+  request.set_request_id(NewRequestId());
+  v1::Selection selection;
+  Call call(SceneName(flags.scene), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->CombineSelections(call, request, &selection)));
+  PrintSelection(shell, selection);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddSelect(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<SelectFlags>();
+  CLI::App* verb = app.add_subcommand("select", "The Gaussians of what a click means, in 3D");
+  AddPromptFlags(*verb, flags->prompt);
+  AddGranularityFlags(*verb, flags->granularity);
+  CLI::Option* add = verb->add_option("--add-to", flags->add_to, "Number of a selection: with it")
+                         ->check(CLI::PositiveNumber);
+  CLI::Option* subtract =
+      verb->add_option("--subtract-from", flags->subtract_from, "That selection without this")
+          ->check(CLI::PositiveNumber)
+          ->excludes(add);
+  verb->add_option("--intersect", flags->intersect, "What that selection has too")
+      ->check(CLI::PositiveNumber)
+      ->excludes(add)
+      ->excludes(subtract);
+  verb->add_option("--views", flags->num_views, "How many views vote")->check(CLI::Range(1, 100));
+  verb->add_flag("--keep-disconnected", flags->keep_disconnected,
+                 "Also what does not hang together with what is clicked");
+  verb->add_option("--out", flags->out, "Folder for STEM_selection.png");
+  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunSelect(shell, *flags); }; });
+}
+
+void AddSelections(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<SelectionsFlags>();
+  CLI::App* verb = app.add_subcommand("selections", "List a scene's selections, or describe one");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  CLI::Option* number =
+      verb->add_option("NUMBER", flags->number, "Of a selection")->check(CLI::PositiveNumber);
+  CLI::Option* undo =
+      verb->add_flag("--undo", flags->undo, "Describe the one it was made from")->needs(number);
+  verb->add_flag("--delete", flags->remove, "Delete it")->needs(number)->excludes(undo);
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunSelections(shell, *flags); }; });
+}
+
+void AddCombine(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<CombineFlags>();
+  CLI::App* verb = app.add_subcommand("combine", "A selection out of two of a model");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("FIRST", flags->first, "Number of a selection")
+      ->required()
+      ->check(CLI::PositiveNumber);
+  verb->add_option("OPERATION", flags->operation, "union, subtract or intersect")
+      ->required()
+      ->check(CLI::IsMember({"union", "subtract", "intersect"}));
+  verb->add_option("SECOND", flags->second, "Number of another")
+      ->required()
+      ->check(CLI::PositiveNumber);
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunCombine(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,86 @@
+#include "core/io/selection_file.h"
+
+#include <cstdint>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
+#include "core/io/byte_reader.h"
+#include "core/io/digest.h"
+#include "core/io/file_bytes.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr std::string_view kMagic = "PPSGSELE";
+constexpr uint32_t kVersion = 1;
+constexpr uint64_t kMaxGaussians = 50'000'000;
+constexpr int64_t kMaxFileBytes = int64_t{8} << 20;  // more than kMaxGaussians take
+constexpr size_t kDigestBytes = 64;
+
+absl::Status Lost(absl::string_view name, absl::string_view why) {
+  return absl::DataLossError(absl::StrCat(name, ": ", why));
+}
+
+template <class T>
+void Append(T value, std::string& bytes) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+size_t NumBytes(uint64_t num_bits) { return static_cast<size_t>((num_bits + 7) / 8); }
+
+// What the digest is of.
+absl::StatusOr<GaussianSet> ParseBody(absl::string_view body, const std::string& name) {
+  ByteReader reader(body);
+  reader.Skip(kMagic.size());
+  const auto version = reader.Take<uint32_t>();
+  reader.Take<uint32_t>();
+  const auto count = reader.Take<uint64_t>();
+  if (version != kVersion) {
+    return Lost(name, absl::StrCat("has version ", version, "; version ", kVersion, " is read"));
+  }
+  if (!reader.ok() || count > kMaxGaussians || reader.remaining() != NumBytes(count)) {
+    return Lost(name, absl::StrCat("declares ", count, " Gaussians, which ", reader.remaining(),
+                                   " bytes do not hold"));
+  }
+  const absl::string_view bits = body.substr(reader.offset());
+  GaussianSet set;
+  set.member.reserve(count);
+  for (uint64_t i = 0; i < count; ++i) {
+    set.member.push_back(static_cast<uint8_t>(bits[i / 8] >> (i % 8) & 1));
+  }
+  return set;
+}
+
+}  // namespace
+
+absl::Status WriteSelectionFile(const std::filesystem::path& path, const GaussianSet& set) {
+  std::string bytes(kMagic);
+  Append(kVersion, bytes);
+  Append(uint32_t{0}, bytes);
+  Append(uint64_t{set.member.size()}, bytes);
+  std::string bits(NumBytes(set.member.size()), '\0');
+  for (size_t i = 0; i < set.member.size(); ++i) {
+    if (set.member[i] != 0) bits[i / 8] = static_cast<char>(bits[i / 8] | 1 << (i % 8));
+  }
+  bytes += bits;
+  bytes += Sha256Hex(bytes);
+  return WriteFileAtomically(path, bytes);
+}
+
+absl::StatusOr<GaussianSet> ReadSelectionFile(const std::filesystem::path& path,
+                                              const std::string& name) {
+  const auto bytes = ReadFile(path, name, kMaxFileBytes);
+  if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
+  if (bytes->size() < kMagic.size() + kDigestBytes || !bytes->starts_with(kMagic)) {
+    return Lost(name, "is not a selection");
+  }
+  const absl::string_view body(bytes->data(), bytes->size() - kDigestBytes);
+  if (Sha256Hex({body.data(), body.size()}) != bytes->substr(body.size())) {
+    return Lost(name, "fails its checksum");
+  }
+  return ParseBody(body, name);
+}
+
+}  // namespace pepeseg

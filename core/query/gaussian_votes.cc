@@ -1,0 +1,88 @@
+#include "core/query/gaussian_votes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMaxNearPixels = 49'152;  // looked at around a mask
+constexpr double kMaxFarPixels = 16'384;   // and elsewhere
+constexpr int kMinMargin = 8;              // around a mask, pixels
+
+struct PixelBox {
+  int left = 0, top = 0, right = 0, bottom = 0;  // half open
+
+  bool Contains(int x, int y) const { return x >= left && x < right && y >= top && y < bottom; }
+};
+
+struct SampledPixels {
+  std::vector<int32_t> pixels;  // y * width + x
+  std::vector<double> area;     // that each stands for
+};
+
+// The mask's box and a margin, since Gaussians on its border reach over it.
+PixelBox BoxAround(const SegmentResult& result) {
+  const int margin = std::max(kMinMargin, std::max(result.box[2], result.box[3]) / 8);
+  return {std::max(0, result.box[0] - margin), std::max(0, result.box[1] - margin),
+          std::min(result.width, result.box[0] + result.box[2] + margin),
+          std::min(result.height, result.box[1] + result.box[3] + margin)};
+}
+
+int StrideFor(int width, int height, double max_pixels) {
+  return std::max(1,
+                  static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / max_pixels))));
+}
+
+SampledPixels ChoosePixels(const SegmentResult& result) {
+  const PixelBox box = BoxAround(result);
+  SampledPixels chosen;
+  const int near = StrideFor(box.right - box.left, box.bottom - box.top, kMaxNearPixels);
+  for (int y = box.top + near / 2; y < box.bottom; y += near) {
+    for (int x = box.left + near / 2; x < box.right; x += near) {
+      chosen.pixels.push_back(y * result.width + x);
+    }
+  }
+  chosen.area.assign(chosen.pixels.size(), double{1} * near * near);
+  const int far = StrideFor(result.width, result.height, kMaxFarPixels);
+  for (int y = far / 2; y < result.height; y += far) {
+    for (int x = far / 2; x < result.width; x += far) {
+      if (!box.Contains(x, y)) chosen.pixels.push_back(y * result.width + x);
+    }
+  }
+  chosen.area.resize(chosen.pixels.size(), double{1} * far * far);
+  return chosen;
+}
+
+}  // namespace
+
+absl::Status GaussianVotes::Add(const Segmenter& segmenter, const ModelView& view,
+                                const SegmentResult& result) {
+  const SampledPixels chosen = ChoosePixels(result);
+  ASSIGN_OR_RETURN(const PixelRows rows, segmenter.Rows(view, chosen.pixels));
+  for (size_t i = 0; i < chosen.pixels.size(); ++i) {
+    const bool inside = result.mask.pixels[chosen.pixels[i]] != 0;
+    for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
+      const double weight = double{rows.weight[e]} * chosen.area[i];
+      seen_[rows.gaussian[e]] += weight;
+      if (inside) inside_[rows.gaussian[e]] += weight;
+    }
+  }
+  return absl::OkStatus();
+}
+
+Eigen::Vector3d GaussianVotes::CenterInside(const Gaussians& gaussians) const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double total = 0;
+  for (size_t i = 0; i < inside_.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      sum[axis] += inside_[i] * double{gaussians.Plane(kMeanPlane + axis)[i]};
+    }
+    total += inside_[i];
+  }
+  return sum / total;
+}
+
+}  // namespace pepeseg

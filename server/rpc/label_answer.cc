@@ -1,0 +1,110 @@
+#include "server/rpc/label_answer.h"
+
+#include <algorithm>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/rle.h"
+#include "core/status_macros.h"
+#include "server/rpc/error.h"
+#include "server/rpc/model_lookup.h"
+#include "server/rpc/read_mask.h"
+#include "server/rpc/read_prompt.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxTextBytes = 256;
+
+v1::Label WithoutMask(const LabelRow& row) {
+  v1::Label proto;
+  proto.set_name(LabelName(row.scene, row.id));
+  proto.set_text(row.text);
+  proto.set_view(row.view);
+  proto.set_area(row.area);
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  return proto;
+}
+
+v1::Label WithMask(const LabelRow& row) {
+  v1::Label proto = WithoutMask(row);
+  v1::CocoRle& rle = *proto.mutable_mask()->mutable_rle();
+  rle.set_width(row.width);
+  rle.set_height(row.height);
+  rle.set_counts(row.counts);
+  return proto;
+}
+
+absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
+  if (!IsSceneId(request.label_id())) {
+    return BadField(
+        "label_id", request.label_id(),
+        "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
+  }
+  const size_t size = request.label().text().size();
+  if (size > kMaxTextBytes) {
+    return BadField("label.text", absl::StrCat(size),
+                    absl::StrCat("bytes; allowed are ", kMaxTextBytes));
+  }
+  return CheckRequestId(request.request_id());
+}
+
+// Its view and mask are checked against the live model.
+absl::StatusOr<LabelRow> ReadLabel(const ServiceContext& context,
+                                   const v1::CreateLabelRequest& request) {
+  LabelRow row;
+  ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
+  RETURN_IF_ERROR(CheckCreate(request));
+  const v1::Label& label = request.label();
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModel(context, request.parent() + "/models/live", "parent"));
+  ASSIGN_OR_RETURN(const ModelView view,
+                   FindView(label.view(), model.segmenter->model(), "label.view"));
+  ASSIGN_OR_RETURN(const BinaryMask mask, ReadMask(label.mask(), view, "label.mask"));
+  row.id = request.label_id();
+  row.text = label.text().empty() ? row.id : label.text();
+  row.view = view.name;
+  row.width = view.camera.width;
+  row.height = view.camera.height;
+  row.counts = EncodeCocoRle(mask, row.width, row.height);
+  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  row.request_id = request.request_id();
+  return row;
+}
+
+}  // namespace
+
+absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLabelRequest& request,
+                               v1::Label* response) {
+  ASSIGN_OR_RETURN(const LabelRow label, ReadLabel(context, request));
+  const auto made = context.store->CreateLabel(label);
+  if (absl::IsAlreadyExists(made.status())) {
+    return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
+  }
+  RETURN_IF_ERROR(made.status());
+  *response = WithMask(*made);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabelsRequest& request,
+                              v1::ListLabelsResponse* response) {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, context.store->ListLabels(scene, page));
+  for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
+  response->set_next_page_token(labels.next_page_token);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerDeleteLabel(const ServiceContext& context,
+                               const v1::DeleteLabelRequest& request) {
+  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+  absl::Status deleted = context.store->DeleteLabel(label.scene, label.id);
+  if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
+  return deleted;
+}
+
+}  // namespace pepeseg
