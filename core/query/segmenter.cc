@@ -8,7 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/query/check_prompt.h"
+#include "core/query/decompositions.h"
 #include "core/query/feature_maps.h"
+#include "core/query/feature_palette.h"
 #include "core/status_macros.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
@@ -30,6 +32,13 @@ absl::Status CheckModel(const Model& model) {
   return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
                                                  " feature values, must be ", num_features,
                                                  " for its ", model.gaussians.count, " Gaussians"));
+}
+
+absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
+  const auto count = static_cast<size_t>(model.gaussians.count);
+  if (subset == nullptr || subset->member.size() == count) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("the subset is of ", subset->member.size(),
+                                                 " Gaussians, the model has ", count));
 }
 
 // Fills mask, score and box from the best similarities to positive and to negative points.
@@ -74,6 +83,7 @@ struct Segmenter::State {
   std::mutex mutex;  // one query at a time: the maps and their scratch are shared
   ModelRenderer renderer;
   FeatureMaps maps;
+  Decompositions decompositions;  // has its own mutex
 };
 
 absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(
@@ -153,10 +163,12 @@ Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
 
-absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view) const {
+absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
+                                             const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
   const std::lock_guard lock(state_->mutex);
-  return state_->renderer.Color(view);
+  return state_->renderer.Color(view, subset);
 }
 
 absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
@@ -209,6 +221,54 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   similarity.Download(values);
   if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
   return values;
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  const std::lock_guard lock(state_->mutex);
+  return state_->renderer.Depth(view, subset);
+}
+
+absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckScale(scale));
+  std::vector<Half> map;
+  {
+    const std::lock_guard lock(state_->mutex);
+    ASSIGN_OR_RETURN(const DeviceSpan<const Half> pixels, state_->maps.Get(view));
+    map.resize(static_cast<size_t>(pixels.size));
+    state_->backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
+    if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+  }
+  return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
+}
+
+absl::Status Segmenter::WithDecomposition(
+    std::span<const double> scales,
+    absl::FunctionRef<absl::Status(const Decomposition&)> use) const {
+  const auto rows = [this](const ModelView& view, std::span<const int32_t> pixels) {
+    return Rows(view, pixels);
+  };
+  return state_->decompositions.With(
+      scales, [&] { return Decompose(state_->backend, model(), scales, rows); }, use);
+}
+
+absl::StatusOr<std::vector<int32_t>> Segmenter::RenderSegments(const ModelView& view,
+                                                               std::span<const double> scales,
+                                                               int level) const {
+  RETURN_IF_ERROR(CheckView(view));
+  const auto rows = [this](const ModelView& of, std::span<const int32_t> pixels) {
+    return Rows(of, pixels);
+  };
+  std::vector<int32_t> image;
+  RETURN_IF_ERROR(WithDecomposition(scales, [&](const Decomposition& whole) -> absl::Status {
+    RETURN_IF_ERROR(CheckLevel(whole, level));
+    ASSIGN_OR_RETURN(image, RenderIds(view, whole.levels[level].ids, rows));
+    return absl::OkStatus();
+  }));
+  return image;
 }
 
 }  // namespace pepeseg

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "core/query/decompose.h"
 #include "core/query/model_renderer.h"
 #include "core/query/prompt.h"
 #include "core/scene/capture.h"
@@ -34,8 +36,9 @@ class Segmenter {
 
   const Model& model() const;
 
-  // Colour of a view, RGB.
-  absl::StatusOr<Image> RenderColor(const ModelView& view) const;
+  // Colour of a view, RGB; of some Gaussians only, where a subset is given.
+  absl::StatusOr<Image> RenderColor(const ModelView& view,
+                                    const GaussianSet* subset = nullptr) const;
   // What is blended into pixels, y * width + x, of a view.
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
 
@@ -54,6 +57,23 @@ class Segmenter {
   // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target) const;
+
+  // See ModelRenderer::Depth. A subset here and in RenderColor: INVALID_ARGUMENT when it is of
+  // another number of Gaussians.
+  absl::StatusOr<std::vector<float>> RenderDepth(const ModelView& view,
+                                                 const GaussianSet* subset = nullptr) const;
+  // A view's features at a quantile scale as colours, see FeaturePalette. INVALID_ARGUMENT: a scale
+  // out of range.
+  absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale) const;
+  // Calls `use` with the model taken apart at these scales, see Decompose, and answers what it
+  // does. The last few are kept; one is made once, however many ask, and other questions are
+  // answered meanwhile.
+  absl::Status WithDecomposition(std::span<const double> scales,
+                                 absl::FunctionRef<absl::Status(const Decomposition&)> use) const;
+  // The segment of a level that each pixel shows, see RenderIds. INVALID_ARGUMENT: no such level.
+  absl::StatusOr<std::vector<int32_t>> RenderSegments(const ModelView& view,
+                                                      std::span<const double> scales,
+                                                      int level) const;
 
  private:
   struct State;
