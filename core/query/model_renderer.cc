@@ -68,15 +68,17 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
   return absl::OkStatus();
 }
 
-absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map) {
-  RETURN_IF_ERROR(Render(view, {}));  // its colours are not looked at
+absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map,
+                                     const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not looked at
   backend_.RenderFeatures({features_.span(), &scratch_, map});
   return absl::OkStatus();
 }
 
 absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
-                                              std::span<const int32_t> pixels) {
-  RETURN_IF_ERROR(Render(view, {}));
+                                              std::span<const int32_t> pixels,
+                                              const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.subset = subset}));
   const Buffer<int32_t> pixel_buffer(backend_, pixels);
   Buffer<int32_t> first, gaussian;
   Buffer<float> weight;

@@ -37,9 +37,11 @@ class ModelRenderer {
   absl::StatusOr<std::vector<float>> Depth(const ModelView& view,
                                            const GaussianSet* subset = nullptr);
   // sum of weight * feature of each pixel: [height * width, 32].
-  absl::Status Features(const ModelView& view, DeviceSpan<Half> map);
+  absl::Status Features(const ModelView& view, DeviceSpan<Half> map,
+                        const GaussianSet* subset = nullptr);
   // pixels: y * width + x.
-  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels);
+  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels,
+                                 const GaussianSet* subset = nullptr);
 
  private:
   struct Pass {

@@ -77,6 +77,9 @@ struct Segmenter::State {
                                              const ModelView& target);
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
+  // [height * width, 32]; only maps of all Gaussians are kept.
+  absl::StatusOr<std::vector<Half>> DownloadFeatures(const ModelView& view,
+                                                     const GaussianSet* subset);
 
   Backend& backend;
   const Model model;
@@ -150,6 +153,25 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
   FillMask(positive, negative, result);
   if (want_similarity) result.similarity = std::move(positive);
   return result;
+}
+
+absl::StatusOr<std::vector<Half>> Segmenter::State::DownloadFeatures(const ModelView& view,
+                                                                     const GaussianSet* subset) {
+  Buffer<Half> of_subset;
+  DeviceSpan<const Half> pixels;
+  if (subset == nullptr) {
+    ASSIGN_OR_RETURN(pixels, maps.Get(view));
+  } else {
+    const int64_t size = int64_t{view.camera.width} * view.camera.height * kFeatureSize;
+    of_subset = Buffer<Half>(backend, size);
+    if (of_subset.empty()) return absl::ResourceExhaustedError("no memory for a feature map");
+    RETURN_IF_ERROR(renderer.Features(view, of_subset.span(), subset));
+    pixels = of_subset.span();
+  }
+  std::vector<Half> map(static_cast<size_t>(pixels.size));
+  backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
+  if (!backend.error().empty()) return absl::InternalError(backend.error());
+  return map;
 }
 
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
@@ -231,18 +253,32 @@ absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
   return state_->renderer.Depth(view, subset);
 }
 
-absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale) const {
+absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
+                                                const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckScale(scale));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
   std::vector<Half> map;
   {
     const std::lock_guard lock(state_->mutex);
-    ASSIGN_OR_RETURN(const DeviceSpan<const Half> pixels, state_->maps.Get(view));
-    map.resize(static_cast<size_t>(pixels.size));
-    state_->backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
-    if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
+    ASSIGN_OR_RETURN(map, state_->DownloadFeatures(view, subset));
   }
   return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
+}
+
+absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
+                                                          std::span<const int32_t> ids,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  if (static_cast<int64_t>(ids.size()) != model().gaussians.count) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
+  }
+  return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
+    const std::lock_guard lock(state_->mutex);
+    return state_->renderer.Rows(of, pixels, subset);
+  });
 }
 
 absl::Status Segmenter::WithDecomposition(
@@ -253,22 +289,6 @@ absl::Status Segmenter::WithDecomposition(
   };
   return state_->decompositions.With(
       scales, [&] { return Decompose(state_->backend, model(), scales, rows); }, use);
-}
-
-absl::StatusOr<std::vector<int32_t>> Segmenter::RenderSegments(const ModelView& view,
-                                                               std::span<const double> scales,
-                                                               int level) const {
-  RETURN_IF_ERROR(CheckView(view));
-  const auto rows = [this](const ModelView& of, std::span<const int32_t> pixels) {
-    return Rows(of, pixels);
-  };
-  std::vector<int32_t> image;
-  RETURN_IF_ERROR(WithDecomposition(scales, [&](const Decomposition& whole) -> absl::Status {
-    RETURN_IF_ERROR(CheckLevel(whole, level));
-    ASSIGN_OR_RETURN(image, RenderIds(view, whole.levels[level].ids, rows));
-    return absl::OkStatus();
-  }));
-  return image;
 }
 
 }  // namespace pepeseg

@@ -58,22 +58,26 @@ class Segmenter {
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target) const;
 
-  // See ModelRenderer::Depth. A subset here and in RenderColor: INVALID_ARGUMENT when it is of
-  // another number of Gaussians.
+  // The following show some Gaussians only, as if there were no others, where a subset is given, as
+  // RenderColor does. INVALID_ARGUMENT: it is of another number of Gaussians.
+  //
+  // See ModelRenderer::Depth.
   absl::StatusOr<std::vector<float>> RenderDepth(const ModelView& view,
                                                  const GaussianSet* subset = nullptr) const;
   // A view's features at a quantile scale as colours, see FeaturePalette. INVALID_ARGUMENT: a scale
   // out of range.
-  absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale) const;
+  absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale,
+                                       const GaussianSet* subset = nullptr) const;
+  // See RenderIds.
+  absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view,
+                                                 std::span<const int32_t> ids,
+                                                 const GaussianSet* subset = nullptr) const;
+
   // Calls `use` with the model taken apart at these scales, see Decompose, and answers what it
   // does. The last few are kept; one is made once, however many ask, and other questions are
   // answered meanwhile.
   absl::Status WithDecomposition(std::span<const double> scales,
                                  absl::FunctionRef<absl::Status(const Decomposition&)> use) const;
-  // The segment of a level that each pixel shows, see RenderIds. INVALID_ARGUMENT: no such level.
-  absl::StatusOr<std::vector<int32_t>> RenderSegments(const ModelView& view,
-                                                      std::span<const double> scales,
-                                                      int level) const;
 
  private:
   struct State;

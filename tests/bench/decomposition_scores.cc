@@ -52,12 +52,20 @@ int32_t MajorityId(const LabeledView& view, uint16_t entity, std::span<const int
 
 absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
                                                        std::span<const LabeledView> views) {
+  DecompositionScores scores;
+  std::vector<int32_t> ids_of_gaussians;
+  RETURN_IF_ERROR(
+      segmenter.WithDecomposition(kDefaultDecompositionScales, [&](const Decomposition& whole) {
+        ids_of_gaussians = whole.levels[level].ids;
+        scores.num_segments = static_cast<int>(whole.levels[level].segments.size());
+        return absl::OkStatus();
+      }));
   std::vector<std::vector<int32_t>> images;
   images.reserve(views.size());
   std::vector<int32_t> truth, shown;
   for (const LabeledView& view : views) {
     ASSIGN_OR_RETURN(const std::vector<int32_t> ids,
-                     segmenter.RenderSegments(view.view, kDefaultDecompositionScales, level));
+                     segmenter.RenderIds(view.view, ids_of_gaussians));
     for (size_t i = 0; i < ids.size(); ++i) {
       if (view.labels[i] == 0 || !view.Counts(i)) continue;
       truth.push_back(view.labels[i]);
@@ -65,12 +73,6 @@ absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmente
     }
     images.push_back(ids);
   }
-  DecompositionScores scores;
-  RETURN_IF_ERROR(
-      segmenter.WithDecomposition(kDefaultDecompositionScales, [&](const Decomposition& whole) {
-        scores.num_segments = static_cast<int>(whole.levels[level].segments.size());
-        return absl::OkStatus();
-      }));
   scores.adjusted_rand = AdjustedRand(truth, shown);
   scores.unassigned_share = static_cast<double>(std::ranges::count(shown, 0)) /
                             static_cast<double>(std::max<size_t>(1, shown.size()));

@@ -29,6 +29,7 @@ class SegmenterPictures : public ::testing::Test {
   std::unique_ptr<Segmenter> segmenter_;
   ModelView view_;
   const GaussianSet left_only_ = {{1, 0}};
+  const std::vector<int32_t> ids_ = {7, 9};
 };
 
 TEST_F(SegmenterPictures, ASubsetIsRenderedAsIfItWereAlone) {
@@ -83,22 +84,39 @@ TEST_F(SegmenterPictures, FeaturesHaveOneColourInAllViews) {
                 "scale is nan");
 }
 
+TEST_F(SegmenterPictures, IdsAndFeaturesOfASubsetAreOfItAlone) {
+  ASSERT_OK_AND_ASSIGN(const auto all, segmenter_->RenderIds(view_, ids_));
+  EXPECT_EQ(all[kLeft], 7);
+  EXPECT_EQ(all[kRight], 9);
+  EXPECT_EQ(all[0], 0);
+  ASSERT_OK_AND_ASSIGN(const auto left, segmenter_->RenderIds(view_, ids_, &left_only_));
+  EXPECT_EQ(left[kLeft], 7);
+  EXPECT_EQ(left[kRight], 0);
+  ASSERT_OK_AND_ASSIGN(const Image features, segmenter_->RenderFeatures(view_, 0.5, &left_only_));
+  ASSERT_OK_AND_ASSIGN(const Image both, segmenter_->RenderFeatures(view_, 0.5));
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_EQ(At(features, kLeft)[k], At(both, kLeft)[k]);
+    EXPECT_EQ(At(features, kRight)[k], 0);
+  }
+}
+
 TEST_F(SegmenterPictures, RefuseWhatTheyCannotShow) {
   const GaussianSet other = {{1, 0, 1}};
   constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
   EXPECT_STATUS(segmenter_->RenderColor(view_, &other), kInvalid,
                 "of 3 Gaussians, the model has 2");
   EXPECT_STATUS(segmenter_->RenderDepth(view_, &other), kInvalid, "of 3 Gaussians");
-  EXPECT_STATUS(segmenter_->RenderSegments(view_, std::vector<double>{0.5}, 1), kInvalid,
-                "level is 1, must be in [0, 0]");
-  EXPECT_STATUS(segmenter_->RenderSegments(view_, std::vector<double>{2}, 0), kInvalid,
-                "scale 0 is 2");
+  EXPECT_STATUS(segmenter_->RenderFeatures(view_, 0.5, &other), kInvalid, "of 3 Gaussians");
+  EXPECT_STATUS(segmenter_->RenderIds(view_, ids_, &other), kInvalid, "of 3 Gaussians");
+  EXPECT_STATUS(segmenter_->RenderIds(view_, std::vector<int32_t>{1}), kInvalid, "1 ids");
+  EXPECT_STATUS(segmenter_->WithDecomposition(std::vector<double>{2},
+                                              [](const auto&) { return absl::OkStatus(); }),
+                kInvalid, "scale 0 is 2");
   ModelView bad = view_;
   bad.camera.width = 0;
   EXPECT_STATUS(segmenter_->RenderDepth(bad), kInvalid, "size is 0x48");
   EXPECT_STATUS(segmenter_->RenderFeatures(bad, 0.5), kInvalid, "size is 0x48");
-  EXPECT_STATUS(segmenter_->RenderSegments(bad, std::vector<double>{0.5}, 0), kInvalid,
-                "size is 0x48");
+  EXPECT_STATUS(segmenter_->RenderIds(bad, ids_), kInvalid, "size is 0x48");
 }
 
 TEST_F(SegmenterPictures, SubsetsFromSeveralThreadsDoNotMix) {
@@ -112,7 +130,8 @@ TEST_F(SegmenterPictures, SubsetsFromSeveralThreadsDoNotMix) {
       for (int i = 0; i < 20; ++i) {
         const auto got = segmenter_->RenderColor(view_, t % 2 == 0 ? nullptr : &left_only_);
         wrong[t] += got.ok() && got->pixels == (t % 2 == 0 ? all : left).pixels ? 0 : 1;
-        wrong[t] += segmenter_->RenderSegments(view_, std::vector<double>{0.5}, 0).ok() ? 0 : 1;
+        const auto ids = segmenter_->RenderIds(view_, ids_);
+        wrong[t] += ids.ok() && (*ids)[kRight] == 9 ? 0 : 1;
       }
     });
   }
