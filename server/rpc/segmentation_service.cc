@@ -1,48 +1,21 @@
 #include "server/rpc/segmentation_service.h"
 
-#include "absl/strings/str_cat.h"
-#include "core/io/encode_png.h"
 #include "core/query/propose_scales.h"
 #include "core/query/resolve_prompt.h"
 #include "core/status_macros.h"
+#include "server/rpc/answer_size.h"
+#include "server/rpc/decompose_answer.h"
 #include "server/rpc/evaluate_answer.h"
 #include "server/rpc/export_selection.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/read_prompt.h"
+#include "server/rpc/render_answer.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/segment_answer.h"
+#include "server/rpc/stopwatch.h"
 #include "server/rpc/unary.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr size_t kMaxAnswerBytes = size_t{4} << 20;
-
-// Time since the lap before.
-class Stopwatch {
- public:
-  absl::Duration Lap() {
-    const absl::Time now = absl::Now();
-    const absl::Duration lap = now - start_;
-    start_ = now;
-    return lap;
-  }
-
- private:
-  absl::Time start_ = absl::Now();
-};
-
-absl::Status CheckSize(size_t num_bytes) {
-  if (num_bytes <= kMaxAnswerBytes) return absl::OkStatus();
-  v1::ErrorDetail detail;
-  detail.set_reason("ANSWER_TOO_LARGE");
-  detail.set_value(absl::StrCat(num_bytes, " bytes"));
-  detail.set_limit(absl::StrCat(kMaxAnswerBytes, " bytes"));
-  return WithDetail(
-      absl::ResourceExhaustedError(absl::StrCat("the answer has over ", kMaxAnswerBytes,
-                                                " bytes: ask for fewer or smaller views")),
-      detail);
-}
 
 // One view after the other, so that a client that is gone costs no more than one of them.
 absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
@@ -65,7 +38,7 @@ absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
     ASSIGN_OR_RETURN(*response->add_masks(),
                      EncodeMask(target.name, results.front(), request.mask_encoding()));
     num_bytes += response->masks(response->masks_size() - 1).ByteSizeLong();
-    RETURN_IF_ERROR(CheckSize(num_bytes));
+    RETURN_IF_ERROR(CheckAnswerSize(num_bytes));
     response->set_scale_quantile(results.front().scale);
     response->set_scale_units(results.front().scale_units);
     response->set_threshold(results.front().threshold);
@@ -103,7 +76,7 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
   }
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
   response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
+  return CheckAnswerSize(response->ByteSizeLong());
 }
 
 absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context,
@@ -121,26 +94,7 @@ absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context
   FillAnswer(scores, request, response);
   *response->mutable_options() = ToProto(options);
   response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
-}
-
-absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
-                          const v1::RenderRequest& request, v1::RenderResponse* response) {
-  Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
-  v1::QueryTiming& timing = *response->mutable_timing();
-  *timing.mutable_queue() = ToProto(call.queued);
-  *timing.mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const ModelView view,
-                   FindViewpoint(request.viewpoint(), model.segmenter->model(), "viewpoint"));
-  ASSIGN_OR_RETURN(const Image image, model.segmenter->RenderColor(view));
-  *timing.mutable_compute() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(*response->mutable_png(), EncodePng(image));
-  *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_width(image.width);
-  response->set_height(image.height);
-  response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
+  return CheckAnswerSize(response->ByteSizeLong());
 }
 
 }  // namespace
@@ -167,6 +121,15 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Evaluate(grpc::CallbackServerC
   return RunOnPool(call, *context_.evaluation_pool,
                    [this, request, response](const UnaryCall& unary) {
                      return AnswerEvaluate(unary, context_, *request, response);
+                   });
+}
+
+grpc::ServerUnaryReactor* SegmentationServiceRpc::Decompose(grpc::CallbackServerContext* call,
+                                                            const v1::DecomposeRequest* request,
+                                                            v1::DecomposeResponse* response) {
+  return RunOnPool(call, *context_.evaluation_pool,
+                   [this, request, response](const UnaryCall& unary) {
+                     return AnswerDecompose(unary, context_, *request, response);
                    });
 }
 

@@ -18,6 +18,9 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* call,
                                      const v1::EvaluateRequest* request,
                                      v1::EvaluateResponse* response) override;
+  grpc::ServerUnaryReactor* Decompose(grpc::CallbackServerContext* call,
+                                      const v1::DecomposeRequest* request,
+                                      v1::DecomposeResponse* response) override;
   grpc::ServerUnaryReactor* Render(grpc::CallbackServerContext* call,
                                    const v1::RenderRequest* request,
                                    v1::RenderResponse* response) override;
