@@ -22,6 +22,20 @@ absl::Status Validate(const Image& image, int most_channels) {
                                                  image.pixels.size(), " bytes"));
 }
 
+// `pixels`: grey, BGR or BGRA.
+absl::StatusOr<std::string> Encode(const cv::Mat& pixels, const char* suffix,
+                                   const std::vector<int>& parameters) {
+  std::vector<uint8_t> bytes;
+  if (cv::imencode(suffix, pixels, bytes, parameters)) {
+    return std::string(bytes.begin(), bytes.end());
+  }
+  return absl::InternalError("cannot encode an image");
+}
+
+absl::Status FromException(const cv::Exception& error) {
+  return absl::InternalError(absl::StrCat("cannot encode an image: ", error.what()));
+}
+
 absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
                                    const std::vector<int>& parameters) {
   try {
@@ -32,14 +46,10 @@ absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
     if (image.channels == 1) bgr = pixels;
     if (image.channels == 3) cv::cvtColor(pixels, bgr, cv::COLOR_RGB2BGR);
     if (image.channels == 4) cv::cvtColor(pixels, bgr, cv::COLOR_RGBA2BGRA);
-    std::vector<uint8_t> bytes;
-    if (cv::imencode(suffix, bgr, bytes, parameters)) {
-      return std::string(bytes.begin(), bytes.end());
-    }
+    return Encode(bgr, suffix, parameters);
   } catch (const cv::Exception& error) {
-    return absl::InternalError(absl::StrCat("cannot encode an image: ", error.what()));
+    return FromException(error);
   }
-  return absl::InternalError("cannot encode an image");
 }
 
 }  // namespace
@@ -47,6 +57,22 @@ absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
 absl::StatusOr<std::string> EncodePng(const Image& image) {
   RETURN_IF_ERROR(Validate(image, 4));
   return Encode(image, ".png", {});
+}
+
+absl::StatusOr<std::string> EncodePng(const Grey16Image& image) {
+  const size_t size = static_cast<size_t>(image.width) * image.height;
+  if (image.width <= 0 || image.height <= 0 || image.pixels.size() != size) {
+    return absl::InvalidArgumentError(absl::StrCat("cannot encode a grey image of ", image.width,
+                                                   "x", image.height, " with ", image.pixels.size(),
+                                                   " pixels"));
+  }
+  try {
+    const cv::Mat pixels(image.height, image.width, CV_16UC1,
+                         const_cast<uint16_t*>(image.pixels.data()));
+    return Encode(pixels, ".png", {});
+  } catch (const cv::Exception& error) {
+    return FromException(error);
+  }
 }
 
 absl::StatusOr<std::string> EncodeJpeg(const Image& image, int quality) {

@@ -1,9 +1,11 @@
 #include "core/io/gaussian_ply.h"
 
 #include <algorithm>
-#include <cstring>
+#include <cassert>
+#include <string_view>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
 #include "core/io/atomic_file.h"
 #include "core/io/ply.h"
@@ -70,13 +72,12 @@ absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name)
   return absl::OkStatus();
 }
 
-}  // namespace
-
-absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians) {
+// Header and rows, piece by piece.
+absl::Status Encode(const Gaussians& gaussians,
+                    absl::FunctionRef<absl::Status(std::string_view)> append) {
   constexpr int64_t kBlockRows = 4096;
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  RETURN_IF_ERROR(file.Append(HeaderOf(fields, gaussians.count)));
+  RETURN_IF_ERROR(append(HeaderOf(fields, gaussians.count)));
   for (int64_t first = 0; first < gaussians.count; first += kBlockRows) {
     const int64_t rows = std::min(kBlockRows, gaussians.count - first);
     std::vector<float> block(static_cast<size_t>(rows) * fields.size(), 0.0f);
@@ -85,10 +86,32 @@ absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians
       const std::span<const float> plane = gaussians.Plane(fields[f].plane);
       for (int64_t row = 0; row < rows; ++row) block[row * fields.size() + f] = plane[first + row];
     }
-    RETURN_IF_ERROR(file.Append(std::string_view(reinterpret_cast<const char*>(block.data()),
-                                                 block.size() * sizeof(float))));
+    RETURN_IF_ERROR(append(std::string_view(reinterpret_cast<const char*>(block.data()),
+                                            block.size() * sizeof(float))));
   }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians) {
+  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
+  RETURN_IF_ERROR(
+      Encode(gaussians, [&file](std::string_view bytes) { return file.Append(bytes); }));
   return file.Commit();
+}
+
+std::string EncodeGaussianPly(const Gaussians& gaussians) {
+  std::string ply;
+  constexpr size_t kHeaderBytes = 2048;
+  ply.reserve(kHeaderBytes + static_cast<size_t>(gaussians.count) * sizeof(float) *
+                                 FieldsOf(gaussians.sh_degree).size());
+  [[maybe_unused]] const absl::Status status = Encode(gaussians, [&ply](std::string_view bytes) {
+    ply += bytes;
+    return absl::OkStatus();
+  });
+  assert(status.ok());
+  return ply;
 }
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,

@@ -14,6 +14,8 @@ namespace pepeseg {
 // with normals of 0, f_rest channel by channel (all coefficients of red, then green, then blue),
 // opacity as a logit, scales as natural logs, rot as w, x, y, z. Written atomically.
 absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians);
+// The same bytes in memory.
+std::string EncodeGaussianPly(const Gaussians& gaussians);
 
 // Any order of the properties, floats or doubles, others than these passed over; the SH degree (0
 // to 3) follows from the number of f_rest. INVALID_ARGUMENT with `name`: a property is missing, the

@@ -1,7 +1,9 @@
 #include "core/query/model_renderer.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
+#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "core/scene/pinhole_view.h"
@@ -11,6 +13,9 @@ namespace pepeseg {
 namespace {
 
 constexpr double kNearPlane = 0.01;  // of the scene radius, as in training
+// The logit of an opacity of 2e-9: no splat of it reaches 1 / 255 anywhere, so it is culled.
+constexpr float kHiddenLogit = -20;
+constexpr float kMinDepthAlpha = 0.5f;
 
 }  // namespace
 
@@ -20,36 +25,60 @@ ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
       planes_(backend, std::span<const float>(model.gaussians.planes)),
       features_(backend, std::span<const float>(model.field.features)) {}
 
-absl::Status ModelRenderer::Render(const ModelView& view, int sh_degree) {
+// Only the opacities change, in place: there is no second copy of the planes.
+void ModelRenderer::HideAllBut(const GaussianSet& subset) {
+  assert(static_cast<int64_t>(subset.member.size()) == model_.gaussians.count);
+  const std::span<const float> logits = model_.gaussians.Plane(kOpacityPlane);
+  std::vector<float> shown(logits.size());
+  for (size_t i = 0; i < shown.size(); ++i) {
+    shown[i] = subset.member[i] != 0 ? logits[i] : kHiddenLogit;
+  }
+  planes_.Upload(shown, kOpacityPlane * model_.gaussians.count);
+}
+
+void ModelRenderer::ShowAll() {
+  planes_.Upload(model_.gaussians.Plane(kOpacityPlane), kOpacityPlane * model_.gaussians.count);
+}
+
+absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   color_.Reserve(backend_, 3 * num_pixels);
-  if (color_.empty() || planes_.empty()) {
+  if (pass.with_depth) {
+    alpha_.Reserve(backend_, num_pixels);
+    depth_.Reserve(backend_, num_pixels);
+  }
+  const bool has_depth_room = !pass.with_depth || (!alpha_.empty() && !depth_.empty());
+  if (color_.empty() || planes_.empty() || !has_depth_room) {
     return absl::ResourceExhaustedError(absl::StrCat("no memory to render ", view.camera.width, "x",
                                                      view.camera.height, " pixels"));
   }
+  if (pass.subset != nullptr) HideAllBut(*pass.subset);
   const Gaussians& gaussians = model_.gaussians;
   backend_.Render(
       {.gaussians = {planes_.span().data, gaussians.count, gaussians.count, gaussians.sh_degree},
        .view = ToPinholeView(view.camera, view.cam_from_world),
        .near_plane = static_cast<float>(kNearPlane * model_.scene_radius),
-       .active_sh_degree = sh_degree,
+       .active_sh_degree = pass.sh_degree,
        .scratch = &scratch_,
        .color = color_.span(),
-       .alpha = {},
-       .depth = {},
+       .alpha = pass.with_depth ? alpha_.span() : DeviceSpan<float>(),
+       .depth = pass.with_depth ? depth_.span() : DeviceSpan<float>(),
        .for_backward = false});
+  if (pass.subset != nullptr) ShowAll();
   return absl::OkStatus();
 }
 
-absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map) {
-  RETURN_IF_ERROR(Render(view, 0));  // its colours are not looked at
+absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map,
+                                     const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not looked at
   backend_.RenderFeatures({features_.span(), &scratch_, map});
   return absl::OkStatus();
 }
 
 absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
-                                              std::span<const int32_t> pixels) {
-  RETURN_IF_ERROR(Render(view, 0));
+                                              std::span<const int32_t> pixels,
+                                              const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.subset = subset}));
   const Buffer<int32_t> pixel_buffer(backend_, pixels);
   Buffer<int32_t> first, gaussian;
   Buffer<float> weight;
@@ -71,8 +100,8 @@ absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
   return rows;
 }
 
-absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view) {
-  RETURN_IF_ERROR(Render(view, model_.gaussians.sh_degree));
+absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.sh_degree = model_.gaussians.sh_degree, .subset = subset}));
   std::vector<float> planes(color_.size());
   color_.Download(std::span<float>(planes));
   // A device that failed leaves zeros: no picture of the scene.
@@ -87,6 +116,21 @@ absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view) {
     image.pixels[i] = static_cast<uint8_t>(std::lround(value * 255));
   }
   return image;
+}
+
+absl::StatusOr<std::vector<float>> ModelRenderer::Depth(const ModelView& view,
+                                                        const GaussianSet* subset) {
+  RETURN_IF_ERROR(Render(view, {.subset = subset, .with_depth = true}));
+  std::vector<float> alpha(alpha_.size()), depth(depth_.size());
+  alpha_.Download(std::span<float>(alpha));
+  depth_.Download(std::span<float>(depth));
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(error);
+  }
+  for (size_t i = 0; i < depth.size(); ++i) {
+    depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0;
+  }
+  return depth;
 }
 
 }  // namespace pepeseg

@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
+#include "core/scene/gaussian_set.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 
@@ -21,7 +22,8 @@ struct PixelRows {
 };
 
 // A model in backend memory that is rendered. Not thread safe. The backend and the model must
-// outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory.
+// outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory. A subset, where there is one,
+// is of this model's Gaussians; the others are as if they did not exist.
 class ModelRenderer {
  public:
   ModelRenderer(Backend& backend, const Model& model);
@@ -29,18 +31,31 @@ class ModelRenderer {
   Backend& backend() const { return backend_; }
   const Model& model() const { return model_; }
 
-  absl::StatusOr<Image> Color(const ModelView& view);
+  absl::StatusOr<Image> Color(const ModelView& view, const GaussianSet* subset = nullptr);
+  // Along the optical axis, in scene units: [height, width]; 0 where the accumulated alpha is not
+  // over a half.
+  absl::StatusOr<std::vector<float>> Depth(const ModelView& view,
+                                           const GaussianSet* subset = nullptr);
   // sum of weight * feature of each pixel: [height * width, 32].
-  absl::Status Features(const ModelView& view, DeviceSpan<Half> map);
+  absl::Status Features(const ModelView& view, DeviceSpan<Half> map,
+                        const GaussianSet* subset = nullptr);
   // pixels: y * width + x.
-  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels);
+  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels,
+                                 const GaussianSet* subset = nullptr);
 
  private:
-  absl::Status Render(const ModelView& view, int sh_degree);
+  struct Pass {
+    int sh_degree = 0;
+    const GaussianSet* subset = nullptr;
+    bool with_depth = false;
+  };
+  absl::Status Render(const ModelView& view, const Pass& pass);
+  void HideAllBut(const GaussianSet& subset);
+  void ShowAll();
 
   Backend& backend_;
   const Model& model_;
-  Buffer<float> planes_, features_, color_;
+  Buffer<float> planes_, features_, color_, alpha_, depth_;
   RenderScratch scratch_;
 };
 

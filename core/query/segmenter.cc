@@ -7,7 +7,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/query/check_prompt.h"
+#include "core/query/decompositions.h"
 #include "core/query/feature_maps.h"
+#include "core/query/feature_palette.h"
 #include "core/status_macros.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
@@ -29,6 +31,13 @@ absl::Status CheckModel(const Model& model) {
   return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
                                                  " feature values, must be ", num_features,
                                                  " for its ", model.gaussians.count, " Gaussians"));
+}
+
+absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
+  const auto count = static_cast<size_t>(model.gaussians.count);
+  if (subset == nullptr || subset->member.size() == count) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("the subset is of ", subset->member.size(),
+                                                 " Gaussians, the model has ", count));
 }
 
 double NormOf(const float* feature) {
@@ -89,6 +98,9 @@ struct Segmenter::State {
                                              const ModelView& target);
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
+  // [height * width, 32]; only maps of all Gaussians are kept.
+  absl::StatusOr<std::vector<Half>> DownloadFeatures(const ModelView& view,
+                                                     const GaussianSet* subset);
 
   Backend& backend;
   const Model model;
@@ -98,6 +110,7 @@ struct Segmenter::State {
   Buffer<uint8_t> mask;
   Buffer<float> similarity;
   Buffer<int64_t> sums;
+  Decompositions decompositions;  // has its own mutex
 };
 
 absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView& view,
@@ -181,6 +194,25 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
   return result;
 }
 
+absl::StatusOr<std::vector<Half>> Segmenter::State::DownloadFeatures(const ModelView& view,
+                                                                     const GaussianSet* subset) {
+  Buffer<Half> of_subset;
+  DeviceSpan<const Half> pixels;
+  if (subset == nullptr) {
+    ASSIGN_OR_RETURN(pixels, maps.Get(view));
+  } else {
+    const int64_t size = int64_t{view.camera.width} * view.camera.height * kFeatureSize;
+    of_subset = Buffer<Half>(backend, size);
+    if (of_subset.empty()) return absl::ResourceExhaustedError("no memory for a feature map");
+    RETURN_IF_ERROR(renderer.Features(view, of_subset.span(), subset));
+    pixels = of_subset.span();
+  }
+  std::vector<Half> map(static_cast<size_t>(pixels.size));
+  backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
+  if (!backend.error().empty()) return absl::InternalError(backend.error());
+  return map;
+}
+
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
   RETURN_IF_ERROR(CheckModel(model));
   return std::unique_ptr<Segmenter>(
@@ -197,10 +229,12 @@ int64_t Segmenter::num_renders() const {
   return state_->maps.num_renders();
 }
 
-absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view) const {
+absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
+                                             const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
   const std::lock_guard lock(state_->mutex);
-  return state_->renderer.Color(view);
+  return state_->renderer.Color(view, subset);
 }
 
 absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
@@ -271,6 +305,52 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   similarity.Download(values);
   if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
   return values;
+}
+
+absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  const std::lock_guard lock(state_->mutex);
+  return state_->renderer.Depth(view, subset);
+}
+
+absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
+                                                const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckScale(scale));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  std::vector<Half> map;
+  {
+    const std::lock_guard lock(state_->mutex);
+    ASSIGN_OR_RETURN(map, state_->DownloadFeatures(view, subset));
+  }
+  return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
+}
+
+absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
+                                                          std::span<const int32_t> ids,
+                                                          const GaussianSet* subset) const {
+  RETURN_IF_ERROR(CheckView(view));
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  if (static_cast<int64_t>(ids.size()) != model().gaussians.count) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
+  }
+  return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
+    const std::lock_guard lock(state_->mutex);
+    return state_->renderer.Rows(of, pixels, subset);
+  });
+}
+
+absl::Status Segmenter::WithDecomposition(
+    std::span<const double> scales,
+    absl::FunctionRef<absl::Status(const Decomposition&)> use) const {
+  const auto rows = [this](const ModelView& view, std::span<const int32_t> pixels) {
+    return Rows(view, pixels);
+  };
+  return state_->decompositions.With(
+      scales, [&] { return Decompose(state_->backend, model(), scales, rows); }, use);
 }
 
 }  // namespace pepeseg

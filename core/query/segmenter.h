@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "core/query/decompose.h"
 #include "core/query/model_renderer.h"
 #include "core/query/prompt.h"
 #include "core/scene/capture.h"
@@ -36,8 +38,9 @@ class Segmenter {
   const Model& model() const;
   int64_t num_renders() const;  // feature maps rendered so far: none by a new scale or threshold
 
-  // Colour of a view, RGB.
-  absl::StatusOr<Image> RenderColor(const ModelView& view) const;
+  // Colour of a view, RGB; of some Gaussians only, where a subset is given.
+  absl::StatusOr<Image> RenderColor(const ModelView& view,
+                                    const GaussianSet* subset = nullptr) const;
   // What is blended into pixels, y * width + x, of a view.
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
 
@@ -59,6 +62,27 @@ class Segmenter {
   // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target) const;
+
+  // The following show some Gaussians only, as if there were no others, where a subset is given, as
+  // RenderColor does. INVALID_ARGUMENT: it is of another number of Gaussians.
+  //
+  // See ModelRenderer::Depth.
+  absl::StatusOr<std::vector<float>> RenderDepth(const ModelView& view,
+                                                 const GaussianSet* subset = nullptr) const;
+  // A view's features at a quantile scale as colours, see FeaturePalette. INVALID_ARGUMENT: a scale
+  // out of range.
+  absl::StatusOr<Image> RenderFeatures(const ModelView& view, double scale,
+                                       const GaussianSet* subset = nullptr) const;
+  // See RenderIds.
+  absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view,
+                                                 std::span<const int32_t> ids,
+                                                 const GaussianSet* subset = nullptr) const;
+
+  // Calls `use` with the model taken apart at these scales, see Decompose, and answers what it
+  // does. The last few are kept; one is made once, however many ask, and other questions are
+  // answered meanwhile.
+  absl::Status WithDecomposition(std::span<const double> scales,
+                                 absl::FunctionRef<absl::Status(const Decomposition&)> use) const;
 
  private:
   struct State;

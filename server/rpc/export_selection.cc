@@ -1,16 +1,20 @@
 #include "server/rpc/export_selection.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/gaussian_ply.h"
 #include "core/io/manifest.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
+#include "server/rpc/subset_lookup.h"
 
 namespace pepeseg {
 namespace {
@@ -22,6 +26,34 @@ constexpr char kPlyName[] = "gaussians.ply";
 
 absl::Status ExportSelectionStream::Open() {
   opened_ = true;
+  ASSIGN_OR_RETURN(const bool is_subset, MakeSubset());
+  return is_subset ? absl::OkStatus() : OpenModel();
+}
+
+absl::StatusOr<bool> ExportSelectionStream::MakeSubset() {
+  if (!request_.has_subset()) return false;
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context_, request_.model(), "model"));
+  ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
+                   FindSubset(context_, model, request_.subset(), "subset"));
+  if (!subset) return false;
+  const Gaussians& gaussians = model.segmenter->model().gaussians;
+  std::vector<int64_t> rows;
+  rows.reserve(static_cast<size_t>(subset->count()));
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    if (subset->member[i] != 0) rows.push_back(i);
+  }
+  subset_ = EncodeGaussianPly(gaussians.Select(rows));
+  sha256_ = Sha256Hex(subset_);
+  num_bytes_left_ = static_cast<int64_t>(subset_.size());
+  v1::ExportSelectionResponse::Header& header = *message_.mutable_header();
+  header.set_model(model.name);
+  header.set_num_gaussians(static_cast<int64_t>(rows.size()));
+  header.set_num_bytes(num_bytes_left_);
+  header.set_sha256(sha256_);
+  return true;
+}
+
+absl::Status ExportSelectionStream::OpenModel() {
   ASSIGN_OR_RETURN(const ModelRow model, FindModel(context_, request_.model(), "model"));
   const std::filesystem::path folder = context_.data_folder / model.folder;
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
@@ -46,7 +78,10 @@ absl::Status ExportSelectionStream::FillChunk() {
   const int64_t size = std::min(kChunkBytes, num_bytes_left_);
   v1::ExportSelectionResponse::Chunk& chunk = *message_.mutable_chunk();
   chunk.mutable_data()->resize(static_cast<size_t>(size));
-  if (!file_.read(chunk.mutable_data()->data(), size)) {
+  if (!subset_.empty()) {
+    chunk.set_data(subset_.substr(subset_.size() - static_cast<size_t>(num_bytes_left_),
+                                  static_cast<size_t>(size)));
+  } else if (!file_.read(chunk.mutable_data()->data(), size)) {
     return absl::DataLossError(absl::StrCat(kPlyName, ": cannot be read to its end"));
   }
   chunk.set_crc32c(Crc32c(chunk.data()));

@@ -5,6 +5,8 @@
 #include "absl/status/statusor.h"
 #include "core/query/prompt.h"
 #include "pepeseg/v1/prompt.pb.h"
+#include "server/rpc/model_lookup.h"
+#include "server/rpc/service_context.h"
 
 // Parts of a request that say what is asked about, in the model's terms. INVALID_ARGUMENT names the
 // field, below `field`.
@@ -17,8 +19,10 @@ absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
                                         const std::string& field);
 
-absl::StatusOr<Prompt> ReadPrompt(const v1::Prompt& prompt, const Model& model,
-                                  const std::string& field);
+// A label stands for its mask. NOT_FOUND: no such label; FAILED_PRECONDITION: its view is none of
+// the model's. Blocks on the store.
+absl::StatusOr<Prompt> ReadPrompt(const ServiceContext& context, const ResidentModel& model,
+                                  const v1::Prompt& prompt, const std::string& field);
 absl::StatusOr<Granularity> ReadGranularity(const v1::Granularity& granularity, const Model& model,
                                             const std::string& field);
 

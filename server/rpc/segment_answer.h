@@ -1,33 +1,25 @@
 #pragma once
 
-#include "absl/status/statusor.h"
-#include "core/query/segmenter.h"
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
+#include "server/rpc/service_context.h"
+#include "server/rpc/unary.h"
 
 namespace pepeseg {
 
-// What a Segment request asks, in the model's terms.
-struct SegmentQuestion {
-  Prompt prompt;
-  Granularity granularity;
-  std::vector<ModelView> targets;
+// A question on its pool thread, from whatever kind of call.
+struct QueryCall {
+  absl::Duration queued;               // how long it waited for the thread
+  absl::FunctionRef<bool()> given_up;  // nobody waits for the answer any more
 };
 
-// INVALID_ARGUMENT names the field.
-absl::StatusOr<SegmentQuestion> ReadQuestion(const v1::SegmentRequest& request, const Model& model);
-
-// Likewise, of a ProposeScales request.
-struct ProposalQuestion {
-  ModelView view;
-  std::vector<PointPrompt> points;
-  int max_proposals;
-};
-absl::StatusOr<ProposalQuestion> ReadQuestion(const v1::ProposeScalesRequest& request,
-                                              const Model& model);
-
-// One view's part of the answer, encoded.
-absl::StatusOr<v1::SegmentResponse::ViewMask> EncodeMask(const std::string& view,
-                                                         const SegmentResult& result,
-                                                         v1::MaskEncoding encoding);
+// CANCELLED when it was given up between two views.
+absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
+                           const v1::SegmentRequest& request, v1::SegmentResponse* response);
+absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& context,
+                                 const v1::ProposeScalesRequest& request,
+                                 v1::ProposeScalesResponse* response);
 
 }  // namespace pepeseg

@@ -1,110 +1,20 @@
 #include "server/rpc/segmentation_service.h"
 
-#include "absl/strings/str_cat.h"
-#include "core/io/encode_png.h"
-#include "core/query/propose_scales.h"
-#include "core/query/resolve_prompt.h"
 #include "core/status_macros.h"
+#include "server/rpc/answer_size.h"
+#include "server/rpc/decompose_answer.h"
 #include "server/rpc/evaluate_answer.h"
 #include "server/rpc/export_selection.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/read_prompt.h"
+#include "server/rpc/render_answer.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/segment_answer.h"
+#include "server/rpc/segment_stream.h"
+#include "server/rpc/stopwatch.h"
 #include "server/rpc/unary.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr size_t kMaxAnswerBytes = size_t{4} << 20;
-
-// Time since the lap before.
-class Stopwatch {
- public:
-  absl::Duration Lap() {
-    const absl::Time now = absl::Now();
-    const absl::Duration lap = now - start_;
-    start_ = now;
-    return lap;
-  }
-
- private:
-  absl::Time start_ = absl::Now();
-};
-
-absl::Status CheckSize(size_t num_bytes) {
-  if (num_bytes <= kMaxAnswerBytes) return absl::OkStatus();
-  v1::ErrorDetail detail;
-  detail.set_reason("ANSWER_TOO_LARGE");
-  detail.set_value(absl::StrCat(num_bytes, " bytes"));
-  detail.set_limit(absl::StrCat(kMaxAnswerBytes, " bytes"));
-  return WithDetail(
-      absl::ResourceExhaustedError(absl::StrCat("the answer has over ", kMaxAnswerBytes,
-                                                " bytes: ask for fewer or smaller views")),
-      detail);
-}
-
-// One view after the other, so that a client that is gone costs no more than one of them.
-absl::Status AnswerSegment(const UnaryCall& call, const ServiceContext& context,
-                           const v1::SegmentRequest& request, v1::SegmentResponse* response) {
-  Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
-  *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
-  *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const SegmentQuestion question, ReadQuestion(request, model.segmenter->model()));
-  ASSIGN_OR_RETURN(const Query query,
-                   ResolvePrompt(*model.segmenter, question.prompt, question.granularity));
-  absl::Duration compute;
-  absl::Duration encode;
-  size_t num_bytes = 0;
-  for (const ModelView& target : question.targets) {
-    if (call.cancelled()) return absl::CancelledError("the client is gone");
-    ASSIGN_OR_RETURN(const auto results,
-                     model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
-    compute += stopwatch.Lap();
-    ASSIGN_OR_RETURN(*response->add_masks(),
-                     EncodeMask(target.name, results.front(), request.mask_encoding()));
-    num_bytes += response->masks(response->masks_size() - 1).ByteSizeLong();
-    RETURN_IF_ERROR(CheckSize(num_bytes));
-    response->set_scale_quantile(results.front().scale);
-    response->set_scale_units(results.front().scale_units);
-    response->set_threshold(results.front().threshold);
-    encode += stopwatch.Lap();
-  }
-  *response->mutable_timing()->mutable_compute() = ToProto(compute);
-  *response->mutable_timing()->mutable_encode() = ToProto(encode);
-  response->set_model(model.name);
-  return absl::OkStatus();
-}
-
-absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& context,
-                                 const v1::ProposeScalesRequest& request,
-                                 v1::ProposeScalesResponse* response) {
-  Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
-  v1::QueryTiming& timing = *response->mutable_timing();
-  *timing.mutable_queue() = ToProto(call.queued);
-  *timing.mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const ProposalQuestion question,
-                   ReadQuestion(request, model.segmenter->model()));
-  ASSIGN_OR_RETURN(
-      const std::vector<ScaleProposal> proposals,
-      ProposeScales(*model.segmenter, question.view, question.points, question.max_proposals));
-  *timing.mutable_compute() = ToProto(stopwatch.Lap());
-  for (const ScaleProposal& proposal : proposals) {
-    v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
-    out.set_scale_quantile(proposal.result.scale);
-    out.set_threshold(proposal.result.threshold);
-    out.set_scale_units(proposal.result.scale_units);
-    out.set_support(proposal.support);
-    out.set_stability(proposal.stability);
-    ASSIGN_OR_RETURN(*out.mutable_mask(),
-                     EncodeMask(question.view.name, proposal.result, request.mask_encoding()));
-  }
-  *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
-}
 
 absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context,
                             const v1::EvaluateRequest& request, v1::EvaluateResponse* response) {
@@ -121,26 +31,7 @@ absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context
   FillAnswer(scores, request, response);
   *response->mutable_options() = ToProto(options);
   response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
-}
-
-absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
-                          const v1::RenderRequest& request, v1::RenderResponse* response) {
-  Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
-  v1::QueryTiming& timing = *response->mutable_timing();
-  *timing.mutable_queue() = ToProto(call.queued);
-  *timing.mutable_load() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(const ModelView view,
-                   FindViewpoint(request.viewpoint(), model.segmenter->model(), "viewpoint"));
-  ASSIGN_OR_RETURN(const Image image, model.segmenter->RenderColor(view));
-  *timing.mutable_compute() = ToProto(stopwatch.Lap());
-  ASSIGN_OR_RETURN(*response->mutable_png(), EncodePng(image));
-  *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_width(image.width);
-  response->set_height(image.height);
-  response->set_model(model.name);
-  return CheckSize(response->ByteSizeLong());
+  return CheckAnswerSize(response->ByteSizeLong());
 }
 
 }  // namespace
@@ -149,8 +40,16 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerCo
                                                           const v1::SegmentRequest* request,
                                                           v1::SegmentResponse* response) {
   return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
-    return AnswerSegment(unary, context_, *request, response);
+    return AnswerSegment({unary.queued, [&unary] { return unary.cancelled(); }}, context_, *request,
+                         response);
   });
+}
+
+grpc::ServerBidiReactor<v1::SegmentStreamRequest, v1::SegmentStreamResponse>*
+SegmentationServiceRpc::SegmentStream(grpc::CallbackServerContext*) {
+  const auto stream = std::make_shared<SegmentStreamCall>(context_);
+  stream->BeginReading();
+  return stream.get();  // owns itself until OnDone
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::ProposeScales(
@@ -167,6 +66,15 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Evaluate(grpc::CallbackServerC
   return RunOnPool(call, *context_.evaluation_pool,
                    [this, request, response](const UnaryCall& unary) {
                      return AnswerEvaluate(unary, context_, *request, response);
+                   });
+}
+
+grpc::ServerUnaryReactor* SegmentationServiceRpc::Decompose(grpc::CallbackServerContext* call,
+                                                            const v1::DecomposeRequest* request,
+                                                            v1::DecomposeResponse* response) {
+  return RunOnPool(call, *context_.evaluation_pool,
+                   [this, request, response](const UnaryCall& unary) {
+                     return AnswerDecompose(unary, context_, *request, response);
                    });
 }
 

@@ -12,12 +12,17 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   grpc::ServerUnaryReactor* Segment(grpc::CallbackServerContext* call,
                                     const v1::SegmentRequest* request,
                                     v1::SegmentResponse* response) override;
+  grpc::ServerBidiReactor<v1::SegmentStreamRequest, v1::SegmentStreamResponse>* SegmentStream(
+      grpc::CallbackServerContext* call) override;
   grpc::ServerUnaryReactor* ProposeScales(grpc::CallbackServerContext* call,
                                           const v1::ProposeScalesRequest* request,
                                           v1::ProposeScalesResponse* response) override;
   grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* call,
                                      const v1::EvaluateRequest* request,
                                      v1::EvaluateResponse* response) override;
+  grpc::ServerUnaryReactor* Decompose(grpc::CallbackServerContext* call,
+                                      const v1::DecomposeRequest* request,
+                                      v1::DecomposeResponse* response) override;
   grpc::ServerUnaryReactor* CreateLabel(grpc::CallbackServerContext* call,
                                         const v1::CreateLabelRequest* request,
                                         v1::Label* response) override;

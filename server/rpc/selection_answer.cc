@@ -13,6 +13,7 @@
 #include "server/rpc/read_prompt.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/rpc/segment_lookup.h"
 #include "server/rpc/selection_lookup.h"
 #include "server/rpc/selection_record.h"
 
@@ -53,11 +54,12 @@ absl::Status CheckSelect(const v1::SelectRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ResidentModel& model,
+absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ServiceContext& context,
+                                           const ResidentModel& model,
                                            const v1::SelectRequest& request) {
   const Model& of = model.segmenter->model();
   SelectTask task;
-  ASSIGN_OR_RETURN(task.prompt, ReadPrompt(request.prompt(), of, "prompt"));
+  ASSIGN_OR_RETURN(task.prompt, ReadPrompt(context, model, request.prompt(), "prompt"));
   ASSIGN_OR_RETURN(const Granularity granularity,
                    ReadGranularity(request.granularity(), of, "granularity"));
   ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));
@@ -68,13 +70,14 @@ absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const Resident
   });
 }
 
-absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ResidentModel& model,
+absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ServiceContext& context,
+                                         const ResidentModel& model,
                                          const v1::SelectRequest& request) {
   switch (request.source_case()) {
     case v1::SelectRequest::kPrompt:
-      return SelectPrompted(call, model, request);
+      return SelectPrompted(call, context, model, request);
     case v1::SelectRequest::kSegment:
-      return absl::UnimplementedError("segments");
+      return FindSegment(*model.segmenter, request.segment(), "segment");
     default:
       return BadField("prompt", "", "neither a prompt nor a segment");
   }
@@ -101,7 +104,7 @@ absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
     ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(request.base(), "selections", "base"));
     row.base = of.number;
   }
-  ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, model, request));
+  ASSIGN_OR_RETURN(const GaussianSet added, SelectSource(call, context, model, request));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), base, added));
   ASSIGN_OR_RETURN(row, RecordSelection(context, model, set, row));
   *response = ToProto(row);

@@ -1,6 +1,7 @@
 // Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
 // level of its ground truth on the held-out views. One table row a seed and level.
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +13,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
 #include "core/features/train_features.h"
+#include "core/io/feature_file.h"
 #include "core/io/gaussian_ply.h"
 #include "core/query/propose_scales.h"
 #include "core/query/resolve_prompt.h"
@@ -19,6 +21,7 @@
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_pack.h"
+#include "tests/bench/decomposition_scores.h"
 #include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/proposal_scores.h"
@@ -29,7 +32,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions {
-  std::string pack, gaussians, dump;
+  std::string pack, gaussians, field, dump;
   std::string device = "cpu";
   std::string name = "run";
   int num_threads = 0;
@@ -39,6 +42,7 @@ struct BenchOptions {
   bool kernels = false;
   bool granularity = false;
   bool proposals = false;
+  bool decompose = false;
   bool rows_only = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
@@ -81,6 +85,18 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, geometry.gaussians));
   geometry.psnr = Mean(scores).psnr;
   return geometry;
+}
+
+absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
+                                      const Geometry& geometry, const BenchOptions& options,
+                                      const FeatureOptions& stage) {
+  if (!options.field.empty() && std::filesystem::exists(options.field)) {
+    return ReadFeatureFile(options.field, options.field);
+  }
+  ASSIGN_OR_RETURN(FeatureField field,
+                   TrainFeatures(backend, capture, geometry.gaussians, stage, GoOn));
+  if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
+  return field;
 }
 
 std::vector<LabeledView> LabeledViews(const Capture& capture, const TruthLevel& level) {
@@ -189,6 +205,27 @@ absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<Labele
   return absl::OkStatus();
 }
 
+// As comments. The levels of the truth are matched to the scales in their order.
+absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack) {
+  const double start = Now();
+  RETURN_IF_ERROR(segmenter.WithDecomposition(
+      kDefaultDecompositionScales, [](const Decomposition&) { return absl::OkStatus(); }));
+  std::printf("# decomposed in %.2f s\n", Now() - start);
+  for (size_t level = 0; level < std::min(pack.truth.size(), kDefaultDecompositionScales.size());
+       ++level) {
+    ASSIGN_OR_RETURN(const DecompositionScores scores,
+                     ScoreDecomposition(segmenter, static_cast<int>(level),
+                                        LabeledViews(pack.capture, pack.truth[level])));
+    std::printf(
+        "# %s: %d segments, adjusted Rand index %.4f, best IoU %.4f, %.1f %% unassigned, %.1f %% "
+        "of %d entities "
+        "keep their id\n",
+        pack.truth[level].name.c_str(), scores.num_segments, scores.adjusted_rand, scores.best_iou,
+        100 * scores.unassigned_share, 100 * scores.kept_share, scores.num_entities);
+  }
+  return absl::OkStatus();
+}
+
 // Stage two and its scores.
 absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptions& options,
                      const Geometry& geometry, int run) {
@@ -196,15 +233,18 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   stage.seed += run;
   Model model;
   const double start = Now();
-  ASSIGN_OR_RETURN(model.field,
-                   TrainFeatures(backend, pack.capture, geometry.gaussians, stage, GoOn));
+  ASSIGN_OR_RETURN(model.field, GetField(backend, pack.capture, geometry, options, stage));
   const double feature_seconds = Now() - start;
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
+  for (const View& view : pack.capture.views) {
+    model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
+  }
   if (options.granularity) {
     RETURN_IF_ERROR(PrintGranularity(backend, pack.capture, model, options.protocol.fixed_scales));
   }
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
+  if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
     ASSIGN_OR_RETURN(OneClickScores scores,
@@ -264,6 +304,8 @@ int main(int argc, char** argv) {
   app.add_option("pack", options.pack)->required();
   app.add_option("--gaussians", options.gaussians,
                  "PLY with stage one's result: read if it is there, else written after stage one");
+  app.add_option("--field", options.field,
+                 "file with stage two's result: read if it is there, else written after stage two");
   app.add_option("--device", options.device, "cpu or cuda");
   app.add_option("--threads", options.num_threads, "of the CPU; 0: all");
   app.add_option("--name", options.name, "first column");
@@ -275,6 +317,8 @@ int main(int argc, char** argv) {
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
   app.add_flag("--proposals", options.proposals, "what scale proposals score, too");
+  app.add_flag("--decompose", options.decompose,
+               "how the levels of a decomposition agree with the truth's, too");
   app.add_flag("--rows-only", options.rows_only, "no heading of the table");
   app.add_option("--dump", options.dump, "folder for a picture of every mask");
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");

@@ -172,7 +172,19 @@ TEST(DecodeLabels, RefusesALossyFormat) {
   EXPECT_STATUS(DecodeLabels(folder / "a.png", "a.png"), kInvalidArgument, "must be a PNG");
 }
 
+TEST(EncodePng, SixteenBitsComeBack) {
+  const TempFolder folder;
+  const Grey16Image grey = {3, 2, {0, 1, 255, 256, 40'000, 65'535}};
+  ASSERT_OK_AND_ASSIGN(const std::string png, EncodePng(grey));
+  WriteBytes(folder / "a.png", png);
+  ASSERT_OK_AND_ASSIGN(const LabelImage read, DecodeLabels(folder / "a.png", "a.png"));
+  EXPECT_EQ(read.width, 3);
+  EXPECT_EQ(read.labels, (std::vector<uint32_t>{0, 1, 255, 256, 40'000, 65'535}));
+}
+
 TEST(EncodePng, RefusesPixelsThatDoNotFit) {
+  EXPECT_STATUS(EncodePng(Grey16Image{2, 2, {1, 2, 3}}), kInvalidArgument, "2x2 with 3 pixels");
+  EXPECT_STATUS(EncodePng(Grey16Image{0, 2, {}}), kInvalidArgument, "0x2");
   EXPECT_STATUS(EncodePng({2, 2, 3, std::vector<uint8_t>(11)}), kInvalidArgument, "2x2x3");
   EXPECT_STATUS(EncodePng({0, 2, 1, {}}), kInvalidArgument, "0x2x1");
 }

@@ -38,6 +38,16 @@ TEST(GaussianPly, ComesBackBitForBit) {
   }
 }
 
+TEST(EncodeGaussianPly, GivesTheBytesOfTheFile) {
+  const TempFolder folder;
+  for (const int64_t count : {0, 1, 5000}) {
+    const Gaussians gaussians = RandomGaussians(count, 2);
+    ASSERT_OK(WriteGaussianPly(folder / "a.ply", gaussians));
+    ASSERT_OK_AND_ASSIGN(const std::string bytes, ReadFile(folder / "a.ply", "a.ply", 1 << 24));
+    EXPECT_EQ(EncodeGaussianPly(gaussians), bytes);
+  }
+}
+
 TEST(GaussianPly, HasTheLayoutOf3dgs) {
   const TempFolder folder;
   Gaussians gaussians = Gaussians::Zero(1, 3);

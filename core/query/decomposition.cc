@@ -1,0 +1,100 @@
+#include "core/query/decomposition.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// Of each piece; those of no Gaussian too.
+std::vector<int64_t> CountPieces(std::span<const int32_t> pieces) {
+  const int32_t last = pieces.empty() ? -1 : *std::max_element(pieces.begin(), pieces.end());
+  std::vector<int64_t> counts(static_cast<size_t>(last + 1));
+  for (const int32_t piece : pieces) {
+    if (piece >= 0) ++counts[piece];
+  }
+  return counts;
+}
+
+void Extend(Decomposition::Segment& segment, const Gaussians& gaussians, int64_t row) {
+  for (int k = 0; k < 3; ++k) {
+    const float at = gaussians.Plane(kMeanPlane + k)[row];
+    segment.min[k] = std::min(segment.min[k], at);
+    segment.max[k] = std::max(segment.max[k], at);
+  }
+}
+
+}  // namespace
+
+absl::Status CheckDecompositionScales(std::span<const double> scales) {
+  if (scales.empty() || scales.size() > kMaxLevels) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(scales.size(), " scales, must be 1 to ", kMaxLevels));
+  }
+  for (size_t i = 0; i < scales.size(); ++i) {
+    if (!(scales[i] >= 0 && scales[i] <= 1)) {  // true for NaN
+      return absl::InvalidArgumentError(
+          absl::StrCat("scale ", i, " is ", scales[i], ", must be in [0, 1]"));
+    }
+    if (i > 0 && scales[i] <= scales[i - 1]) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "scale ", i, " is ", scales[i], ", must be over the one before, ", scales[i - 1]));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckLevel(const Decomposition& decomposition, int level) {
+  const auto num_levels = static_cast<int>(decomposition.levels.size());
+  if (level >= 0 && level < num_levels) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("level is ", level, ", must be in [0, ", num_levels - 1, "]"));
+}
+
+absl::StatusOr<GaussianSet> MembersOf(const Decomposition& decomposition, int level, int32_t id) {
+  RETURN_IF_ERROR(CheckLevel(decomposition, level));
+  const Decomposition::Level& of = decomposition.levels[level];
+  if (id < 1 || id > static_cast<int64_t>(of.segments.size())) {
+    return absl::InvalidArgumentError(absl::StrCat("segment is ", id, ", level ", level, " has ",
+                                                   of.segments.size(), " segments, from 1"));
+  }
+  GaussianSet members;
+  members.member.reserve(of.ids.size());
+  for (const int32_t at : of.ids) members.member.push_back(at == id ? 1 : 0);
+  return members;
+}
+
+Decomposition::Level LevelOfPieces(double scale, std::span<const int32_t> pieces,
+                                   const Gaussians& gaussians) {
+  const std::vector<int64_t> counts = CountPieces(pieces);
+  std::vector<int32_t> order(counts.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int32_t a, int32_t b) { return counts[a] > counts[b]; });
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  std::vector<int32_t> id_of_piece(counts.size());
+  Decomposition::Level level{scale, std::vector<int32_t>(pieces.size()), {}};
+  for (const int32_t piece : order) {
+    if (counts[piece] == 0) break;
+    level.segments.push_back({0, counts[piece], {kInf, kInf, kInf}, {-kInf, -kInf, -kInf}});
+    id_of_piece[piece] = static_cast<int32_t>(level.segments.size());
+  }
+  for (size_t i = 0; i < pieces.size(); ++i) {
+    if (pieces[i] < 0) continue;
+    level.ids[i] = id_of_piece[pieces[i]];
+    Extend(level.segments[level.ids[i] - 1], gaussians, static_cast<int64_t>(i));
+  }
+  return level;
+}
+
+void SetParents(Decomposition::Level& fine, const Decomposition::Level& coarse) {
+  for (size_t i = 0; i < fine.ids.size(); ++i) {
+    if (fine.ids[i] != 0) fine.segments[fine.ids[i] - 1].parent = coarse.ids[i];
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,100 @@
+#include "core/query/feature_palette.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "kernels/cpu/half.h"
+#include "kernels/math/gate.h"
+#include "kernels/math/pair.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxSamples = 65'536;  // Gaussians that the components are of
+constexpr double kClippedShare = 0.02;   // at either end
+// A component that varies less is not stretched until its noise shows.
+constexpr float kMinRange = 0.1f;
+constexpr float kMinPixelNorm = 0.4f;  // of a feature: less is nothing
+
+using Features = Eigen::Matrix<double, Eigen::Dynamic, kFeatureSize, Eigen::RowMajor>;
+using Axes = Eigen::Matrix<double, kFeatureSize, 3>;
+
+Features SampleUnits(const FeatureField& field, const float* psi) {
+  const int64_t count = static_cast<int64_t>(field.features.size()) / kFeatureSize;
+  const int64_t stride = std::max<int64_t>(1, (count + kMaxSamples - 1) / kMaxSamples);
+  Features units((count + stride - 1) / stride, kFeatureSize);
+  float unit[kFeatureSize];
+  for (int64_t i = 0; i < count; i += stride) {
+    GatedUnit(psi, &field.features[i * kFeatureSize], kFeatureSize, unit);
+    for (int k = 0; k < kFeatureSize; ++k) units(i / stride, k) = double{unit[k]};
+  }
+  return units;
+}
+
+// The three axes of most variance, the most first, each signed so that its largest component is
+// positive.
+Axes PrincipalAxes(const Features& units) {
+  const Eigen::RowVectorXd mean = units.colwise().mean();
+  const Features centered = units.rowwise() - mean;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centered.transpose() * centered);
+  Axes axes;
+  for (int k = 0; k < 3; ++k) {
+    axes.col(k) = solver.eigenvectors().col(kFeatureSize - 1 - k);
+    Eigen::Index largest = 0;
+    axes.col(k).cwiseAbs().maxCoeff(&largest);
+    if (axes(largest, k) < 0) axes.col(k) *= -1;
+  }
+  return axes;
+}
+
+float ValueAt(std::vector<float>& values, double share) {
+  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+}  // namespace
+
+FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale) {
+  FeaturePalette palette;
+  if (field.empty()) return palette;
+  GateAt(field.gate.data(), kFeatureSize, static_cast<float>(scale), palette.psi.data());
+  const Features units = SampleUnits(field, palette.psi.data());
+  const Axes axes = PrincipalAxes(units);
+  for (int k = 0; k < 3; ++k) {
+    for (int c = 0; c < kFeatureSize; ++c) palette.axis[k][c] = static_cast<float>(axes(c, k));
+    const Eigen::VectorXf along = (units * axes.col(k)).cast<float>();
+    std::vector<float> values(along.begin(), along.end());
+    palette.low[k] = ValueAt(values, kClippedShare);
+    palette.high[k] = ValueAt(values, 1 - kClippedShare);
+  }
+  return palette;
+}
+
+Image PaintFeatures(const FeaturePalette& palette, std::span<const Half> map,
+                    const Camera& camera) {
+  Image image = {camera.width, camera.height, 3, {}};
+  image.pixels.assign(map.size() / kFeatureSize * 3, 0);
+  float feature[kFeatureSize], unit[kFeatureSize];
+  for (size_t i = 0; i < map.size() / kFeatureSize; ++i) {
+    float squares = 0;
+    for (int c = 0; c < kFeatureSize; ++c) {
+      feature[c] = FloatFromHalf(map[i * kFeatureSize + c]);
+      squares += feature[c] * feature[c];
+    }
+    if (squares < kMinPixelNorm * kMinPixelNorm) continue;
+    GatedUnit(palette.psi.data(), feature, kFeatureSize, unit);
+    for (int k = 0; k < 3; ++k) {
+      float along = 0;
+      for (int c = 0; c < kFeatureSize; ++c) along += palette.axis[k][c] * unit[c];
+      const float range = std::max(palette.high[k] - palette.low[k], kMinRange);
+      const float value = std::clamp((along - palette.low[k]) / range, 0.0f, 1.0f);
+      image.pixels[3 * i + k] = static_cast<uint8_t>(std::lround(value * 255));
+    }
+  }
+  return image;
+}
+
+}  // namespace pepeseg

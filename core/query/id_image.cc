@@ -1,0 +1,63 @@
+#include "core/query/id_image.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kBandPixels = 524'288;  // at some 50 entries of 8 bytes: 200 MB
+constexpr float kMinAlpha = 0.5f;
+
+// The sum of weights of each id that one pixel shows: few, so a list that is searched.
+class Votes {
+ public:
+  void Clear() { sums_.clear(); }
+  void Add(int32_t id, float weight) {
+    const auto found =
+        std::find_if(sums_.begin(), sums_.end(), [id](const Sum& sum) { return sum.id == id; });
+    found == sums_.end() ? sums_.push_back({id, weight}) : void(found->weight += weight);
+  }
+  int32_t Winner() const {
+    Sum best;
+    float total = 0;
+    for (const Sum& sum : sums_) {
+      total += sum.weight;
+      if (sum.weight > best.weight || (sum.weight == best.weight && sum.id < best.id)) best = sum;
+    }
+    return total < kMinAlpha ? 0 : best.id;
+  }
+
+ private:
+  struct Sum {
+    int32_t id = 0;
+    float weight = 0;
+  };
+  std::vector<Sum> sums_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view, std::span<const int32_t> ids,
+                                               RowsOfPixels rows) {
+  const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+  std::vector<int32_t> image(static_cast<size_t>(num_pixels));
+  Votes votes;
+  for (int64_t first = 0; first < num_pixels; first += kBandPixels) {
+    std::vector<int32_t> pixels(static_cast<size_t>(std::min(kBandPixels, num_pixels - first)));
+    std::iota(pixels.begin(), pixels.end(), static_cast<int32_t>(first));
+    ASSIGN_OR_RETURN(const PixelRows band, rows(view, pixels));
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      votes.Clear();
+      for (int32_t e = band.first[i]; e < band.first[i + 1]; ++e) {
+        votes.Add(ids[band.gaussian[e]], band.weight[e]);
+      }
+      image[pixels[i]] = votes.Winner();
+    }
+  }
+  return image;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,26 @@
+#include "server/rpc/segment_stream.h"
+
+#include <optional>
+
+#include "server/rpc/error.h"
+#include "server/rpc/segment_answer.h"
+
+namespace pepeseg {
+
+Stream::Step SegmentStreamCall::Work(bool) {
+  const std::optional<v1::SegmentStreamRequest> request = TakeNewest();
+  if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
+  const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
+  message_.Clear();
+  message_.set_sequence(request->sequence());
+  const absl::Status status =
+      AnswerSegment(call, context_, request->segment(), message_.mutable_segment());
+  if (absl::IsCancelled(status)) {
+    Wake();  // for the newer one
+    return {Next::kIdle, absl::OkStatus()};
+  }
+  if (!status.ok()) *message_.mutable_error() = ToProto(status);
+  return {Next::kIo, absl::OkStatus()};
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,36 @@
+#include "server/rpc/subset_lookup.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/rpc/error.h"
+#include "server/rpc/segment_lookup.h"
+#include "server/rpc/selection_lookup.h"
+
+namespace pepeseg {
+
+absl::StatusOr<std::optional<GaussianSet>> FindSubset(const ServiceContext& context,
+                                                      const ResidentModel& model,
+                                                      const v1::Subset& subset,
+                                                      const std::string& field) {
+  GaussianSet found;
+  switch (subset.of_case()) {
+    case v1::Subset::kSelection: {
+      ASSIGN_OR_RETURN(
+          found, FindSelection(context, subset.selection(), model.name, field + ".selection"));
+      break;
+    }
+    case v1::Subset::kSegment: {
+      ASSIGN_OR_RETURN(found, FindSegment(*model.segmenter, subset.segment(), field + ".segment"));
+      break;
+    }
+    default:
+      if (!subset.complement()) return std::nullopt;
+      return BadField(field + ".complement", "true", "of neither a selection nor a segment");
+  }
+  if (subset.complement()) {
+    for (uint8_t& member : found.member) member = member != 0 ? 0 : 1;
+  }
+  return found;
+}
+
+}  // namespace pepeseg

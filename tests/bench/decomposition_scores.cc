@@ -1,0 +1,99 @@
+#include "tests/bench/decomposition_scores.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "core/evaluate/adjusted_rand.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMinPixels = 100;
+
+// Of an entity and the segment that fits it best, mean over the entities.
+double MeanBestIou(std::span<const int32_t> truth, std::span<const int32_t> shown,
+                   const std::set<int32_t>& entities) {
+  std::map<int32_t, int64_t> of_truth, of_shown;
+  std::map<std::pair<int32_t, int32_t>, int64_t> of_both;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    ++of_truth[truth[i]];
+    ++of_shown[shown[i]];
+    ++of_both[{truth[i], shown[i]}];
+  }
+  double sum = 0;
+  for (const int32_t entity : entities) {
+    double best = 0;
+    for (const auto& [both, shared] : of_both) {
+      if (both.first != entity || both.second == 0) continue;
+      const int64_t either = of_truth[entity] + of_shown[both.second] - shared;
+      best = std::max(best, static_cast<double>(shared) / static_cast<double>(either));
+    }
+    sum += best;
+  }
+  return sum / static_cast<double>(std::max<size_t>(1, entities.size()));
+}
+
+// The id that most of an entity's pixels have; of equally many the smallest.
+int32_t MajorityId(const LabeledView& view, uint16_t entity, std::span<const int32_t> ids) {
+  std::map<int32_t, int64_t> counts;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    if (view.labels[i] == entity && view.Counts(i)) ++counts[ids[i]];
+  }
+  const auto most = std::ranges::max_element(
+      counts, [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == counts.end() ? 0 : most->first;
+}
+
+}  // namespace
+
+absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
+                                                       std::span<const LabeledView> views) {
+  DecompositionScores scores;
+  std::vector<int32_t> ids_of_gaussians;
+  RETURN_IF_ERROR(
+      segmenter.WithDecomposition(kDefaultDecompositionScales, [&](const Decomposition& whole) {
+        ids_of_gaussians = whole.levels[level].ids;
+        scores.num_segments = static_cast<int>(whole.levels[level].segments.size());
+        return absl::OkStatus();
+      }));
+  std::vector<std::vector<int32_t>> images;
+  images.reserve(views.size());
+  std::vector<int32_t> truth, shown;
+  for (const LabeledView& view : views) {
+    ASSIGN_OR_RETURN(const std::vector<int32_t> ids,
+                     segmenter.RenderIds(view.view, ids_of_gaussians));
+    for (size_t i = 0; i < ids.size(); ++i) {
+      if (view.labels[i] == 0 || !view.Counts(i)) continue;
+      truth.push_back(view.labels[i]);
+      shown.push_back(ids[i]);
+    }
+    images.push_back(ids);
+  }
+  scores.adjusted_rand = AdjustedRand(truth, shown);
+  scores.unassigned_share = static_cast<double>(std::ranges::count(shown, 0)) /
+                            static_cast<double>(std::max<size_t>(1, shown.size()));
+  std::set<int32_t> entities;
+  int num_kept = 0;
+  for (const ShownEntity& entity : FindEntities(views, kMinPixels)) {
+    if (entity.views.size() < 2) continue;
+    entities.insert(entity.id);
+    std::vector<int32_t> majorities;
+    majorities.reserve(entity.views.size());
+    for (const LabeledView* view : entity.views) {
+      majorities.push_back(MajorityId(*view, entity.id, images[view - views.data()]));
+    }
+    const bool kept = majorities[0] != 0 && std::ranges::count(majorities, majorities[0]) ==
+                                                static_cast<std::ptrdiff_t>(majorities.size());
+    if (kept) ++num_kept;
+  }
+  scores.num_entities = static_cast<int>(entities.size());
+  scores.best_iou = MeanBestIou(truth, shown, entities);
+  scores.kept_share = num_kept / static_cast<double>(std::max(1, scores.num_entities));
+  return scores;
+}
+
+}  // namespace pepeseg

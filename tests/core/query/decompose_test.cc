@@ -1,0 +1,107 @@
+#include "core/query/decompose.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/core/query/nested_parts.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using testing::NestedParts;
+
+absl::StatusOr<Decomposition> TakeApart(const Model& model, const std::vector<double>& scales) {
+  const auto backend = MakeCpuBackend(2);
+  return Decompose(*backend, model, scales, [](const ModelView&, std::span<const int32_t>) {
+    return absl::InternalError("rows that nobody should ask for");
+  });
+}
+
+TEST(Decompose, FindsPartsInsideGroups) {
+  const NestedParts nested = testing::MakeNestedParts();
+  ASSERT_OK_AND_ASSIGN(const Decomposition whole, TakeApart(nested.model, {0.01, 1}));
+  ASSERT_EQ(whole.levels.size(), 2u);
+  const Decomposition::Level &parts = whole.levels[0], &groups = whole.levels[1];
+  ASSERT_EQ(parts.segments.size(), 4u);
+  ASSERT_EQ(groups.segments.size(), 2u);
+  for (size_t i = 0; i < nested.part.size(); ++i) {  // by size, so part 0 is segment 1
+    EXPECT_EQ(parts.ids[i], nested.part[i] + 1);
+    EXPECT_EQ(groups.ids[i], nested.part[i] < 0 ? 0 : nested.part[i] / 2 + 1);
+  }
+  for (int part = 0; part < 4; ++part) {
+    EXPECT_EQ(parts.segments[part].parent, part / 2 + 1);
+    EXPECT_EQ(parts.segments[part].num_gaussians, NestedParts::kSizes[part]);
+  }
+  EXPECT_EQ(groups.segments[0].num_gaussians, 70);
+  EXPECT_EQ(groups.segments[0].parent, 0);
+}
+
+TEST(Decompose, BoundsAreThoseOfTheMeans) {
+  const NestedParts nested = testing::MakeNestedParts();
+  ASSERT_OK_AND_ASSIGN(const Decomposition whole, TakeApart(nested.model, {0.01, 1}));
+  const Decomposition::Segment& second = whole.levels[0].segments[1];
+  EXPECT_EQ(second.min, (std::array<float, 3>{1, 40, 0}));
+  EXPECT_EQ(second.max, (std::array<float, 3>{1, 69, 0}));
+  const Decomposition::Segment& group = whole.levels[1].segments[0];
+  EXPECT_EQ(group.min, (std::array<float, 3>{0, 0, 0}));
+  EXPECT_EQ(group.max, (std::array<float, 3>{1, 69, 0}));
+}
+
+TEST(Decompose, OneScaleGivesItsLevelOfAll) {
+  const NestedParts nested = testing::MakeNestedParts();
+  ASSERT_OK_AND_ASSIGN(const Decomposition both, TakeApart(nested.model, {0.01, 1}));
+  ASSERT_OK_AND_ASSIGN(const Decomposition one, TakeApart(nested.model, {1}));
+  ASSERT_EQ(one.levels.size(), 1u);
+  EXPECT_EQ(one.levels[0].ids, both.levels[1].ids);
+}
+
+TEST(Decompose, TooFewGaussiansForAPieceAreInNoSegment) {
+  Model model = testing::MakeNestedParts().model;
+  const std::vector<int64_t> rows = {0, 1, 2, 3, 4};
+  model.gaussians = model.gaussians.Select(rows);
+  model.field.features.resize(32 * rows.size());
+  ASSERT_OK_AND_ASSIGN(const Decomposition whole, TakeApart(model, {0.5}));
+  EXPECT_TRUE(whole.levels[0].segments.empty());
+  EXPECT_EQ(whole.levels[0].ids, std::vector<int32_t>(5));
+}
+
+TEST(Decompose, RefusesScalesThatAreNone) {
+  const Model model = testing::MakeNestedParts().model;
+  const auto expect_refused = [&](const std::vector<double>& scales, const std::string& words) {
+    EXPECT_STATUS(TakeApart(model, scales), absl::StatusCode::kInvalidArgument, words);
+  };
+  expect_refused({}, "0 scales, must be 1 to 8");
+  expect_refused(std::vector<double>(9, 0.5), "9 scales");
+  expect_refused({0.5, 1.5}, "scale 1 is 1.5, must be in [0, 1]");
+  expect_refused({NAN}, "scale 0 is nan");
+  expect_refused({0.5, 0.5}, "scale 1 is 0.5, must be over the one before, 0.5");
+}
+
+TEST(MembersOf, AreTheGaussiansOfTheId) {
+  const NestedParts nested = testing::MakeNestedParts();
+  ASSERT_OK_AND_ASSIGN(const Decomposition whole, TakeApart(nested.model, {0.01, 1}));
+  ASSERT_OK_AND_ASSIGN(const GaussianSet members, MembersOf(whole, 0, 3));
+  EXPECT_EQ(members.count(), NestedParts::kSizes[2]);
+  for (size_t i = 0; i < nested.part.size(); ++i) {
+    EXPECT_EQ(members.member[i], nested.part[i] == 2 ? 1 : 0);
+  }
+  EXPECT_STATUS(MembersOf(whole, 2, 1), absl::StatusCode::kInvalidArgument,
+                "level is 2, must be in [0, 1]");
+  EXPECT_STATUS(MembersOf(whole, -1, 1), absl::StatusCode::kInvalidArgument, "level is -1");
+  EXPECT_STATUS(MembersOf(whole, 1, 3), absl::StatusCode::kInvalidArgument,
+                "segment is 3, level 1 has 2 segments");
+  EXPECT_STATUS(MembersOf(whole, 1, 0), absl::StatusCode::kInvalidArgument, "segment is 0");
+}
+
+TEST(LevelOfPieces, NumbersByFallingSizeThenByPiece) {
+  const Gaussians gaussians = Gaussians::Zero(7, 0);
+  const std::vector<int32_t> pieces = {3, 0, 1, -1, 3, 1, 3};
+  const Decomposition::Level level = LevelOfPieces(0.5, pieces, gaussians);
+  EXPECT_EQ(level.ids, (std::vector<int32_t>{1, 3, 2, 0, 1, 2, 1}));
+  EXPECT_EQ(level.segments.size(), 3u) << "piece 2 has no Gaussian";
+}
+
+}  // namespace
+}  // namespace pepeseg
