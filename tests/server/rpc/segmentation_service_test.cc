@@ -64,6 +64,8 @@ std::vector<uint32_t> PixelsOf(const v1::CocoRle& rle) {
 
 TEST_F(SegmentationServiceTest, AClickFindsItsSquareInOtherViews) {
   auto request = Click("middle.jpg", 30, 32);  // the red one, left of the middle
+  request.mutable_granularity()->set_scale_quantile(0.5);
+  request.mutable_granularity()->set_threshold(0.75);
   request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);
   const grpc::Status status = Segment(request);
   ASSERT_TRUE(status.ok()) << status.error_message();
