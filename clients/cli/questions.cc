@@ -165,7 +165,7 @@ std::string Stem(const std::string& view) {
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
-  AddPromptFlags(*verb, flags->prompt);
+  AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
                    "Where masks are wanted: names, all or held-out; by default where the click is");
