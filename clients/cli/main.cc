@@ -41,6 +41,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddSegment(app, shell);
   pepeseg::cli::AddPropose(app, shell);
   pepeseg::cli::AddRender(app, shell);
+  pepeseg::cli::AddDecompose(app, shell);
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddDemo(app, shell);

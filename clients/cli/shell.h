@@ -37,6 +37,7 @@ void AddScenes(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddPropose(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
+void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
