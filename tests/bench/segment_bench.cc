@@ -24,6 +24,7 @@
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
+#include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
@@ -97,17 +98,6 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
                    TrainFeatures(backend, capture, geometry.gaussians, stage, GoOn));
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
-}
-
-std::vector<LabeledView> LabeledViews(const Capture& capture, const TruthLevel& level) {
-  std::vector<LabeledView> labeled;
-  for (size_t v = 0; v < capture.views.size(); ++v) {
-    const View& view = capture.views[v];
-    if (!view.held_out || level.labels[v].empty()) continue;
-    labeled.push_back(
-        {{view.name, view.camera, view.cam_from_world, true}, level.labels[v], view.ignore});
-  }
-  return labeled;
 }
 
 void PrintHeader(const OneClickOptions& protocol) {
@@ -206,27 +196,6 @@ absl::Status PrintPrompts(const Segmenter& segmenter, const std::vector<LabeledV
       row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.best_of_three_iou,
       kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou, scores.selection_iou,
       scores.selection_against_masks);
-  return absl::OkStatus();
-}
-
-// As comments. The levels of the truth are matched to the scales in their order.
-absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack) {
-  const double start = Now();
-  RETURN_IF_ERROR(segmenter.WithDecomposition(
-      kDefaultDecompositionScales, [](const Decomposition&) { return absl::OkStatus(); }));
-  std::printf("# decomposed in %.2f s\n", Now() - start);
-  for (size_t level = 0; level < std::min(pack.truth.size(), kDefaultDecompositionScales.size());
-       ++level) {
-    ASSIGN_OR_RETURN(const DecompositionScores scores,
-                     ScoreDecomposition(segmenter, static_cast<int>(level),
-                                        LabeledViews(pack.capture, pack.truth[level])));
-    std::printf(
-        "# %s: %d segments, adjusted Rand index %.4f, best IoU %.4f, %.1f %% unassigned, %.1f %% "
-        "of %d entities "
-        "keep their id\n",
-        pack.truth[level].name.c_str(), scores.num_segments, scores.adjusted_rand, scores.best_iou,
-        100 * scores.unassigned_share, 100 * scores.kept_share, scores.num_entities);
-  }
   return absl::OkStatus();
 }
 
