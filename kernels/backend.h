@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,12 @@ struct DeviceMemory {
   bool is_host = false;  // the machine's own: data on the host come out of it too
 };
 
+// What a backend could not do.
+struct BackendError {
+  std::string what;    // empty: nothing has failed
+  bool fatal = false;  // else memory, or room of another kind, that could not be had
+};
+
 // What a RenderScratch grows with.
 struct ScratchSize {
   int64_t num_gaussians = 0, num_entries = 0, num_tiles = 0, num_pixels = 0;
@@ -34,10 +41,10 @@ struct ScratchSize {
 // The arithmetic of the method on one device: its memory, and one virtual per pipeline step.
 //
 // Ops return nothing: a backend keeps its first error, error() tells, and what is called after it
-// does nothing. On CUDA they are asynchronous, in the order of the calls. Spans must be memory of
-// the same backend and not overlap unless an op says so. Ops may be called from several threads at
-// once as long as what they write is not shared. CPU results do not depend on the number of
-// threads.
+// does nothing until TakeError forgets it. On CUDA they are asynchronous, in the order of the
+// calls. Spans must be memory of the same backend and not overlap unless an op says so. Ops may be
+// called from several threads at once as long as what they write is not shared. CPU results do not
+// depend on the number of threads.
 class Backend {
  public:
   virtual ~Backend() = default;
@@ -45,6 +52,12 @@ class Backend {
   virtual std::string name() const = 0;   // for reports, as in "cpu (2 threads, AVX3)"
   virtual std::string error() const = 0;  // empty while nothing has failed
   virtual void Sync() = 0;                // waits for everything that was called before
+  // Waits as Sync does and tells the error. One that is not fatal is forgotten by that: what was
+  // called since did nothing, and what is called next works again. A fatal one stays.
+  virtual BackendError TakeError() = 0;
+  // For those who share a backend and want its errors to be their own: to be held from the first
+  // op to TakeError. No op takes it.
+  std::mutex& exclusive_use() { return exclusive_use_; }
 
   // Memory; see Buffer.
   virtual void* Allocate(size_t num_bytes) = 0;
@@ -56,6 +69,8 @@ class Backend {
   virtual size_t bytes_in_use() const = 0;
   virtual size_t peak_bytes_in_use() const = 0;
   virtual DeviceMemory memory() const = 0;
+  // Gives memory that was freed, and is kept for the next Allocate, back for other processes.
+  virtual void ReleaseFreed() = 0;
   // What Render, ImageLoss and RenderBackward take at most of this memory for a scratch of this
   // size and for themselves, depth left out.
   virtual int64_t ScratchBytes(const ScratchSize& size) const = 0;
@@ -106,6 +121,9 @@ class Backend {
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   // Clustering (cluster_ops.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
+
+ private:
+  std::mutex exclusive_use_;
 };
 
 inline constexpr int kMaxReadbacks = 64;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "core/backend_turn.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -34,7 +35,7 @@ absl::StatusOr<Clusters> Hdbscan(Backend& backend, DeviceSpan<const float> point
   backend.SpanningTree({points, options.min_samples, core.span(), edges.span()});
   std::vector<TreeEdge> host_edges(num_points - 1);
   edges.Download(std::span<TreeEdge>(host_edges));
-  if (std::string error = backend.error(); !error.empty()) return absl::InternalError(error);
+  RETURN_IF_ERROR(TakeStatus(backend));
   return ClustersOf(host_edges, options.min_cluster_size);
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/backend_turn.h"
 #include "core/cluster/hdbscan.h"
 #include "core/query/join_pieces.h"
 #include "core/query/visible_weights.h"
@@ -89,8 +90,9 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
   const std::vector<float> units = GatedUnits(model.field, scale);
   const std::vector<uint8_t> seen = SeenEnough(visible);
   const std::vector<float> points = PointsToCluster(units, seen);
-  ASSIGN_OR_RETURN(const Clusters clusters,
-                   Hdbscan(backend, std::span<const float>(points), kPieces));
+  ASSIGN_OR_RETURN(const Clusters clusters, InTurn(backend, [&] {
+                     return Hdbscan(backend, std::span<const float>(points), kPieces);
+                   }));
   const std::vector<float> means = ClusterMeans(points, clusters);
   std::vector<int32_t> pieces;
   pieces.reserve(visible.size());

@@ -30,9 +30,16 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   }
   const int64_t size = int64_t{view.camera.width} * view.camera.height * kFeatureSize;
   const auto num_bytes = size * static_cast<int64_t>(sizeof(Half));
-  while (!maps_.empty() && bytes_ + num_bytes > max_bytes_) {
+  if (num_bytes > max_bytes_) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,
+                     " pixels needs ", num_bytes, " bytes, ", max_bytes_,
+                     " are there for the maps of a model: a smaller view takes less"));
+  }
+  while (bytes_ + num_bytes > max_bytes_) {
     bytes_ -= maps_.back().pixels.size() * static_cast<int64_t>(sizeof(Half));
     maps_.pop_back();
+    --num_maps_;
   }
   Map map = {key, Buffer<Half>(renderer_.backend(), size)};
   if (map.pixels.empty()) {
@@ -41,6 +48,7 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   }
   RETURN_IF_ERROR(renderer_.Features(view, map.pixels.span()));
   ++num_renders_;
+  ++num_maps_;
   bytes_ += num_bytes;
   maps_.push_front(std::move(map));
   return std::as_const(maps_.front()).pixels.span();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <list>
 #include <string>
@@ -9,17 +10,19 @@
 
 namespace pepeseg {
 
-// Feature maps of a model's views: keeps the last ones asked for, the least recently used go when
-// they are more than `max_bytes` together, but never the last. Not thread safe.
+// Feature maps of a model's views: keeps the last ones asked for, the least recently used go before
+// they would be more than `max_bytes` together. Not thread safe, but for the counts.
 class FeatureMaps {
  public:
   FeatureMaps(ModelRenderer& renderer, int64_t max_bytes);
 
   // The features of each pixel, [height * width, 32]. Valid until the next call. A view is
-  // recognised by its camera and pose, whatever its name. RESOURCE_EXHAUSTED: no memory.
+  // recognised by its camera and pose, whatever its name. RESOURCE_EXHAUSTED: no memory, or, with
+  // need and have in the message, a map that is over the limit alone.
   absl::StatusOr<DeviceSpan<const Half>> Get(const ModelView& view);
 
   int64_t bytes() const { return bytes_; }
+  int64_t num_maps() const { return num_maps_; }
   int64_t num_renders() const { return num_renders_; }  // feature maps rendered so far
 
  private:
@@ -30,8 +33,7 @@ class FeatureMaps {
 
   ModelRenderer& renderer_;
   int64_t max_bytes_;
-  int64_t bytes_ = 0;
-  int64_t num_renders_ = 0;
+  std::atomic<int64_t> bytes_ = 0, num_maps_ = 0, num_renders_ = 0;
   std::list<Map> maps_;  // the last used first
 };
 

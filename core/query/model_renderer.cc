@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <string>
 
 #include "absl/strings/str_cat.h"
+#include "core/backend_turn.h"
 #include "core/scene/pinhole_view.h"
 #include "core/status_macros.h"
 
@@ -40,6 +40,17 @@ void ModelRenderer::ShowAll() {
   planes_.Upload(model_.gaussians.Plane(kOpacityPlane), kOpacityPlane * model_.gaussians.count);
 }
 
+// The opacities are put right before a render, not after one: a backend that ran out of memory in
+// between copies nothing.
+void ModelRenderer::Show(const GaussianSet* subset) {
+  if (subset != nullptr) {
+    HideAllBut(*subset);
+  } else if (some_hidden_) {
+    ShowAll();
+  }
+  some_hidden_ = subset != nullptr || !backend_.error().empty();
+}
+
 absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   color_.Reserve(backend_, 3 * num_pixels);
@@ -52,7 +63,7 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
     return absl::ResourceExhaustedError(absl::StrCat("no memory to render ", view.camera.width, "x",
                                                      view.camera.height, " pixels"));
   }
-  if (pass.subset != nullptr) HideAllBut(*pass.subset);
+  Show(pass.subset);
   const Gaussians& gaussians = model_.gaussians;
   backend_.Render(
       {.gaussians = {planes_.span().data, gaussians.count, gaussians.count, gaussians.sh_degree},
@@ -64,15 +75,14 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
        .alpha = pass.with_depth ? alpha_.span() : DeviceSpan<float>(),
        .depth = pass.with_depth ? depth_.span() : DeviceSpan<float>(),
        .for_backward = false});
-  if (pass.subset != nullptr) ShowAll();
-  return absl::OkStatus();
+  return TakeStatus(backend_);
 }
 
 absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map,
                                      const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not looked at
   backend_.RenderFeatures({features_.span(), &scratch_, map});
-  return absl::OkStatus();
+  return TakeStatus(backend_);
 }
 
 absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
@@ -94,9 +104,7 @@ absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
   first.Download(std::span<int32_t>(rows.first));
   gaussian.Download(std::span<int32_t>(rows.gaussian));
   weight.Download(std::span<float>(rows.weight));
-  if (const std::string error = backend_.error(); !error.empty()) {
-    return absl::InternalError(error);
-  }
+  RETURN_IF_ERROR(TakeStatus(backend_));
   return rows;
 }
 
@@ -105,9 +113,7 @@ absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const Gaussian
   std::vector<float> planes(color_.size());
   color_.Download(std::span<float>(planes));
   // A device that failed leaves zeros: no picture of the scene.
-  if (const std::string error = backend_.error(); !error.empty()) {
-    return absl::InternalError(error);
-  }
+  RETURN_IF_ERROR(TakeStatus(backend_));
   Image image = {view.camera.width, view.camera.height, 3, {}};
   image.pixels.resize(planes.size());
   const size_t num_pixels = planes.size() / 3;
@@ -124,9 +130,7 @@ absl::StatusOr<std::vector<float>> ModelRenderer::Depth(const ModelView& view,
   std::vector<float> alpha(alpha_.size()), depth(depth_.size());
   alpha_.Download(std::span<float>(alpha));
   depth_.Download(std::span<float>(depth));
-  if (const std::string error = backend_.error(); !error.empty()) {
-    return absl::InternalError(error);
-  }
+  RETURN_IF_ERROR(TakeStatus(backend_));
   for (size_t i = 0; i < depth.size(); ++i) {
     depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0;
   }

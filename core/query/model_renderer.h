@@ -22,8 +22,9 @@ struct PixelRows {
 };
 
 // A model in backend memory that is rendered. Not thread safe. The backend and the model must
-// outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory. A subset, where there is one,
-// is of this model's Gaussians; the others are as if they did not exist.
+// outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory; the next one may have it. A
+// subset, where there is one, is of this model's Gaussians; the others are as if they did not
+// exist.
 class ModelRenderer {
  public:
   ModelRenderer(Backend& backend, const Model& model);
@@ -52,11 +53,13 @@ class ModelRenderer {
   absl::Status Render(const ModelView& view, const Pass& pass);
   void HideAllBut(const GaussianSet& subset);
   void ShowAll();
+  void Show(const GaussianSet* subset);  // null: all
 
   Backend& backend_;
   const Model& model_;
   Buffer<float> planes_, features_, color_, alpha_, depth_;
   RenderScratch scratch_;
+  bool some_hidden_ = false;  // of the opacities on the backend
 };
 
 }  // namespace pepeseg

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/backend_turn.h"
 #include "core/query/check_prompt.h"
 #include "core/query/decompositions.h"
 #include "core/query/feature_maps.h"
@@ -81,6 +81,7 @@ std::vector<float> PositiveFirst(const Query& query) {
 
 }  // namespace
 
+// All but the model and the decompositions is used in a turn of the backend.
 struct Segmenter::State {
   State(Backend& b, Model m)
       : backend(b),
@@ -104,7 +105,6 @@ struct Segmenter::State {
 
   Backend& backend;
   const Model model;
-  std::mutex mutex;  // one query at a time: the maps and their scratch are shared
   ModelRenderer renderer;
   FeatureMaps maps;
   Buffer<uint8_t> mask;
@@ -124,7 +124,7 @@ absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView&
     for (const Half half : feature) features.push_back(FloatFromHalf(half));
   }
   // A device that failed leaves zeros, which would read as nothing there.
-  if (const std::string error = backend.error(); !error.empty()) return absl::InternalError(error);
+  RETURN_IF_ERROR(TakeStatus(backend));
   return features;
 }
 
@@ -209,14 +209,15 @@ absl::StatusOr<std::vector<Half>> Segmenter::State::DownloadFeatures(const Model
   }
   std::vector<Half> map(static_cast<size_t>(pixels.size));
   backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
-  if (!backend.error().empty()) return absl::InternalError(backend.error());
   return map;
 }
 
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
   RETURN_IF_ERROR(CheckModel(model));
-  return std::unique_ptr<Segmenter>(
-      new Segmenter(std::make_unique<State>(backend, std::move(model))));
+  return InTurn(backend, [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
+    return std::unique_ptr<Segmenter>(
+        new Segmenter(std::make_unique<State>(backend, std::move(model))));
+  });
 }
 
 Segmenter::Segmenter(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -224,24 +225,20 @@ Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
 
-int64_t Segmenter::num_renders() const {
-  const std::lock_guard lock(state_->mutex);
-  return state_->maps.num_renders();
-}
+int64_t Segmenter::num_renders() const { return state_->maps.num_renders(); }
+int64_t Segmenter::num_maps() const { return state_->maps.num_maps(); }
 
 absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
                                              const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  const std::lock_guard lock(state_->mutex);
-  return state_->renderer.Color(view, subset);
+  return InTurn(state_->backend, [&] { return state_->renderer.Color(view, subset); });
 }
 
 absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
                                           std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  const std::lock_guard lock(state_->mutex);
-  return state_->renderer.Rows(view, pixels);
+  return InTurn(state_->backend, [&] { return state_->renderer.Rows(view, pixels); });
 }
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query,
@@ -249,17 +246,19 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
                                                               bool want_similarity) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  const std::lock_guard lock(state_->mutex);
   const std::vector<float> features = PositiveFirst(query);
-  const Buffer<float> queries(state_->backend, std::span<const float>(features));
-  std::vector<SegmentResult> results;
-  for (const ModelView& target : targets) {
-    ASSIGN_OR_RETURN(SegmentResult result,
-                     state_->SegmentView(query, queries, target, want_similarity));
-    if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
-    results.push_back(std::move(result));
-  }
-  return results;
+  return InTurn(state_->backend, [&]() -> absl::StatusOr<std::vector<SegmentResult>> {
+    const Buffer<float> queries(state_->backend, std::span<const float>(features));
+    std::vector<SegmentResult> results;
+    results.reserve(targets.size());
+    for (const ModelView& target : targets) {
+      ASSIGN_OR_RETURN(SegmentResult result,
+                       state_->SegmentView(query, queries, target, want_similarity));
+      RETURN_IF_ERROR(TakeStatus(state_->backend));
+      results.push_back(std::move(result));
+    }
+    return results;
+  });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
@@ -285,8 +284,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
 absl::StatusOr<std::vector<float>> Segmenter::PixelFeatures(const ModelView& view,
                                                             std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  const std::lock_guard lock(state_->mutex);
-  return state_->FeaturesAt(view, pixels);
+  return InTurn(state_->backend, [&] { return state_->FeaturesAt(view, pixels); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,
@@ -298,21 +296,20 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   }
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckView(target));
-  const std::lock_guard lock(state_->mutex);
-  const Buffer<float> queries(state_->backend, features);
-  ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
-  std::vector<float> values(similarity.size());
-  similarity.Download(values);
-  if (!state_->backend.error().empty()) return absl::InternalError(state_->backend.error());
-  return values;
+  return InTurn(state_->backend, [&]() -> absl::StatusOr<std::vector<float>> {
+    const Buffer<float> queries(state_->backend, features);
+    ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
+    std::vector<float> values(similarity.size());
+    similarity.Download(values);
+    return values;
+  });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
                                                           const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  const std::lock_guard lock(state_->mutex);
-  return state_->renderer.Depth(view, subset);
+  return InTurn(state_->backend, [&] { return state_->renderer.Depth(view, subset); });
 }
 
 absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
@@ -320,11 +317,8 @@ absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double sc
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  std::vector<Half> map;
-  {
-    const std::lock_guard lock(state_->mutex);
-    ASSIGN_OR_RETURN(map, state_->DownloadFeatures(view, subset));
-  }
+  ASSIGN_OR_RETURN(const std::vector<Half> map,
+                   InTurn(state_->backend, [&] { return state_->DownloadFeatures(view, subset); }));
   return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
 }
 
@@ -338,8 +332,7 @@ absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
         absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
   }
   return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
-    const std::lock_guard lock(state_->mutex);
-    return state_->renderer.Rows(of, pixels, subset);
+    return InTurn(state_->backend, [&] { return state_->renderer.Rows(of, pixels, subset); });
   });
 }
 

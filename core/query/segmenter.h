@@ -29,14 +29,20 @@ struct SegmentResult {
 };
 
 // Queries on a resident model: keeps the model in backend memory and a cache of view feature maps.
-// Thread safe. The backend must outlive it.
+// Thread safe. The backend must outlive it; all segmenters of one take turns, so that an error of
+// it is the query's that caused it. Any call: RESOURCE_EXHAUSTED when the device has not the memory
+// for it, which leaves the others unharmed; INTERNAL when the device can be used no more.
 class Segmenter {
  public:
+  // INVALID_ARGUMENT: not one feature a Gaussian.
   static absl::StatusOr<std::unique_ptr<Segmenter>> Create(Backend& backend, Model model);
   ~Segmenter();
 
   const Model& model() const;
-  int64_t num_renders() const;  // feature maps rendered so far: none by a new scale or threshold
+  // Feature maps rendered so far (none by a new scale or threshold), and kept now. They wait for no
+  // query.
+  int64_t num_renders() const;
+  int64_t num_maps() const;
 
   // Colour of a view, RGB; of some Gaussians only, where a subset is given.
   absl::StatusOr<Image> RenderColor(const ModelView& view,

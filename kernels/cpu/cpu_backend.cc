@@ -40,19 +40,29 @@ std::string CpuBackend::name() const {
 
 std::string CpuBackend::error() const {
   const std::lock_guard lock(error_mutex_);
-  return error_;
+  return error_.what;
 }
 
-void CpuBackend::Fail(const std::string& error) {
+BackendError CpuBackend::TakeError() {
   const std::lock_guard lock(error_mutex_);
-  if (error_.empty()) error_ = error;
+  BackendError error = error_;
+  if (!error_.fatal) {
+    error_ = {};
+    failed_ = false;
+  }
+  return error;
+}
+
+void CpuBackend::Fail(const BackendError& error) {
+  const std::lock_guard lock(error_mutex_);
+  if (error_.what.empty()) error_ = error;
   failed_ = true;
 }
 
 void* CpuBackend::Allocate(size_t num_bytes) {
   std::byte* block = AllocateZeros(kHeaderBytes + (num_bytes + 63) / 64 * 64);
   if (block == nullptr) {
-    Fail("out of memory: no " + std::to_string(num_bytes) + " bytes");
+    Fail({"out of memory: no " + std::to_string(num_bytes) + " bytes"});
     return nullptr;
   }
   std::memcpy(block, &num_bytes, sizeof(num_bytes));

@@ -19,6 +19,7 @@ class CpuBackend final : public Backend {
   std::string name() const override;
   std::string error() const override;
   void Sync() override {}
+  BackendError TakeError() override;
 
   void* Allocate(size_t num_bytes) override;
   void Free(void* data) override;
@@ -29,6 +30,7 @@ class CpuBackend final : public Backend {
   size_t bytes_in_use() const override { return bytes_in_use_; }
   size_t peak_bytes_in_use() const override { return peak_bytes_; }
   DeviceMemory memory() const override;
+  void ReleaseFreed() override;
   int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int, const std::function<void()>& ops) override { ops(); }
   void* AllocatePinned(size_t num_bytes) override { return Allocate(num_bytes); }
@@ -66,7 +68,7 @@ class CpuBackend final : public Backend {
   void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
-  void Fail(const std::string& error);     // the first one is kept
+  void Fail(const BackendError& error);    // the first one is kept
   bool failed() const { return failed_; }  // then ops return at once
 
   ThreadPool pool_;
@@ -74,7 +76,7 @@ class CpuBackend final : public Backend {
   std::atomic<size_t> bytes_in_use_ = 0, peak_bytes_ = 0;
   std::atomic<bool> failed_ = false;
   mutable std::mutex error_mutex_;
-  std::string error_;
+  BackendError error_;
 };
 
 }  // namespace pepeseg

@@ -1,4 +1,6 @@
 // How much memory the machine has for this process, and how much a render takes of it.
+#include <malloc.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <fstream>
@@ -64,6 +66,12 @@ DeviceMemory CpuBackend::memory() const {
   if (total >= 0) memory.total_bytes = std::min(memory.total_bytes, total * kKib);
   memory.is_host = true;
   return memory;
+}
+
+void CpuBackend::ReleaseFreed() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 int64_t CpuBackend::ScratchBytes(const ScratchSize& size) const {

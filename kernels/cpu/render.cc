@@ -26,8 +26,9 @@ void CpuBackend::Render(const RenderArgs& args) {
   if (failed()) return;
   if (const int64_t num_entries = scratch.counters.span()[kNumTileEntries];
       num_entries > kMaxTileEntries) {
-    return Fail("render: " + std::to_string(num_entries) + " pairs of Gaussian and tile, at most " +
-                std::to_string(kMaxTileEntries) + " are possible");
+    return Fail({"render: " + std::to_string(num_entries) +
+                 " pairs of Gaussian and tile, at most " + std::to_string(kMaxTileEntries) +
+                 " are possible"});
   }
   ListTileEntries(*this, scratch);
   if (failed()) return;

@@ -43,7 +43,8 @@ void SumSlots(ThreadPool& pool, RenderScratch& scratch) {
 void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
   if (failed()) return;
   RenderScratch& scratch = *args.scratch;
-  if (!scratch.for_backward) return Fail("RenderBackward: the render was not made for it");
+  if (!scratch.for_backward)
+    return Fail({"RenderBackward: the render was not made for it", /*fatal=*/true});
   if (!scratch.slot_grad.Reserve(*this, scratch.entry_slot.size()) ||
       !scratch.visible_grad.Reserve(*this, scratch.visible_splat.size())) {
     return;

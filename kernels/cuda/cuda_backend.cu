@@ -70,11 +70,25 @@ void CudaBackend::Sync() {
 void CudaBackend::Keep(cudaError_t error, const char* doing) {
   if (error == cudaSuccess) return;
   cudaGetLastError();  // else the next launch reports it again
-  Fail(std::string("CUDA: ") + doing + ": " + cudaGetErrorString(error));
+  Fail({std::string("CUDA: ") + doing + ": " + cudaGetErrorString(error),
+        error != cudaErrorMemoryAllocation});
 }
 
-void CudaBackend::Fail(std::string message) {
-  if (error_.empty()) error_ = std::move(message);
+void CudaBackend::Fail(BackendError error) {
+  if (!error_.empty() && (fatal_ || !error.fatal)) return;
+  error_ = std::move(error.what);
+  fatal_ = error.fatal;
+}
+
+BackendError CudaBackend::TakeError() {
+  const std::lock_guard lock(mutex_);
+  if (fatal_) return {error_, true};
+  cudaSetDevice(options_.device);
+  // A fault of a kernel shows only when it is waited for, also behind memory that was not had.
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
+  BackendError error = {error_, fatal_};
+  if (!fatal_) error_.clear();
+  return error;
 }
 
 void CudaBackend::Launched(const char* kernel) {
@@ -105,43 +119,6 @@ void CudaBackend::ReadKernelTimes() {
 void* CudaBackend::Temporary(size_t num_bytes) {
   temporary_.Reserve(*this, static_cast<int64_t>(num_bytes));
   return temporary_.span().data;
-}
-
-void* CudaBackend::Allocate(size_t num_bytes) {
-  const Turn turn(*this);
-  if (!turn) return nullptr;
-  void* data = nullptr;
-  const size_t padded = (std::max<size_t>(num_bytes, 1) + 255) / 256 * 256;
-  const cudaStream_t stream = recording_ ? side_stream_ : stream_;
-  const cudaError_t error = cudaMallocAsync(&data, padded, stream);
-  if (error == cudaErrorMemoryAllocation) {
-    cudaGetLastError();
-    Fail("CUDA: out of memory: " + std::to_string(num_bytes) + " bytes asked for, " +
-         std::to_string(bytes_in_use_) + " in use");
-    return nullptr;
-  }
-  Keep(error, "allocating");
-  if (data == nullptr) return nullptr;
-  Keep(cudaMemsetAsync(data, 0, padded, stream), "zeroing new memory");
-  if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
-  blocks_[data] = num_bytes;
-  bytes_in_use_ += num_bytes;
-  peak_bytes_ = std::max(peak_bytes_, bytes_in_use_);
-  return data;
-}
-
-void CudaBackend::Free(void* data) {
-  const std::lock_guard lock(mutex_);
-  const auto block = blocks_.find(data);
-  if (block == blocks_.end()) return;
-  bytes_in_use_ -= block->second;
-  blocks_.erase(block);
-  if (recording_) {
-    freed_while_recording_.push_back(data);
-    return;
-  }
-  cudaSetDevice(options_.device);
-  Keep(cudaFreeAsync(data, stream_), "freeing");
 }
 
 void CudaBackend::CopyFromHost(void* to, const void* from_host, size_t num_bytes) {
@@ -202,25 +179,6 @@ void CudaBackend::LaunchSequence(int key, cudaGraph_t graph) {
   if (sequence != nullptr) Keep(cudaGraphLaunch(sequence, stream_), "launching a graph");
 }
 
-size_t CudaBackend::bytes_in_use() const {
-  const std::lock_guard lock(mutex_);
-  return bytes_in_use_;
-}
-
-void* CudaBackend::AllocatePinned(size_t num_bytes) {
-  const Turn turn(*this);
-  void* data = nullptr;
-  if (turn) Keep(cudaMallocHost(&data, std::max<size_t>(num_bytes, 1)), "allocating pinned memory");
-  return data;
-}
-
-void CudaBackend::FreePinned(void* data) {
-  const std::lock_guard lock(mutex_);
-  cudaSetDevice(options_.device);
-  cudaStreamSynchronize(stream_);  // a copy to it may be under way
-  Keep(cudaFreeHost(data), "freeing pinned memory");
-}
-
 int64_t CudaBackend::CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) {
   const Turn turn(*this);
   const int64_t ticket = num_readbacks_++;
@@ -241,27 +199,6 @@ void CudaBackend::WaitFor(int64_t ticket) {
   const cudaError_t error = cudaEventSynchronize(event);
   const std::lock_guard lock(mutex_);
   Keep(error, "waiting for the device");
-}
-
-size_t CudaBackend::peak_bytes_in_use() const {
-  const std::lock_guard lock(mutex_);
-  return peak_bytes_;
-}
-
-DeviceMemory CudaBackend::memory() const {
-  const std::lock_guard lock(mutex_);
-  cudaSetDevice(options_.device);
-  size_t free = 0, total = 0, pooled = 0;
-  cudaMemPool_t pool;
-  if (cudaMemGetInfo(&free, &total) != cudaSuccess ||
-      cudaDeviceGetDefaultMemPool(&pool, options_.device) != cudaSuccess ||
-      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess) {
-    cudaGetLastError();  // a device that is lost has none
-    return {};
-  }
-  // What the pool keeps beyond what is in use is this process's to take.
-  const size_t kept = pooled > bytes_in_use_ ? pooled - bytes_in_use_ : 0;
-  return {static_cast<int64_t>(free + kept), static_cast<int64_t>(total), false};
 }
 
 std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {

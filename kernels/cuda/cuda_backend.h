@@ -35,6 +35,7 @@ class CudaBackend final : public Backend {
   std::string name() const override;
   std::string error() const override;
   void Sync() override;
+  BackendError TakeError() override;
 
   void* Allocate(size_t num_bytes) override;
   void Free(void* data) override;
@@ -45,6 +46,7 @@ class CudaBackend final : public Backend {
   size_t bytes_in_use() const override;
   size_t peak_bytes_in_use() const override;
   DeviceMemory memory() const override;
+  void ReleaseFreed() override;
   int64_t ScratchBytes(const ScratchSize& size) const override;
   void Sequence(int key, const std::function<void()>& ops) override;
   void* AllocatePinned(size_t num_bytes) override;
@@ -91,8 +93,9 @@ class CudaBackend final : public Backend {
     bool usable_;
   };
 
-  void Keep(cudaError_t error, const char* doing);  // the first error stays
-  void Fail(std::string message);
+  void Keep(cudaError_t error, const char* doing);
+  // The first error stays, but gives way to a fatal one.
+  void Fail(BackendError error);
   void Launched(const char* kernel);  // after each launch
   void LaunchSequence(int key, cudaGraph_t graph);
   void ReadKernelTimes();
@@ -112,6 +115,7 @@ class CudaBackend final : public Backend {
   mutable std::recursive_mutex mutex_;
   cudaStream_t stream_ = nullptr;
   std::string error_;
+  bool fatal_ = false;                        // of the error
   std::unordered_map<void*, size_t> blocks_;  // sizes
   size_t bytes_in_use_ = 0, peak_bytes_ = 0;
   // While a sequence is recorded, memory comes from the side stream, which is not, and goes back

@@ -33,9 +33,9 @@ void CudaBackend::PairLoss(const PairLossArgs& args) {
   const Turn turn(*this);
   if (!turn) return;
   if (args.scales.size < 1 || args.scales.size > kMaxScales || args.pixel_weight.size >= 1 << 16) {
-    return Fail("PairLoss: " + std::to_string(args.scales.size) + " scales of " +
-                std::to_string(args.pixel_weight.size) + " pixels, must be 1 to " +
-                std::to_string(kMaxScales) + " of at most 65535");
+    return Fail({"PairLoss: " + std::to_string(args.scales.size) + " scales of " +
+                 std::to_string(args.pixel_weight.size) + " pixels, must be 1 to " +
+                 std::to_string(kMaxScales) + " of at most 65535"});
   }
   Arena sizes;
   TakePairWork(args, sizes);

@@ -248,7 +248,7 @@ void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   const Turn turn(*this);
   if (!turn) return;
   RenderScratch& scratch = *args.scratch;
-  if (!scratch.for_backward) return Fail("RenderBackward: the render was not made for it");
+  if (!scratch.for_backward) return Fail({"RenderBackward: the render was not made for it", true});
   const int64_t num_visible = scratch.visible_splat.size();
   scratch.cuda.slot_sums.Reserve(*this, scratch.entry_slot.size() * kNumSlotSums);
   scratch.visible_grad.Reserve(*this, num_visible);

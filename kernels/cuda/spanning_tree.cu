@@ -252,9 +252,9 @@ void CudaBackend::SpanningTree(const SpanningTreeArgs& args) {
   const int64_t num_points = args.points.size / kFeatureSize;
   constexpr int64_t kMaxPoints = 1 << 20;  // of a look at all pairs in seconds
   if (args.min_samples < 1 || args.min_samples > kMaxMinSamples || num_points > kMaxPoints) {
-    return Fail("SpanningTree: min_samples " + std::to_string(args.min_samples) + " of " +
-                std::to_string(num_points) + " points, must be 1 to " +
-                std::to_string(kMaxMinSamples) + " of at most " + std::to_string(kMaxPoints));
+    return Fail({"SpanningTree: min_samples " + std::to_string(args.min_samples) + " of " +
+                 std::to_string(num_points) + " points, must be 1 to " +
+                 std::to_string(kMaxMinSamples) + " of at most " + std::to_string(kMaxPoints)});
   }
   if (num_points == 0) return;
   Arena sizes;

@@ -80,9 +80,9 @@ __global__ void __launch_bounds__(kBlock) ColumnKernel(ColumnParams p) {
 }
 
 struct TransposeScratch {
-  int32_t *group_first, *group_column;       // [groups + 1]
+  int32_t *group_first, *group_column;      // [groups + 1]
   int32_t *column_gaussian, *column_first;  // [entries], [entries + 1]: of so many only some
-  int32_t *key, *other_key;             // [entries]
+  int32_t *key, *other_key;                 // [entries]
   RowAndWeight *value, *other_value;
   int32_t* num_touched;  // [1]
   std::byte* cub;
@@ -136,7 +136,8 @@ cudaError_t SortByGaussian(const Entries& entries, const TransposeRowsArgs& args
   if (selected != cudaSuccess) return selected;
   ColumnKernel<<<NumBlocks(entries.count, kBlock), kBlock, 0, stream>>>(
       {entries.groups, keys.Current(), values.Current(), scratch.num_touched, entries.count,
-       scratch.group_column, scratch.column_gaussian, scratch.column_first, args.pixel->span().data, args.rows.weight.size == 0 ? nullptr : args.weight->span().data});
+       scratch.group_column, scratch.column_gaussian, scratch.column_first, args.pixel->span().data,
+       args.rows.weight.size == 0 ? nullptr : args.weight->span().data});
   return cudaGetLastError();
 }
 
@@ -155,8 +156,8 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   const auto num_groups = static_cast<int64_t>(group_first.size()) - 1;
   const int64_t num_keys = num_groups * args.num_gaussians;
   if (num_keys >= int64_t{1} << 31) {
-    return Fail("TransposeRows: " + std::to_string(num_groups) + " groups of " +
-                std::to_string(args.num_gaussians) + " Gaussians, must be under 2^31 together");
+    return Fail({"TransposeRows: " + std::to_string(num_groups) + " groups of " +
+                 std::to_string(args.num_gaussians) + " Gaussians, must be under 2^31 together"});
   }
   int32_t begin = 0, end = 0, num_touched = 0;
   CopyToHost(&begin, args.rows.first.data + group_first.front(), sizeof(begin));

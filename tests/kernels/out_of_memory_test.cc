@@ -84,7 +84,27 @@ TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {
     if (backend->error().empty()) continue;
     EXPECT_NE(backend->error().find("out of memory"), std::string::npos) << backend->error();
     EXPECT_EQ(backend->bytes_in_use(), 0u);
+    const BackendError taken = backend->TakeError();
+    EXPECT_NE(taken.what.find("out of memory"), std::string::npos) << taken.what;
+    EXPECT_FALSE(taken.fatal);
+    EXPECT_EQ(backend->error(), "");
+    UseEveryOpThatAllocates(*backend);
+    EXPECT_EQ(backend->TakeError().what, "");
   }
+}
+
+TEST(OutOfMemoryTest, AFatalErrorStays) {
+  const std::unique_ptr<Backend> backend = MakeCpuBackend(1);
+  Rendered scene(*backend, RandomScene({.count = 30}), TestView(40, 30));
+  scene.Render();
+  scene.scratch.for_backward = false;
+  scene.Backward(std::vector<float>(3 * 40 * 30, 1.0f));
+  for (int i = 0; i < 2; ++i) {
+    const BackendError error = backend->TakeError();
+    EXPECT_TRUE(error.fatal);
+    EXPECT_NE(error.what.find("RenderBackward"), std::string::npos) << error.what;
+  }
+  EXPECT_NE(backend->error(), "");
 }
 
 }  // namespace

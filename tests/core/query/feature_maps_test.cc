@@ -57,13 +57,19 @@ TEST(FeatureMaps, TheLeastRecentlyUsedGoes) {
   EXPECT_EQ(m.maps->num_renders(), 4);
 }
 
-TEST(FeatureMaps, OneMapIsKeptHoweverSmallTheLimit) {
-  Maps m(1);
+TEST(FeatureMaps, AMapOverTheLimitIsRefusedWithNeedAndHave) {
+  Maps m(kMapBytes);
   EXPECT_OK(m.maps->Get(m.View(0)));
-  EXPECT_OK(m.maps->Get(m.View(0)));
+  ModelView wide = m.View(1);
+  wide.camera.width += 1;
+  EXPECT_STATUS(m.maps->Get(wide), absl::StatusCode::kResourceExhausted,
+                "97x72 pixels needs 446976 bytes, 442368 are there");
+  EXPECT_EQ(m.maps->num_maps(), 1);
+  EXPECT_OK(m.maps->Get(m.View(0)));  // nothing had to go for it
   EXPECT_EQ(m.maps->num_renders(), 1);
   EXPECT_OK(m.maps->Get(m.View(1)));
   EXPECT_EQ(m.maps->bytes(), kMapBytes);
+  EXPECT_EQ(m.maps->num_maps(), 1);
 }
 
 }  // namespace

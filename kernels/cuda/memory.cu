@@ -1,0 +1,102 @@
+#include <cuda_runtime.h>
+
+#include <algorithm>
+#include <string>
+
+#include "kernels/cuda/cuda_backend.h"
+
+namespace pepeseg {
+
+void* CudaBackend::Allocate(size_t num_bytes) {
+  const Turn turn(*this);
+  if (!turn) return nullptr;
+  void* data = nullptr;
+  const size_t padded = (std::max<size_t>(num_bytes, 1) + 255) / 256 * 256;
+  const cudaStream_t stream = recording_ ? side_stream_ : stream_;
+  cudaError_t error = cudaMallocAsync(&data, padded, stream);
+  if (error == cudaErrorMemoryAllocation && !recording_) {
+    cudaGetLastError();
+    ReleaseFreed();  // what the pool keeps may be of sizes that do not serve
+    error = cudaMallocAsync(&data, padded, stream);
+  }
+  if (error == cudaErrorMemoryAllocation) {
+    cudaGetLastError();
+    Fail({"CUDA: out of memory: " + std::to_string(num_bytes) + " bytes asked for, " +
+          std::to_string(bytes_in_use_) + " in use"});
+    return nullptr;
+  }
+  Keep(error, "allocating");
+  if (data == nullptr) return nullptr;
+  Keep(cudaMemsetAsync(data, 0, padded, stream), "zeroing new memory");
+  if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
+  blocks_[data] = num_bytes;
+  bytes_in_use_ += num_bytes;
+  peak_bytes_ = std::max(peak_bytes_, bytes_in_use_);
+  return data;
+}
+
+void CudaBackend::Free(void* data) {
+  const std::lock_guard lock(mutex_);
+  const auto block = blocks_.find(data);
+  if (block == blocks_.end()) return;
+  bytes_in_use_ -= block->second;
+  blocks_.erase(block);
+  if (recording_) {
+    freed_while_recording_.push_back(data);
+    return;
+  }
+  cudaSetDevice(options_.device);
+  Keep(cudaFreeAsync(data, stream_), "freeing");
+}
+
+void* CudaBackend::AllocatePinned(size_t num_bytes) {
+  const Turn turn(*this);
+  void* data = nullptr;
+  if (turn) Keep(cudaMallocHost(&data, std::max<size_t>(num_bytes, 1)), "allocating pinned memory");
+  return data;
+}
+
+void CudaBackend::FreePinned(void* data) {
+  const std::lock_guard lock(mutex_);
+  cudaSetDevice(options_.device);
+  cudaStreamSynchronize(stream_);  // a copy to it may be under way
+  Keep(cudaFreeHost(data), "freeing pinned memory");
+}
+
+size_t CudaBackend::bytes_in_use() const {
+  const std::lock_guard lock(mutex_);
+  return bytes_in_use_;
+}
+
+size_t CudaBackend::peak_bytes_in_use() const {
+  const std::lock_guard lock(mutex_);
+  return peak_bytes_;
+}
+
+DeviceMemory CudaBackend::memory() const {
+  const std::lock_guard lock(mutex_);
+  cudaSetDevice(options_.device);
+  size_t free = 0, total = 0, pooled = 0;
+  cudaMemPool_t pool;
+  if (cudaMemGetInfo(&free, &total) != cudaSuccess ||
+      cudaDeviceGetDefaultMemPool(&pool, options_.device) != cudaSuccess ||
+      cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess) {
+    cudaGetLastError();  // a device that is lost has none
+    return {};
+  }
+  // What the pool keeps beyond what is in use is this process's to take.
+  const size_t kept = pooled > bytes_in_use_ ? pooled - bytes_in_use_ : 0;
+  return {static_cast<int64_t>(free + kept), static_cast<int64_t>(total), false};
+}
+
+// Freeing is ordered by the stream: only what it has come by can go back.
+void CudaBackend::ReleaseFreed() {
+  const Turn turn(*this);
+  if (!turn || recording_) return;
+  cudaMemPool_t pool;
+  Keep(cudaStreamSynchronize(stream_), "waiting for the device");
+  Keep(cudaDeviceGetDefaultMemPool(&pool, options_.device), "asking for the memory pool");
+  if (error_.empty()) Keep(cudaMemPoolTrimTo(pool, 0), "giving memory back");
+}
+
+}  // namespace pepeseg
