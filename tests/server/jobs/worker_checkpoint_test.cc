@@ -1,4 +1,6 @@
 // A worker that was killed in stage one, and the attempt that comes after it.
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <csignal>
 #include <limits>
