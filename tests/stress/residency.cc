@@ -37,7 +37,7 @@ v1::SegmentRequest QuestionOf(int model, int question) {
   request.set_model(ModelName(model));
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(question % 2 == 0 ? 35 : 72);  // in a square of every model
+  point.set_x(question % 2 == 0 ? 39 : 75);  // in a square of every model
   point.set_y(32);
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(question < 2 ? 0.75 : 0.5);
@@ -154,7 +154,8 @@ v1::ListResidentResponse ResidencyStress::List() {
 }
 
 void ResidencyStress::UnloadAll() {
-  for (const v1::ResidentModel& model : List().models()) {
+  const v1::ListResidentResponse list = List();
+  for (const v1::ResidentModel& model : list.models()) {
     grpc::ClientContext unpinning, unloading;
     v1::PinModelRequest unpin;
     unpin.set_name(model.name());

@@ -68,8 +68,10 @@ class AdminTest : public ::testing::Test {
     return response;
   }
   std::vector<std::string> ListNames() {
+    const v1::ListResidentResponse list = List();
     std::vector<std::string> names;
-    for (const v1::ResidentModel& resident : List().models()) names.push_back(resident.name());
+    names.reserve(list.models_size());
+    for (const v1::ResidentModel& resident : list.models()) names.push_back(resident.name());
     std::sort(names.begin(), names.end());
     return names;
   }

@@ -1,7 +1,7 @@
 // Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
-// A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many
-// hundredths.
+// A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
+// the pixels of the views.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -65,7 +65,7 @@ int Run(const std::string& path) {
   const auto spec = folder.ReadSpec();
   if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
-  const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 100.0f : 0.0f;
+  const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
   const Model model = MakeModel(shift);
   const std::filesystem::path attempt = folder.attempt(spec->fence);
   std::error_code error;
