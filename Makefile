@@ -4,11 +4,12 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench lint asan
+.PHONY: help packages build demo test bench stress lint asan
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
 CMAKE_ARGS ?=
+STRESS_SECONDS ?= 600
 GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
 CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -17,6 +18,7 @@ help:
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make bench     measure the kernels'
+	@echo 'make stress    ten minutes (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make lint      clang-format, clang-tidy     make asan     the tests under ASan and UBSan'
 	@echo 'make packages  only install the Debian packages that are needed'
 
@@ -40,6 +42,11 @@ test: build
 bench: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench
 	$(BUILD)/bin/pepeseg_step_bench
+
+# STRESS_SECONDS of random questions to more models than fit in the budget.
+stress: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run
+	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt

@@ -34,6 +34,9 @@ void AddFlags(CLI::App& app, Flags& flags) {
   server.worker = DefaultWorker();
   app.add_option("--listen", server.listen, "HOST:PORT (port 0: a free one) or unix:PATH")
       ->capture_default_str();
+  app.add_option("--admin", server.admin,
+                 "HOST:PORT or unix:PATH of the admin service, which loads, unloads and pins "
+                 "models; without it there is none");
   app.add_option("--data", server.data, "Data directory; made when it is not there")->required();
   app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
   app.add_option("--device", server.device,
@@ -51,7 +54,11 @@ void AddFlags(CLI::App& app, Flags& flags) {
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--model-memory", server.model_bytes,
-                 "Budget for models in memory; 0: half of the machine's")
+                 "Budget for models in the host's memory; 0: half of the machine's")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
+  app.add_option("--device-model-memory", server.model_device_bytes,
+                 "The same of the device, where it has its own; 0: half of the device's")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--port-file", flags.port_file, "Where to write the port, once it serves");
@@ -92,6 +99,9 @@ int Serve(const Flags& flags, const sigset_t& stop_signals) {
   }
   spdlog::info("serving on {}, port {}, data in {}", flags.server.listen, port,
                flags.server.data.string());
+  if (!flags.server.admin.empty()) {
+    spdlog::info("serving admin calls on {}, port {}", flags.server.admin, (*server)->admin_port());
+  }
   int signal = 0;
   sigwait(&stop_signals, &signal);
   spdlog::info("signal {}: stopping, within {} s", signal, flags.grace_seconds);

@@ -45,6 +45,7 @@ void AddCombine(CLI::App& app, Shell& shell);
 void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
+void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
 void AddDemo(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli

@@ -137,4 +137,11 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   return gaussians;
 }
 
+absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,
+                                                      const std::string& name) {
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
+  ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
+  return GaussianPlyShape{vertices.count, sh_degree};
+}
+
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 
@@ -22,5 +23,13 @@ std::string EncodeGaussianPly(const Gaussians& gaussians);
 // file is cut short, a value is not finite, a rotation is zero.
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name);
+
+// The same of its header only.
+struct GaussianPlyShape {
+  int64_t count = 0;
+  int sh_degree = 0;
+};
+absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,
+                                                      const std::string& name);
 
 }  // namespace pepeseg

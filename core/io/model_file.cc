@@ -62,6 +62,22 @@ absl::Status WriteModel(const std::filesystem::path& folder, const Model& model)
   return WriteManifest(folder, manifest);
 }
 
+absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder) {
+  Model facts;
+  ModelShape shape;
+  const auto read = [&]() -> absl::Status {
+    ASSIGN_OR_RETURN(const std::string text,
+                     ReadFile(folder / kFactsName, kFactsName, kMaxFactsBytes));
+    RETURN_IF_ERROR(ParseModelFacts(text, facts));
+    ASSIGN_OR_RETURN(const GaussianPlyShape gaussians,
+                     ReadGaussianPlyShape(folder / kGaussiansName, kGaussiansName));
+    shape = {gaussians.count, gaussians.sh_degree, LargestView(facts.views)};
+    return absl::OkStatus();
+  };
+  if (const absl::Status status = read(); !status.ok()) return AsDataLoss(status, folder);
+  return shape;
+}
+
 absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder) {
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   for (const char* name : {kGaussiansName, kFactsName}) {

@@ -15,7 +15,17 @@ std::string KeyOf(const ModelView& view) {
   return {reinterpret_cast<const char*>(&v), sizeof(v)};
 }
 
+constexpr int64_t MapBytes(int64_t num_pixels) {
+  return num_pixels * kFeatureSize * static_cast<int64_t>(sizeof(Half));
+}
+
 }  // namespace
+
+int64_t MapReserve(int64_t max_view_pixels) {
+  constexpr int64_t kMostBytes = int64_t{512} << 20;
+  return std::max(MapBytes(MostPixels(max_view_pixels)),
+                  std::min(4 * MapBytes(max_view_pixels), kMostBytes));
+}
 
 FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes)
     : renderer_(renderer), max_bytes_(max_bytes) {}
@@ -28,8 +38,8 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
     maps_.splice(maps_.begin(), maps_, found);
     return std::as_const(maps_.front()).pixels.span();
   }
-  const int64_t size = int64_t{view.camera.width} * view.camera.height * kFeatureSize;
-  const auto num_bytes = size * static_cast<int64_t>(sizeof(Half));
+  const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+  const int64_t num_bytes = MapBytes(num_pixels);
   if (num_bytes > max_bytes_) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,
@@ -37,11 +47,11 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
                      " are there for the maps of a model: a smaller view takes less"));
   }
   while (bytes_ + num_bytes > max_bytes_) {
-    bytes_ -= maps_.back().pixels.size() * static_cast<int64_t>(sizeof(Half));
+    bytes_ -= MapBytes(maps_.back().pixels.size() / kFeatureSize);
     maps_.pop_back();
     --num_maps_;
   }
-  Map map = {key, Buffer<Half>(renderer_.backend(), size)};
+  Map map = {key, Buffer<Half>(renderer_.backend(), num_pixels * kFeatureSize)};
   if (map.pixels.empty()) {
     return absl::ResourceExhaustedError(
         absl::StrCat("no memory for a feature map of ", num_bytes, " bytes"));

@@ -10,6 +10,11 @@
 
 namespace pepeseg {
 
+// Bytes that the maps of a model may take together, of the pixels of its largest view: four maps,
+// so that a question about some views, or its follow-ups, find theirs again, but no more than
+// 512 MiB, four of two megapixels; and always one map of MostPixels.
+int64_t MapReserve(int64_t max_view_pixels);
+
 // Feature maps of a model's views: keeps the last ones asked for, the least recently used go before
 // they would be more than `max_bytes` together. Not thread safe, but for the counts.
 class FeatureMaps {

@@ -8,6 +8,7 @@
 #include "core/backend_turn.h"
 #include "core/scene/pinhole_view.h"
 #include "core/status_macros.h"
+#include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
 namespace {
@@ -19,11 +20,22 @@ constexpr float kMinDepthAlpha = 0.5f;
 
 }  // namespace
 
+int64_t MostPixels(int64_t max_view_pixels) {
+  return std::max(max_view_pixels, int64_t{1920} * 1080);
+}
+
 ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
     : backend_(backend),
       model_(model),
       planes_(backend, std::span<const float>(model.gaussians.planes)),
-      features_(backend, std::span<const float>(model.field.features)) {}
+      features_(backend, std::span<const float>(model.field.features)),
+      most_pixels_(MostPixels(LargestView(model.views))) {}
+
+void ModelRenderer::ReleaseOversized() {
+  if (scratch_.pixel_last_entry.capacity() <= WithReserve(most_pixels_)) return;
+  for (Buffer<float>* buffer : {&color_, &alpha_, &depth_}) *buffer = {};
+  scratch_ = {};
+}
 
 // Only the opacities change, in place: there is no second copy of the planes.
 void ModelRenderer::HideAllBut(const GaussianSet& subset) {

@@ -21,6 +21,10 @@ struct PixelRows {
   std::vector<float> weight;
 };
 
+// Memory for renders of a model is set aside for so many pixels, given those of its largest view:
+// at least for those of a full-HD screen, which free cameras fill.
+int64_t MostPixels(int64_t max_view_pixels);
+
 // A model in backend memory that is rendered. Not thread safe. The backend and the model must
 // outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory; the next one may have it. A
 // subset, where there is one, is of this model's Gaussians; the others are as if they did not
@@ -44,6 +48,9 @@ class ModelRenderer {
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels,
                                  const GaussianSet* subset = nullptr);
 
+  // Gives back what a view of more than MostPixels took: it is not kept for the next one.
+  void ReleaseOversized();
+
  private:
   struct Pass {
     int sh_degree = 0;
@@ -59,6 +66,7 @@ class ModelRenderer {
   const Model& model_;
   Buffer<float> planes_, features_, color_, alpha_, depth_;
   RenderScratch scratch_;
+  const int64_t most_pixels_;
   bool some_hidden_ = false;  // of the opacities on the backend
 };
 

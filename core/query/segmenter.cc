@@ -13,11 +13,11 @@
 #include "core/status_macros.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
+#include "kernels/scratch_bytes.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxMapBytes = int64_t{512} << 20;
 // Features have norm 1, so a pixel's is at most its accumulated alpha.
 constexpr double kMinClickedNorm = 0.05;
 // A pixel whose feature is shorter is in no mask: Gaussians that are hardly there would stand for
@@ -87,8 +87,22 @@ struct Segmenter::State {
       : backend(b),
         model(std::move(m)),
         renderer(b, model),
-        maps(renderer, kMaxMapBytes),
+        maps(renderer, MapReserve(LargestView(model.views))),
         sums(b, kNumSegmentSums) {}
+
+  // InTurn, and what a view larger than memory is set aside for took is given back.
+  template <typename Work>
+  auto Turn(Work work) {
+    return InTurn(backend, [&] {
+      auto answer = work();
+      renderer.ReleaseOversized();
+      if (mask.capacity() > WithReserve(MostPixels(LargestView(model.views)))) {
+        mask = {};
+        similarity = {};
+      }
+      return answer;
+    });
+  }
 
   // [pixels, 32] as rendered, not gated.
   absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
@@ -232,13 +246,13 @@ absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
                                              const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  return InTurn(state_->backend, [&] { return state_->renderer.Color(view, subset); });
+  return state_->Turn([&] { return state_->renderer.Color(view, subset); });
 }
 
 absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
                                           std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  return InTurn(state_->backend, [&] { return state_->renderer.Rows(view, pixels); });
+  return state_->Turn([&] { return state_->renderer.Rows(view, pixels); });
 }
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query,
@@ -247,7 +261,7 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
   const std::vector<float> features = PositiveFirst(query);
-  return InTurn(state_->backend, [&]() -> absl::StatusOr<std::vector<SegmentResult>> {
+  return state_->Turn([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
     const Buffer<float> queries(state_->backend, std::span<const float>(features));
     std::vector<SegmentResult> results;
     results.reserve(targets.size());
@@ -284,7 +298,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
 absl::StatusOr<std::vector<float>> Segmenter::PixelFeatures(const ModelView& view,
                                                             std::span<const int32_t> pixels) const {
   RETURN_IF_ERROR(CheckView(view));
-  return InTurn(state_->backend, [&] { return state_->FeaturesAt(view, pixels); });
+  return state_->Turn([&] { return state_->FeaturesAt(view, pixels); });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> features,
@@ -296,7 +310,7 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
   }
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckView(target));
-  return InTurn(state_->backend, [&]() -> absl::StatusOr<std::vector<float>> {
+  return state_->Turn([&]() -> absl::StatusOr<std::vector<float>> {
     const Buffer<float> queries(state_->backend, features);
     ASSIGN_OR_RETURN(const Buffer<float> similarity, state_->SimilarityTo(queries, scale, target));
     std::vector<float> values(similarity.size());
@@ -309,7 +323,7 @@ absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,
                                                           const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
-  return InTurn(state_->backend, [&] { return state_->renderer.Depth(view, subset); });
+  return state_->Turn([&] { return state_->renderer.Depth(view, subset); });
 }
 
 absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double scale,
@@ -318,7 +332,7 @@ absl::StatusOr<Image> Segmenter::RenderFeatures(const ModelView& view, double sc
   RETURN_IF_ERROR(CheckScale(scale));
   RETURN_IF_ERROR(CheckSubset(subset, model()));
   ASSIGN_OR_RETURN(const std::vector<Half> map,
-                   InTurn(state_->backend, [&] { return state_->DownloadFeatures(view, subset); }));
+                   state_->Turn([&] { return state_->DownloadFeatures(view, subset); }));
   return PaintFeatures(MakeFeaturePalette(model().field, scale), map, view.camera);
 }
 
@@ -332,7 +346,7 @@ absl::StatusOr<std::vector<int32_t>> Segmenter::RenderIds(const ModelView& view,
         absl::StrCat(ids.size(), " ids, the model has ", model().gaussians.count, " Gaussians"));
   }
   return pepeseg::RenderIds(view, ids, [&](const ModelView& of, std::span<const int32_t> pixels) {
-    return InTurn(state_->backend, [&] { return state_->renderer.Rows(of, pixels, subset); });
+    return state_->Turn([&] { return state_->renderer.Rows(of, pixels, subset); });
   });
 }
 

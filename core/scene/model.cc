@@ -5,6 +5,14 @@
 
 namespace pepeseg {
 
+int64_t LargestView(const std::vector<ModelView>& views) {
+  int64_t largest = 0;
+  for (const ModelView& view : views) {
+    largest = std::max(largest, int64_t{view.camera.width} * view.camera.height);
+  }
+  return largest;
+}
+
 double QuantileOfScale(const FeatureField& field, double scene_units) {
   const std::vector<float>& knots = field.scale_quantiles;
   if (knots.empty() || scene_units <= knots.front()) return 0;

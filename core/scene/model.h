@@ -40,6 +40,9 @@ struct Model {
   std::map<std::string, std::string> facts;  // options in effect, seed, versions, device
 };
 
+// Pixels of the largest one; 0: there is none.
+int64_t LargestView(const std::vector<ModelView>& views);
+
 // Quantile scale in [0, 1] of a length in scene units, and back (linear between knots).
 double QuantileOfScale(const FeatureField& field, double scene_units);
 double ScaleOfQuantile(const FeatureField& field, double quantile);

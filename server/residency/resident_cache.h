@@ -7,145 +7,207 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "core/status_macros.h"
+#include "server/residency/memory_budget.h"
 
 namespace pepeseg {
 
 // Values that are costly to load and big to keep, by key, under a byte budget: loaded on demand,
-// one load at a time for a key however many ask, the least recently used one evicted that nobody
-// holds. A handle keeps its value alive, and its bytes counted, also when the key was dropped
-// meanwhile. Thread safe; Acquire blocks while a value is loaded.
+// one load at a time for a key however many ask, the least recently used one evicted that is not
+// pinned and that nobody holds. A handle keeps its value alive, and its bytes counted, also when
+// the key was dropped meanwhile. Thread safe; Acquire blocks while a value is loaded.
 template <typename Value>
 class ResidentCache {
  public:
   using Handle = std::shared_ptr<const Value>;
-  using Loader = std::function<absl::StatusOr<std::unique_ptr<Value>>()>;
+  // Where a value comes from. Both calls are made without a lock, only when it is not resident.
+  struct Source {
+    std::string name;  // for Visit
+    // What the value will take at most: reserved before the load.
+    std::function<absl::StatusOr<MemoryBytes>()> need;
+    std::function<absl::StatusOr<std::unique_ptr<Value>>()> load;
+  };
+  struct Info {
+    const std::string& name;
+    MemoryBytes bytes;
+    bool pinned;
+    absl::Time last_use;
+    int64_t num_handles;
+  };
+  struct Counts {
+    int64_t num_loads = 0, num_evictions = 0;
+  };
 
-  explicit ResidentCache(int64_t budget_bytes) : state_(std::make_shared<State>(budget_bytes)) {}
+  // `release_freed`: called when a value has gone, before its bytes count as free.
+  explicit ResidentCache(const MemoryBudget& budget, std::function<void()> release_freed = {})
+      : state_(std::make_shared<State>(budget, std::move(release_freed))) {}
 
-  // `num_bytes`: what the value will take, reserved before the load. RESOURCE_EXHAUSTED, with need
-  // and have, when that much does not come free; a load's error is told to all who waited for it,
-  // and the next one who asks tries again.
-  absl::StatusOr<Handle> Acquire(const std::string& key, int64_t num_bytes, const Loader& load);
-  // The next Acquire of it loads anew.
+  // RESOURCE_EXHAUSTED, with need and have, when that much does not come free; then nothing was
+  // evicted. An error of the source is told to all who waited for it, and the next one who asks
+  // tries again.
+  absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
+  // For a value that is no more: the next Acquire loads anew, also where it was pinned.
   void Drop(const std::string& key);
+  // The same, but FAILED_PRECONDITION while it is pinned. NOT_FOUND: it is not resident.
+  absl::Status Unload(const std::string& key);
+  // Pinned, it is never evicted. NOT_FOUND: it is not resident.
+  absl::Status SetPinned(const std::string& key, bool pinned);
+  // Calls `visit` with each value that is resident, by key. It must not use the cache.
+  void Visit(absl::FunctionRef<void(const Info&, const Value&)> visit) const;
 
-  int64_t bytes_in_use() const {
-    const std::lock_guard lock(state_->mutex);
-    return state_->used;
-  }
+  // Of values alive and loads under way: those of the device with the host's, where the budget has
+  // one memory.
+  MemoryBytes bytes_in_use() const;
+  Counts counts() const;
+  const MemoryBudget& budget() const { return state_->budget; }
 
  private:
   struct State {
-    explicit State(int64_t bytes) : budget(bytes) {}
-    const int64_t budget;
+    State(const MemoryBudget& of, std::function<void()> release)
+        : budget(of), release_freed(std::move(release)) {}
+    const MemoryBudget budget;
+    const std::function<void()> release_freed;
     std::mutex mutex;
-    int64_t used = 0;  // by values alive and loads under way, bytes
+    MemoryBytes used;
     int64_t clock = 0;
+    Counts counts;
   };
   // A value and its bytes: given back when the last handle and the cache have let it go.
   struct Resident {
-    Resident(std::shared_ptr<State> owner, int64_t num_bytes)
+    Resident(std::shared_ptr<State> owner, const MemoryBytes& num_bytes)
         : state(std::move(owner)), bytes(num_bytes) {}
     Resident(const Resident&) = delete;
     Resident& operator=(const Resident&) = delete;
     ~Resident() {
       value.reset();
+      if (state->release_freed) state->release_freed();
       const std::lock_guard lock(state->mutex);
-      state->used -= bytes;
+      state->used -= state->budget.Counted(bytes);
     }
     std::shared_ptr<State> state;
-    int64_t bytes;
+    MemoryBytes bytes;
     std::unique_ptr<Value> value;
   };
   // One for each key that is loaded or being loaded.
   struct Entry {
+    std::string name;
     std::shared_ptr<Resident> resident;  // null while it is being loaded
     absl::Status error;
     bool loading = true;
+    bool pinned = false;
     int64_t last_use = 0;
+    absl::Time last_use_time;
   };
+  using Entries = std::map<std::string, std::shared_ptr<Entry>>;
 
-  std::shared_ptr<Entry> Evictable();
-  absl::Status Reserve(int64_t num_bytes, std::unique_lock<std::mutex>& lock);
-  static Handle HandleOf(const std::shared_ptr<Resident>& resident) {
-    return Handle(resident, resident->value.get());
+  static bool IsEvictable(const Entry& entry) {
+    return !entry.loading && !entry.pinned && entry.resident.use_count() == 1;
+  }
+  typename Entries::iterator Oldest();
+  absl::Status Reserve(const MemoryBytes& need);
+  absl::StatusOr<std::shared_ptr<Resident>> Load(const Source& source);
+  absl::StatusOr<typename Entries::iterator> FindLoaded(const std::string& key);
+  Handle Use(Entry& entry) {
+    entry.last_use = ++state_->clock;
+    entry.last_use_time = absl::Now();
+    return Handle(entry.resident, entry.resident->value.get());
   }
 
   const std::shared_ptr<State> state_;
-  std::condition_variable loaded_;
-  std::map<std::string, std::shared_ptr<Entry>> entries_;  // guarded by state_->mutex
+  std::condition_variable loaded_, left_;
+  // Guarded by state_->mutex.
+  Entries entries_;
+  int num_leaving_ = 0;  // values that are evicted just now
 };
 
-// The least recently used entry that is loaded and that nobody holds.
+// The least recently used entry that can be evicted.
 template <typename Value>
-std::shared_ptr<typename ResidentCache<Value>::Entry> ResidentCache<Value>::Evictable() {
-  std::shared_ptr<Entry> oldest;
-  for (const auto& [key, entry] : entries_) {
-    if (entry->loading || entry->resident.use_count() != 1) continue;
-    if (oldest == nullptr || entry->last_use < oldest->last_use) oldest = entry;
+typename ResidentCache<Value>::Entries::iterator ResidentCache<Value>::Oldest() {
+  auto oldest = entries_.end();
+  for (auto at = entries_.begin(); at != entries_.end(); ++at) {
+    if (!IsEvictable(*at->second)) continue;
+    if (oldest == entries_.end() || at->second->last_use < oldest->second->last_use) oldest = at;
   }
   return oldest;
 }
 
 template <typename Value>
-absl::Status ResidentCache<Value>::Reserve(int64_t num_bytes, std::unique_lock<std::mutex>& lock) {
-  while (state_->used + num_bytes > state_->budget) {
-    const std::shared_ptr<Entry> entry = Evictable();
-    if (entry == nullptr) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("needs ", num_bytes, " bytes, ", state_->budget - state_->used, " of ",
-                       state_->budget, " are free or could be freed"));
+absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need) {
+  std::unique_lock lock(state_->mutex);
+  while (!state_->budget.Fits(state_->used, need)) {
+    MemoryBytes kept = state_->used;
+    for (const auto& [key, entry] : entries_) {
+      if (IsEvictable(*entry)) kept -= state_->budget.Counted(entry->resident->bytes);
     }
-    std::erase_if(entries_, [&](const auto& pair) { return pair.second == entry; });
-    std::shared_ptr<Resident> evicted = std::move(entry->resident);
+    const absl::Status fits = state_->budget.Check(kept, need);
+    if (!fits.ok() && num_leaving_ > 0) {  // their bytes come free
+      left_.wait(lock);
+      continue;
+    }
+    RETURN_IF_ERROR(fits);
+    const auto oldest = Oldest();
+    std::shared_ptr<Resident> evicted = std::move(oldest->second->resident);
+    entries_.erase(oldest);
+    ++state_->counts.num_evictions;
+    ++num_leaving_;
     lock.unlock();  // its destructor gives the bytes back
     evicted.reset();
     lock.lock();
+    --num_leaving_;
+    left_.notify_all();
   }
-  state_->used += num_bytes;
+  state_->used += state_->budget.Counted(need);
   return absl::OkStatus();
 }
 
 template <typename Value>
+absl::StatusOr<std::shared_ptr<typename ResidentCache<Value>::Resident>> ResidentCache<Value>::Load(
+    const Source& source) {
+  ASSIGN_OR_RETURN(const MemoryBytes need, source.need());
+  RETURN_IF_ERROR(Reserve(need));
+  const auto resident = std::make_shared<Resident>(state_, need);
+  ASSIGN_OR_RETURN(resident->value, source.load());
+  return resident;
+}
+
+template <typename Value>
 absl::StatusOr<typename ResidentCache<Value>::Handle> ResidentCache<Value>::Acquire(
-    const std::string& key, int64_t num_bytes, const Loader& load) {
+    const std::string& key, const Source& source) {
   std::unique_lock lock(state_->mutex);
   for (auto found = entries_.find(key); found != entries_.end(); found = entries_.find(key)) {
     const std::shared_ptr<Entry> other = found->second;
     loaded_.wait(lock, [&] { return !other->loading; });
     if (!other->error.ok()) return other->error;
     if (other->resident == nullptr) continue;  // evicted again before this thread woke
-    other->last_use = ++state_->clock;
-    return HandleOf(other->resident);
+    return Use(*other);
   }
   const auto entry = std::make_shared<Entry>();
+  entry->name = source.name;
   entries_[key] = entry;
-  absl::Status status = Reserve(num_bytes, lock);
-  std::shared_ptr<Resident> resident;
-  if (status.ok()) {
-    lock.unlock();
-    resident = std::make_shared<Resident>(state_, num_bytes);
-    auto value = load();
-    status = value.status();
-    if (value.ok()) resident->value = *std::move(value);
-    if (!status.ok()) resident.reset();
-    lock.lock();
-  }
+  lock.unlock();
+  auto resident = Load(source);
+  lock.lock();
   entry->loading = false;
-  entry->error = status;
-  entry->resident = resident;
-  entry->last_use = ++state_->clock;
+  entry->error = resident.status();
   loaded_.notify_all();
-  if (status.ok()) return HandleOf(resident);
+  if (resident.ok()) {
+    ++state_->counts.num_loads;
+    entry->resident = *std::move(resident);
+    return Use(*entry);
+  }
   // Unless it was dropped, and asked for again, meanwhile.
   if (const auto mine = entries_.find(key); mine != entries_.end() && mine->second == entry) {
     entries_.erase(mine);
   }
-  return status;
+  return entry->error;
 }
 
 template <typename Value>
@@ -156,6 +218,57 @@ void ResidentCache<Value>::Drop(const std::string& key) {
   if (found == entries_.end()) return;
   dropped = std::move(found->second);
   entries_.erase(found);
+}
+
+template <typename Value>
+absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<Value>::FindLoaded(
+    const std::string& key) {
+  const auto found = entries_.find(key);
+  if (found != entries_.end() && !found->second->loading) return found;
+  return absl::NotFoundError("it is not resident");
+}
+
+template <typename Value>
+absl::Status ResidentCache<Value>::Unload(const std::string& key) {
+  std::shared_ptr<Entry> unloaded;  // as in Drop
+  const std::lock_guard lock(state_->mutex);
+  ASSIGN_OR_RETURN(const auto found, FindLoaded(key));
+  if (found->second->pinned) return absl::FailedPreconditionError("it is pinned");
+  unloaded = std::move(found->second);
+  entries_.erase(found);
+  return absl::OkStatus();
+}
+
+template <typename Value>
+absl::Status ResidentCache<Value>::SetPinned(const std::string& key, bool pinned) {
+  const std::lock_guard lock(state_->mutex);
+  ASSIGN_OR_RETURN(const auto found, FindLoaded(key));
+  found->second->pinned = pinned;
+  return absl::OkStatus();
+}
+
+template <typename Value>
+void ResidentCache<Value>::Visit(absl::FunctionRef<void(const Info&, const Value&)> visit) const {
+  const std::lock_guard lock(state_->mutex);
+  for (const auto& [key, entry] : entries_) {
+    if (entry->loading) continue;
+    const std::shared_ptr<Resident>& resident = entry->resident;
+    visit({entry->name, resident->bytes, entry->pinned, entry->last_use_time,
+           resident.use_count() - 1},
+          *resident->value);
+  }
+}
+
+template <typename Value>
+MemoryBytes ResidentCache<Value>::bytes_in_use() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->used;
+}
+
+template <typename Value>
+typename ResidentCache<Value>::Counts ResidentCache<Value>::counts() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->counts;
 }
 
 }  // namespace pepeseg

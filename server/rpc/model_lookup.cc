@@ -2,21 +2,28 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/io/model_file.h"
 #include "core/status_macros.h"
-#include "kernels/gaussian_planes.h"
+#include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kFeatureFloats = 32;
-
-// Gaussians and features, once on the host and once on the backend, as if of the highest degree.
-int64_t ResidentBytes(const ModelRow& model) {
-  const int64_t floats = NumPlanes(kMaxShDegree) + kFeatureFloats;
-  return model.num_gaussians * floats * static_cast<int64_t>(sizeof(float)) * 2;
+// Need and have in the detail too.
+absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
+                       const MemoryBudget& budget) {
+  const auto words = [](const MemoryBytes& bytes) {
+    return absl::StrCat(bytes.host, " bytes on the host, ", bytes.device, " on the device");
+  };
+  v1::ErrorDetail detail;
+  detail.set_reason("DOES_NOT_FIT");
+  // This call's own; one that waited for another's load has none.
+  if (need.host > 0) detail.set_value(words(budget.Counted(need)));
+  detail.set_limit(words(budget.usable()));
+  return WithDetail(status, detail);
 }
 
 absl::StatusOr<ModelRow> FindLiveModel(const ServiceContext& context, const std::string& scene) {
@@ -43,15 +50,27 @@ absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::str
 absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std::string& name,
                                         const std::string& field) {
   ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, field));
-  const auto load = [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
-    ASSIGN_OR_RETURN(Model model, ReadModel(context.data_folder / row.folder));
+  MemoryBytes need;
+  const std::filesystem::path folder = context.data_folder / row.folder;
+  ModelCache::Source source;
+  source.name = ChildName(row.scene, "models", row.number);
+  source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+    ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
+    need = BytesOfModel(*context.backend, shape);
+    return need;
+  };
+  source.load = [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
+    ASSIGN_OR_RETURN(Model model, ReadModel(folder));
     return Segmenter::Create(*context.backend, std::move(model));
   };
-  ResidentModel resident;
-  ASSIGN_OR_RETURN(resident.segmenter,
-                   context.models->Acquire(ResidentKey(row), ResidentBytes(row), load));
-  resident.name = ChildName(row.scene, "models", row.number);
-  return resident;
+  auto segmenter = context.models->Acquire(ResidentKey(row), source);
+  if (absl::IsResourceExhausted(segmenter.status())) {
+    const absl::Status named(segmenter.status().code(),
+                             absl::StrCat(source.name, ": ", segmenter.status().message()));
+    return WithBytes(named, need, context.models->budget());
+  }
+  RETURN_IF_ERROR(segmenter.status());
+  return ResidentModel{source.name, *std::move(segmenter)};
 }
 
 std::string ResidentKey(const ModelRow& model) { return model.folder; }

@@ -12,7 +12,8 @@ namespace pepeseg {
 absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::string& name,
                                    const std::string& field);
 
-// The same, in memory; loads it when it is not. Blocks for as long as that takes.
+// The same, in memory; loads it when it is not. RESOURCE_EXHAUSTED with need and have when it does
+// not fit. Blocks for as long as that takes.
 struct ResidentModel {
   std::string name;
   ModelCache::Handle segmenter;

@@ -14,6 +14,7 @@
 #include "core/status_macros.h"
 #include "server/device.h"
 #include "server/layout.h"
+#include "server/rpc/admin_listener.h"
 #include "server/rpc/dataset_service.h"
 #include "server/rpc/directory_lock.h"
 #include "server/rpc/error.h"
@@ -55,9 +56,10 @@ void SetLimits(grpc::ServerBuilder& builder) {
 }
 
 absl::Status CheckOptions(const ServerOptions& options) {
-  if (!options.insecure && !IsLoopback(options.listen)) {
+  for (const std::string& listen : {options.listen, options.admin}) {
+    if (listen.empty() || options.insecure || IsLoopback(listen)) continue;
     return absl::FailedPreconditionError(
-        absl::StrCat("listening on ", options.listen,
+        absl::StrCat("listening on ", listen,
                      " would let other machines in without encryption: use a loopback address, or "
                      "--insecure if the network is trusted"));
   }
@@ -72,6 +74,26 @@ void LogDevice(const Device& device, int64_t device_memory) {
   const std::string because = device.reason.empty() ? "" : ": " + device.reason;
   spdlog::info("computing on {}{}", device.backend->name(), because);
   spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
+}
+
+SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
+  SupervisorOptions job_options;
+  job_options.data_folder = options.data;
+  job_options.worker = options.worker;
+  job_options.lpips_weights = options.lpips_weights;
+  job_options.device = device.id;
+  job_options.device_name = device.backend->name();
+  job_options.num_threads = options.num_threads;
+  return job_options;
+}
+
+std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
+  const DeviceMemory memory = backend.memory();
+  MemoryBytes limit = {options.model_bytes, options.model_device_bytes};
+  if (limit.host <= 0) limit.host = memory.is_host ? memory.total_bytes / 2 : HalfOfMemory();
+  if (limit.device <= 0) limit.device = memory.total_bytes / 2;
+  return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
+                                      [&backend] { backend.ReleaseFreed(); });
 }
 
 }  // namespace
@@ -102,6 +124,7 @@ struct Server::Parts {
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
+  std::unique_ptr<AdminListener> admin;
   std::unique_ptr<grpc::Server> server;
   int port = 0;
 
@@ -120,19 +143,12 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   const int64_t device_memory =
       options.device_memory > 0 ? options.device_memory : device.backend->memory().free_bytes;
   LogDevice(device, device_memory);
-  models =
-      std::make_unique<ModelCache>(options.model_bytes > 0 ? options.model_bytes : HalfOfMemory());
-  SupervisorOptions jobs_options;
-  jobs_options.data_folder = options.data;
-  jobs_options.worker = options.worker;
-  jobs_options.lpips_weights = options.lpips_weights;
-  jobs_options.device = device.id;
-  jobs_options.device_name = device.backend->name();
-  jobs_options.num_threads = options.num_threads;
-  jobs_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
+  models = MakeModelCache(options, *device.backend);
+  SupervisorOptions job_options = JobOptions(options, device);
+  job_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
     return store->Path(file.sha256);
   };
-  ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(jobs_options)));
+  ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
   const ServiceContext context{
       options.data, store.get(), supervisor.get(), blobs.get(), device.backend.get(), models.get(),
       &pool,        &query_pool, &evaluation_pool, &streams,    device_memory};
@@ -140,6 +156,9 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);
   segmentation = std::make_unique<SegmentationServiceRpc>(context);
+  if (!options.admin.empty()) {
+    ASSIGN_OR_RETURN(admin, AdminListener::Start(options.admin, context));
+  }
   return absl::OkStatus();
 }
 
@@ -185,8 +204,14 @@ Server::~Server() { Shutdown(absl::Now()); }
 
 int Server::port() const { return parts_->port; }
 
+int Server::admin_port() const { return parts_->admin == nullptr ? 0 : parts_->admin->port(); }
+
 std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
   return parts_->server->InProcessChannel(grpc::ChannelArguments());
+}
+
+std::shared_ptr<grpc::Channel> Server::InProcessAdminChannel() {
+  return parts_->admin == nullptr ? nullptr : parts_->admin->InProcessChannel();
 }
 
 void Server::Shutdown(absl::Time deadline) {
@@ -197,6 +222,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->supervisor->Stop(deadline);
   parts_->server->Shutdown(absl::ToChronoTime(deadline));
   parts_->server->Wait();
+  if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);
   // No call is left, so none of these tasks has anything to answer.
   parts_->pool.Stop();
   parts_->query_pool.Stop();

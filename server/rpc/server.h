@@ -12,7 +12,9 @@
 namespace pepeseg {
 
 struct ServerOptions {
-  std::string listen = "127.0.0.1:0";   // HOST:PORT, port 0: a free one; or unix:PATH
+  std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
+  // Where AdminService listens, likewise; empty: it is not served.
+  std::string admin;
   bool insecure = false;                // listens beyond this machine, without encryption
   bool reflection = false;              // tells anybody what methods there are
   std::filesystem::path data;           // made when it is not there; for one server at a time
@@ -22,7 +24,9 @@ struct ServerOptions {
   int num_threads = 0;                  // of a job and of a query; 0: as many as the machine has
   // Of the device, for a training, bytes; 0: what is free of it when the server starts.
   int64_t device_memory = 0;
-  int64_t model_bytes = 0;  // budget of models in memory; 0: half of the machine's
+  // Budgets of models in memory, bytes; 0: half of the machine's and of the device's. On a device
+  // that is the host there is only the first.
+  int64_t model_bytes = 0, model_device_bytes = 0;
 };
 
 // Whether HOST:PORT or unix:PATH can be reached from this machine only.
@@ -38,9 +42,12 @@ class Server {
   // Shutdown without grace, unless it was called.
   ~Server();
 
-  int port() const;  // 0 for a unix socket
+  int port() const;        // 0 for a unix socket
+  int admin_port() const;  // likewise, and where there is none
   // To the services without a socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
+  // To AdminService; null where it is not served.
+  std::shared_ptr<grpc::Channel> InProcessAdminChannel();
 
   // Health says NOT_SERVING, streams end with UNAVAILABLE, running jobs are stopped and queued for
   // the next start, calls under way get until `deadline`. Blocks; once.

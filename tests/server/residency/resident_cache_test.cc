@@ -20,30 +20,38 @@ struct Thing {
 
 using Cache = ResidentCache<Thing>;
 
-Cache::Loader Load(int value, std::atomic<int>* count = nullptr) {
-  return [=]() -> absl::StatusOr<std::unique_ptr<Thing>> {
-    if (count != nullptr) ++*count;
-    return std::make_unique<Thing>(value);
-  };
+// So many bytes of one memory, of which 5 % stay free.
+MemoryBudget HostBudget(int64_t usable) { return {{usable * 20 / 19, 0}, true}; }
+
+Cache::Source Load(int value, int64_t num_bytes, std::atomic<int>* count = nullptr) {
+  return {"thing " + std::to_string(value),
+          [=] {
+            return MemoryBytes{num_bytes, 0};
+          },
+          [=]() -> absl::StatusOr<std::unique_ptr<Thing>> {
+            if (count != nullptr) ++*count;
+            return std::make_unique<Thing>(value);
+          }};
 }
 
 TEST(ResidentCache, LoadsOnceAndKeeps) {
-  Cache cache(100);
+  Cache cache(HostBudget(100));
   std::atomic<int> loads = 0;
   for (int i = 0; i < 3; ++i) {
-    const auto handle = cache.Acquire("a", 10, Load(7, &loads));
+    const auto handle = cache.Acquire("a", Load(7, 10, &loads));
     ASSERT_TRUE(handle.ok());
     EXPECT_EQ((*handle)->value, 7);
   }
   EXPECT_EQ(loads, 1);
-  EXPECT_EQ(cache.bytes_in_use(), 10);
+  EXPECT_EQ(cache.bytes_in_use().host, 10);
 }
 
 TEST(ResidentCache, OneLoadHoweverManyAsk) {
-  Cache cache(100);
+  Cache cache(HostBudget(100));
   std::atomic<int> loads = 0;
   std::atomic<int> right = 0;
-  const auto slow = [&]() -> absl::StatusOr<std::unique_ptr<Thing>> {
+  Cache::Source slow = Load(3, 10);
+  slow.load = [&]() -> absl::StatusOr<std::unique_ptr<Thing>> {
     ++loads;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     return std::make_unique<Thing>(3);
@@ -52,7 +60,7 @@ TEST(ResidentCache, OneLoadHoweverManyAsk) {
   threads.reserve(8);
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&] {
-      const auto handle = cache.Acquire("a", 10, slow);
+      const auto handle = cache.Acquire("a", slow);
       if (handle.ok() && (*handle)->value == 3) ++right;
     });
   }
@@ -62,57 +70,57 @@ TEST(ResidentCache, OneLoadHoweverManyAsk) {
 }
 
 TEST(ResidentCache, EvictsTheLeastRecentlyUsed) {
-  Cache cache(30);
+  Cache cache(HostBudget(30));
   std::atomic<int> loads = 0;
-  ASSERT_TRUE(cache.Acquire("a", 10, Load(1, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("b", 10, Load(2, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("c", 10, Load(3, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("a", 10, Load(1, &loads)).ok());  // b is the oldest now
-  ASSERT_TRUE(cache.Acquire("d", 10, Load(4, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("b", Load(2, 10, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("c", Load(3, 10, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());  // b is the oldest now
+  ASSERT_TRUE(cache.Acquire("d", Load(4, 10, &loads)).ok());
   EXPECT_EQ(loads, 4);
   EXPECT_EQ(Thing::alive, 3);
-  ASSERT_TRUE(cache.Acquire("a", 10, Load(1, &loads)).ok());
-  ASSERT_TRUE(cache.Acquire("c", 10, Load(3, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("c", Load(3, 10, &loads)).ok());
   EXPECT_EQ(loads, 4);
-  ASSERT_TRUE(cache.Acquire("b", 10, Load(2, &loads)).ok());
+  ASSERT_TRUE(cache.Acquire("b", Load(2, 10, &loads)).ok());
   EXPECT_EQ(loads, 5);
-  EXPECT_EQ(cache.bytes_in_use(), 30);
+  EXPECT_EQ(cache.bytes_in_use().host, 30);
 }
 
 TEST(ResidentCache, NeverEvictsWhatIsHeld) {
-  Cache cache(30);
-  const auto held = cache.Acquire("a", 20, Load(1));
+  Cache cache(HostBudget(30));
+  const auto held = cache.Acquire("a", Load(1, 20));
   ASSERT_TRUE(held.ok());
-  const auto refused = cache.Acquire("b", 15, Load(2));
+  const auto refused = cache.Acquire("b", Load(2, 15));
   EXPECT_TRUE(absl::IsResourceExhausted(refused.status()));
-  EXPECT_NE(refused.status().message().find("needs 15 bytes"), std::string::npos);
+  EXPECT_NE(refused.status().message().find("needs 15 bytes of host memory"), std::string::npos);
   EXPECT_NE(refused.status().message().find("10 of 30"), std::string::npos);
   EXPECT_EQ((*held)->value, 1);
-  EXPECT_TRUE(cache.Acquire("c", 10, Load(3)).ok());
+  EXPECT_TRUE(cache.Acquire("c", Load(3, 10)).ok());
 }
 
 TEST(ResidentCache, HandlesOutliveADropAndKeepTheirBytes) {
-  Cache cache(30);
+  Cache cache(HostBudget(30));
   std::atomic<int> loads = 0;
   {
-    const auto held = cache.Acquire("a", 20, Load(1, &loads));
+    const auto held = cache.Acquire("a", Load(1, 20, &loads));
     ASSERT_TRUE(held.ok());
     cache.Drop("a");
     EXPECT_EQ((*held)->value, 1);
-    EXPECT_EQ(cache.bytes_in_use(), 20);
-    EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("a", 20, Load(1, &loads)).status()));
+    EXPECT_EQ(cache.bytes_in_use().host, 20);
+    EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("a", Load(1, 20, &loads)).status()));
   }
   EXPECT_EQ(Thing::alive, 0);
-  EXPECT_EQ(cache.bytes_in_use(), 0);
-  EXPECT_TRUE(cache.Acquire("a", 20, Load(1, &loads)).ok());
+  EXPECT_EQ(cache.bytes_in_use().host, 0);
+  EXPECT_TRUE(cache.Acquire("a", Load(1, 20, &loads)).ok());
   EXPECT_EQ(loads, 2);
 }
 
 TEST(ResidentCache, HandlesOutliveTheCache) {
   Cache::Handle handle;
   {
-    Cache cache(30);
-    handle = *cache.Acquire("a", 20, Load(5));
+    Cache cache(HostBudget(30));
+    handle = *cache.Acquire("a", Load(5, 20));
   }
   EXPECT_EQ(handle->value, 5);
   handle.reset();
@@ -120,26 +128,132 @@ TEST(ResidentCache, HandlesOutliveTheCache) {
 }
 
 TEST(ResidentCache, AFailedLoadIsToldAndTriedAgain) {
-  Cache cache(30);
-  const auto fail = []() -> absl::StatusOr<std::unique_ptr<Thing>> {
+  Cache cache(HostBudget(30));
+  Cache::Source fail = Load(1, 20);
+  fail.load = []() -> absl::StatusOr<std::unique_ptr<Thing>> {
     return absl::DataLossError("gaussians.ply: wrong checksum");
   };
-  EXPECT_TRUE(absl::IsDataLoss(cache.Acquire("a", 20, fail).status()));
-  EXPECT_EQ(cache.bytes_in_use(), 0);
-  EXPECT_TRUE(cache.Acquire("a", 20, Load(1)).ok());
+  EXPECT_TRUE(absl::IsDataLoss(cache.Acquire("a", fail).status()));
+  EXPECT_EQ(cache.bytes_in_use().host, 0);
+  fail.need = []() -> absl::StatusOr<MemoryBytes> { return absl::DataLossError("model.json"); };
+  EXPECT_TRUE(absl::IsDataLoss(cache.Acquire("a", fail).status()));
+  EXPECT_TRUE(cache.Acquire("a", Load(1, 20)).ok());
+  EXPECT_EQ(cache.counts().num_loads, 1);
+}
+
+// Nothing is thrown out for what does not fit anyway.
+TEST(ResidentCache, WhatIsTooLargeEvictsNothing) {
+  Cache cache(HostBudget(30));
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
+  ASSERT_TRUE(cache.Acquire("b", Load(2, 10)).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("c", Load(3, 31)).status()));
+  EXPECT_EQ(Thing::alive, 2);
+  EXPECT_EQ(cache.counts().num_evictions, 0);
+  ASSERT_TRUE(cache.Acquire("c", Load(3, 30)).ok());
+  EXPECT_EQ(Thing::alive, 1);
+  EXPECT_EQ(cache.counts().num_evictions, 2);
+}
+
+TEST(ResidentCache, HostAndDeviceHaveBudgetsOfTheirOwn) {
+  const auto thing = [](const MemoryBytes& need) {
+    Cache::Source source = Load(1, 0);
+    source.need = [need] { return need; };
+    return source;
+  };
+  Cache cache(MemoryBudget({1000, 100}, /*one_memory=*/false));
+  ASSERT_TRUE(cache.Acquire("a", thing({10, 60})).ok());
+  ASSERT_TRUE(cache.Acquire("b", thing({10, 30})).ok());
+  EXPECT_EQ(cache.counts().num_evictions, 0);
+  ASSERT_TRUE(cache.Acquire("c", thing({10, 30})).ok());  // of the device's 95 there are 5
+  EXPECT_EQ(cache.counts().num_evictions, 1);
+  EXPECT_EQ(cache.bytes_in_use().host, 20);
+  EXPECT_EQ(cache.bytes_in_use().device, 60);
+  const absl::Status of_device = cache.Acquire("d", thing({10, 96})).status();
+  EXPECT_TRUE(absl::IsResourceExhausted(of_device));
+  EXPECT_NE(of_device.message().find("needs 96 bytes of device memory, 95 of 95"),
+            std::string::npos)
+      << of_device;
+  const absl::Status of_host = cache.Acquire("d", thing({951, 1})).status();
+  EXPECT_NE(of_host.message().find("needs 951 bytes of host memory, 950 of 950"), std::string::npos)
+      << of_host;
+}
+
+TEST(ResidentCache, OneMemoryIsSharedByBoth) {
+  Cache cache(MemoryBudget({100, 7}, /*one_memory=*/true));
+  Cache::Source source = Load(1, 0);
+  source.need = [] { return MemoryBytes{45, 50}; };
+  ASSERT_TRUE(cache.Acquire("a", source).ok());
+  EXPECT_EQ(cache.bytes_in_use().host, 95);
+  source.need = [] { return MemoryBytes{46, 50}; };
+  EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("b", source).status()));
+}
+
+TEST(ResidentCache, WhatIsPinnedStays) {
+  Cache cache(HostBudget(20));
+  EXPECT_TRUE(absl::IsNotFound(cache.SetPinned("a", true)));
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10)).ok());
+  ASSERT_TRUE(cache.SetPinned("a", true).ok());
+  ASSERT_TRUE(cache.Acquire("b", Load(2, 10)).ok());
+  std::atomic<int> loads = 0;
+  ASSERT_TRUE(cache.Acquire("c", Load(3, 10)).ok());  // instead of b, though a is older
+  ASSERT_TRUE(cache.Acquire("a", Load(1, 10, &loads)).ok());
+  EXPECT_EQ(loads, 0);
+  EXPECT_TRUE(absl::IsResourceExhausted(cache.Acquire("d", Load(4, 11)).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(cache.Unload("a")));
+  ASSERT_TRUE(cache.SetPinned("a", false).ok());
+  EXPECT_TRUE(cache.Unload("a").ok());
+  EXPECT_TRUE(absl::IsNotFound(cache.Unload("a")));
+  EXPECT_EQ(cache.bytes_in_use().host, 10);
+}
+
+TEST(ResidentCache, ReleasesMemoryBeforeItCountsAsFree) {
+  std::atomic<int> num_released = 0;
+  int64_t used_then = 0;
+  {
+    std::unique_ptr<Cache> cache;
+    cache = std::make_unique<Cache>(HostBudget(20), [&] {
+      EXPECT_EQ(Thing::alive, num_released == 0 ? 1 : 0);
+      used_then = ++num_released == 1 ? cache->bytes_in_use().host : 0;
+    });
+    ASSERT_TRUE(cache->Acquire("a", Load(1, 12)).ok());
+    ASSERT_TRUE(cache->Acquire("b", Load(2, 5)).ok());
+    ASSERT_TRUE(cache->Unload("b").ok());
+    EXPECT_EQ(num_released, 1);
+    EXPECT_EQ(used_then, 17);
+    EXPECT_EQ(cache->bytes_in_use().host, 12);
+    used_then = 0;
+    ASSERT_TRUE(cache->Unload("a").ok());
+  }
+  EXPECT_EQ(num_released, 2);
+}
+
+TEST(ResidentCache, TellsWhatIsResident) {
+  Cache cache(HostBudget(30));
+  const absl::Time before = absl::Now();
+  const auto held = cache.Acquire("a", Load(1, 10));
+  ASSERT_TRUE(cache.Acquire("b", Load(2, 5)).ok());
+  ASSERT_TRUE(cache.SetPinned("b", true).ok());
+  std::vector<std::string> lines;
+  cache.Visit([&](const Cache::Info& info, const Thing& thing) {
+    EXPECT_GE(info.last_use, before);
+    EXPECT_LE(info.last_use, absl::Now());
+    lines.push_back(absl::StrCat(info.name, " ", thing.value, " ", info.bytes.host, " ",
+                                 info.pinned, " ", info.num_handles));
+  });
+  EXPECT_EQ(lines, (std::vector<std::string>{"thing 1 1 10 0 1", "thing 2 2 5 1 0"}));
 }
 
 TEST(ResidentCache, ManyThreadsUnderATightBudget) {
   std::atomic<int> wrong = 0;
   {
-    Cache cache(35);
+    Cache cache(HostBudget(35));
     std::vector<std::thread> threads;
     threads.reserve(4);
     for (int t = 0; t < 4; ++t) {
       threads.emplace_back([&, t] {
         for (int i = 0; i < 500; ++i) {
           const int key = (i * 7 + t) % 5;
-          const auto handle = cache.Acquire(std::to_string(key), 10, Load(key));
+          const auto handle = cache.Acquire(std::to_string(key), Load(key, 10));
           const bool full = absl::IsResourceExhausted(handle.status());
           if (!full && (!handle.ok() || (*handle)->value != key)) ++wrong;
           if (i % 50 == 0) cache.Drop(std::to_string(key));
@@ -147,7 +261,7 @@ TEST(ResidentCache, ManyThreadsUnderATightBudget) {
       });
     }
     for (std::thread& thread : threads) thread.join();
-    EXPECT_LE(cache.bytes_in_use(), 35);
+    EXPECT_LE(cache.bytes_in_use().host, 35);
   }
   EXPECT_EQ(wrong, 0);
   EXPECT_EQ(Thing::alive, 0);

@@ -1,7 +1,10 @@
 // Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
+// A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
+// the pixels of the views.
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <system_error>
@@ -43,14 +46,14 @@ ModelView MakeView(const std::string& name, double x, bool held_out) {
   return view;
 }
 
-Model MakeModel() {
+Model MakeModel(float shift) {
   Model model;
   model.gaussians = Gaussians::Zero(int64_t{2} * kSide * kSide, 0);
   model.field.features.assign(static_cast<size_t>(model.gaussians.count) * 32, 0.0f);
   for (int i = 0; i < 1000; ++i)
     model.field.scale_quantiles.push_back(0.001f * static_cast<float>(i + 1));
-  AddSquare(-1.1f, 0, 0, model);
-  AddSquare(0.1f, 2, kSide * kSide, model);
+  AddSquare(-1.1f + shift, 0, 0, model);
+  AddSquare(0.1f + shift, 2, kSide * kSide, model);
   model.views = {MakeView("left/0.jpg", -0.1, true), MakeView("middle.jpg", 0, false),
                  MakeView("right.jpg", 0.1, true)};
   model.metrics["psnr"] = 30;
@@ -61,7 +64,9 @@ int Run(const std::string& path) {
   const JobFolder folder(path);
   const auto spec = folder.ReadSpec();
   if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
-  const Model model = MakeModel();
+  const std::string name = spec->files.empty() ? "" : spec->files[0].name;
+  const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
+  const Model model = MakeModel(shift);
   const std::filesystem::path attempt = folder.attempt(spec->fence);
   std::error_code error;
   std::filesystem::create_directories(attempt, error);

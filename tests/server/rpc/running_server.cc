@@ -59,11 +59,17 @@ std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const Te
   return parts;
 }
 
-RunningServer::RunningServer(const std::string& worker) {
+RunningServer::RunningServer(const std::string& worker, const ServerOptions& settings)
+    : options(settings) {
   options.data = folder / "data";
   options.worker = worker;
   options.device = "cpu";
   options.num_threads = 1;
+  Restart();
+}
+
+void RunningServer::Restart() {
+  server.reset();
   auto started = Server::Start(options);
   EXPECT_TRUE(started.ok()) << started.status();
   if (!started.ok()) return;
@@ -73,6 +79,8 @@ RunningServer::RunningServer(const std::string& worker) {
   datasets = v1::DatasetService::NewStub(channel);
   jobs = v1::JobService::NewStub(channel);
   segmentation = v1::SegmentationService::NewStub(channel);
+  const auto admin_channel = server->InProcessAdminChannel();
+  if (admin_channel != nullptr) admin = v1::AdminService::NewStub(admin_channel);
 }
 
 void RunningServer::CreateScene(const std::string& id) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "grpcpp/channel.h"
+#include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
@@ -33,7 +34,11 @@ std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const Te
 
 // A server of a test's own, over an in-process channel unless a test asks for the socket.
 struct RunningServer {
-  explicit RunningServer(const std::string& worker);
+  // `settings` but for the data folder, the worker and the device.
+  explicit RunningServer(const std::string& worker, const ServerOptions& settings = {});
+
+  // Ends the server, and starts it on the same data with what was changed in `options`.
+  void Restart();
 
   // What the services are asked in most tests; a status that is not OK fails the test.
   void CreateScene(const std::string& id);
@@ -56,6 +61,7 @@ struct RunningServer {
   std::unique_ptr<v1::DatasetService::Stub> datasets;
   std::unique_ptr<v1::JobService::Stub> jobs;
   std::unique_ptr<v1::SegmentationService::Stub> segmentation;
+  std::unique_ptr<v1::AdminService::Stub> admin;  // null unless options.admin is set
 };
 
 }  // namespace pepeseg

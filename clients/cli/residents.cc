@@ -1,0 +1,142 @@
+// The verbs for who operates a server: which models are in memory. They speak to its admin
+// listener, not to --server.
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+#include "pepeseg/v1/admin_service.grpc.pb.h"
+
+namespace pepeseg::cli {
+namespace {
+
+struct ResidentFlags {
+  std::string admin;
+  std::string scene;
+  std::string model = "live";
+  bool off = false;
+};
+
+using Stub = v1::AdminService::Stub;
+
+std::string ModelOf(const ResidentFlags& flags) {
+  return absl::StrCat(SceneName(flags.scene), "/models/", flags.model);
+}
+
+double Mib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
+
+std::string UseLine(const char* kind, const v1::MemoryUse& use) {
+  return absl::StrFormat("%s: %.1f of %.1f MiB reserved", kind, Mib(use.reserved_bytes()),
+                         Mib(use.limit_bytes()));
+}
+
+std::string ModelLine(const v1::ResidentModel& model) {
+  return absl::StrFormat("%-40s %8.1f + %8.1f MiB  %d maps of %d rendered  %d in flight%s",
+                         model.name(), Mib(model.host_bytes()), Mib(model.device_bytes()),
+                         model.cached_maps(), model.num_renders(), model.queries_in_flight(),
+                         model.pinned() ? "  pinned" : "");
+}
+
+absl::Status RunResident(const Shell& shell, const ResidentFlags& /*flags*/, Stub& admin) {
+  v1::ListResidentResponse answer;
+  Call call("", kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(admin.ListResident(call, {}, &answer)));
+  if (shell.json) {
+    PrintJson(answer);
+    return absl::OkStatus();
+  }
+  for (const v1::ResidentModel& model : answer.models()) Print(ModelLine(model));
+  Print(UseLine("host", answer.host()));
+  if (answer.has_device()) Print(UseLine("device", answer.device()));
+  Print(absl::StrFormat("%d loaded, %d evicted since the server started", answer.num_loads(),
+                        answer.num_evictions()));
+  return absl::OkStatus();
+}
+
+void PrintModel(const Shell& shell, const v1::ResidentModel& model) {
+  shell.json ? PrintJson(model) : Print(ModelLine(model));
+}
+
+absl::Status RunLoad(const Shell& shell, const ResidentFlags& flags, Stub& admin) {
+  v1::LoadModelRequest request;
+  request.set_name(ModelOf(flags));
+  v1::ResidentModel answer;
+  Call call(flags.scene, kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(admin.LoadModel(call, request, &answer)));
+  PrintModel(shell, answer);
+  return absl::OkStatus();
+}
+
+absl::Status RunUnload(const Shell& /*shell*/, const ResidentFlags& flags, Stub& admin) {
+  v1::UnloadModelRequest request;
+  request.set_name(ModelOf(flags));
+  google::protobuf::Empty answer;
+  Call call(flags.scene, kCallSeconds);
+  return FromGrpc(admin.UnloadModel(call, request, &answer));
+}
+
+absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin) {
+  v1::PinModelRequest request;
+  request.set_name(ModelOf(flags));
+  request.set_pinned(!flags.off);
+  v1::ResidentModel answer;
+  Call call(flags.scene, kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(admin.PinModel(call, request, &answer)));
+  PrintModel(shell, answer);
+  return absl::OkStatus();
+}
+
+using Run = absl::Status (*)(const Shell&, const ResidentFlags&, Stub&);
+
+CLI::App* AddVerb(CLI::App& app, Shell& shell, const std::pair<const char*, const char*>& verb,
+                  const std::pair<std::shared_ptr<ResidentFlags>, Run>& what) {
+  const auto& [flags, run] = what;
+  CLI::App* added = app.add_subcommand(verb.first, verb.second);
+  added
+      ->add_option("--admin", flags->admin,
+                   "Where the server's admin service listens, host:port or unix:path")
+      ->envname("PEPESEG_ADMIN")
+      ->required();
+  added->callback([flags = flags, run = run, &shell] {
+    shell.server = flags->admin;  // so that failures name it
+    shell.verb = [&shell, flags, run] {
+      const auto stub = v1::AdminService::NewStub(
+          grpc::CreateChannel(flags->admin, grpc::InsecureChannelCredentials()));
+      return run(shell, *flags, *stub);
+    };
+  });
+  return added;
+}
+
+void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
+  verb.add_option("SCENE", flags.scene, "Whose model")->required();
+  verb.add_option("--model", flags.model, "Its number; without it the newest");
+}
+
+}  // namespace
+
+void AddResidents(CLI::App& app, Shell& shell) {
+  AddVerb(app, shell, {"resident", "List the models in the server's memory"},
+          {std::make_shared<ResidentFlags>(), RunResident});
+  const auto load = std::make_shared<ResidentFlags>(), unload = std::make_shared<ResidentFlags>(),
+             pin = std::make_shared<ResidentFlags>();
+  AddModelOptions(
+      *AddVerb(app, shell, {"load", "Load a model before the first question"}, {load, RunLoad}),
+      *load);
+  AddModelOptions(
+      *AddVerb(app, shell, {"unload", "Give a model's memory back"}, {unload, RunUnload}), *unload);
+  CLI::App* pinning =
+      AddVerb(app, shell, {"pin", "Keep a model in memory, whatever is asked for"}, {pin, RunPin});
+  AddModelOptions(*pinning, *pin);
+  pinning->add_flag("--off", pin->off, "Let it be evicted again");
+}
+
+}  // namespace pepeseg::cli

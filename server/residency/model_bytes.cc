@@ -1,0 +1,39 @@
+#include "server/residency/model_bytes.h"
+
+#include <algorithm>
+
+#include "core/query/decomposition.h"
+#include "core/query/decompositions.h"
+#include "core/query/feature_maps.h"
+#include "core/reconstruct/estimate.h"
+#include "kernels/gaussian_planes.h"
+#include "kernels/scratch_bytes.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
+// Of the outputs that a segmenter keeps for the next question: colours, alpha and depth, a mask
+// and its similarities.
+constexpr int64_t kPixelBytes = 3 * kFloat + 2 * kFloat + 1 + kFloat;
+constexpr int64_t kFixedHostBytes = 1 << 20;  // views, facts, scale quantiles
+
+}  // namespace
+
+MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape) {
+  const int64_t parameters = (NumPlanes(shape.sh_degree) + kFeatureSize) * kFloat;
+  constexpr int64_t kDecomposed =
+      Decompositions::kMostKept * int64_t{kDefaultDecompositionScales.size()} * kFloat;
+  // While it is read, the features also as they stand in the file; it is not taken apart before.
+  constexpr int64_t kRead = kFeatureSize * static_cast<int64_t>(sizeof(Half));
+  const int64_t max_pixels = MostPixels(shape.max_view_pixels);
+  ScratchSize scratch = TypicalScratch(shape.num_gaussians, max_pixels);
+  scratch.for_backward = false;
+  MemoryBytes bytes;
+  bytes.host = shape.num_gaussians * (parameters + std::max(kDecomposed, kRead)) + kFixedHostBytes;
+  bytes.device = shape.num_gaussians * parameters + MapReserve(shape.max_view_pixels) +
+                 WithReserve(kPixelBytes * max_pixels) + backend.ScratchBytes(scratch);
+  return bytes;
+}
+
+}  // namespace pepeseg

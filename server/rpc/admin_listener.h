@@ -1,0 +1,35 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "grpcpp/server.h"
+#include "server/rpc/admin_service.h"
+
+namespace pepeseg {
+
+// AdminService on an address of its own, apart from the other services: who may reach them may not
+// reach this. The context must outlive it.
+class AdminListener {
+ public:
+  // `listen`: HOST:PORT, port 0: a free one; or unix:PATH. UNAVAILABLE: it is taken.
+  static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const std::string& listen,
+                                                              const ServiceContext& context);
+
+  int port() const { return port_; }  // 0 for a unix socket
+  std::shared_ptr<grpc::Channel> InProcessChannel();
+
+  // Calls under way get until `deadline`. Blocks; once.
+  void Shutdown(absl::Time deadline);
+
+ private:
+  explicit AdminListener(const ServiceContext& context) : service_(context) {}
+
+  AdminServiceRpc service_;
+  std::unique_ptr<grpc::Server> server_;
+  int port_ = 0;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,123 @@
+#include "server/rpc/admin_service.h"
+
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/rpc/error.h"
+#include "server/rpc/model_lookup.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+#include "server/rpc/unary.h"
+
+namespace pepeseg {
+namespace {
+
+v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmenter) {
+  v1::ResidentModel model;
+  model.set_name(info.name);
+  model.set_host_bytes(info.bytes.host);
+  model.set_device_bytes(info.bytes.device);
+  model.set_pinned(info.pinned);
+  *model.mutable_last_use_time() = ToProto(info.last_use);
+  model.set_queries_in_flight(info.num_handles);
+  model.set_cached_maps(segmenter.num_maps());
+  model.set_num_renders(segmenter.num_renders());
+  return model;
+}
+
+void FillDescription(const ModelCache& models, const std::string& name,
+                     v1::ResidentModel* response) {
+  response->set_name(name);
+  models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+    if (info.name == name) *response = Describe(info, segmenter);
+  });
+}
+
+absl::Status Load(const ServiceContext& context, const v1::LoadModelRequest& request,
+                  v1::ResidentModel* response) {
+  // Held until it is told of, else it could be evicted before that.
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.name(), "name"));
+  FillDescription(*context.models, model.name, response);
+  response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is no question
+  return absl::OkStatus();
+}
+
+absl::Status Pin(const ServiceContext& context, const v1::PinModelRequest& request,
+                 v1::ResidentModel* response) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, request.name(), "name"));
+  const std::string name = ChildName(row.scene, "models", row.number);
+  {
+    ModelCache::Handle held;  // so that it is not evicted before it is pinned
+    if (request.pinned()) {
+      ASSIGN_OR_RETURN(ResidentModel loaded, LoadModel(context, name, "name"));
+      held = std::move(loaded.segmenter);
+    }
+    const absl::Status status = context.models->SetPinned(ResidentKey(row), request.pinned());
+    if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
+  }
+  FillDescription(*context.models, name, response);
+  return absl::OkStatus();
+}
+
+absl::Status Unload(const ServiceContext& context, const v1::UnloadModelRequest& request) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, request.name(), "name"));
+  const std::string name = ChildName(row.scene, "models", row.number);
+  const absl::Status status = context.models->Unload(ResidentKey(row));
+  if (status.ok()) return status;
+  const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
+  return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
+}
+
+void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
+  use->set_reserved_bytes(reserved);
+  use->set_limit_bytes(limit);
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext* call,
+                                                     const v1::LoadModelRequest* request,
+                                                     v1::ResidentModel* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    return Load(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::UnloadModel(grpc::CallbackServerContext* call,
+                                                       const v1::UnloadModelRequest* request,
+                                                       google::protobuf::Empty* /*response*/) {
+  return RunOnPool(call, *context_.pool,
+                   [this, request](const UnaryCall&) { return Unload(context_, *request); });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext* call,
+                                                    const v1::PinModelRequest* request,
+                                                    v1::ResidentModel* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    return Pin(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerContext* call,
+                                                        const v1::ListResidentRequest* /*request*/,
+                                                        v1::ListResidentResponse* response) {
+  return RunOnPool(call, *context_.pool, [this, response](const UnaryCall&) {
+    const ModelCache& models = *context_.models;
+    models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+      *response->add_models() = Describe(info, segmenter);
+    });
+    const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+    SetUse(used.host, limit.host, response->mutable_host());
+    if (!models.budget().one_memory()) {
+      SetUse(used.device, limit.device, response->mutable_device());
+    }
+    response->set_device_bytes_in_use(static_cast<int64_t>(context_.backend->bytes_in_use()));
+    response->set_num_loads(models.counts().num_loads);
+    response->set_num_evictions(models.counts().num_evictions);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "pepeseg/v1/admin_service.grpc.pb.h"
+#include "server/rpc/service_context.h"
+
+namespace pepeseg {
+
+class AdminServiceRpc final : public v1::AdminService::CallbackService {
+ public:
+  explicit AdminServiceRpc(const ServiceContext& context) : context_(context) {}
+
+  grpc::ServerUnaryReactor* LoadModel(grpc::CallbackServerContext* call,
+                                      const v1::LoadModelRequest* request,
+                                      v1::ResidentModel* response) override;
+  grpc::ServerUnaryReactor* UnloadModel(grpc::CallbackServerContext* call,
+                                        const v1::UnloadModelRequest* request,
+                                        google::protobuf::Empty* response) override;
+  grpc::ServerUnaryReactor* PinModel(grpc::CallbackServerContext* call,
+                                     const v1::PinModelRequest* request,
+                                     v1::ResidentModel* response) override;
+  grpc::ServerUnaryReactor* ListResident(grpc::CallbackServerContext* call,
+                                         const v1::ListResidentRequest* request,
+                                         v1::ListResidentResponse* response) override;
+
+ private:
+  const ServiceContext context_;
+};
+
+}  // namespace pepeseg
