@@ -81,15 +81,4 @@ absl::StatusOr<std::vector<StableGranularity>> FindStable(const Segmenter& segme
   return found;
 }
 
-std::vector<uint8_t> LevelsOf(std::span<const float> similarity,
-                              std::span<const float> thresholds) {
-  std::vector<uint8_t> levels(similarity.size());
-  for (size_t i = 0; i < similarity.size(); ++i) {
-    uint8_t level = 0;
-    while (level < thresholds.size() && similarity[i] > thresholds[level]) ++level;
-    levels[i] = level;
-  }
-  return levels;
-}
-
 }  // namespace pepeseg

@@ -40,7 +40,4 @@ absl::StatusOr<std::vector<StableGranularity>> FindStable(const Segmenter& segme
                                                           const GranularityGrid& grid,
                                                           int max_count);
 
-// Of each pixel, over how many of the ascending thresholds it is.
-std::vector<uint8_t> LevelsOf(std::span<const float> similarity, std::span<const float> thresholds);
-
 }  // namespace pepeseg

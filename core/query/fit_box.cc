@@ -7,6 +7,7 @@
 #include "core/query/choose_granularity.h"
 #include "core/query/feature_clusters.h"
 #include "core/query/fit_prompt.h"
+#include "core/query/mask_grid.h"
 #include "core/status_macros.h"
 #include "kernels/ops.h"
 

@@ -2,23 +2,34 @@
 
 #include <algorithm>
 #include <cassert>
+#include <limits>
 #include <numeric>
 #include <utility>
 
 namespace pepeseg {
+
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity,
+                              std::span<const float> thresholds) {
+  std::vector<uint8_t> levels(similarity.size());
+  for (const float threshold : thresholds) {  // a pass each, which the compiler makes vectors of
+    for (size_t i = 0; i < levels.size(); ++i) levels[i] += similarity[i] > threshold ? 1 : 0;
+  }
+  return levels;
+}
 
 MaskGrid::MaskGrid(std::vector<float> thresholds) : thresholds_(std::move(thresholds)) {
   assert(!thresholds_.empty() && thresholds_.size() <= 255);
 }
 
 void MaskGrid::AddScale(std::span<const float> positive, std::span<const float> negative) {
-  std::vector<uint8_t>& levels = levels_.emplace_back(positive.size());
+  std::vector<float> inside(positive.begin(), positive.end());
+  for (size_t i = 0; i < inside.size(); ++i) {
+    inside[i] = positive[i] > negative[i] ? positive[i] : -std::numeric_limits<float>::infinity();
+  }
+  std::vector<uint8_t>& levels = levels_.emplace_back(LevelsOf(inside, thresholds_));
   std::vector<int64_t>& areas = areas_.emplace_back(thresholds_.size());
-  for (size_t i = 0; i < positive.size(); ++i) {
-    if (!(positive[i] > negative[i])) continue;
-    const auto level = std::lower_bound(thresholds_.begin(), thresholds_.end(), positive[i]);
-    levels[i] = static_cast<uint8_t>(level - thresholds_.begin());
-    if (levels[i] > 0) ++areas[levels[i] - 1];
+  for (const uint8_t level : levels) {
+    if (level > 0) ++areas[level - 1];
   }
   for (size_t j = areas.size() - 1; j > 0; --j) areas[j - 1] += areas[j];
 }

@@ -6,6 +6,9 @@
 
 namespace pepeseg {
 
+// Of each pixel, over how many of the thresholds it is, at most 255.
+std::vector<uint8_t> LevelsOf(std::span<const float> similarity, std::span<const float> thresholds);
+
 // The masks of one prompt at several scales and thresholds, and which of them are stable: a mask
 // that hardly changes when scale and threshold do is a thing, one that changes with every step is
 // an accident (method.md section 4, "Scale proposals").
