@@ -1,4 +1,6 @@
 // The verb that fetches a model as a PLY for splat viewers.
+#include "clients/cli/export.h"
+
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -10,6 +12,7 @@
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
+#include "clients/cli/subset.h"
 
 namespace pepeseg::cli {
 namespace {
@@ -20,6 +23,7 @@ struct ExportFlags {
   std::string scene;
   std::string file;
   std::string model = "live";
+  SubsetFlags subset;
 };
 
 using Header = v1::ExportSelectionResponse::Header;
@@ -54,43 +58,52 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& 
 }
 
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
-  const Connection connection(shell.server);
   v1::ExportSelectionRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
-  const fs::path beside = flags.file + ".part";
-  std::ofstream file(beside, std::ios::binary | std::ios::trunc);
-  if (!file) return absl::PermissionDeniedError(absl::StrCat("cannot write ", beside.string()));
-  Call call(SceneName(flags.scene), 0);
-  const auto stream = connection.segmentation->ExportSelection(call, request);
-  const absl::StatusOr<Header> header = Receive(*stream, file);
-  std::error_code error;
-  if (!header.ok()) {
-    static_cast<grpc::ClientContext*>(call)->TryCancel();
-    fs::remove(beside, error);
-    return header.status();
-  }
-  fs::rename(beside, flags.file, error);
-  if (error) {
-    return absl::PermissionDeniedError(
-        absl::StrCat("cannot write ", flags.file, ": ", error.message()));
-  }
+  ASSIGN_OR_RETURN(*request.mutable_subset(), ParseSubset(flags.subset, flags.scene));
+  const Connection connection(shell.server);
+  ASSIGN_OR_RETURN(const Header header, FetchPly(connection, request, flags.file));
   if (shell.json) {
-    PrintJson(*header);
+    PrintJson(header);
   } else {
-    Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header->num_gaussians(),
-                          static_cast<double>(header->num_bytes()) * 1e-6, header->model()));
+    Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header.num_gaussians(),
+                          static_cast<double>(header.num_bytes()) * 1e-6, header.model()));
   }
   return absl::OkStatus();
 }
 
 }  // namespace
 
+absl::StatusOr<Header> FetchPly(const Connection& connection,
+                                const v1::ExportSelectionRequest& request,
+                                const std::string& file) {
+  const fs::path beside = file + ".part";
+  std::ofstream part(beside, std::ios::binary | std::ios::trunc);
+  if (!part) return absl::PermissionDeniedError(absl::StrCat("cannot write ", beside.string()));
+  Call call(SceneOf(request.model()), 0);
+  const auto stream = connection.segmentation->ExportSelection(call, request);
+  absl::StatusOr<Header> header = Receive(*stream, part);
+  std::error_code error;
+  if (!header.ok()) {
+    static_cast<grpc::ClientContext*>(call)->TryCancel();
+    fs::remove(beside, error);
+    return header.status();
+  }
+  fs::rename(beside, file, error);
+  if (error) {
+    return absl::PermissionDeniedError(absl::StrCat("cannot write ", file, ": ", error.message()));
+  }
+  return header;
+}
+
 void AddExport(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ExportFlags>();
-  CLI::App* verb = app.add_subcommand("export", "Fetch a model as a PLY, for splat viewers");
+  CLI::App* verb =
+      app.add_subcommand("export", "Fetch a model, or some of it, as a PLY for splat viewers");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   verb->add_option("FILE", flags->file, "Where to write it")->required();
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  AddSubsetFlags(*verb, flags->subset);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunExport(shell, *flags); }; });
 }
 

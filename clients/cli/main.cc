@@ -46,6 +46,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddSelect(app, shell);
   pepeseg::cli::AddSelections(app, shell);
   pepeseg::cli::AddCombine(app, shell);
+  pepeseg::cli::AddDecompose(app, shell);
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddResidents(app, shell);

@@ -20,28 +20,39 @@ constexpr int kMaxSide = 16384;  // pixels; a larger one is no photograph of our
 
 using StbPixels = std::unique_ptr<stbi_uc, void (*)(void*)>;
 
+const stbi_uc* Data(absl::string_view bytes) {
+  return reinterpret_cast<const stbi_uc*>(bytes.data());
+}
+int Size(absl::string_view bytes) {
+  return static_cast<int>(std::min<size_t>(bytes.size(), INT32_MAX));
+}
+
 struct Decoded {
   int width = 0;
   int height = 0;
   std::vector<uint8_t> pixels;
 };
 
-// `channels` is 1 or 3, whatever the file has.
-absl::StatusOr<Decoded> Decode(absl::string_view bytes, absl::string_view name, int channels) {
-  const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
-  const int size = static_cast<int>(std::min<size_t>(bytes.size(), INT32_MAX));
-  Decoded image;
+// From the head: the size, and how many channels there are.
+absl::StatusOr<int> CheckHead(absl::string_view bytes, absl::string_view name, Decoded& image) {
   int in_file = 0;
-  if (stbi_info_from_memory(data, size, &image.width, &image.height, &in_file) == 0) {
+  if (stbi_info_from_memory(Data(bytes), Size(bytes), &image.width, &image.height, &in_file) == 0) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": neither JPEG nor PNG"));
   }
   if (image.width > kMaxSide || image.height > kMaxSide) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": ", image.width, "x", image.height,
                                                    " pixels, over ", kMaxSide, " a side"));
   }
-  const StbPixels pixels(
-      stbi_load_from_memory(data, size, &image.width, &image.height, &in_file, channels),
-      stbi_image_free);
+  return in_file;
+}
+
+// `channels` is 1 or 3, whatever the file has.
+absl::StatusOr<Decoded> Decode(absl::string_view bytes, absl::string_view name, int channels) {
+  Decoded image;
+  ASSIGN_OR_RETURN(int in_file, CheckHead(bytes, name, image));
+  const StbPixels pixels(stbi_load_from_memory(Data(bytes), Size(bytes), &image.width,
+                                               &image.height, &in_file, channels),
+                         stbi_image_free);
   if (pixels == nullptr) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": ", stbi_failure_reason()));
   }
@@ -81,6 +92,22 @@ Picture Picture::Filled(int width, int height, Rgb color) {
 absl::StatusOr<Picture> DecodePicture(absl::string_view bytes, absl::string_view name) {
   ASSIGN_OR_RETURN(Decoded image, Decode(bytes, name, 3));
   return Picture{image.width, image.height, std::move(image.pixels)};
+}
+
+absl::StatusOr<Grey16Picture> DecodeGrey16(absl::string_view bytes, absl::string_view name) {
+  Decoded head;
+  ASSIGN_OR_RETURN(int channels, CheckHead(bytes, name, head));
+  if (channels != 1 || stbi_is_16_bit_from_memory(Data(bytes), Size(bytes)) == 0) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": not grey of 16 bits"));
+  }
+  const std::unique_ptr<stbi_us, void (*)(void*)> pixels(
+      stbi_load_16_from_memory(Data(bytes), Size(bytes), &head.width, &head.height, &channels, 1),
+      stbi_image_free);
+  if (pixels == nullptr) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": ", stbi_failure_reason()));
+  }
+  const size_t count = static_cast<size_t>(head.width) * head.height;
+  return Grey16Picture{head.width, head.height, {pixels.get(), pixels.get() + count}};
 }
 
 absl::StatusOr<Picture> ReadPicture(const std::filesystem::path& path) {

@@ -36,10 +36,19 @@ struct GreyPicture {
   std::vector<uint8_t> pixels;
 };
 
+// [height, width], 16 bits: ids or steps of depth.
+struct Grey16Picture {
+  int width = 0;
+  int height = 0;
+  std::vector<uint16_t> pixels;
+};
+
 // JPEG and PNG. NOT_FOUND or INVALID_ARGUMENT naming the file.
 absl::StatusOr<Picture> ReadPicture(const std::filesystem::path& path);
 absl::StatusOr<GreyPicture> ReadGreyPicture(const std::filesystem::path& path);
 absl::StatusOr<Picture> DecodePicture(absl::string_view bytes, absl::string_view name);
+// INVALID_ARGUMENT too for a picture that is not of 16 bits grey.
+absl::StatusOr<Grey16Picture> DecodeGrey16(absl::string_view bytes, absl::string_view name);
 
 absl::Status WritePng(const std::filesystem::path& path, const Picture& picture);
 absl::Status WritePng(const std::filesystem::path& path, const GreyPicture& picture);

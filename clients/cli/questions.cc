@@ -1,10 +1,9 @@
-// Verbs that ask a model: segment, render.
+// The verb that asks for masks, and what verbs ask of a model.
 #include "clients/cli/questions.h"
 
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -28,13 +27,6 @@ struct SegmentFlags {
   GranularityFlags granularity;
   std::vector<std::string> targets;
   std::string out;
-};
-
-struct RenderFlags {
-  std::string scene;
-  std::string model = "live";
-  std::vector<std::string> views;
-  std::string out = ".";
 };
 
 void SetTargets(const std::vector<std::string>& names, v1::SegmentRequest& request) {
@@ -99,27 +91,6 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   return absl::OkStatus();
 }
 
-absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
-  const Connection connection(shell.server);
-  const std::string model = ModelName(flags.scene, flags.model);
-  std::vector<std::string> names = flags.views;
-  if (names.empty()) {
-    ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, model));
-    for (const v1::View& view : views) names.push_back(view.view());
-  }
-  for (const std::string& view : names) {
-    ASSIGN_OR_RETURN(const Picture picture, AskRender(connection, model, view));
-    const fs::path path = fs::path(flags.out) / (Stem(view) + ".png");
-    RETURN_IF_ERROR(WritePng(path, picture));
-    if (shell.json) {
-      Print(nlohmann::ordered_json{{"view", view}, {"file", path.string()}}.dump());
-    } else {
-      Print(path.string());
-    }
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
@@ -130,14 +101,20 @@ absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
   return answer;
 }
 
+absl::StatusOr<v1::RenderResponse> AskRender(const Connection& connection,
+                                             const v1::RenderRequest& request) {
+  v1::RenderResponse answer;
+  Call call(SceneOf(request.model()), kCallSeconds);
+  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Render(call, request, &answer)));
+  return answer;
+}
+
 absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
                                   const std::string& view) {
   v1::RenderRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
-  v1::RenderResponse answer;
-  Call call(SceneOf(model), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Render(call, request, &answer)));
+  ASSIGN_OR_RETURN(const v1::RenderResponse answer, AskRender(connection, request));
   return DecodePicture(answer.png(), view);
 }
 
@@ -165,23 +142,13 @@ std::string Stem(const std::string& view) {
 void AddSegment(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SegmentFlags>();
   CLI::App* verb = app.add_subcommand("segment", "Masks of what a click means, in any view");
-  AddPromptFlags(*verb, flags->prompt);
+  AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   verb->add_option("--views", flags->targets,
                    "Where masks are wanted: names, all or held-out; by default where the click is");
   verb->add_option("--out", flags->out, "Folder for STEM_mask.png and STEM_overlay.png");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });
-}
-
-void AddRender(CLI::App& app, Shell& shell) {
-  auto flags = std::make_shared<RenderFlags>();
-  CLI::App* verb = app.add_subcommand("render", "Pictures of a model from its views");
-  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("--views", flags->views, "Names of views; all by default");
-  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
-  verb->add_option("--out", flags->out, "Folder for STEM.png")->capture_default_str();
-  verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunRender(shell, *flags); }; });
 }
 
 }  // namespace pepeseg::cli

@@ -13,6 +13,8 @@ namespace pepeseg::cli {
 absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
                                                const v1::SegmentRequest& request);
 
+absl::StatusOr<v1::RenderResponse> AskRender(const Connection& connection,
+                                             const v1::RenderRequest& request);
 // A view of a model in the model's colours.
 absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
                                   const std::string& view);

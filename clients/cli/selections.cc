@@ -100,6 +100,9 @@ absl::Status WritePicture(const Connection& connection, const SelectFlags& flags
 }
 
 absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
+  if (!flags.out.empty() && flags.prompt.view.empty()) {
+    return absl::InvalidArgumentError("--out pictures the prompt's view: a label has none");
+  }
   v1::SelectRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
@@ -194,7 +197,7 @@ absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
 void AddSelect(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SelectFlags>();
   CLI::App* verb = app.add_subcommand("select", "The Gaussians of what a click means, in 3D");
-  AddPromptFlags(*verb, flags->prompt);
+  AddAnyPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   CLI::Option* add = verb->add_option("--add-to", flags->add_to, "Number of a selection: with it")
                          ->check(CLI::PositiveNumber);

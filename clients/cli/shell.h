@@ -42,6 +42,7 @@ void AddLabels(CLI::App& app, Shell& shell);
 void AddSelect(CLI::App& app, Shell& shell);
 void AddSelections(CLI::App& app, Shell& shell);
 void AddCombine(CLI::App& app, Shell& shell);
+void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin

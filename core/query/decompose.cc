@@ -20,10 +20,10 @@ namespace {
 constexpr double kFinestScale = 0.01;  // of the pieces
 constexpr size_t kMaxPoints = 16'384;
 constexpr HdbscanOptions kPieces = {.min_cluster_size = 8, .min_samples = 3};
-// A Gaussian that is seen less than this part of the mean is no point to cluster: its feature was
-// hardly trained.
+// A Gaussian that is seen less than this part of the mean was hardly trained: it is no point to
+// cluster, and it must be the more like a piece to be in it, lest floaters are.
 constexpr double kMinVisible = 0.5;
-constexpr float kMinMemberCosine = 0.5f;
+constexpr float kMinCosine = 0.5f, kMinUnseenCosine = 0.8f;
 constexpr int32_t kNoPiece = -1;
 
 // Two segments are one where their means have at least this cosine. Training pushes pairs of one
@@ -41,25 +41,39 @@ std::vector<float> GatedUnits(const FeatureField& field, double scale) {
   return units;
 }
 
-// Evenly spaced among those that are seen enough, so that no dice are needed.
-std::vector<size_t> PointsToCluster(std::span<const float> visible) {
+// [num_gaussians] 0 or 1.
+std::vector<uint8_t> SeenEnough(std::span<const float> visible) {
   const double mean = std::accumulate(visible.begin(), visible.end(), 0.0) /
                       static_cast<double>(std::max<size_t>(1, visible.size()));
-  std::vector<size_t> seen;
+  std::vector<uint8_t> seen;
   seen.reserve(visible.size());
-  for (size_t i = 0; i < visible.size(); ++i) {
-    if (visible[i] > 0 && double{visible[i]} >= kMinVisible * mean) seen.push_back(i);
+  for (const float weight : visible) {
+    seen.push_back(weight > 0 && double{weight} >= kMinVisible * mean ? 1 : 0);
   }
-  const size_t count = std::min(seen.size(), kMaxPoints);
-  std::vector<size_t> points;
-  points.reserve(count);
-  for (size_t k = 0; k < count; ++k) points.push_back(seen[k * seen.size() / count]);
+  return seen;
+}
+
+// The features of kMaxPoints that are seen enough, evenly spaced, so that no dice are needed.
+std::vector<float> PointsToCluster(std::span<const float> units, std::span<const uint8_t> seen) {
+  std::vector<size_t> rows;
+  rows.reserve(seen.size());
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i] != 0) rows.push_back(i);
+  }
+  const size_t count = std::min(rows.size(), kMaxPoints);
+  std::vector<float> points;
+  points.reserve(count * kFeatureSize);
+  for (size_t k = 0; k < count; ++k) {
+    const float* unit = &units[rows[k * rows.size() / count] * kFeatureSize];
+    points.insert(points.end(), unit, unit + kFeatureSize);
+  }
   return points;
 }
 
-int32_t NearestMean(const float* unit, std::span<const float> means) {
+// kNoPiece: none has a cosine over `min_cosine`.
+int32_t NearestMean(const float* unit, std::span<const float> means, float min_cosine) {
   int32_t nearest = kNoPiece;
-  float best = kMinMemberCosine;
+  float best = min_cosine;
   for (size_t m = 0; m < means.size(); m += kFeatureSize) {
     float cosine = 0;
     for (int k = 0; k < kFeatureSize; ++k) cosine += unit[k] * means[m + k];
@@ -74,19 +88,17 @@ int32_t NearestMean(const float* unit, std::span<const float> means) {
 absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& model, double scale,
                                                 std::span<const float> visible) {
   const std::vector<float> units = GatedUnits(model.field, scale);
-  std::vector<float> points;
-  for (const size_t row : PointsToCluster(visible)) {
-    const auto first = units.begin() + static_cast<std::ptrdiff_t>(row * kFeatureSize);
-    points.insert(points.end(), first, first + kFeatureSize);
-  }
+  const std::vector<uint8_t> seen = SeenEnough(visible);
+  const std::vector<float> points = PointsToCluster(units, seen);
   ASSIGN_OR_RETURN(const Clusters clusters, InTurn(backend, [&] {
                      return Hdbscan(backend, std::span<const float>(points), kPieces);
                    }));
   const std::vector<float> means = ClusterMeans(points, clusters);
   std::vector<int32_t> pieces;
   pieces.reserve(visible.size());
-  for (size_t i = 0; i < units.size(); i += kFeatureSize) {
-    pieces.push_back(NearestMean(&units[i], means));
+  for (size_t i = 0; i < visible.size(); ++i) {
+    pieces.push_back(
+        NearestMean(&units[i * kFeatureSize], means, seen[i] != 0 ? kMinCosine : kMinUnseenCosine));
   }
   return pieces;
 }

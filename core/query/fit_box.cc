@@ -13,11 +13,15 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kSampleSide = 9;        // samples along a side of the box
-constexpr double kMiddle = 0.8;       // of the box, where they lie
+constexpr int kSampleSide = 13;       // samples along a side of the box
+constexpr double kMiddle = 0.9;       // of the box, where they lie
 constexpr double kMinNorm = 0.4;      // see Segmenter: what is shorter is in no mask
 constexpr double kSameCosine = 0.95;  // of features that need not both be asked
-constexpr size_t kMaxCandidates = 8;
+constexpr size_t kMaxCandidates = 12;
+constexpr double kMargin = 0.5;  // of the box, on each side: farther strays do not widen a mask
+constexpr double kMostlyInside = 0.8;       // of a candidate's pixels
+constexpr double kTogetherHandicap = 0.15;  // of several candidates against one
+constexpr double kFillPower = 0.2;  // how much it counts that a mask leaves little of the box open
 constexpr double kTrimmed = 0.005;  // of a mask's pixels, at each end: strays do not widen its box
 
 // Edges in pixels, clipped to the image.
@@ -105,51 +109,100 @@ std::pair<int, int> Extent(std::span<const int64_t> counts, int64_t total) {
   return {first, last};
 }
 
-// The masks of one feature at one scale by threshold, from the highest, as sums over columns and
-// rows.
-class BoxFit {
+// The masks of the candidates at one scale, by threshold.
+class MasksInBox {
  public:
-  BoxFit(const Camera& camera, const Edges& box)
-      : box_(box), columns_(camera.width), rows_(camera.height) {}
+  MasksInBox(const Camera& camera, const Edges& box, std::span<const float> thresholds)
+      : camera_(camera), box_(box), thresholds_(thresholds) {
+    const double margin_x = kMargin * (box.x1 - box.x0), margin_y = kMargin * (box.y1 - box.y0);
+    x0_ = std::max(0, static_cast<int>(box.x0 - margin_x));
+    y0_ = std::max(0, static_cast<int>(box.y0 - margin_y));
+    x1_ = std::min(camera.width, static_cast<int>(std::ceil(box.x1 + margin_x)));
+    y1_ = std::min(camera.height, static_cast<int>(std::ceil(box.y1 + margin_y)));
+  }
 
-  void Add(int x, int y) {
-    ++columns_[x], ++rows_[y], ++total_;
-    const double cx = x + 0.5, cy = y + 0.5;
-    if (cx >= box_.x0 && cx < box_.x1 && cy >= box_.y0 && cy < box_.y1) ++inside_;
+  void Add(std::span<const float> similarity) {
+    std::vector<uint8_t>& levels = levels_.emplace_back(LevelsOf(similarity, thresholds_));
+    std::vector<int64_t>& all = all_.emplace_back(thresholds_.size() + 1);
+    std::vector<int64_t>& inside = inside_.emplace_back(thresholds_.size() + 1);
+    for (size_t i = 0; i < levels.size(); ++i) {
+      ++all[levels[i]];
+      const double x = static_cast<double>(i % camera_.width) + 0.5;
+      const double y = static_cast<double>(i / camera_.width) + 0.5;
+      if (x >= box_.x0 && x < box_.x1 && y >= box_.y0 && y < box_.y1) ++inside[levels[i]];
+    }
+    for (size_t t = thresholds_.size(); t > 0; --t) {
+      all[t - 1] += all[t];
+      inside[t - 1] += inside[t];
+    }
   }
-  double Score() const {
-    if (total_ == 0) return 0;
-    const auto [x0, x1] = Extent(columns_, total_);
-    const auto [y0, y1] = Extent(rows_, total_);
-    const Edges own = {double(x0), double(y0), double(x1), double(y1)};
-    return IouOf(own, box_) * static_cast<double>(inside_) / static_cast<double>(total_);
+
+  // How well the candidates' masks, together, fill the box where they are over the threshold of
+  // this level: the IoU of the box and their own, which strays far from it do not widen, times the
+  // share of them that is inside.
+  double Score(std::span<const size_t> candidates, size_t level) const {
+    int64_t all = 0, inside = 0;
+    for (const size_t c : candidates) all += all_[c][level], inside += inside_[c][level];
+    if (inside == 0 || 2 * inside < all) return 0;
+    std::vector<int64_t> columns(x1_ - x0_), rows(y1_ - y0_);
+    int64_t total = 0;
+    for (int y = y0_; y < y1_; ++y) {
+      for (int x = x0_; x < x1_; ++x) {
+        const size_t pixel = static_cast<size_t>(y) * camera_.width + x;
+        const bool shown = std::any_of(candidates.begin(), candidates.end(),
+                                       [&](size_t c) { return levels_[c][pixel] >= level; });
+        if (!shown) continue;
+        ++columns[x - x0_], ++rows[y - y0_], ++total;
+      }
+    }
+    const auto [left, right] = Extent(columns, total);
+    const auto [top, bottom] = Extent(rows, total);
+    const Edges own = {double(x0_ + left), double(y0_ + top), double(x0_ + right),
+                       double(y0_ + bottom)};
+    const double filled = std::min(1.0, static_cast<double>(inside) / box_.Area());
+    return IouOf(own, box_) * static_cast<double>(inside) / static_cast<double>(all) *
+           std::pow(filled, kFillPower);
   }
+
+  // Those that lie mostly inside.
+  std::vector<size_t> Inside(size_t level) const {
+    std::vector<size_t> kept;
+    for (size_t c = 0; c < all_.size(); ++c) {
+      const auto inside = static_cast<double>(inside_[c][level]);
+      if (inside > kMostlyInside * static_cast<double>(all_[c][level])) kept.push_back(c);
+    }
+    return kept;
+  }
+  size_t num_candidates() const { return all_.size(); }
 
  private:
+  const Camera camera_;
   const Edges box_;
-  std::vector<int64_t> columns_, rows_;
-  int64_t total_ = 0, inside_ = 0;
+  const std::span<const float> thresholds_;
+  int x0_, y0_, x1_, y1_;                     // the box and kMargin about it
+  std::vector<std::vector<uint8_t>> levels_;  // [candidates][pixels]
+  std::vector<std::vector<int64_t>> all_;     // [candidates][levels] pixels at this level or over
+  std::vector<std::vector<int64_t>> inside_;  // of them, in the box
 };
 
 struct Choice {
   double score = -1;
-  size_t feature = 0;
+  std::vector<size_t> candidates;
   double scale = 0, threshold = 0;
 };
 
-void LookAt(std::span<const float> similarity, const Camera& camera, const Edges& box,
-            std::span<const float> thresholds, Choice& choice, Choice at) {
-  const std::vector<uint8_t> levels = LevelsOf(similarity, thresholds);
-  std::vector<std::vector<int32_t>> of_level(thresholds.size() + 1);
-  for (size_t i = 0; i < levels.size(); ++i) {
-    if (levels[i] > 0) of_level[levels[i]].push_back(static_cast<int32_t>(i));
-  }
-  BoxFit fit(camera, box);
+// One candidate where it fills the box, all that lie mostly inside where only they do together.
+void LookAt(const MasksInBox& masks, double scale, std::span<const float> thresholds,
+            Choice& choice) {
   for (size_t t = thresholds.size(); t > 0; --t) {
-    for (const int32_t pixel : of_level[t]) fit.Add(pixel % camera.width, pixel / camera.width);
-    at.score = fit.Score();
-    at.threshold = double{thresholds[t - 1]};
-    if (at.score > choice.score) choice = at;
+    const auto consider = [&](std::vector<size_t> candidates, double handicap) {
+      const double score = masks.Score(candidates, t) - handicap;
+      if (score <= choice.score) return;
+      choice = {score, std::move(candidates), scale, double{thresholds[t - 1]}};
+    };
+    for (size_t c = 0; c < masks.num_candidates(); ++c) consider({c}, 0);
+    std::vector<size_t> inside = masks.Inside(t);
+    if (inside.size() > 1) consider(std::move(inside), kTogetherHandicap);
   }
 }
 
@@ -176,13 +229,19 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
   for (const double scale : grid.scales) {
     ASSIGN_OR_RETURN(const std::vector<float> similarities,
                      segmenter.Similarity(features, scale, small.view));
-    for (size_t i = 0; i * kFeatureSize < features.size(); ++i) {
-      LookAt(std::span(similarities).subspan(i * num_pixels, num_pixels), camera, edges,
-             grid.thresholds, choice, {0, i, scale, 0});
+    MasksInBox masks(camera, edges, grid.thresholds);
+    for (size_t first = 0; first < similarities.size(); first += num_pixels) {
+      masks.Add(std::span(similarities).subspan(first, num_pixels));
     }
+    LookAt(masks, scale, grid.thresholds, choice);
   }
-  const auto first = features.begin() + static_cast<int64_t>(choice.feature) * kFeatureSize;
-  return Query{{first, first + kFeatureSize}, {1}, choice.scale, choice.threshold};
+  Query query = {
+      {}, std::vector<uint8_t>(choice.candidates.size(), 1), choice.scale, choice.threshold};
+  for (const size_t c : choice.candidates) {
+    const auto first = features.begin() + static_cast<int64_t>(c) * kFeatureSize;
+    query.features.insert(query.features.end(), first, first + kFeatureSize);
+  }
+  return query;
 }
 
 }  // namespace pepeseg

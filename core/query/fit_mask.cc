@@ -93,8 +93,12 @@ class MaskFitter {
       : segmenter_(segmenter), view_(small.view), mask_(std::move(mask)) {
     for (int count = 1; count <= kMaxClusters; ++count) {
       std::vector<float> set = ClusterDirections(features, count, kMinShare);
-      const bool known = !sets_.empty() && sets_.back().size() == set.size();
-      if (!known && !set.empty()) sets_.push_back(std::move(set));
+      if (set.empty()) continue;
+      // The largest alone: what the mask took in by mistake is in the others.
+      if (count > 1) sets_.emplace_back(set.begin(), set.begin() + kFeatureSize);
+      const bool known = count > 1 && set.size() == num_values_of_last_;
+      num_values_of_last_ = set.size();
+      if (!known) sets_.push_back(std::move(set));
     }
   }
 
@@ -121,6 +125,7 @@ class MaskFitter {
   const ModelView& view_;
   const std::vector<uint8_t> mask_;
   std::vector<std::vector<float>> sets_;
+  size_t num_values_of_last_ = 0;
   double best_iou_ = -1;
   Query best_;
 };

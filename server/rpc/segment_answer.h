@@ -1,6 +1,7 @@
 #pragma once
 
-#include "absl/functional/function_ref.h"
+#include <functional>
+
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -11,8 +12,8 @@ namespace pepeseg {
 
 // A question on its pool thread, from whatever kind of call.
 struct QueryCall {
-  absl::Duration queued;               // how long it waited for the thread
-  absl::FunctionRef<bool()> given_up;  // nobody waits for the answer any more
+  absl::Duration queued;           // how long it waited for the thread
+  std::function<bool()> given_up;  // nobody waits for the answer any more
 };
 
 // CANCELLED when it was given up between two views.

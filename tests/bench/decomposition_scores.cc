@@ -1,6 +1,7 @@
 #include "tests/bench/decomposition_scores.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <map>
 #include <set>
 #include <utility>
@@ -8,6 +9,8 @@
 
 #include "core/evaluate/adjusted_rand.h"
 #include "core/status_macros.h"
+#include "tests/bench/bench_backend.h"
+#include "tests/bench/labeled_views.h"
 
 namespace pepeseg {
 namespace {
@@ -94,6 +97,26 @@ absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmente
   scores.best_iou = MeanBestIou(truth, shown, entities);
   scores.kept_share = num_kept / static_cast<double>(std::max(1, scores.num_entities));
   return scores;
+}
+
+absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack) {
+  const double start = Now();
+  RETURN_IF_ERROR(segmenter.WithDecomposition(
+      kDefaultDecompositionScales, [](const Decomposition&) { return absl::OkStatus(); }));
+  std::printf("# decomposed in %.2f s\n", Now() - start);
+  for (size_t level = 0; level < std::min(pack.truth.size(), kDefaultDecompositionScales.size());
+       ++level) {
+    ASSIGN_OR_RETURN(const DecompositionScores scores,
+                     ScoreDecomposition(segmenter, static_cast<int>(level),
+                                        LabeledViews(pack.capture, pack.truth[level])));
+    std::printf(
+        "# %s: %d segments, adjusted Rand index %.4f, best IoU %.4f, %.1f %% unassigned, %.1f %% "
+        "of %d entities "
+        "keep their id\n",
+        pack.truth[level].name.c_str(), scores.num_segments, scores.adjusted_rand, scores.best_iou,
+        100 * scores.unassigned_share, 100 * scores.kept_share, scores.num_entities);
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace pepeseg

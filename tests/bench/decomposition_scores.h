@@ -2,9 +2,11 @@
 
 #include <span>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/evaluate/labeled_view.h"
 #include "core/query/segmenter.h"
+#include "tests/bench/capture_pack.h"
 
 namespace pepeseg {
 
@@ -24,5 +26,9 @@ struct DecompositionScores {
 };
 absl::StatusOr<DecompositionScores> ScoreDecomposition(const Segmenter& segmenter, int level,
                                                        std::span<const LabeledView> views);
+
+// Of each level, as comments of a table. The levels of the truth are matched to the default scales
+// in their order.
+absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack);
 
 }  // namespace pepeseg

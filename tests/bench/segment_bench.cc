@@ -24,7 +24,8 @@
 #include "tests/bench/decomposition_scores.h"
 #include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
-#include "tests/bench/proposal_scores.h"
+#include "tests/bench/labeled_views.h"
+#include "tests/bench/prompt_scores.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
 
@@ -41,7 +42,7 @@ struct BenchOptions {
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
-  bool proposals = false;
+  bool prompts = false;
   bool decompose = false;
   bool rows_only = false;
   ReconstructOptions reconstruct;
@@ -97,17 +98,6 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
                    TrainFeatures(backend, capture, geometry.gaussians, stage, GoOn));
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
-}
-
-std::vector<LabeledView> LabeledViews(const Capture& capture, const TruthLevel& level) {
-  std::vector<LabeledView> labeled;
-  for (size_t v = 0; v < capture.views.size(); ++v) {
-    const View& view = capture.views[v];
-    if (!view.held_out || level.labels[v].empty()) continue;
-    labeled.push_back(
-        {{view.name, view.camera, view.cam_from_world, true}, level.labels[v], view.ignore});
-  }
-  return labeled;
 }
 
 void PrintHeader(const OneClickOptions& protocol) {
@@ -196,33 +186,16 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 }
 
 // As a comment.
-absl::Status PrintProposals(const Segmenter& segmenter, const std::vector<LabeledView>& views,
-                            const Row& row) {
-  ASSIGN_OR_RETURN(const ProposalScores scores,
-                   ScoreProposals(segmenter, views, row.scores.entities));
-  std::printf("# %s: first proposal %.4f, best of %d %.4f, chosen %.4f\n", row.level->name.c_str(),
-              scores.first_iou, kDefaultProposals, scores.best_iou, row.scores.chosen.iou);
-  return absl::OkStatus();
-}
-
-// As comments. The levels of the truth are matched to the scales in their order.
-absl::Status PrintDecomposition(const Segmenter& segmenter, const CapturePack& pack) {
-  const double start = Now();
-  RETURN_IF_ERROR(segmenter.WithDecomposition(
-      kDefaultDecompositionScales, [](const Decomposition&) { return absl::OkStatus(); }));
-  std::printf("# decomposed in %.2f s\n", Now() - start);
-  for (size_t level = 0; level < std::min(pack.truth.size(), kDefaultDecompositionScales.size());
-       ++level) {
-    ASSIGN_OR_RETURN(const DecompositionScores scores,
-                     ScoreDecomposition(segmenter, static_cast<int>(level),
-                                        LabeledViews(pack.capture, pack.truth[level])));
-    std::printf(
-        "# %s: %d segments, adjusted Rand index %.4f, best IoU %.4f, %.1f %% unassigned, %.1f %% "
-        "of %d entities "
-        "keep their id\n",
-        pack.truth[level].name.c_str(), scores.num_segments, scores.adjusted_rand, scores.best_iou,
-        100 * scores.unassigned_share, 100 * scores.kept_share, scores.num_entities);
-  }
+absl::Status PrintPrompts(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+                          const Row& row) {
+  ASSIGN_OR_RETURN(const PromptScores scores, ScorePrompts(segmenter, views, row.scores.entities));
+  std::printf(
+      "# %s: chosen %.4f; first proposal %.4f, best of three %.4f, of %d %.4f; mask %.4f, box "
+      "%.4f; "
+      "selection %.4f, against the masks %.4f\n",
+      row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.best_of_three_iou,
+      kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou, scores.selection_iou,
+      scores.selection_against_masks);
   return absl::OkStatus();
 }
 
@@ -254,8 +227,8 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      std::move(scores)};
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
-    if (options.proposals) {
-      RETURN_IF_ERROR(PrintProposals(*segmenter, LabeledViews(pack.capture, level), row));
+    if (options.prompts) {
+      RETURN_IF_ERROR(PrintPrompts(*segmenter, LabeledViews(pack.capture, level), row));
     }
     if (!options.dump.empty()) {
       RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
@@ -316,7 +289,8 @@ int main(int argc, char** argv) {
   app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
-  app.add_flag("--proposals", options.proposals, "what scale proposals score, too");
+  app.add_flag("--prompts", options.prompts,
+               "what is got without a scale, by a mask, a box and in 3D, too");
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");
   app.add_flag("--rows-only", options.rows_only, "no heading of the table");

@@ -82,6 +82,17 @@ grep -q '"num_gaussians":' "$work/output" || fail 'no selections as JSON'
 
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'no rendering'
+expect 0 pepeseg render shelf --views frame-000003.jpg --content depth --out "$work/depth"
+grep -q 'scene units a step' "$work/output" || fail 'the depth has no unit'
+expect 0 pepeseg decompose shelf --scales 0.1,0.9 --level 1 --out "$work/pieces"
+grep -q '^level 1  scale 0.9' "$work/output" || fail 'no levels'
+grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'no segments'
+[[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'no PLY of a segment'
+[[ -s $work/pieces/frame-000003_ids.png ]] || fail 'no picture of the segments'
+expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without --out "$work/rest"
+expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
+expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
+[[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export left a file'
 expect 4 pepeseg evaluate shelf "$dataset/labels"
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
 expect 3 pepeseg evaluate shelf "$dataset/images"

@@ -90,4 +90,17 @@ TEST(Program, DryRunListsFilesWithTheirKinds) {
   EXPECT_THAT(ran.output, HasSubstr("IGNORE_MASK            ignore_mask.png"));
 }
 
+TEST(Program, DecompositionsAndSubsetsAreCheckedBeforeAServerIsAsked) {
+  EXPECT_THAT(RunPepeseg("--help").output, HasSubstr("decompose"));
+  for (const char* arguments :
+       {"decompose", "decompose shelf --scales 0.1,2", "decompose shelf --level -1",
+        "render shelf --content smell", "render shelf --scale 2",
+        "render shelf --selection 1 --segment 1:1", "export shelf a.ply --selection 0"}) {
+    EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
+  }
+  EXPECT_EQ(RunPepeseg("render shelf --segment 1 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("export shelf a.ply --without 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("decompose --scales 0.1,0.9 shelf 2>&1").exit_code, 5) << "no server";
+}
+
 }  // namespace

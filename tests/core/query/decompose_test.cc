@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "tests/core/query/nested_parts.h"
 #include "tests/testing/status_testing.h"
@@ -47,6 +49,47 @@ TEST(Decompose, BoundsAreThoseOfTheMeans) {
   const Decomposition::Segment& group = whole.levels[1].segments[0];
   EXPECT_EQ(group.min, (std::array<float, 3>{0, 0, 0}));
   EXPECT_EQ(group.max, (std::array<float, 3>{1, 69, 0}));
+}
+
+TEST(Decompose, WhatViewsHardlyShowMustBeMoreAlikeToBelong) {
+  NestedParts nested = testing::MakeNestedParts();
+  Model& model = nested.model;
+  const int64_t lone = model.gaussians.count - 1;
+  std::vector<int64_t> rows(model.gaussians.count);
+  std::iota(rows.begin(), rows.end(), 0);
+  rows.push_back(lone);  // a second one like nothing else
+  model.gaussians = model.gaussians.Select(rows);
+  model.field.features.resize(32 * rows.size());
+  for (const int64_t row : {lone, lone + 1}) {  // now of a cosine of 0.65 with part 0
+    float* feature = &model.field.features[32 * row];
+    std::copy_n(model.field.features.data(), 32, feature);
+    feature[20] = 1.96f;
+  }
+  ModelView view;
+  view.camera = {1, 1, 1, 1, 0.5, 0.5};
+  model.views = {view};
+  const auto all_but_the_last = [&](const ModelView&, std::span<const int32_t> pixels) {
+    EXPECT_EQ(pixels.size(), 1u);
+    PixelRows shown;
+    shown.first = {0, static_cast<int32_t>(lone) + 1};
+    for (int32_t i = 0; i <= lone; ++i) shown.gaussian.push_back(i);
+    shown.weight.assign(shown.gaussian.size(), 0.01f);
+    return absl::StatusOr<PixelRows>(shown);
+  };
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const Decomposition whole,
+                       Decompose(*backend, model, std::vector<double>{0.01}, all_but_the_last));
+  EXPECT_EQ(whole.levels[0].ids[lone], 1);
+  EXPECT_EQ(whole.levels[0].ids[lone + 1], 0);
+}
+
+TEST(Decompose, AnErrorOfTheRowsIsAnswered) {
+  NestedParts nested = testing::MakeNestedParts();
+  ModelView view;
+  view.camera = {1, 1, 1, 1, 0.5, 0.5};
+  nested.model.views = {view};
+  EXPECT_STATUS(TakeApart(nested.model, {0.5}), absl::StatusCode::kInternal,
+                "rows that nobody should ask for");
 }
 
 TEST(Decompose, OneScaleGivesItsLevelOfAll) {

@@ -72,7 +72,10 @@ TEST_F(SegmentStreamTest, OnlyTheNewestOfThoseThatWaitIsAnswered) {
       v1::PinholeCamera& camera = *prompt.mutable_view()->mutable_free()->mutable_camera();
       camera.set_width(960), camera.set_height(640);
       camera.set_fx(600), camera.set_fy(600), camera.set_cx(480), camera.set_cy(320);
-      prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->mutable_rotation()->set_w(1);
+      for (const double q : {1.0, 0.0, 0.0, 0.0})
+        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_rotation(q);
+      for (int k = 0; k < 3; ++k)
+        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_translation(0);
       prompt.mutable_points()->add_points()->set_x(300);
       prompt.mutable_points()->mutable_points(0)->set_y(320);
       grpc::ClientContext other;

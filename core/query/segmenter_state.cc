@@ -1,0 +1,137 @@
+#include "core/query/segmenter_state.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "kernels/cpu/half.h"
+#include "kernels/math/gate.h"
+
+namespace pepeseg {
+namespace {
+
+// A pixel whose feature is shorter is in no mask: Gaussians that are hardly there would stand for
+// the nothing behind them. Inside a thing the length is near 1, on the border of two about 0.7.
+constexpr float kMinPixelNorm = 0.4f;
+
+// x, y, width and height of what is set; zeros where nothing is.
+void FindBox(std::span<const uint8_t> mask, int width, int box[4]) {
+  const int height = static_cast<int>(mask.size()) / width;
+  int min_x = width, max_x = -1, min_y = height, max_y = -1;
+  for (int y = 0; y < height; ++y) {
+    const std::span<const uint8_t> row = mask.subspan(static_cast<size_t>(y) * width, width);
+    const auto first = std::find(row.begin(), row.end(), uint8_t{1});
+    if (first == row.end()) continue;
+    const auto last = std::find(row.rbegin(), row.rend(), uint8_t{1});
+    min_x = std::min(min_x, static_cast<int>(first - row.begin()));
+    max_x = std::max(max_x, width - 1 - static_cast<int>(last - row.rbegin()));
+    min_y = std::min(min_y, y);
+    max_y = y;
+  }
+  if (max_y < 0) return;
+  const int found[] = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+  std::copy(std::begin(found), std::end(found), box);
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView& view,
+                                                                std::span<const int32_t> pixels) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(view));
+  std::vector<float> features;
+  features.reserve(pixels.size() * kFeatureSize);
+  for (const int32_t pixel : pixels) {
+    Half feature[kFeatureSize];
+    backend.CopyToHost(feature, map.data + int64_t{pixel} * kFeatureSize, sizeof(feature));
+    for (const Half half : feature) features.push_back(FloatFromHalf(half));
+  }
+  // A device that failed leaves zeros, which would read as nothing there.
+  RETURN_IF_ERROR(TakeStatus(backend));
+  return features;
+}
+
+Buffer<float> Segmenter::State::GateOf(double scale) const {
+  std::vector<float> psi(kFeatureSize);
+  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scale), psi.data());
+  return {backend, std::span<const float>(psi)};
+}
+
+absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>& queries,
+                                                             double scale,
+                                                             const ModelView& target) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  const int64_t num_queries = queries.size() / kFeatureSize;
+  const Buffer<float> psi = GateOf(scale);
+  Buffer<float> similarity(backend, map.size / kFeatureSize * num_queries);
+  if (similarity.empty()) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("no memory for the similarities to ", num_queries, " features"));
+  }
+  backend.Similarity({map, psi.span(), queries.span(), kMinPixelNorm, similarity.span()});
+  return similarity;
+}
+
+absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
+                                                            const Buffer<float>& queries,
+                                                            const ModelView& target,
+                                                            bool want_similarity) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  const Buffer<float> psi = GateOf(query.scale);
+  const int64_t num_pixels = map.size / kFeatureSize;
+  mask.Reserve(backend, num_pixels);
+  if (want_similarity) similarity.Reserve(backend, num_pixels);
+  if (mask.empty() || (want_similarity && similarity.empty())) {
+    return absl::ResourceExhaustedError("no memory for the mask of a view");
+  }
+  backend.SegmentPixels({.map = map,
+                         .psi = psi.span(),
+                         .queries = queries.span(),
+                         .num_positive = static_cast<int>(
+                             std::count(query.positive.begin(), query.positive.end(), 1)),
+                         .min_norm = kMinPixelNorm,
+                         .threshold = static_cast<float>(query.threshold),
+                         .mask = mask.span(),
+                         .similarity = want_similarity ? similarity.span() : DeviceSpan<float>(),
+                         .sums = sums.span()});
+  SegmentResult result;
+  result.width = target.camera.width;
+  result.height = target.camera.height;
+  result.scale = query.scale;
+  result.scale_units = ScaleOfQuantile(model.field, query.scale);
+  result.threshold = query.threshold;
+  result.mask.pixels.resize(num_pixels);
+  mask.Download(std::span<uint8_t>(result.mask.pixels));
+  int64_t sum[kNumSegmentSums] = {};
+  sums.Download(std::span<int64_t>(sum));
+  if (sum[kNumInside] > 0) {
+    result.score = static_cast<double>(sum[kSimilaritySum]) /
+                   (static_cast<double>(sum[kNumInside]) * double{kSimilarityUnit});
+    FindBox(result.mask.pixels, result.width, result.box);
+  }
+  result.area = sum[kNumInside];
+  if (want_similarity) {
+    result.similarity.resize(num_pixels);
+    similarity.Download(std::span<float>(result.similarity));
+  }
+  return result;
+}
+
+absl::StatusOr<std::vector<Half>> Segmenter::State::DownloadFeatures(const ModelView& view,
+                                                                     const GaussianSet* subset) {
+  Buffer<Half> of_subset;
+  DeviceSpan<const Half> pixels;
+  if (subset == nullptr) {
+    ASSIGN_OR_RETURN(pixels, maps.Get(view));
+  } else {
+    const int64_t size = int64_t{view.camera.width} * view.camera.height * kFeatureSize;
+    of_subset = Buffer<Half>(backend, size);
+    if (of_subset.empty()) return absl::ResourceExhaustedError("no memory for a feature map");
+    RETURN_IF_ERROR(renderer.Features(view, of_subset.span(), subset));
+    pixels = of_subset.span();
+  }
+  std::vector<Half> map(static_cast<size_t>(pixels.size));
+  backend.CopyToHost(map.data(), pixels.data, map.size() * sizeof(Half));
+  return map;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,131 @@
+#include "tests/bench/prompt_scores.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/evaluate/metrics.h"
+#include "core/query/propose_scales.h"
+#include "core/query/resolve_prompt.h"
+#include "core/query/select_gaussians.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+const LabeledView& Named(std::span<const LabeledView> views, const std::string& name) {
+  return *std::ranges::find_if(views,
+                               [&](const LabeledView& view) { return view.view.name == name; });
+}
+
+struct QueryScore {
+  double reference = 0, scored = 0;  // on the reference view, and the mean over the others
+};
+
+class EntityScorer {
+ public:
+  EntityScorer(const Segmenter& segmenter, std::span<const LabeledView> views,
+               const EntityScore& entity)
+      : segmenter_(segmenter), views_(views), entity_(entity) {}
+
+  absl::Status AddProposals(PromptScores& sum) const {
+    ASSIGN_OR_RETURN(const auto proposals,
+                     ProposeScales(segmenter_, reference(), {&entity_.click, 1}));
+    QueryScore best;
+    for (size_t i = 0; i < proposals.size(); ++i) {
+      const SegmentResult& result = proposals[i].result;
+      ASSIGN_OR_RETURN(const Query query,
+                       ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}},
+                                     {result.scale, result.threshold}));
+      ASSIGN_OR_RETURN(const QueryScore score, Score(query));
+      if (i == 0) sum.first_iou += score.scored;
+      if (score.reference > best.reference) best = score;
+      if (i + 1 == std::min<size_t>(3, proposals.size())) sum.best_of_three_iou += best.scored;
+    }
+    sum.best_iou += best.scored;
+    return absl::OkStatus();
+  }
+
+  absl::Status AddMaskAndBox(PromptScores& sum) const {
+    const BinaryMask mask = {Truth(Named(views_, entity_.views[0].view))};
+    ASSIGN_OR_RETURN(const Query of_mask, ResolvePrompt(segmenter_, {reference(), mask}, {}));
+    ASSIGN_OR_RETURN(const QueryScore mask_score, Score(of_mask));
+    sum.mask_iou += mask_score.scored;
+    ASSIGN_OR_RETURN(const Query of_box, ResolvePrompt(segmenter_, {reference(), BoxOf(mask)}, {}));
+    ASSIGN_OR_RETURN(const QueryScore box_score, Score(of_box));
+    sum.box_iou += box_score.scored;
+    return AddSelection({{reference(), mask}, of_mask}, sum);
+  }
+
+ private:
+  const ModelView& reference() const { return Named(views_, entity_.views[0].view).view; }
+  std::vector<uint8_t> Truth(const LabeledView& view) const {
+    return view.MaskOf(static_cast<uint16_t>(entity_.id));
+  }
+
+  BoxPrompt BoxOf(const BinaryMask& mask) const {
+    const int width = reference().camera.width;
+    int x0 = width, y0 = reference().camera.height, x1 = 0, y1 = 0;
+    for (size_t i = 0; i < mask.pixels.size(); ++i) {
+      if (mask.pixels[i] == 0) continue;
+      const auto x = static_cast<int>(i % width), y = static_cast<int>(i / width);
+      x0 = std::min(x0, x), x1 = std::max(x1, x + 1);
+      y0 = std::min(y0, y), y1 = std::max(y1, y + 1);
+    }
+    return {double(x0), double(y0), double(x1 - x0), double(y1 - y0)};
+  }
+
+  absl::StatusOr<QueryScore> Score(const Query& query) const {
+    QueryScore score;
+    for (size_t i = 0; i < entity_.views.size(); ++i) {
+      const LabeledView& view = Named(views_, entity_.views[i].view);
+      ASSIGN_OR_RETURN(const auto results, segmenter_.Segment(query, {&view.view, 1}));
+      const double iou = Iou(results[0].mask.pixels, Truth(view), view.ignore);
+      (i == 0 ? score.reference : score.scored) += iou;
+    }
+    score.scored /= static_cast<double>(entity_.views.size() - 1);
+    return score;
+  }
+
+  absl::Status AddSelection(const SelectTask& task, PromptScores& sum) const {
+    ASSIGN_OR_RETURN(const GaussianSet set,
+                     SelectGaussians(segmenter_, task, [] { return absl::OkStatus(); }));
+    const std::vector<int32_t> ids(set.member.begin(), set.member.end());
+    const auto num_scored = static_cast<double>(entity_.views.size() - 1);
+    for (size_t i = 1; i < entity_.views.size(); ++i) {
+      const LabeledView& view = Named(views_, entity_.views[i].view);
+      ASSIGN_OR_RETURN(const std::vector<int32_t> shown, segmenter_.RenderIds(view.view, ids));
+      const std::vector<uint8_t> back(shown.begin(), shown.end());
+      ASSIGN_OR_RETURN(const auto masks, segmenter_.Segment(task.query, {&view.view, 1}));
+      sum.selection_iou += Iou(back, Truth(view), view.ignore) / num_scored;
+      sum.selection_against_masks += Iou(back, masks[0].mask.pixels) / num_scored;
+    }
+    return absl::OkStatus();
+  }
+
+  const Segmenter& segmenter_;
+  const std::span<const LabeledView> views_;
+  const EntityScore& entity_;
+};
+
+}  // namespace
+
+absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
+                                          std::span<const LabeledView> views,
+                                          std::span<const EntityScore> entities) {
+  PromptScores sum;
+  for (const EntityScore& entity : entities) {
+    const EntityScorer scorer(segmenter, views, entity);
+    if (!entity.missing) RETURN_IF_ERROR(scorer.AddProposals(sum));
+    RETURN_IF_ERROR(scorer.AddMaskAndBox(sum));
+  }
+  const auto count = static_cast<double>(entities.size());
+  for (double* value : {&sum.first_iou, &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou,
+                        &sum.box_iou, &sum.selection_iou, &sum.selection_against_masks}) {
+    *value /= count;
+  }
+  return sum;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <span>
+
+#include "absl/status/statusor.h"
+#include "core/evaluate/one_click.h"
+#include "core/query/segmenter.h"
+
+namespace pepeseg {
+
+// What a person who gives no scale and no threshold gets: IoU over an entity's scored views, mean
+// over entities. No answer scores 0.
+struct PromptScores {
+  // A click: the first proposal, and the one of three, and of kDefaultProposals, that suits the
+  // reference view best.
+  double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
+  // The mask of the reference view, as a label has it, and the box around it.
+  double mask_iou = 0, box_iou = 0;
+  // The selection in 3D that the mask makes, rendered back: against the truth, and against the
+  // masks of the same query.
+  double selection_iou = 0, selection_against_masks = 0;
+};
+absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
+                                          std::span<const LabeledView> views,
+                                          std::span<const EntityScore> entities);
+
+}  // namespace pepeseg

@@ -1,0 +1,239 @@
+// Latency of questions to a running server, as a client on the same host sees it. Usage:
+//   pepeseg_query_bench --server 127.0.0.1:PORT SCENE [--pixels 1000000] [--clients 64]
+#include <grpcpp/grpcpp.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "pepeseg/v1/segmentation_service.grpc.pb.h"
+
+namespace pepeseg {
+namespace {
+
+struct BenchOptions {
+  std::string server = "127.0.0.1:7300";
+  std::string scene;
+  double num_pixels = 1e6;
+  int repeats = 50;
+  int num_clients = 64;
+  double seconds = 5;
+};
+
+double NowMs() {
+  return std::chrono::duration<double, std::milli>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+void PrintRow(const char* name, std::vector<double> ms, double server_ms) {
+  if (ms.empty()) return;
+  std::sort(ms.begin(), ms.end());
+  const auto at = [&](double share) {
+    return ms[static_cast<size_t>(share * static_cast<double>(ms.size() - 1))];
+  };
+  std::printf("| %s | %zu | %.2f | %.2f | %.2f | %.2f |\n", name, ms.size(), at(0.5), at(0.9),
+              at(0.99), server_ms);
+}
+
+double ComputeMs(const v1::QueryTiming& timing) {
+  return static_cast<double>(timing.compute().seconds()) * 1e3 +
+         static_cast<double>(timing.compute().nanos()) * 1e-6;
+}
+
+class Bench {
+ public:
+  explicit Bench(const BenchOptions& options)
+      : options_(options),
+        channel_(grpc::CreateChannel(options.server, grpc::InsecureChannelCredentials())),
+        scenes_(v1::SceneService::NewStub(channel_)),
+        segmentation_(v1::SegmentationService::NewStub(channel_)) {}
+
+  // The first view, at the wanted number of pixels, and a click on something in it.
+  bool Prepare() {
+    grpc::ClientContext context;
+    v1::ListViewsRequest list;
+    list.set_parent(model());
+    v1::ListViewsResponse views;
+    const grpc::Status status = scenes_->ListViews(&context, list, &views);
+    if (!status.ok() || views.views().empty()) {
+      std::fprintf(stderr, "no views: %s\n", status.error_message().c_str());
+      return false;
+    }
+    view_ = views.views(0);
+    v1::PinholeCamera& camera = *view_.mutable_camera();
+    const double factor =
+        std::sqrt(options_.num_pixels / (static_cast<double>(camera.width()) * camera.height()));
+    camera.set_width(static_cast<int>(std::lround(factor * camera.width())));
+    camera.set_height(static_cast<int>(std::lround(factor * camera.height())));
+    camera.set_fx(factor * camera.fx()), camera.set_fy(factor * camera.fy());
+    camera.set_cx(factor * camera.cx()), camera.set_cy(factor * camera.cy());
+    for (const double y : {0.5, 0.6, 0.4, 0.7, 0.3}) {
+      for (const double x : {0.5, 0.4, 0.6, 0.3, 0.7}) {
+        click_x_ = x * camera.width(), click_y_ = y * camera.height();
+        if (Ask(Click(0.3, 0.75, 0))) return true;
+      }
+    }
+    std::fprintf(stderr, "no click on anything\n");
+    return false;
+  }
+
+  void Run() {
+    std::printf("%d x %d pixels\n\n", view_.camera().width(), view_.camera().height());
+    std::printf("| question | answers | p50 ms | p90 ms | p99 ms | server's compute, last, ms |\n");
+    std::printf("|---|---|---|---|---|---|\n");
+    Repeat("cached view, the same", [&](int) { return Click(0.3, 0.75, 0); });
+    Repeat("cached view, another scale", [&](int i) { return Click(0.01 + 0.01 * i, 0.75, 0); });
+    Repeat("cached view, another threshold", [&](int i) { return Click(0.3, 0.5 + 0.005 * i, 0); });
+    Repeat("cached view, five points", [&](int i) {
+      v1::SegmentRequest request = Click(0.3, 0.5 + 0.005 * i, 0);
+      for (int k = 1; k < 5; ++k) {
+        auto* point = request.mutable_prompt()->mutable_points()->add_points();
+        *point = request.prompt().points().points(0);
+        point->set_x(point->x() + k);
+        point->set_negative(k > 2);
+      }
+      return request;
+    });
+    Repeat("a new view each", [&](int i) { return Click(0.3, 0.75, 1 + i); });
+    Repeat("cached view, scale and threshold chosen", [&](int) {
+      v1::SegmentRequest request = Click(0.3, 0.75, 0);
+      request.clear_granularity();
+      return request;
+    });
+    Drag();
+    AskTogether();
+  }
+
+ private:
+  std::string model() const { return "scenes/" + options_.scene + "/models/live"; }
+
+  // moved: of the camera, so that the server has not seen the view yet.
+  v1::SegmentRequest Click(double scale, double threshold, int moved) const {
+    v1::SegmentRequest request;
+    request.set_model(model());
+    v1::Viewpoint::FreeCamera& free = *request.mutable_prompt()->mutable_view()->mutable_free();
+    *free.mutable_camera() = view_.camera();
+    *free.mutable_cam_from_world() = view_.cam_from_world();
+    free.mutable_cam_from_world()->set_translation(
+        0, view_.cam_from_world().translation(0) + 1e-4 * moved);
+    auto* point = request.mutable_prompt()->mutable_points()->add_points();
+    point->set_x(click_x_);
+    point->set_y(click_y_);
+    request.mutable_granularity()->set_scale_quantile(scale);
+    request.mutable_granularity()->set_threshold(threshold);
+    return request;
+  }
+
+  std::optional<v1::SegmentResponse> Ask(const v1::SegmentRequest& request) {
+    grpc::ClientContext context;
+    v1::SegmentResponse response;
+    if (!segmentation_->Segment(&context, request, &response).ok()) return std::nullopt;
+    return response;
+  }
+
+  template <typename MakeRequest>
+  void Repeat(const char* name, const MakeRequest& make) {
+    std::vector<double> ms;
+    double server_ms = 0;
+    for (int i = 0; i < options_.repeats; ++i) {
+      const v1::SegmentRequest request = make(i);
+      const double start = NowMs();
+      const auto answer = Ask(request);
+      if (!answer) continue;
+      ms.push_back(NowMs() - start);
+      server_ms = ComputeMs(answer->timing());
+    }
+    PrintRow(name, std::move(ms), server_ms);
+  }
+
+  void Drag() {
+    grpc::ClientContext context;
+    const auto stream = segmentation_->SegmentStream(&context);
+    std::vector<double> ms;
+    v1::SegmentStreamResponse answer;
+    for (int i = 0; i < options_.repeats; ++i) {
+      v1::SegmentStreamRequest request;
+      request.set_sequence(i + 1);
+      *request.mutable_segment() = Click(0.3, 0.75, 0);
+      const double start = NowMs();
+      if (!stream->Write(request) || !stream->Read(&answer) || !answer.has_segment()) break;
+      ms.push_back(NowMs() - start);
+    }
+    stream->WritesDone();
+    stream->Finish();
+    PrintRow("cached view, by SegmentStream", std::move(ms), ComputeMs(answer.segment().timing()));
+  }
+
+  // Every client asks on, on a connection of its own.
+  void AskTogether() {
+    std::vector<std::vector<double>> ms(options_.num_clients);
+    std::atomic<int> num_failed = 0;
+    std::vector<std::thread> clients;
+    clients.reserve(ms.size());
+    const double start = NowMs(), end = start + 1000 * options_.seconds;
+    for (int c = 0; c < options_.num_clients; ++c) {
+      clients.emplace_back([&, c] {
+        grpc::ChannelArguments own;
+        own.SetInt("pepeseg.client", c);
+        const auto stub = v1::SegmentationService::NewStub(
+            grpc::CreateCustomChannel(options_.server, grpc::InsecureChannelCredentials(), own));
+        for (int i = 0; NowMs() < end; ++i) {
+          const v1::SegmentRequest request = Click(0.01 * (i % 100), 0.75, 0);
+          grpc::ClientContext context;
+          context.set_wait_for_ready(true);  // 64 connections at once take their time
+          v1::SegmentResponse response;
+          const double asked = NowMs();
+          const grpc::Status status = stub->Segment(&context, request, &response);
+          if (status.ok()) {
+            ms[c].push_back(NowMs() - asked);
+          } else if (num_failed++ == 0) {
+            std::printf("refused: %s\n", status.error_message().c_str());
+          }
+        }
+      });
+    }
+    for (std::thread& client : clients) client.join();
+    std::vector<double> all;
+    for (const auto& one : ms) all.insert(all.end(), one.begin(), one.end());
+    const double seconds = (NowMs() - start) / 1000;
+    const auto count = static_cast<double>(all.size());
+    PrintRow("cached view, all clients at once", std::move(all), 0);
+    std::printf("\n%d clients: %.0f answers a second, %d refused\n", options_.num_clients,
+                count / seconds, num_failed.load());
+  }
+
+  const BenchOptions options_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::SceneService::Stub> scenes_;
+  std::unique_ptr<v1::SegmentationService::Stub> segmentation_;
+  v1::View view_;
+  double click_x_ = 0, click_y_ = 0;
+};
+
+}  // namespace
+}  // namespace pepeseg
+
+int main(int argc, char** argv) {
+  pepeseg::BenchOptions options;
+  CLI::App app("Latency of questions to a running server");
+  app.add_option("scene", options.scene, "Id of the scene")->required();
+  app.add_option("--server", options.server);
+  app.add_option("--pixels", options.num_pixels, "of the view that is asked");
+  app.add_option("--repeats", options.repeats);
+  app.add_option("--clients", options.num_clients);
+  app.add_option("--seconds", options.seconds, "for which all clients ask");
+  CLI11_PARSE(app, argc, argv);
+  pepeseg::Bench bench(options);
+  if (!bench.Prepare()) return EXIT_FAILURE;
+  bench.Run();
+  return EXIT_SUCCESS;
+}
