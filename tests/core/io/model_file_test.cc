@@ -71,6 +71,17 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.facts.at("seed"), "1");
 }
 
+TEST(ModelFile, TellsItsShapeFromTheHeads) {
+  const TempFolder folder;
+  ASSERT_OK(WriteModel(folder.path(), MakeModel(true)));
+  ASSERT_OK_AND_ASSIGN(const ModelShape shape, ReadModelShape(folder.path()));
+  EXPECT_EQ(shape.num_gaussians, 4);
+  EXPECT_EQ(shape.sh_degree, 1);
+  EXPECT_EQ(shape.max_view_pixels, 640 * 480);
+  std::filesystem::remove(folder / "model.json");
+  EXPECT_STATUS(ReadModelShape(folder.path()), kDataLoss, "model.json");
+}
+
 TEST(ModelFile, MayHaveNoFeatures) {
   const TempFolder folder;
   ASSERT_OK(WriteModel(folder.path(), MakeModel(false)));

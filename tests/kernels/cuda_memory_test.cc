@@ -1,0 +1,49 @@
+// Memory of a device that could not be had.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "kernels/buffer.h"
+#include "tests/kernels/backend_test.h"
+
+namespace pepeseg {
+namespace {
+
+class CudaMemoryTest : public CudaAndCpuTest {};
+
+TEST_F(CudaMemoryTest, ThatCouldNotBeHadIsForgottenOnceTold) {
+  const std::vector<float> values = {1, 2, 3};
+  const Buffer<float> before(*cuda_, std::span<const float>(values));
+  const size_t in_use = cuda_->bytes_in_use();
+  Buffer<float> reused(*cuda_, 10);
+  for (int i = 0; i < 3; ++i) {
+    // Twice what the device has.
+    EXPECT_FALSE(reused.Reserve(*cuda_, cuda_->memory().total_bytes / 2));
+    EXPECT_TRUE(reused.empty());
+    EXPECT_NE(cuda_->error().find("out of memory"), std::string::npos) << cuda_->error();
+    EXPECT_TRUE(Buffer<float>(*cuda_, 10).empty()) << "nothing is done until it is told";
+    const BackendError error = cuda_->TakeError();
+    EXPECT_NE(error.what.find("out of memory"), std::string::npos) << error.what;
+    EXPECT_FALSE(error.fatal);
+    EXPECT_EQ(cuda_->TakeError().what, "");
+    EXPECT_EQ(cuda_->bytes_in_use(), in_use);
+    std::vector<float> read(values.size());
+    before.Download(read);
+    EXPECT_EQ(read, values);
+    ASSERT_TRUE(reused.Reserve(*cuda_, 10));
+    reused = {};
+  }
+}
+
+TEST_F(CudaMemoryTest, GoesBackToTheDevice) {
+  const int64_t size = int64_t{1} << 28;
+  const Buffer<float> kept(*cuda_, 1000);
+  Buffer<float>(*cuda_, size);
+  cuda_->ReleaseFreed();
+  EXPECT_EQ(cuda_->error(), "");
+  EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());
+}
+
+}  // namespace
+}  // namespace pepeseg
