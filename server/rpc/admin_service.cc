@@ -65,7 +65,7 @@ absl::Status Unload(const ServiceContext& context, const v1::UnloadModelRequest&
   ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, request.name(), "name"));
   const std::string name = ChildName(row.scene, "models", row.number);
   const absl::Status status = context.models->Unload(ResidentKey(row));
-  if (status.ok()) return status;
+  if (status.ok()) return absl::OkStatus();
   const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
   return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
 }

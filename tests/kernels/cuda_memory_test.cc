@@ -39,7 +39,7 @@ TEST_F(CudaMemoryTest, ThatCouldNotBeHadIsForgottenOnceTold) {
 TEST_F(CudaMemoryTest, GoesBackToTheDevice) {
   const int64_t size = int64_t{1} << 28;
   const Buffer<float> kept(*cuda_, 1000);
-  Buffer<float>(*cuda_, size);
+  EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());  // and freed at once
   cuda_->ReleaseFreed();
   EXPECT_EQ(cuda_->error(), "");
   EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());
