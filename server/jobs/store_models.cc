@@ -45,9 +45,9 @@ absl::Status NoModelError(soci::session& sql, const std::string& scene) {
 }  // namespace
 
 absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scene, int64_t number) {
-  RETURN_IF_ERROR(CheckScene(sql, scene));
   std::vector<ModelRow> rows = SelectModels(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
     return absl::NotFoundError(
         absl::StrCat("scenes/", scene, "/models/", number, " does not exist"));
   }
@@ -61,10 +61,10 @@ absl::StatusOr<ModelRow> Store::GetModel(const std::string& scene, int64_t numbe
 
 absl::StatusOr<ModelRow> Store::GetLiveModel(const std::string& scene) {
   return database_->Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
-    RETURN_IF_ERROR(CheckScene(sql, scene));
     std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewest);
-    if (rows.empty()) return NoModelError(sql, scene);
-    return rows[0];
+    if (!rows.empty()) return rows[0];  // every question comes by here
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    return NoModelError(sql, scene);
   });
 }
 

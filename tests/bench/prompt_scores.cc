@@ -25,9 +25,9 @@ struct QueryScore {
 
 class EntityScorer {
  public:
-  EntityScorer(const Segmenter& segmenter, std::span<const LabeledView> views,
-               const EntityScore& entity)
-      : segmenter_(segmenter), views_(views), entity_(entity) {}
+  EntityScorer(const Segmenter& segmenter, std::span<const std::vector<LabeledView>> levels,
+               size_t level, const EntityScore& entity)
+      : segmenter_(segmenter), levels_(levels), views_(levels[level]), entity_(entity) {}
 
   absl::Status AddProposals(PromptScores& sum) const {
     ASSIGN_OR_RETURN(const auto proposals,
@@ -39,7 +39,11 @@ class EntityScorer {
                        ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}},
                                      {result.scale, result.threshold}));
       ASSIGN_OR_RETURN(const QueryScore score, Score(query));
-      if (i == 0) sum.first_iou += score.scored;
+      if (i == 0) {
+        sum.first_iou += score.scored;
+        ASSIGN_OR_RETURN(const double thing, ScoreAsAnyThing(query));
+        sum.first_thing_iou += thing;
+      }
       if (score.reference > best.reference) best = score;
       if (i + 1 == std::min<size_t>(3, proposals.size())) sum.best_of_three_iou += best.scored;
     }
@@ -88,6 +92,26 @@ class EntityScorer {
     return score;
   }
 
+  // The best over the levels of what lies under the click there, in the entity's scored views.
+  absl::StatusOr<double> ScoreAsAnyThing(const Query& query) const {
+    double best = 0;
+    for (const std::vector<LabeledView>& level : levels_) {
+      const LabeledView& clicked = Named(level, entity_.views[0].view);
+      const size_t pixel = static_cast<size_t>(entity_.click.y) * clicked.view.camera.width +
+                           static_cast<size_t>(entity_.click.x);
+      const uint16_t id = clicked.labels[pixel];
+      if (id == 0) continue;
+      double sum = 0;
+      for (size_t i = 1; i < entity_.views.size(); ++i) {
+        const LabeledView& view = Named(level, entity_.views[i].view);
+        ASSIGN_OR_RETURN(const auto results, segmenter_.Segment(query, {&view.view, 1}));
+        sum += Iou(results[0].mask.pixels, view.MaskOf(id), view.ignore);
+      }
+      best = std::max(best, sum / static_cast<double>(entity_.views.size() - 1));
+    }
+    return best;
+  }
+
   absl::Status AddSelection(const SelectTask& task, PromptScores& sum) const {
     ASSIGN_OR_RETURN(const GaussianSet set,
                      SelectGaussians(segmenter_, task, [] { return absl::OkStatus(); }));
@@ -105,24 +129,26 @@ class EntityScorer {
   }
 
   const Segmenter& segmenter_;
-  const std::span<const LabeledView> views_;
+  const std::span<const std::vector<LabeledView>> levels_;
+  const std::span<const LabeledView> views_;  // of the entity's level
   const EntityScore& entity_;
 };
 
 }  // namespace
 
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
-                                          std::span<const LabeledView> views,
-                                          std::span<const EntityScore> entities) {
+                                          std::span<const std::vector<LabeledView>> levels,
+                                          size_t level, std::span<const EntityScore> entities) {
   PromptScores sum;
   for (const EntityScore& entity : entities) {
-    const EntityScorer scorer(segmenter, views, entity);
+    const EntityScorer scorer(segmenter, levels, level, entity);
     if (!entity.missing) RETURN_IF_ERROR(scorer.AddProposals(sum));
     RETURN_IF_ERROR(scorer.AddMaskAndBox(sum));
   }
   const auto count = static_cast<double>(entities.size());
-  for (double* value : {&sum.first_iou, &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou,
-                        &sum.box_iou, &sum.selection_iou, &sum.selection_against_masks}) {
+  for (double* value :
+       {&sum.first_iou, &sum.first_thing_iou, &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou,
+        &sum.box_iou, &sum.selection_iou, &sum.selection_against_masks}) {
     *value /= count;
   }
   return sum;

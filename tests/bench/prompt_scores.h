@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/evaluate/one_click.h"
@@ -14,14 +15,17 @@ struct PromptScores {
   // A click: the first proposal, and the one of three, and of kDefaultProposals, that suits the
   // reference view best.
   double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
+  // The first proposal against whichever of the truth's levels it suits: is it a thing at all?
+  double first_thing_iou = 0;
   // The mask of the reference view, as a label has it, and the box around it.
   double mask_iou = 0, box_iou = 0;
   // The selection in 3D that the mask makes, rendered back: against the truth, and against the
   // masks of the same query.
   double selection_iou = 0, selection_against_masks = 0;
 };
+// levels: the labels of every level of the truth, of the same views; `level`: the entities'.
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
-                                          std::span<const LabeledView> views,
-                                          std::span<const EntityScore> entities);
+                                          std::span<const std::vector<LabeledView>> levels,
+                                          size_t level, std::span<const EntityScore> entities);
 
 }  // namespace pepeseg

@@ -186,16 +186,19 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 }
 
 // As a comment.
-absl::Status PrintPrompts(const Segmenter& segmenter, const std::vector<LabeledView>& views,
-                          const Row& row) {
-  ASSIGN_OR_RETURN(const PromptScores scores, ScorePrompts(segmenter, views, row.scores.entities));
+absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack, const Row& row) {
+  std::vector<std::vector<LabeledView>> levels;
+  for (const TruthLevel& level : pack.truth) levels.push_back(LabeledViews(pack.capture, level));
+  const auto level = static_cast<size_t>(row.level - pack.truth.data());
+  ASSIGN_OR_RETURN(const PromptScores scores,
+                   ScorePrompts(segmenter, levels, level, row.scores.entities));
   std::printf(
-      "# %s: chosen %.4f; first proposal %.4f, best of three %.4f, of %d %.4f; mask %.4f, box "
-      "%.4f; "
-      "selection %.4f, against the masks %.4f\n",
-      row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.best_of_three_iou,
-      kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou, scores.selection_iou,
-      scores.selection_against_masks);
+      "# %s: chosen %.4f; first proposal %.4f (as whatever level it suits %.4f), best of three "
+      "%.4f, "
+      "of %d %.4f; mask %.4f, box %.4f; selection %.4f, against the masks %.4f\n",
+      row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.first_thing_iou,
+      scores.best_of_three_iou, kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou,
+      scores.selection_iou, scores.selection_against_masks);
   return absl::OkStatus();
 }
 
@@ -228,7 +231,7 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
     if (options.prompts) {
-      RETURN_IF_ERROR(PrintPrompts(*segmenter, LabeledViews(pack.capture, level), row));
+      RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row));
     }
     if (!options.dump.empty()) {
       RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
