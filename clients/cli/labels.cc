@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/all_pages.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/file_bytes.h"
@@ -70,16 +71,11 @@ absl::Status ListLabels(const Shell& shell, const Connection& connection,
                         const std::string& scene) {
   v1::ListLabelsRequest request;
   request.set_parent(scene);
-  request.set_page_size(1000);
-  v1::ListLabelsResponse all;
-  do {
-    v1::ListLabelsResponse page;
-    Call call(scene, kCallSeconds);
-    RETURN_IF_ERROR(FromGrpc(connection.segmentation->ListLabels(call, request, &page)));
-    request.set_page_token(page.next_page_token());
-    page.clear_next_page_token();
-    all.MergeFrom(page);
-  } while (!request.page_token().empty());
+  ASSIGN_OR_RETURN(const auto all,
+                   AllPages<v1::ListLabelsResponse>(
+                       request, scene, [&](Call& call, const auto& asked, auto* page) {
+                         return connection.segmentation->ListLabels(call, asked, page);
+                       }));
   if (shell.json) {
     PrintJson(all);
   } else {

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/all_pages.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
@@ -25,16 +26,10 @@ std::string SceneLine(const v1::Scene& scene) {
 
 absl::Status ListScenes(const Shell& shell, const Connection& connection) {
   v1::ListScenesRequest request;
-  request.set_page_size(1000);
-  v1::ListScenesResponse all;
-  do {
-    v1::ListScenesResponse page;
-    Call call("", kCallSeconds);
-    RETURN_IF_ERROR(FromGrpc(connection.scenes->ListScenes(call, request, &page)));
-    request.set_page_token(page.next_page_token());
-    page.clear_next_page_token();
-    all.MergeFrom(page);
-  } while (!request.page_token().empty());
+  ASSIGN_OR_RETURN(const auto all, AllPages<v1::ListScenesResponse>(
+                                       request, "", [&](Call& call, const auto& asked, auto* page) {
+                                         return connection.scenes->ListScenes(call, asked, page);
+                                       }));
   if (shell.json) {
     PrintJson(all);
   } else {

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/all_pages.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/picture.h"
@@ -123,16 +124,11 @@ absl::Status ListSelections(const Shell& shell, const Connection& connection,
                             const std::string& scene) {
   v1::ListSelectionsRequest request;
   request.set_parent(scene);
-  request.set_page_size(1000);
-  v1::ListSelectionsResponse all;
-  do {
-    v1::ListSelectionsResponse page;
-    Call call(scene, kCallSeconds);
-    RETURN_IF_ERROR(FromGrpc(connection.segmentation->ListSelections(call, request, &page)));
-    request.set_page_token(page.next_page_token());
-    page.clear_next_page_token();
-    all.MergeFrom(page);
-  } while (!request.page_token().empty());
+  ASSIGN_OR_RETURN(const auto all,
+                   AllPages<v1::ListSelectionsResponse>(
+                       request, scene, [&](Call& call, const auto& asked, auto* page) {
+                         return connection.segmentation->ListSelections(call, asked, page);
+                       }));
   if (shell.json) {
     PrintJson(all);
   } else {

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "clients/cli/all_pages.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/option_setting.h"
 #include "clients/cli/score_table.h"
@@ -74,16 +75,11 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
   const Connection connection(shell.server);
   v1::ListJobsRequest request;
   if (!scene.empty()) request.set_scene(SceneName(scene));
-  request.set_page_size(200);
-  v1::ListJobsResponse all;
-  do {
-    v1::ListJobsResponse page;
-    Call call(request.scene(), kCallSeconds);
-    RETURN_IF_ERROR(FromGrpc(connection.jobs->ListJobs(call, request, &page)));
-    request.set_page_token(page.next_page_token());
-    page.clear_next_page_token();
-    all.MergeFrom(page);
-  } while (!request.page_token().empty());
+  ASSIGN_OR_RETURN(const auto all,
+                   AllPages<v1::ListJobsResponse>(
+                       request, request.scene(), [&](Call& call, const auto& asked, auto* page) {
+                         return connection.jobs->ListJobs(call, asked, page);
+                       }));
   if (shell.json) {
     PrintJson(all);
   } else {

@@ -66,9 +66,9 @@ absl::Status Add(Backend& backend, const Model& model, const std::vector<float>&
 }  // namespace
 
 absl::StatusOr<std::vector<ClusterSizes>> MeasureGranularity(Backend& backend,
-                                                            const Capture& capture,
-                                                            const Model& model,
-                                                            const std::vector<double>& scales) {
+                                                             const Capture& capture,
+                                                             const Model& model,
+                                                             const std::vector<double>& scales) {
   std::vector<ClusterSizes> measured;
   measured.reserve(scales.size());
   for (const double scale : scales) measured.push_back({.scale = scale});

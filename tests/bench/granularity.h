@@ -20,8 +20,8 @@ struct ClusterSizes {
 // HDBSCAN (min_cluster_size 20, min_samples 5) of the gated features of a grid of at most 16,384
 // pixels of each held-out view.
 absl::StatusOr<std::vector<ClusterSizes>> MeasureGranularity(Backend& backend,
-                                                            const Capture& capture,
-                                                            const Model& model,
-                                                            const std::vector<double>& scales);
+                                                             const Capture& capture,
+                                                             const Model& model,
+                                                             const std::vector<double>& scales);
 
 }  // namespace pepeseg
