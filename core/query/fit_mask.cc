@@ -17,8 +17,9 @@ namespace {
 
 constexpr size_t kMaxSamples = 512;  // pixels under the mask whose features are looked at
 constexpr int kMaxClusters = 4;
-constexpr double kMinShare = 0.1;  // of the samples, for a cluster to count
-constexpr double kMinNorm = 0.4;   // see Segmenter: what is shorter is in no mask
+constexpr double kClusterCost = 0.02;  // IoU that each further cluster must bring: few carry over
+constexpr double kMinShare = 0.1;      // of the samples, for a cluster to count
+constexpr double kMinNorm = 0.4;       // see Segmenter: what is shorter is in no mask
 
 // What the small view shows of the mask: its pixels' centres.
 std::vector<uint8_t> Shrunk(const BinaryMask& mask, int width, const SmallView& small) {
@@ -112,8 +113,10 @@ class MaskFitter {
       }
       similarities.resize(num_pixels);
       const Fit fit = BestThreshold(similarities, mask_, thresholds);
-      if (fit.iou <= best_iou_) continue;
-      best_iou_ = fit.iou;
+      const double score =
+          fit.iou - kClusterCost * static_cast<double>(set.size() / kFeatureSize - 1);
+      if (score <= best_score_) continue;
+      best_score_ = score;
       best_ = {set, std::vector<uint8_t>(set.size() / kFeatureSize, 1), scale,
                double{fit.threshold}};
     }
@@ -127,7 +130,7 @@ class MaskFitter {
   const std::vector<uint8_t> mask_;
   std::vector<std::vector<float>> sets_;
   size_t num_values_of_last_ = 0;
-  double best_iou_ = -1;
+  double best_score_ = -1;
   Query best_;
 };
 
