@@ -68,6 +68,28 @@ TEST_F(ExportTest, TheComplementIsTheRestAndBothAreAll) {
   }
 }
 
+TEST_F(ExportTest, ASelectionIsTakenOutAndLeftOut) {
+  v1::SelectRequest select;
+  select.set_model(kModel);
+  select.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto* point = select.mutable_prompt()->mutable_points()->add_points();
+  point->set_x(30);
+  point->set_y(32);
+  grpc::ClientContext context;
+  v1::Selection selection;
+  const grpc::Status status = running.segmentation->Select(&context, select, &selection);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  request.mutable_subset()->set_selection(selection.name());
+  ASSERT_TRUE(Export().ok());
+  const Gaussians red = Read();
+  EXPECT_EQ(red.count, selection.num_gaussians());
+  EXPECT_GT(red.count, 9'000);
+  for (const float x : red.Plane(kMeanPlane)) ASSERT_LT(x, 0) << "the red square is on the left";
+  request.mutable_subset()->set_complement(true);
+  ASSERT_TRUE(Export().ok());
+  EXPECT_EQ(Read().count, 20'000 - red.count);
+}
+
 TEST_F(ExportTest, AnEmptySubsetIsTheStoredFile) {
   ASSERT_TRUE(Export().ok());
   const std::string whole = ply;
