@@ -86,7 +86,8 @@ std::vector<float> ClusterDirections(std::span<const float> features, int count,
   std::iota(order.begin(), order.end(), size_t{0});
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return sizes[a] > sizes[b]; });
-  const double least = min_share * static_cast<double>(units.size() / kFeatureSize);
+  const size_t num_features = units.size() / kFeatureSize;
+  const double least = min_share * static_cast<double>(num_features);
   std::vector<float> kept;
   for (const size_t c : order) {
     if (sizes[c] < least || sizes[c] == 0) continue;

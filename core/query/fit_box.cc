@@ -128,8 +128,8 @@ class MasksInBox {
     std::vector<int64_t>& inside = inside_.emplace_back(thresholds_.size() + 1);
     for (size_t i = 0; i < levels.size(); ++i) {
       ++all[levels[i]];
-      const double x = static_cast<double>(i % camera_.width) + 0.5;
-      const double y = static_cast<double>(i / camera_.width) + 0.5;
+      const size_t column = i % camera_.width, row = i / camera_.width;
+      const double x = static_cast<double>(column) + 0.5, y = static_cast<double>(row) + 0.5;
       if (x >= box_.x0 && x < box_.x1 && y >= box_.y0 && y < box_.y1) ++inside[levels[i]];
     }
     for (size_t t = thresholds_.size(); t > 0; --t) {

@@ -113,8 +113,8 @@ class MaskFitter {
       }
       similarities.resize(num_pixels);
       const Fit fit = BestThreshold(similarities, mask_, thresholds);
-      const double score =
-          fit.iou - kClusterCost * static_cast<double>(set.size() / kFeatureSize - 1);
+      const size_t num_further = set.size() / kFeatureSize - 1;
+      const double score = fit.iou - kClusterCost * static_cast<double>(num_further);
       if (score <= best_score_) continue;
       best_score_ = score;
       best_ = {set, std::vector<uint8_t>(set.size() / kFeatureSize, 1), scale,
