@@ -7,9 +7,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/features/cluster_agreement.h"
 #include "core/features/random_draws.h"
+#include "core/scene/gated_units.h"
 #include "core/status_macros.h"
-#include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {
@@ -21,18 +20,6 @@ double Dot(const float* a, const float* b) {
   double sum = 0;
   for (int k = 0; k < kFeatureSize; ++k) sum += double{a[k]} * b[k];
   return sum;
-}
-
-// [n, 32], each row gated and scaled to length 1.
-std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
-                              float scale) {
-  float psi[kFeatureSize];
-  GateAt(gate.data(), kFeatureSize, scale, psi);
-  std::vector<float> units(features.size());
-  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
-    GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
-  }
-  return units;
 }
 
 }  // namespace

@@ -9,9 +9,8 @@
 #include "core/cluster/hdbscan.h"
 #include "core/query/join_pieces.h"
 #include "core/query/visible_weights.h"
+#include "core/scene/gated_units.h"
 #include "core/status_macros.h"
-#include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {
@@ -29,17 +28,6 @@ constexpr int32_t kNoPiece = -1;
 // Two segments are one where their means have at least this cosine. Training pushes pairs of one
 // thing over 0.75. Of the large things there are few masks, so their parts become less alike.
 double JoinCosine(double scale) { return 0.8 - 0.6 * std::max(0.0, scale - 0.5); }
-
-// [num, 32] of all Gaussians.
-std::vector<float> GatedUnits(const FeatureField& field, double scale) {
-  float psi[kFeatureSize];
-  GateAt(field.gate.data(), kFeatureSize, static_cast<float>(scale), psi);
-  std::vector<float> units(field.features.size());
-  for (size_t i = 0; i < units.size(); i += kFeatureSize) {
-    GatedUnit(psi, field.features.data() + i, kFeatureSize, units.data() + i);
-  }
-  return units;
-}
 
 // [num_gaussians] 0 or 1.
 std::vector<uint8_t> SeenEnough(std::span<const float> visible) {
@@ -87,7 +75,8 @@ int32_t NearestMean(const float* unit, std::span<const float> means, float min_c
 // Of each Gaussian.
 absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& model, double scale,
                                                 std::span<const float> visible) {
-  const std::vector<float> units = GatedUnits(model.field, scale);
+  const std::vector<float> units =
+      GatedUnits(model.field.features, model.field.gate, static_cast<float>(scale));
   const std::vector<uint8_t> seen = SeenEnough(visible);
   const std::vector<float> points = PointsToCluster(units, seen);
   ASSIGN_OR_RETURN(const Clusters clusters, InTurn(backend, [&] {
@@ -108,7 +97,8 @@ std::vector<int32_t> JoinAt(double scale, const FeatureField& field,
                             std::span<const int32_t> pieces, std::span<const float> visible) {
   const int32_t last = pieces.empty() ? kNoPiece : *std::max_element(pieces.begin(), pieces.end());
   std::vector<float> sums(static_cast<size_t>(last + 1) * kFeatureSize);
-  const std::vector<float> units = GatedUnits(field, scale);
+  const std::vector<float> units =
+      GatedUnits(field.features, field.gate, static_cast<float>(scale));
   for (size_t i = 0; i < pieces.size(); ++i) {
     if (pieces[i] == kNoPiece) continue;
     float* sum = &sums[static_cast<size_t>(pieces[i]) * kFeatureSize];

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/query/feature_norm.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
 #include "kernels/math/pair.h"
@@ -16,7 +17,6 @@ constexpr int64_t kMaxSamples = 65'536;  // Gaussians that the components are of
 constexpr double kClippedShare = 0.02;   // at either end
 // A component that varies less is not stretched until its noise shows.
 constexpr float kMinRange = 0.1f;
-constexpr float kMinPixelNorm = 0.4f;  // of a feature: less is nothing
 
 using Features = Eigen::Matrix<double, Eigen::Dynamic, kFeatureSize, Eigen::RowMajor>;
 using Axes = Eigen::Matrix<double, kFeatureSize, 3>;

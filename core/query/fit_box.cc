@@ -6,6 +6,7 @@
 #include "core/query/check_prompt.h"
 #include "core/query/choose_granularity.h"
 #include "core/query/feature_clusters.h"
+#include "core/query/feature_norm.h"
 #include "core/query/fit_prompt.h"
 #include "core/query/mask_grid.h"
 #include "core/status_macros.h"
@@ -16,7 +17,6 @@ namespace {
 
 constexpr int kSampleSide = 13;       // samples along a side of the box
 constexpr double kMiddle = 0.9;       // of the box, where they lie
-constexpr double kMinNorm = 0.4;      // see Segmenter: what is shorter is in no mask
 constexpr double kSameCosine = 0.95;  // of features that need not both be asked
 constexpr size_t kMaxCandidates = 12;
 constexpr double kMargin = 0.5;  // of the box, on each side: farther strays do not widen a mask
@@ -78,9 +78,7 @@ std::vector<float> Candidates(std::span<const float> features) {
   };
   std::vector<Group> groups;
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
-    double squares = 0;
-    for (int k = 0; k < kFeatureSize; ++k) squares += double{features[i + k]} * features[i + k];
-    if (squares < kMinNorm * kMinNorm) continue;
+    if (FeatureNorm(&features[i]) < double{kMinPixelNorm}) continue;
     const auto same = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
       return CosineOf(&features[group.first], &features[i]) > kSameCosine;
     });

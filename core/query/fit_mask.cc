@@ -7,6 +7,7 @@
 #include "core/query/check_prompt.h"
 #include "core/query/choose_granularity.h"
 #include "core/query/feature_clusters.h"
+#include "core/query/feature_norm.h"
 #include "core/query/fit_prompt.h"
 #include "core/query/mask_grid.h"
 #include "core/status_macros.h"
@@ -19,7 +20,6 @@ constexpr size_t kMaxSamples = 512;  // pixels under the mask whose features are
 constexpr int kMaxClusters = 4;
 constexpr double kClusterCost = 0.02;  // IoU that each further cluster must bring: few carry over
 constexpr double kMinShare = 0.1;      // of the samples, for a cluster to count
-constexpr double kMinNorm = 0.4;       // see Segmenter: what is shorter is in no mask
 
 // What the small view shows of the mask: its pixels' centres.
 std::vector<uint8_t> Shrunk(const BinaryMask& mask, int width, const SmallView& small) {
@@ -54,9 +54,7 @@ std::vector<int32_t> SamplesOf(std::span<const uint8_t> mask) {
 std::vector<float> LongFeatures(std::span<const float> features) {
   std::vector<float> kept;
   for (size_t i = 0; i < features.size(); i += kFeatureSize) {
-    double squares = 0;
-    for (int k = 0; k < kFeatureSize; ++k) squares += double{features[i + k]} * features[i + k];
-    if (squares < kMinNorm * kMinNorm) continue;
+    if (FeatureNorm(&features[i]) < double{kMinPixelNorm}) continue;
     kept.insert(kept.end(), features.begin() + static_cast<int64_t>(i),
                 features.begin() + static_cast<int64_t>(i) + kFeatureSize);
   }

@@ -1,10 +1,10 @@
 #include "core/query/segmenter.h"
 
-#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/query/check_prompt.h"
+#include "core/query/feature_norm.h"
 #include "core/query/segmenter_state.h"
 #include "core/status_macros.h"
 
@@ -21,12 +21,6 @@ absl::Status CheckModel(const Model& model) {
   return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
                                                  " feature values, must be ", num_features,
                                                  " for its ", model.gaussians.count, " Gaussians"));
-}
-
-double NormOf(const float* feature) {
-  double squares = 0;
-  for (int k = 0; k < kFeatureSize; ++k) squares += double{feature[k]} * feature[k];
-  return std::sqrt(squares);
 }
 
 // Features of a query, the positive ones first, as SegmentPixels takes them.
@@ -92,7 +86,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
   }
   ASSIGN_OR_RETURN(std::vector<float> features, PixelFeatures(view, pixels));
   for (size_t i = 0; i < points.size(); ++i) {
-    if (NormOf(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
+    if (FeatureNorm(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
     return absl::InvalidArgumentError(absl::StrCat(
         "point ", i, " at (", points[i].x, ", ", points[i].y,
         "): nothing with a feature is rendered there; click where the model shows an object that a "

@@ -3,16 +3,13 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "core/query/feature_norm.h"
 #include "core/status_macros.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
 
 namespace pepeseg {
 namespace {
-
-// A pixel whose feature is shorter is in no mask: Gaussians that are hardly there would stand for
-// the nothing behind them. Inside a thing the length is near 1, on the border of two about 0.7.
-constexpr float kMinPixelNorm = 0.4f;
 
 // x, y, width and height of what is set; zeros where nothing is.
 void FindBox(std::span<const uint8_t> mask, int width, int box[4]) {

@@ -5,9 +5,8 @@
 
 #include "core/cluster/hdbscan.h"
 #include "core/features/frozen_scene.h"
+#include "core/scene/gated_units.h"
 #include "core/status_macros.h"
-#include "kernels/math/gate.h"
-#include "kernels/math/pair.h"
 
 namespace pepeseg {
 namespace {
@@ -45,12 +44,8 @@ std::vector<float> Features(Backend& backend, FrozenScene& scene, const View& vi
 
 absl::Status Add(Backend& backend, const Model& model, const std::vector<float>& features,
                  double pixels_per_point, ClusterSizes& sum) {
-  float psi[kFeatureSize];
-  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(sum.scale), psi);
-  std::vector<float> units(features.size());
-  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
-    GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
-  }
+  const std::vector<float> units =
+      GatedUnits(features, model.field.gate, static_cast<float>(sum.scale));
   ASSIGN_OR_RETURN(const Clusters clusters,
                    Hdbscan(backend, std::span<const float>(units), HdbscanOptions{20, 5}));
   const auto num_noise = static_cast<double>(std::ranges::count(clusters.labels, -1));
