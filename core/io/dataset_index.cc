@@ -53,7 +53,7 @@ struct ColmapModel {
   }
 };
 
-absl::Status ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
+void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
   int num_models = 0;
   for (const auto& [folder, model] : models) {
     const DatasetFile* cameras = model.Find("cameras");
@@ -63,15 +63,10 @@ absl::Status ChooseModel(const std::map<std::string, ColmapModel>& models, Datas
     index.images = images;
     index.colmap_points = model.Find("points3D");
   }
-  if (num_models == 0) {
-    return absl::InvalidArgumentError(
-        "no COLMAP poses among the files: cameras and images, .bin or .txt, in one folder");
-  }
   if (num_models > 1) {
     index.warnings.push_back(absl::StrCat(num_models, " COLMAP models among the files; that of ",
                                           index.images->name, " is used"));
   }
-  return absl::OkStatus();
 }
 
 absl::Status PutModelFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models) {
@@ -127,7 +122,7 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
     RETURN_IF_ERROR(PutFile(file, models, index));
   }
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
-  RETURN_IF_ERROR(ChooseModel(models, index));
+  ChooseModel(models, index);
   return index;
 }
 

@@ -20,7 +20,7 @@ struct DatasetIndex {
   std::map<std::string, const DatasetFile*> ignore;
   std::map<std::string, const DatasetFile*> depth;  // of either kind
   const DatasetFile* ignore_all = nullptr;
-  // One COLMAP model; points may be missing.
+  // One COLMAP model; points may be missing. Cameras and images are both there, or neither.
   const DatasetFile* cameras = nullptr;
   const DatasetFile* images = nullptr;
   const DatasetFile* colmap_points = nullptr;
@@ -29,8 +29,7 @@ struct DatasetIndex {
   std::vector<std::string> warnings;
 };
 
-// INVALID_ARGUMENT: a name that ValidateName refuses; two files for one thing; no photograph; no
-// COLMAP poses.
+// INVALID_ARGUMENT: a name that ValidateName refuses; two files for one thing; no photograph.
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 
 // A photograph's name as the index and the views have it.

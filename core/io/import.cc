@@ -238,6 +238,10 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
+  if (index.cameras == nullptr) {
+    return absl::InvalidArgumentError(
+        "no COLMAP poses among the files: cameras and images, .bin or .txt, in one folder");
+  }
   ASSIGN_OR_RETURN(const ColmapCameras cameras,
                    ReadColmapCameras(index.cameras->path, index.cameras->name));
   ASSIGN_OR_RETURN(const std::vector<ColmapImage> images,

@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/evaluate/metrics.h"
 #include "core/io/gaussian_ply.h"
-#include "core/io/import.h"
 #include "core/io/model_file.h"
 #include "core/status_macros.h"
 #include "kernels/backend.h"
@@ -21,15 +20,13 @@
 #include "server/jobs/file_error.h"
 #include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_folders.h"
-#include "server/jobs/worker_progress.h"
+#include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_scores.h"
+#include "server/jobs/worker_stage_log.h"
 #include "server/jobs/worker_stages.h"
 
 namespace pepeseg {
 namespace {
-
-// More would drown the log; the rest is counted.
-constexpr size_t kMaxWarnings = 100;
 
 // What the stages hand on.
 class Training {
@@ -40,125 +37,59 @@ class Training {
         settings_(std::move(settings)),
         scorer_(std::move(scorer)),
         backend_(std::move(backend)),
-        progress_(job.log),
+        stages_(job),
         checkpoints_(job.folder, job.spec, "reconstruct",
                      ReconstructIdentity(job.spec, ToProto(settings_)),
-                     [this](const std::string& message) { Warn(message); }),
+                     [this](const std::string& message) { stages_.Warn(message); }),
         feature_checkpoints_(job.folder, job.spec, "features",
                              FeatureIdentity(job.spec, ToProto(settings_)),
-                             [this](const std::string& message) { Warn(message); }) {}
+                             [this](const std::string& message) { stages_.Warn(message); }) {}
 
-  absl::Status Prepare();
+  absl::Status MakeInputs();
   absl::Status ReconstructScene();
   absl::Status TrainSceneFeatures();
   absl::StatusOr<JobResult> Index();
 
  private:
-  absl::StatusOr<std::vector<DatasetFile>> Files() const;
   absl::Status Step(const StepReport& report);
-  void Warn(const std::string& message);
-  absl::Status TellSkipped(const std::vector<SkippedTerm>& skipped);
   absl::Status TakeGivenGaussians();
   absl::Status TrainGaussians();
   void GoOnFrom(int64_t step, const char* metric);
   absl::StatusOr<Gaussians> ReconstructOrResume();
   std::optional<Gaussians> FindEarlierReconstruction() const;
-  absl::Status WriteModelTo(const std::filesystem::path& folder) const;
+  absl::Status WriteModelTo(const std::filesystem::path& folder);
   absl::Status ScoreScene();
   absl::Status CheckDevice() const;
-  absl::Status StartStage(const std::string& stage);
-  absl::Status EndStage(std::map<std::string, double> metrics, v1::JobEvent::StageEnded end = {});
   void DescribeModel();
+  void TakeMetrics();
 
   const WorkerJob& job_;
   TrainingSettings settings_;
   HeldOutScorer scorer_;
   std::unique_ptr<Backend> backend_;
-  WorkerProgress progress_;
+  StageLog stages_;
   WorkerCheckpoints checkpoints_, feature_checkpoints_;
-  std::string stage_;
-  Capture capture_;
-  std::optional<DatasetFile> given_gaussians_;
+  SceneInputs inputs_;
   Model model_;
 };
 
-absl::Status Training::StartStage(const std::string& stage) {
-  stage_ = stage;
-  if (job_.stop.stop) return absl::CancelledError("stopped before stage " + stage);
-  spdlog::info("stage {} begins", stage);
-  return progress_.StartStage(stage);
-}
-
-absl::Status Training::EndStage(std::map<std::string, double> metrics,
-                                v1::JobEvent::StageEnded end) {
-  const double seconds = progress_.seconds_in_stage();
-  spdlog::info("stage {} took {:.2f} s", stage_, seconds);
-  metrics["seconds_" + stage_] = seconds;
-  for (const auto& [name, value] : metrics) model_.metrics[name] = value;
-  return progress_.EndStage(metrics, std::move(end));
-}
-
 absl::Status Training::CheckDevice() const {
   if (backend_->error().empty()) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("stage ", stage_, ": ", backend_->error()));
+  return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ": ", backend_->error()));
 }
 
-absl::StatusOr<std::vector<DatasetFile>> Training::Files() const {
-  std::vector<DatasetFile> files;
-  for (const JobSpecFile& file : job_.spec.files) {
-    ASSIGN_OR_RETURN(const FileKind kind, FileKindFromProto(static_cast<v1::FileKind>(file.kind)));
-    files.push_back({kind, file.name, file.path});
-  }
-  return files;
-}
-
-absl::Status Training::Prepare() {
-  RETURN_IF_ERROR(StartStage("prepare"));
-  ASSIGN_OR_RETURN(const std::vector<DatasetFile> files, Files());
-  ASSIGN_OR_RETURN(capture_, ImportCapture(files, settings_.import));
-  for (const DatasetFile& file : files) {
-    if (file.kind == FileKind::kGaussians) given_gaussians_ = file;
-  }
-  for (size_t i = 0; i < capture_.warnings.size() && i < kMaxWarnings; ++i) {
-    Warn(capture_.warnings[i]);
-  }
-  if (capture_.warnings.size() > kMaxWarnings) {
-    Warn(absl::StrCat("and ", capture_.warnings.size() - kMaxWarnings, " more warnings"));
-  }
-  double num_masks = 0, num_depth_maps = 0;
-  for (const View& view : capture_.views) {
-    num_masks += view.masks.num_masks;
-    num_depth_maps += view.depth.values.empty() ? 0 : 1;
-  }
-  return EndStage({{"num_views", static_cast<double>(capture_.views.size())},
-                   {"num_points", static_cast<double>(capture_.points.size())},
-                   {"num_masks", num_masks},
-                   {"num_depth_maps", num_depth_maps}});
+absl::Status Training::MakeInputs() {
+  ASSIGN_OR_RETURN(inputs_, MakeSceneInputs(job_, settings_, stages_));
+  return absl::OkStatus();
 }
 
 absl::Status Training::Step(const StepReport& report) {
-  if (job_.stop.stop) {
-    return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
-                                             " of ", report.num_steps));
-  }
+  RETURN_IF_ERROR(stages_.Step(report));
   // What was promised when the job was admitted.
   if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
-    return absl::InternalError(absl::StrCat("stage ", stage_, ", step ", report.step, ": ",
+    return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ",
                                             report.num_gaussians, " Gaussians, max_gaussians is ",
                                             settings_.reconstruct.max_gaussians));
-  }
-  return progress_.Step(report);
-}
-
-void Training::Warn(const std::string& message) {
-  spdlog::warn("{}", message);
-  progress_.Warn(message).IgnoreError();  // it is in the worker's log
-}
-
-absl::Status Training::TellSkipped(const std::vector<SkippedTerm>& skipped) {
-  for (const SkippedTerm& term : skipped) {
-    spdlog::info("stage {}: {} skipped: {}", stage_, term.term, term.reason);
-    RETURN_IF_ERROR(progress_.SkipTerm(term));
   }
   return absl::OkStatus();
 }
@@ -177,16 +108,17 @@ std::optional<Gaussians> Training::FindEarlierReconstruction() const {
 
 void Training::GoOnFrom(int64_t step, const char* metric) {
   if (step == 0) return;
-  progress_.GoOnFrom(step);
+  stages_.GoOnFrom(step);
   model_.metrics[metric] = static_cast<double>(step);
 }
 
 absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
   if (std::optional<Gaussians> earlier = FindEarlierReconstruction()) return *std::move(earlier);
-  ASSIGN_OR_RETURN(const std::unique_ptr<Reconstructor> reconstructor,
-                   BeginReconstruction(checkpoints_, *backend_, capture_, settings_.reconstruct));
+  ASSIGN_OR_RETURN(
+      const std::unique_ptr<Reconstructor> reconstructor,
+      BeginReconstruction(checkpoints_, *backend_, inputs_.capture, settings_.reconstruct));
   GoOnFrom(checkpoints_.first_step(), "resumed_from_step");
-  RETURN_IF_ERROR(TellSkipped(reconstructor->skipped()));
+  RETURN_IF_ERROR(stages_.TellSkipped(reconstructor->skipped()));
   job_.stop.polled = true;
   absl::StatusOr<Gaussians> gaussians =
       FinishReconstruction(*reconstructor, [&](const StepReport& report) {
@@ -199,22 +131,22 @@ absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
 }
 
 absl::Status Training::ReconstructScene() {
-  RETURN_IF_ERROR(StartStage("reconstruct"));
+  RETURN_IF_ERROR(stages_.Start("reconstruct"));
   DescribeModel();
-  RETURN_IF_ERROR(given_gaussians_ ? TakeGivenGaussians() : TrainGaussians());
+  RETURN_IF_ERROR(inputs_.gaussians ? TakeGivenGaussians() : TrainGaussians());
   return ScoreScene();
 }
 
 absl::Status Training::TakeGivenGaussians() {
   ASSIGN_OR_RETURN(model_.gaussians,
-                   ReadGaussianPly(given_gaussians_->path, given_gaussians_->name));
+                   ReadGaussianPly(inputs_.gaussians->path, inputs_.gaussians->name));
   if (model_.gaussians.count == 0) {
-    return absl::InvalidArgumentError(given_gaussians_->name + ": has no Gaussians");
+    return absl::InvalidArgumentError(inputs_.gaussians->name + ": has no Gaussians");
   }
-  model_.facts["gaussians"] = "given as " + given_gaussians_->name;
+  model_.facts["gaussians"] = "given as " + inputs_.gaussians->name;
   v1::JobEvent::StageEnded end;
   end.set_skipped("given");
-  return EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}, end);
+  return stages_.End({{"num_gaussians", static_cast<double>(model_.gaussians.count)}}, end);
 }
 
 absl::Status Training::TrainGaussians() {
@@ -222,10 +154,15 @@ absl::Status Training::TrainGaussians() {
   const std::filesystem::path folder = job_.folder.reconstruction(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));
   checkpoints_.Remove();
-  return EndStage({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
+  return stages_.End({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
 }
 
-absl::Status Training::WriteModelTo(const std::filesystem::path& folder) const {
+void Training::TakeMetrics() {
+  for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
+}
+
+absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
+  TakeMetrics();
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());
@@ -233,25 +170,25 @@ absl::Status Training::WriteModelTo(const std::filesystem::path& folder) const {
 }
 
 absl::Status Training::ScoreScene() {
-  RETURN_IF_ERROR(StartStage("evaluate"));
+  RETURN_IF_ERROR(stages_.Start("evaluate"));
   ASSIGN_OR_RETURN(const std::vector<ViewScores> scores,
-                   scorer_.Score(*backend_, capture_, model_.gaussians,
-                                 [this](const std::string& message) { Warn(message); }));
+                   scorer_.Score(*backend_, inputs_.capture, model_.gaussians,
+                                 [this](const std::string& message) { stages_.Warn(message); }));
   RETURN_IF_ERROR(CheckDevice());
-  return EndStage(KeepScores(scores, model_), DescribeScores(scores));
+  return stages_.End(KeepScores(scores, model_), DescribeScores(scores));
 }
 
 absl::Status Training::TrainSceneFeatures() {
-  if (model_.metrics["num_masks"] == 0) {
+  if (stages_.metrics().at("num_masks") == 0) {
     spdlog::info("no masks: the model can be rendered, not segmented");
     return absl::OkStatus();
   }
-  RETURN_IF_ERROR(StartStage("features"));
+  RETURN_IF_ERROR(stages_.Start("features"));
   ASSIGN_OR_RETURN(const std::unique_ptr<FeatureStage> stage,
-                   BeginFeatures(feature_checkpoints_, *backend_, capture_, model_.gaussians,
+                   BeginFeatures(feature_checkpoints_, *backend_, inputs_.capture, model_.gaussians,
                                  settings_.features));
   GoOnFrom(feature_checkpoints_.first_step(), "features_resumed_from_step");
-  RETURN_IF_ERROR(TellSkipped(stage->skipped()));
+  RETURN_IF_ERROR(stages_.TellSkipped(stage->skipped()));
   job_.stop.polled = true;
   absl::StatusOr<FeatureField> field = FinishFeatures(*stage, [&](const StepReport& report) {
     return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);
@@ -260,14 +197,15 @@ absl::Status Training::TrainSceneFeatures() {
   RETURN_IF_ERROR(field.status());
   RETURN_IF_ERROR(CheckDevice());
   model_.field = *std::move(field);
-  return EndStage({});
+  return stages_.End({});
 }
 
 void Training::DescribeModel() {
-  for (const View& view : capture_.views) {
+  for (const View& view : inputs_.capture.views) {
     model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
   }
-  model_.scene_radius = SceneRadius(capture_);
+  model_.scene_radius = SceneRadius(inputs_.capture);
+  for (const auto& [what, source] : inputs_.sources) model_.facts[what] = source;
   model_.facts["job"] = job_.spec.job;
   model_.facts["device"] = backend_->name();
   model_.facts["version"] = PEPESEG_VERSION;
@@ -278,7 +216,7 @@ void Training::DescribeModel() {
 }
 
 absl::StatusOr<JobResult> Training::Index() {
-  RETURN_IF_ERROR(StartStage("index"));
+  RETURN_IF_ERROR(stages_.Start("index"));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   model_.metrics["peak_device_bytes"] = static_cast<double>(backend_->peak_bytes_in_use());
@@ -286,8 +224,9 @@ absl::StatusOr<JobResult> Training::Index() {
   const std::filesystem::path folder = job_.folder.attempt(job_.spec.fence);
   RETURN_IF_ERROR(WriteModelTo(folder));
   RemoveIntermediates(job_.folder, job_.spec.fence);
-  RETURN_IF_ERROR(EndStage({}));
+  RETURN_IF_ERROR(stages_.End({}));
   JobResult result;
+  TakeMetrics();
   result.metrics = model_.metrics;
   result.num_gaussians = model_.gaussians.count;
   ASSIGN_OR_RETURN(result.num_bytes, BytesIn(folder));
@@ -302,7 +241,7 @@ absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job) {
   ASSIGN_OR_RETURN(Device device, OpenDevice(job.spec.device, job.spec.num_threads));
   spdlog::info("computing on {}", device.backend->name());
   Training training(job, std::move(settings), std::move(scorer), std::move(device.backend));
-  RETURN_IF_ERROR(training.Prepare());
+  RETURN_IF_ERROR(training.MakeInputs());
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.TrainSceneFeatures());
   return training.Index();

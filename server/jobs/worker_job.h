@@ -24,7 +24,8 @@ struct WorkerJob {
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
 };
 
-// The stages of a training, one after the other: prepare -> reconstruct -> features -> index. The
+// The stages of a training, one after the other: prepare -> sfm -> priors (worker_inputs.h) ->
+// reconstruct -> evaluate -> features -> index. The
 // model stands in folder.attempt(spec.fence) when it answers OK. Stage one's result is kept beside
 // it until then, so that an attempt after a stop of the server need not train it again.
 // INVALID_ARGUMENT names the file, of the dataset or of the weights, that is wrong; CANCELLED:

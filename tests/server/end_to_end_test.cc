@@ -83,8 +83,8 @@ void ExpectWholeStory(const std::vector<v1::JobEvent>& events) {
   }
   EXPECT_TRUE(events.front().has_snapshot());
   EXPECT_EQ(events.back().state_changed().state(), v1::JOB_STATE_SUCCEEDED);
-  EXPECT_THAT(stages,
-              ::testing::ElementsAre("evaluate", "features", "index", "prepare", "reconstruct"));
+  EXPECT_THAT(stages, ::testing::ElementsAre("evaluate", "features", "index", "prepare", "priors",
+                                             "reconstruct", "sfm"));
 }
 
 const v1::JobEvent::StageEnded& EndOf(const std::string& stage,

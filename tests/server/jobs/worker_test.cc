@@ -45,8 +45,8 @@ TEST_F(WorkerTest, TellsOfEveryStage) {
       psnr = event.stage_ended().metrics().at("psnr");
     }
   }
-  EXPECT_THAT(stages,
-              ::testing::ElementsAre("prepare", "reconstruct", "evaluate", "features", "index"));
+  EXPECT_THAT(stages, ::testing::ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate",
+                                             "features", "index"));
   EXPECT_EQ(last_steps["reconstruct"], 60);
   EXPECT_EQ(last_steps["features"], 20);
   EXPECT_GT(psnr, 5);

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/io/import.h"
+#include "core/scene/capture.h"
+#include "server/convert.h"
+#include "server/jobs/worker_job.h"
+#include "server/jobs/worker_stage_log.h"
+
+namespace pepeseg {
+
+// What a training starts from.
+struct SceneInputs {
+  Capture capture;
+  std::optional<DatasetFile> gaussians;  // given in place of stage one's
+  // Where each came from, as model facts: "poses", "masks", "depth".
+  std::map<std::string, std::string> sources;
+};
+
+// The stages before the first: prepare (files to views) -> sfm (poses, where none are given) ->
+// priors (masks and depth, where none are given). Each is skipped when its result was uploaded.
+// INVALID_ARGUMENT names the file of the dataset that is wrong; FAILED_PRECONDITION: the
+// photographs do not give poses, and what to do; CANCELLED: the job was told to stop.
+absl::StatusOr<SceneInputs> MakeSceneInputs(const WorkerJob& job, const TrainingSettings& settings,
+                                            StageLog& stages);
+
+}  // namespace pepeseg

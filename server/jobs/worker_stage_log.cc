@@ -1,0 +1,73 @@
+#include "server/jobs/worker_stage_log.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// More would drown the log; the rest is counted.
+constexpr size_t kMaxWarnings = 100;
+
+}  // namespace
+
+absl::Status StageLog::Start(const std::string& stage) {
+  stage_ = stage;
+  if (stop_.stop) return absl::CancelledError("stopped before stage " + stage);
+  spdlog::info("stage {} begins", stage);
+  return progress_.StartStage(stage);
+}
+
+absl::Status StageLog::End(const std::map<std::string, double>& metrics,
+                           v1::JobEvent::StageEnded end) {
+  const double seconds = progress_.seconds_in_stage();
+  spdlog::info("stage {} took {:.2f} s", stage_, seconds);
+  std::map<std::string, double> told = metrics;
+  told["seconds_" + stage_] = seconds;
+  for (const auto& [name, value] : told) metrics_[name] = value;
+  return progress_.EndStage(told, std::move(end));
+}
+
+absl::Status StageLog::Skip(const std::string& stage, const std::string& why) {
+  RETURN_IF_ERROR(Start(stage));
+  spdlog::info("stage {} skipped: {}", stage, why);
+  v1::JobEvent::StageEnded end;
+  end.set_skipped(why);
+  return progress_.EndStage({}, std::move(end));
+}
+
+absl::Status StageLog::Step(const StepReport& report) {
+  if (stop_.stop) {
+    return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
+                                             " of ", report.num_steps));
+  }
+  return progress_.Step(report);
+}
+
+absl::Status StageLog::TellSkipped(std::span<const SkippedTerm> skipped) {
+  for (const SkippedTerm& term : skipped) {
+    spdlog::info("stage {}: {} skipped: {}", stage_, term.term, term.reason);
+    RETURN_IF_ERROR(progress_.SkipTerm(term));
+  }
+  return absl::OkStatus();
+}
+
+void StageLog::Warn(const std::string& message) {
+  spdlog::warn("{}", message);
+  progress_.Warn(message).IgnoreError();  // it is in the worker's log
+}
+
+void StageLog::WarnOf(std::span<const std::string> messages) {
+  const size_t num_told = std::min(messages.size(), kMaxWarnings);
+  for (const std::string& message : messages.first(num_told)) Warn(message);
+  if (num_told < messages.size()) {
+    Warn(absl::StrCat("and ", messages.size() - num_told, " more warnings"));
+  }
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+
+#include "absl/status/status.h"
+#include "core/progress.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/worker_job.h"
+#include "server/jobs/worker_progress.h"
+
+namespace pepeseg {
+
+// What the stages of a job tell of themselves, in its events and in the worker's log. Not thread
+// safe.
+class StageLog {
+ public:
+  // `job` must outlive it.
+  explicit StageLog(const WorkerJob& job) : stop_(job.stop), progress_(job.log) {}
+
+  // CANCELLED: the job was told to stop.
+  absl::Status Start(const std::string& stage);
+  // `metrics`: what the stage measured of its result; they are the model's, too.
+  absl::Status End(const std::map<std::string, double>& metrics = {},
+                   v1::JobEvent::StageEnded end = {});
+  // A stage that need not run, because of `why` ("given").
+  absl::Status Skip(const std::string& stage, const std::string& why);
+  // A step of the stage. CANCELLED: the job was told to stop.
+  absl::Status Step(const StepReport& report);
+  // The stage goes on from what an earlier attempt did in `step` steps.
+  void GoOnFrom(int64_t step) { progress_.GoOnFrom(step); }
+  absl::Status TellSkipped(std::span<const SkippedTerm> skipped);
+  void Warn(const std::string& message);
+  // Not all of very many.
+  void WarnOf(std::span<const std::string> messages);
+
+  const std::string& stage() const { return stage_; }
+  // Of all stages so far, and "seconds_STAGE" of each.
+  const std::map<std::string, double>& metrics() const { return metrics_; }
+
+ private:
+  const StopSwitch& stop_;
+  WorkerProgress progress_;
+  std::string stage_;
+  std::map<std::string, double> metrics_;
+};
+
+}  // namespace pepeseg
