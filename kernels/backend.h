@@ -119,6 +119,7 @@ class Backend {
   virtual void SmoothBackward(const SmoothBackwardArgs& args) = 0;
   virtual void Similarity(const SimilarityArgs& args) = 0;
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
+  virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
   // Clustering (cluster_ops.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 

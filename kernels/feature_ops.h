@@ -183,4 +183,22 @@ enum SegmentSum {
 };
 inline constexpr float kSimilarityUnit = 1 << 20;
 
+// The masks of a question at many scales and thresholds, compared. A pixel's level at a scale is
+// the number of thresholds that its best similarity to the first num_positive queries is over, and
+// 0 where one of the others is as near; a mask is the pixels over a level.
+struct LevelOverlapsArgs {
+  DeviceSpan<const Half> map;          // [num_pixels, 32]
+  DeviceSpan<const float> psi;         // [num_scales, 32]
+  DeviceSpan<const float> queries;     // [num_queries, 32], at most kMaxQueries
+  int num_positive = 1;                // 1..num_queries
+  DeviceSpan<const float> thresholds;  // [num_thresholds] ascending, at most kMaxThresholds
+  float min_norm = 0;
+  DeviceSpan<uint8_t> levels;  // [num_scales, num_pixels]
+  // [num_scales, num_scales, num_thresholds + 1, num_thresholds + 1] pixels by their levels at two
+  // scales, where the first is not the larger index, else 0; of level 0 at both none are counted.
+  DeviceSpan<int32_t> overlaps;
+};
+inline constexpr int kMaxLevelScales = 32;
+inline constexpr int kMaxThresholds = 15;
+
 }  // namespace pepeseg

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <utility>
 
 #include "core/query/mask_grid.h"
 #include "core/status_macros.h"
@@ -15,19 +15,6 @@ constexpr int kNumScales = 21;
 constexpr double kSmallestScale = 0.01;
 constexpr float kThresholds[] = {0.5f, 0.55f, 0.6f, 0.65f, 0.7f, 0.75f, 0.8f, 0.85f, 0.9f, 0.95f};
 constexpr int64_t kMinArea = 16;  // pixels of the small view
-
-// The best similarity of each pixel to the features of one kind; never, where there is none.
-std::vector<float> BestOf(std::span<const uint8_t> kinds, uint8_t kind,
-                          std::span<const float> similarities) {
-  const size_t num_pixels = similarities.size() / kinds.size();
-  std::vector<float> best(num_pixels, -std::numeric_limits<float>::infinity());
-  for (size_t i = 0; i < kinds.size(); ++i) {
-    if (kinds[i] != kind) continue;
-    const std::span<const float> of_feature = similarities.subspan(i * num_pixels, num_pixels);
-    for (size_t p = 0; p < num_pixels; ++p) best[p] = std::max(best[p], of_feature[p]);
-  }
-  return best;
-}
 
 }  // namespace
 
@@ -64,14 +51,9 @@ absl::StatusOr<std::vector<StableGranularity>> FindStable(const Segmenter& segme
                                                           const Query& query, const ModelView& view,
                                                           const GranularityGrid& grid,
                                                           int max_count) {
-  const SmallView small = SmallViewOf(view);
-  MaskGrid masks(grid.thresholds);
-  for (const double scale : grid.scales) {
-    ASSIGN_OR_RETURN(const std::vector<float> similarities,
-                     segmenter.Similarity(query.features, scale, small.view));
-    masks.AddScale(BestOf(query.positive, 1, similarities),
-                   BestOf(query.positive, 0, similarities));
-  }
+  ASSIGN_OR_RETURN(LevelCounts counts, segmenter.CountLevels(query, grid.scales, grid.thresholds,
+                                                             SmallViewOf(view).view));
+  const MaskGrid masks(std::move(counts));
   std::vector<StableGranularity> found;
   for (const MaskGrid::Plateau& plateau : masks.FindPlateaus(kMinArea, max_count)) {
     found.push_back({grid.scales[plateau.cell.scale],

@@ -9,7 +9,7 @@
 #include "core/query/feature_clusters.h"
 #include "core/query/feature_norm.h"
 #include "core/query/fit_prompt.h"
-#include "core/query/mask_grid.h"
+#include "core/query/levels.h"
 #include "core/status_macros.h"
 #include "kernels/ops.h"
 

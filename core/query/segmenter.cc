@@ -23,20 +23,6 @@ absl::Status CheckModel(const Model& model) {
                                                  " for its ", model.gaussians.count, " Gaussians"));
 }
 
-// Features of a query, the positive ones first, as SegmentPixels takes them.
-std::vector<float> PositiveFirst(const Query& query) {
-  std::vector<float> features;
-  features.reserve(query.features.size());
-  for (const bool positive : {true, false}) {
-    for (size_t i = 0; i < query.positive.size(); ++i) {
-      if ((query.positive[i] != 0) != positive) continue;
-      const auto first = query.features.begin() + static_cast<int64_t>(i) * kFeatureSize;
-      features.insert(features.end(), first, first + kFeatureSize);
-    }
-  }
-  return features;
-}
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
@@ -60,9 +46,8 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
                                                               bool want_similarity) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  const std::vector<float> features = PositiveFirst(query);
   return state_->Turn([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
-    const Buffer<float> queries(state_->backend, std::span<const float>(features));
+    const Buffer<float> queries = state_->PositiveFirst(query);
     std::vector<SegmentResult> results;
     results.reserve(targets.size());
     for (const ModelView& target : targets) {
@@ -117,6 +102,22 @@ absl::StatusOr<std::vector<float>> Segmenter::Similarity(std::span<const float> 
     similarity.Download(values);
     return values;
   });
+}
+
+absl::StatusOr<LevelCounts> Segmenter::CountLevels(const Query& query,
+                                                   std::span<const double> scales,
+                                                   std::span<const float> thresholds,
+                                                   const ModelView& target) const {
+  RETURN_IF_ERROR(CheckQuery(query));
+  RETURN_IF_ERROR(CheckView(target));
+  for (const double scale : scales) RETURN_IF_ERROR(CheckScale(scale));
+  if (scales.empty() || scales.size() > kMaxLevelScales || thresholds.empty() ||
+      thresholds.size() > kMaxThresholds) {
+    return absl::InvalidArgumentError(absl::StrCat(scales.size(), " scales and ", thresholds.size(),
+                                                   " thresholds to compare, allowed are 1..",
+                                                   kMaxLevelScales, " and 1..", kMaxThresholds));
+  }
+  return state_->Turn([&] { return state_->CountLevels(query, scales, thresholds, target); });
 }
 
 }  // namespace pepeseg

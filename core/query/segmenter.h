@@ -8,6 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "core/query/decompose.h"
+#include "core/query/mask_grid.h"
 #include "core/query/model_renderer.h"
 #include "core/query/prompt.h"
 #include "core/scene/capture.h"
@@ -68,6 +69,13 @@ class Segmenter {
   // [features, height, width]. INVALID_ARGUMENT: a scale out of range, no features.
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target) const;
+
+  // How the masks of a query in the target at other quantile scales and thresholds, both ascending,
+  // overlap; those of the query do not count. INVALID_ARGUMENT: as Segment; none, or more than
+  // kMaxLevelScales and kMaxThresholds.
+  absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
+                                          std::span<const float> thresholds,
+                                          const ModelView& target) const;
 
   // The following show some Gaussians only, as if there were no others, where a subset is given, as
   // RenderColor does. INVALID_ARGUMENT: it is of another number of Gaussians.

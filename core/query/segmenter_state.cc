@@ -30,6 +30,10 @@ void FindBox(std::span<const uint8_t> mask, int width, int box[4]) {
   std::copy(std::begin(found), std::end(found), box);
 }
 
+int NumPositive(const Query& query) {
+  return static_cast<int>(std::count(query.positive.begin(), query.positive.end(), 1));
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView& view,
@@ -47,9 +51,12 @@ absl::StatusOr<std::vector<float>> Segmenter::State::FeaturesAt(const ModelView&
   return features;
 }
 
-Buffer<float> Segmenter::State::GateOf(double scale) const {
-  std::vector<float> psi(kFeatureSize);
-  GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scale), psi.data());
+Buffer<float> Segmenter::State::GatesAt(std::span<const double> scales) const {
+  std::vector<float> psi(scales.size() * kFeatureSize);
+  for (size_t i = 0; i < scales.size(); ++i) {
+    GateAt(model.field.gate.data(), kFeatureSize, static_cast<float>(scales[i]),
+           &psi[i * kFeatureSize]);
+  }
   return {backend, std::span<const float>(psi)};
 }
 
@@ -58,7 +65,7 @@ absl::StatusOr<Buffer<float>> Segmenter::State::SimilarityTo(const Buffer<float>
                                                              const ModelView& target) {
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
   const int64_t num_queries = queries.size() / kFeatureSize;
-  const Buffer<float> psi = GateOf(scale);
+  const Buffer<float> psi = GatesAt({&scale, 1});
   Buffer<float> similarity(backend, map.size / kFeatureSize * num_queries);
   if (similarity.empty()) {
     return absl::ResourceExhaustedError(
@@ -73,7 +80,7 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
                                                             const ModelView& target,
                                                             bool want_similarity) {
   ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
-  const Buffer<float> psi = GateOf(query.scale);
+  const Buffer<float> psi = GatesAt({&query.scale, 1});
   const int64_t num_pixels = map.size / kFeatureSize;
   mask.Reserve(backend, num_pixels);
   if (want_similarity) similarity.Reserve(backend, num_pixels);
@@ -83,8 +90,7 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
   backend.SegmentPixels({.map = map,
                          .psi = psi.span(),
                          .queries = queries.span(),
-                         .num_positive = static_cast<int>(
-                             std::count(query.positive.begin(), query.positive.end(), 1)),
+                         .num_positive = NumPositive(query),
                          .min_norm = kMinPixelNorm,
                          .threshold = static_cast<float>(query.threshold),
                          .mask = mask.span(),
@@ -111,6 +117,47 @@ absl::StatusOr<SegmentResult> Segmenter::State::SegmentView(const Query& query,
     similarity.Download(std::span<float>(result.similarity));
   }
   return result;
+}
+
+Buffer<float> Segmenter::State::PositiveFirst(const Query& query) const {
+  std::vector<float> features;
+  features.reserve(query.features.size());
+  for (const bool positive : {true, false}) {
+    for (size_t i = 0; i < query.positive.size(); ++i) {
+      if ((query.positive[i] != 0) != positive) continue;
+      const auto first = query.features.begin() + static_cast<int64_t>(i) * kFeatureSize;
+      features.insert(features.end(), first, first + kFeatureSize);
+    }
+  }
+  return {backend, std::span<const float>(features)};
+}
+
+absl::StatusOr<LevelCounts> Segmenter::State::CountLevels(const Query& query,
+                                                          std::span<const double> scales,
+                                                          std::span<const float> thresholds,
+                                                          const ModelView& target) {
+  ASSIGN_OR_RETURN(const DeviceSpan<const Half> map, maps.Get(target));
+  LevelCounts counts = {static_cast<int>(scales.size()), static_cast<int>(thresholds.size()), {}};
+  const size_t side = thresholds.size() + 1;
+  counts.pixels.resize(scales.size() * scales.size() * side * side);
+  const Buffer<float> queries = PositiveFirst(query), psi = GatesAt(scales);
+  const Buffer<float> over(backend, thresholds);
+  Buffer<int32_t> overlaps(backend, static_cast<int64_t>(counts.pixels.size()));
+  Buffer<uint8_t> levels(backend, map.size / kFeatureSize * counts.num_scales);
+  if (levels.empty() || overlaps.empty()) {
+    return absl::ResourceExhaustedError("no memory for the levels of a view");
+  }
+  backend.LevelOverlaps({.map = map,
+                         .psi = psi.span(),
+                         .queries = queries.span(),
+                         .num_positive = NumPositive(query),
+                         .thresholds = over.span(),
+                         .min_norm = kMinPixelNorm,
+                         .levels = levels.span(),
+                         .overlaps = overlaps.span()});
+  overlaps.Download(std::span<int32_t>(counts.pixels));
+  RETURN_IF_ERROR(TakeStatus(backend));
+  return counts;
 }
 
 absl::StatusOr<std::vector<Half>> Segmenter::State::DownloadFeatures(const ModelView& view,

@@ -42,12 +42,17 @@ struct Segmenter::State {
   // [pixels, 32] as rendered, not gated.
   absl::StatusOr<std::vector<float>> FeaturesAt(const ModelView& view,
                                                 std::span<const int32_t> pixels);
-  Buffer<float> GateOf(double scale) const;  // psi(scale): [32]
+  Buffer<float> GatesAt(std::span<const double> scales) const;  // psi(scale): [scales, 32]
   // [queries, height, width] of `queries` [queries, 32], on the backend.
   absl::StatusOr<Buffer<float>> SimilarityTo(const Buffer<float>& queries, double scale,
                                              const ModelView& target);
   absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
                                             const ModelView& target, bool want_similarity);
+  absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
+                                          std::span<const float> thresholds,
+                                          const ModelView& target);
+  // Features of a query as ops take them, the positive ones first: [features, 32].
+  Buffer<float> PositiveFirst(const Query& query) const;
   // [height * width, 32]; only maps of all Gaussians are kept.
   absl::StatusOr<std::vector<Half>> DownloadFeatures(const ModelView& view,
                                                      const GaussianSet* subset);

@@ -56,4 +56,33 @@ __device__ inline float GateQuery(float psi, float query) {
   return norm2 > 0 ? psi * gated * rsqrtf(norm2) : 0.0f;
 }
 
+// By a whole block of kBlock threads, which then may read both: psi^2 [32], and the queries gated
+// [num_queries, 32].
+template <int kBlock>
+__device__ inline void GateQueries(const float* psi_of, const float* queries, int num_queries,
+                                   float* psi2, float* gated) {
+  const int lane = static_cast<int>(threadIdx.x) % 32;
+  const float psi = psi_of[lane];
+  if (threadIdx.x < 32) psi2[lane] = psi * psi;
+  for (int q = static_cast<int>(threadIdx.x) / 32; q < num_queries; q += kBlock / 32) {
+    gated[q * kFeatureSize + lane] = GateQuery(psi, queries[q * kFeatureSize + lane]);
+  }
+  __syncthreads();
+}
+
+// The best similarity to the first num_positive queries, and to the others; -infinity, where there
+// is none.
+struct BestCosines {
+  float positive = -INFINITY, negative = -INFINITY;
+};
+__device__ inline BestCosines BestCosinesTo(const PixelFeature& f, const float* gated,
+                                            int num_queries, int num_positive) {
+  BestCosines found;
+  for (int q = 0; q < num_queries; ++q) {
+    float& best = q < num_positive ? found.positive : found.negative;
+    best = fmaxf(best, CosineTo(f, gated + q * kFeatureSize));
+  }
+  return found;
+}
+
 }  // namespace pepeseg

@@ -26,32 +26,22 @@ struct SegmentParams {
 __global__ void __launch_bounds__(kBlock) SegmentKernel(SegmentParams p) {
   extern __shared__ float queries[];  // [num_queries, 32]
   __shared__ float psi2[kFeatureSize];
-  const int lane = static_cast<int>(threadIdx.x) % 32;
-  const float psi = p.psi[lane];
-  if (threadIdx.x < 32) psi2[lane] = psi * psi;
-  for (int q = static_cast<int>(threadIdx.x) / 32; q < p.num_queries; q += kBlock / 32) {
-    queries[q * kFeatureSize + lane] = GateQuery(psi, p.queries[q * kFeatureSize + lane]);
-  }
-  __syncthreads();
+  GateQueries<kBlock>(p.psi, p.queries, p.num_queries, psi2, queries);
   const int64_t pixel = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   bool inside = false;
   float positive = -INFINITY;
   if (pixel < p.num_pixels) {
     const PixelFeature f = LoadPixelFeature(p.map, pixel, psi2, p.min_norm);
-    float negative = -INFINITY;
-    for (int q = 0; q < p.num_queries; ++q) {
-      const float cosine = CosineTo(f, queries + q * kFeatureSize);
-      float& best = q < p.num_positive ? positive : negative;
-      best = fmaxf(best, cosine);
-    }
-    inside = positive > p.threshold && positive > negative;
+    const BestCosines best = BestCosinesTo(f, queries, p.num_queries, p.num_positive);
+    positive = best.positive;
+    inside = positive > p.threshold && positive > best.negative;
     p.mask[pixel] = inside ? 1 : 0;
     if (p.similarity != nullptr) p.similarity[pixel] = positive;
   }
   const int term = inside ? __float2int_rn(positive * kSimilarityUnit) : 0;
   const unsigned num_inside = __popc(__ballot_sync(~0u, inside));
   const int sum = __reduce_add_sync(~0u, term);  // at most 32 * 2^20
-  if (lane == 0 && num_inside > 0) {
+  if (threadIdx.x % 32 == 0 && num_inside > 0) {
     atomicAdd(&p.sums[kNumInside], static_cast<unsigned long long>(num_inside));
     atomicAdd(&p.sums[kSimilaritySum], static_cast<unsigned long long>(static_cast<int64_t>(sum)));
   }

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <utility>
+#include <vector>
 
 namespace pepeseg {
 namespace {
@@ -29,11 +31,43 @@ Map Similarity(double scale) {
   return map;
 }
 
+// The levels of masks added one scale after the other, counted pixel by pixel.
+class Scales {
+ public:
+  void Add(const Map& positive, const Map& negative) {
+    std::vector<int>& levels = levels_.emplace_back();
+    for (size_t p = 0; p < positive.size(); ++p) {
+      int level = 0;
+      for (const float threshold : kThresholds) level += positive[p] > threshold ? 1 : 0;
+      levels.push_back(positive[p] > negative[p] ? level : 0);
+    }
+  }
+  MaskGrid Grid() const {
+    const auto num_thresholds = static_cast<int>(kThresholds.size());
+    const size_t side = kThresholds.size() + 1, num = levels_.size();
+    LevelCounts counts = {static_cast<int>(num), num_thresholds, {}};
+    counts.pixels.resize(num * num * side * side);
+    for (size_t a = 0; a < num; ++a) {
+      for (size_t b = a; b < num; ++b) {
+        for (size_t p = 0; p < levels_[a].size(); ++p) {
+          if (levels_[a][p] + levels_[b][p] == 0) continue;
+          ++counts.pixels[((a * num + b) * side + levels_[a][p]) * side + levels_[b][p]];
+        }
+      }
+    }
+    return MaskGrid(std::move(counts));
+  }
+
+ private:
+  std::vector<std::vector<int>> levels_;
+};
+
 const Map kNothing(kSide* kSide, -1.0f);
 
 TEST(MaskGrid, FindsPartObjectAndGroup) {
-  MaskGrid grid(kThresholds);
-  for (int k = 0; k <= 10; ++k) grid.AddScale(Similarity(0.1 * k), kNothing);
+  Scales scales;
+  for (int k = 0; k <= 10; ++k) scales.Add(Similarity(0.1 * k), kNothing);
+  const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 3);
   ASSERT_EQ(plateaus.size(), 3u);
   // Scales 0 to 0.3 show the part, 0.4 to 0.7 the object, the rest the group.
@@ -46,15 +80,16 @@ TEST(MaskGrid, FindsPartObjectAndGroup) {
 }
 
 TEST(MaskGrid, AMaskThatChangesWithEveryStepHasLittleSupport) {
-  MaskGrid grid(kThresholds);
+  Scales scales;
   std::mt19937 random(2);
   for (int k = 0; k < 6; ++k) {
     Map map = Similarity(0);
     for (float& value : map) {
       if (value < 0.5f) value = static_cast<float>(random() % 1000) / 1000;
     }
-    grid.AddScale(k < 3 ? Similarity(0) : map, kNothing);
+    scales.Add(k < 3 ? Similarity(0) : map, kNothing);
   }
+  const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 10);
   ASSERT_GT(plateaus.size(), 1u);
   EXPECT_EQ(grid.Area(plateaus[0].cell), 64);
@@ -65,19 +100,20 @@ TEST(MaskGrid, AMaskThatChangesWithEveryStepHasLittleSupport) {
 TEST(MaskGrid, IouIsThatOfTheMasks) {
   std::mt19937 random(5);
   std::vector<Map> maps;
-  MaskGrid grid(kThresholds);
+  Scales scales;
   for (int i = 0; i < 3; ++i) {
     Map positive, negative;
     for (int p = 0; p < 500; ++p) {
       positive.push_back(static_cast<float>(random() % 1000) / 1000);
       negative.push_back(static_cast<float>(random() % 1000) / 1000);
     }
-    grid.AddScale(positive, negative);
+    scales.Add(positive, negative);
     for (int p = 0; p < 500; ++p) {
       if (positive[p] <= negative[p]) positive[p] = -1;
     }
     maps.push_back(positive);
   }
+  const MaskGrid grid = scales.Grid();
   for (int a = 0; a < 15; ++a) {
     for (int b = 0; b < 15; ++b) {
       int both = 0, either = 0;
@@ -93,11 +129,11 @@ TEST(MaskGrid, IouIsThatOfTheMasks) {
 }
 
 TEST(MaskGrid, WithoutAMaskThereIsNoPlateau) {
-  MaskGrid grid(kThresholds);
-  grid.AddScale(kNothing, kNothing);
-  grid.AddScale(Map(kSide * kSide, 0.3f), kNothing);
-  EXPECT_TRUE(grid.FindPlateaus(1, 3).empty());
-  EXPECT_TRUE(MaskGrid(kThresholds).FindPlateaus(1, 3).empty());
+  Scales scales;
+  scales.Add(kNothing, kNothing);
+  scales.Add(Map(kSide * kSide, 0.3f), kNothing);
+  EXPECT_TRUE(scales.Grid().FindPlateaus(1, 3).empty());
+  EXPECT_TRUE(Scales().Grid().FindPlateaus(1, 3).empty());
 }
 
 }  // namespace
