@@ -1,8 +1,6 @@
 #include "core/io/depth_files.h"
 
-#include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 #include "absl/strings/str_cat.h"
@@ -17,8 +15,6 @@ namespace pepeseg {
 namespace {
 
 constexpr double kMaxShapeError = 0.01;
-constexpr double kLowPercentile = 0.1;
-constexpr double kHighPercentile = 99.9;
 
 absl::Status Refused(absl::string_view name, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
@@ -43,14 +39,6 @@ absl::Status CheckShape(const FloatImage& map, const std::string& name, const Ph
                          " ", photo.width, "x", photo.height, ": not of one shape"));
 }
 
-// Partially sorts `known`, which is not empty.
-float Percentile(std::vector<float>& known, double percent) {
-  const auto rank =
-      static_cast<ptrdiff_t>(std::lround(percent / 100 * (static_cast<double>(known.size()) - 1)));
-  std::nth_element(known.begin(), known.begin() + rank, known.end());
-  return known[static_cast<size_t>(rank)];
-}
-
 }  // namespace
 
 absl::StatusOr<FloatImage> ReadDepthMap(const std::filesystem::path& path, const std::string& name,
@@ -69,21 +57,6 @@ absl::StatusOr<FloatImage> ReadDepthMap(const std::filesystem::path& path, const
     }
   }
   return map;
-}
-
-std::vector<float> NormalizeDepth(std::vector<float> values) {
-  std::vector<float> known;
-  known.reserve(values.size());
-  std::copy_if(values.begin(), values.end(), std::back_inserter(known),
-               [](float value) { return !std::isnan(value); });
-  if (known.empty()) return {};
-  const float low = Percentile(known, kLowPercentile);
-  const float range = Percentile(known, kHighPercentile) - low;
-  if (!(range > 0) || !std::isfinite(range)) return {};
-  for (float& value : values) {
-    if (!std::isnan(value)) value = std::clamp((value - low) / range, 0.0f, 1.0f);
-  }
-  return values;
 }
 
 }  // namespace pepeseg

@@ -16,6 +16,7 @@
 #include "core/io/mask_files.h"
 #include "core/io/ply_points.h"
 #include "core/io/view_warp.h"
+#include "core/scene/normalize_depth.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {

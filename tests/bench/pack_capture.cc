@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/io/import.h"
+#include "core/priors/embed_priors.h"
 #include "core/status_macros.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"
@@ -24,14 +25,29 @@ absl::Status PackCrowdedScene(const std::string& path) {
   return WriteCapturePack(path, pack);
 }
 
-absl::Status PackDataset(const std::string& folder, const std::string& path, bool disparity,
-                         const ImportOptions& options) {
+struct PackOptions {
+  ImportOptions import;
+  bool disparity = false;   // what depth/ holds
+  EmbeddedPriors embedded;  // in place of those of the dataset
+};
+
+absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
+  for (View& view : capture.views) {
+    if (what.masks) view.masks = {};
+    if (what.depth) view.depth = {};
+  }
+  return EmbedPriors(what, 0, capture, [](int, int) { return absl::OkStatus(); });
+}
+
+absl::Status PackDataset(const std::string& folder, const std::string& path,
+                         const PackOptions& options) {
   ASSIGN_OR_RETURN(auto files, ListDataset(folder));
   for (DatasetFile& file : files) {
-    if (disparity && file.kind == FileKind::kDepth) file.kind = FileKind::kDisparity;
+    if (options.disparity && file.kind == FileKind::kDepth) file.kind = FileKind::kDisparity;
   }
   CapturePack pack;
-  ASSIGN_OR_RETURN(pack.capture, ImportCapture(files, options));
+  ASSIGN_OR_RETURN(pack.capture, ImportCapture(files, options.import));
+  RETURN_IF_ERROR(Embed(options.embedded, pack.capture));
   for (const std::string& warning : pack.capture.warnings) std::cerr << warning << "\n";
   ASSIGN_OR_RETURN(pack.truth, ReadTruth(folder, pack.capture));
   for (const TruthLevel& level : pack.truth) std::cerr << "truth: " << level.name << "\n";
@@ -45,22 +61,22 @@ absl::Status PackDataset(const std::string& folder, const std::string& path, boo
 int main(int argc, char** argv) {
   CLI::App app("A dataset folder as a capture pack");
   std::string folder, pack, crowded_pack;
-  bool disparity = false;
-  pepeseg::ImportOptions options;
+  pepeseg::PackOptions options;
   auto* crowded = app.add_option("--crowded", crowded_pack,
                                  "write the crowded development scene to this pack instead");
   app.add_option("folder", folder)->excludes(crowded);
   app.add_option("pack", pack)->excludes(crowded);
-  app.add_flag("--disparity", disparity, "depth/ holds disparity");
-  app.add_option("--image-scale", options.image_scale);
+  app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
+  app.add_option("--image-scale", options.import.image_scale);
+  app.add_flag("--embedded-masks", options.embedded.masks, "in place of those of the dataset");
+  app.add_flag("--embedded-depth", options.embedded.depth, "in place of that of the dataset");
   CLI11_PARSE(app, argc, argv);
   if (crowded_pack.empty() && pack.empty()) {
     std::cerr << "FOLDER PACK or --crowded PACK\n";
     return 1;
   }
-  const absl::Status status = crowded_pack.empty()
-                                  ? pepeseg::PackDataset(folder, pack, disparity, options)
-                                  : pepeseg::PackCrowdedScene(crowded_pack);
+  const absl::Status status = crowded_pack.empty() ? pepeseg::PackDataset(folder, pack, options)
+                                                   : pepeseg::PackCrowdedScene(crowded_pack);
   if (!status.ok()) std::cerr << status << "\n";
   return status.ok() ? 0 : 1;
 }

@@ -1,0 +1,58 @@
+#include "core/priors/embed_priors.h"
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <utility>
+#include <vector>
+
+#include "core/priors/embedded_depth.h"
+#include "core/priors/embedded_masks.h"
+#include "core/scene/normalize_depth.h"
+#include "core/status_macros.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+namespace {
+
+// OpenCV's own threads would only be in the way where each view has one.
+class OneOpenCvThread {
+ public:
+  OneOpenCvThread() { cv::setNumThreads(1); }
+  ~OneOpenCvThread() { cv::setNumThreads(before_); }
+  OneOpenCvThread(const OneOpenCvThread&) = delete;
+  OneOpenCvThread& operator=(const OneOpenCvThread&) = delete;
+
+ private:
+  const int before_ = cv::getNumThreads();
+};
+
+void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, View& view) {
+  if (what.depth && view.depth.values.empty()) {
+    view.depth.kind = DepthPrior::Kind::kDepth;
+    view.depth.values = NormalizeDepth(EmbeddedDepth(view, points));
+  }
+  if (what.masks && view.masks.empty()) view.masks = EmbeddedMasks(view);
+}
+
+}  // namespace
+
+absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
+                         absl::FunctionRef<absl::Status(int done, int num_views)> progress) {
+  std::vector<View*> views;
+  for (View& view : capture.views) {
+    if (!view.held_out) views.push_back(&view);
+  }
+  const OneOpenCvThread one_thread;
+  ThreadPool pool(num_threads);
+  const size_t at_once = pool.num_threads();
+  for (size_t first = 0; first < views.size(); first += at_once) {
+    const size_t count = std::min(at_once, views.size() - first);
+    pool.ParallelFor(static_cast<int64_t>(count), [&](int64_t i, int) {
+      EmbedIn(what, capture.points, *views[first + static_cast<size_t>(i)]);
+    });
+    RETURN_IF_ERROR(progress(static_cast<int>(first + count), static_cast<int>(views.size())));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

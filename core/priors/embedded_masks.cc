@@ -1,0 +1,136 @@
+#include "core/priors/embedded_masks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "core/priors/boundary_strength.h"
+#include "core/priors/photo_channels.h"
+#include "core/priors/region_tree.h"
+#include "core/priors/shrunk_photo.h"
+
+namespace pepeseg {
+namespace {
+
+// The view as it is looked at.
+struct Look {
+  Image photo;
+  std::vector<float> depth;  // or empty
+};
+
+Look Shrunk(const View& view, int max_extent) {
+  Look look;
+  look.photo = ShrunkPhoto(view.photo, max_extent);
+  if (HasDepthPrior(view)) {
+    const cv::Mat depth(view.photo.height, view.photo.width, CV_32F,
+                        const_cast<float*>(view.depth.values.data()));
+    cv::Mat to;
+    cv::resize(depth, to, {look.photo.width, look.photo.height}, 0, 0, cv::INTER_NEAREST);
+    look.depth.assign(to.begin<float>(), to.end<float>());
+  }
+  return look;
+}
+
+// Of each leaf, the pixels of the whole view.
+std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree, const Look& look,
+                                              const View& view) {
+  std::vector<std::vector<uint32_t>> pixels(tree.num_leaves);
+  const int width = view.photo.width, height = view.photo.height;
+  for (int y = 0; y < height; ++y) {
+    const int64_t row = int64_t{y} * look.photo.height / height * look.photo.width;
+    for (int x = 0; x < width; ++x) {
+      const size_t pixel = static_cast<size_t>(y) * width + x;
+      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
+      const int32_t leaf = tree.pixel_leaf[row + int64_t{x} * look.photo.width / width];
+      pixels[leaf].push_back(static_cast<uint32_t>(pixel));
+    }
+  }
+  return pixels;
+}
+
+// What most pixels, which stand at no border, are under.
+float WeakStrength(std::vector<float> strength) {
+  constexpr double kShare = 0.75;
+  const auto at =
+      strength.begin() + static_cast<int64_t>(kShare * static_cast<double>(strength.size()));
+  std::nth_element(strength.begin(), at, strength.end());
+  return *at;
+}
+
+RegionTree TreeOf(const Look& look) {
+  const PhotoChannels channels = ChannelsOf(look.photo);
+  std::vector<float> strength = BoundaryStrength(channels);
+  if (!look.depth.empty()) {
+    const std::vector<float> jumps = DepthStrength(look.depth, look.photo.width, look.photo.height);
+    for (size_t i = 0; i < jumps.size(); ++i) strength[i] = std::max(strength[i], 0.5f * jumps[i]);
+  }
+  PixelFeatures pixels{
+      look.photo.width, look.photo.height, strength, WeakStrength(strength), {}, {}};
+  for (const PhotoChannels::Group& group : channels.groups) {
+    for (const cv::Mat& bin : group.bins) {
+      pixels.bins.emplace_back(bin.begin<float>(), bin.end<float>());
+      pixels.bin_weights.push_back(group.weight);
+    }
+  }
+  return BuildRegionTree(pixels);
+}
+
+// A thing's border is clear all around; of two such regions the larger one counts for more.
+double Quality(const RegionTree& tree, int32_t at) {
+  constexpr double kSizeExponent = 0.15;
+  const RegionTree::Node& node = tree.nodes[at];
+  const double share = static_cast<double>(node.area) / static_cast<double>(tree.pixel_leaf.size());
+  return node.parent < 0 ? 0 : (1 - double{node.weak}) * std::pow(share, kSizeExponent);
+}
+
+// Marks what is nearly the same as a region: those that it lies in or that lie in it.
+void TakeAlike(const RegionTree& tree, int32_t node, std::vector<uint8_t>& taken) {
+  constexpr double kSame = 0.8;  // IoU
+  const auto area = [&](int32_t i) { return static_cast<double>(tree.nodes[i].area); };
+  for (int32_t up = node; up >= 0 && area(node) > kSame * area(up); up = tree.nodes[up].parent) {
+    taken[up] = 1;
+  }
+  for (int32_t down = node; down >= tree.num_leaves;) {
+    const int32_t* children = tree.nodes[down].children;
+    down = area(children[0]) > area(children[1]) ? children[0] : children[1];
+    if (area(down) <= kSame * area(node)) break;
+    taken[down] = 1;
+  }
+}
+
+std::vector<int32_t> ChooseRegions(const RegionTree& tree, const EmbeddedMaskOptions& options) {
+  const auto num_pixels = static_cast<double>(tree.pixel_leaf.size());
+  std::vector<std::pair<double, int32_t>> found;
+  for (int32_t i = 0; i < static_cast<int32_t>(tree.nodes.size()); ++i) {
+    const double share = static_cast<double>(tree.nodes[i].area) / num_pixels;
+    if (share < options.min_area || share > options.max_area) continue;
+    found.emplace_back(-Quality(tree, i), i);
+  }
+  std::sort(found.begin(), found.end());
+  std::vector<int32_t> chosen;
+  std::vector<uint8_t> taken(tree.nodes.size());
+  for (const auto& [quality, node] : found) {
+    if (chosen.size() == static_cast<size_t>(options.max_masks)) break;
+    if (taken[node] != 0) continue;
+    chosen.push_back(node);
+    TakeAlike(tree, node, taken);
+  }
+  return chosen;
+}
+
+}  // namespace
+
+MaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options) {
+  const Look look = Shrunk(view, options.max_extent);
+  const RegionTree tree = TreeOf(look);
+  const std::vector<std::vector<uint32_t>> leaves = LeafPixels(tree, look, view);
+  MaskSetBuilder builder(view.photo.width, view.photo.height);
+  for (const int32_t node : ChooseRegions(tree, options)) {
+    builder.Add(PixelsOf(tree, node, leaves));
+  }
+  return std::move(builder).Build();
+}
+
+}  // namespace pepeseg
