@@ -20,6 +20,7 @@ namespace {
 using absl::StatusCode::kInvalidArgument;
 using testing::BytesOf;
 using ::testing::ElementsAre;
+using ::testing::IsNan;
 using testing::NpyDict;
 using testing::NpyOf;
 
