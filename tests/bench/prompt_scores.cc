@@ -1,6 +1,7 @@
 #include "tests/bench/prompt_scores.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,6 +33,11 @@ class EntityScorer {
   absl::Status AddProposals(PromptScores& sum) const {
     ASSIGN_OR_RETURN(const auto proposals,
                      ProposeScales(segmenter_, reference(), {&entity_.click, 1}));
+    const auto start = std::chrono::steady_clock::now();
+    RETURN_IF_ERROR(
+        ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}}, {}).status());
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+    sum.choosing_ms += took.count();
     QueryScore best;
     for (size_t i = 0; i < proposals.size(); ++i) {
       const SegmentResult& result = proposals[i].result;
@@ -146,9 +152,9 @@ absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
     RETURN_IF_ERROR(scorer.AddMaskAndBox(sum));
   }
   const auto count = static_cast<double>(entities.size());
-  for (double* value :
-       {&sum.first_iou, &sum.first_thing_iou, &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou,
-        &sum.box_iou, &sum.selection_iou, &sum.selection_against_masks}) {
+  for (double* value : {&sum.choosing_ms, &sum.first_iou, &sum.first_thing_iou,
+                        &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou, &sum.box_iou,
+                        &sum.selection_iou, &sum.selection_against_masks}) {
     *value /= count;
   }
   return sum;

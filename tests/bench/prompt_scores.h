@@ -22,6 +22,8 @@ struct PromptScores {
   // The selection in 3D that the mask makes, rendered back: against the truth, and against the
   // masks of the same query.
   double selection_iou = 0, selection_against_masks = 0;
+  // What choosing a click's scale and threshold takes, on a view whose feature maps are there.
+  double choosing_ms = 0;
 };
 // levels: the labels of every level of the truth, of the same views; `level`: the entities'.
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,

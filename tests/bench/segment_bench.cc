@@ -194,11 +194,11 @@ absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack, c
                    ScorePrompts(segmenter, levels, level, row.scores.entities));
   std::printf(
       "# %s: chosen %.4f; first proposal %.4f (as whatever level it suits %.4f), best of three "
-      "%.4f, "
-      "of %d %.4f; mask %.4f, box %.4f; selection %.4f, against the masks %.4f\n",
+      "%.4f, of %d %.4f; mask %.4f, box %.4f; selection %.4f, against the masks %.4f; a click's "
+      "scale and threshold take %.2f ms\n",
       row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.first_thing_iou,
       scores.best_of_three_iou, kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou,
-      scores.selection_iou, scores.selection_against_masks);
+      scores.selection_iou, scores.selection_against_masks, scores.choosing_ms);
   return absl::OkStatus();
 }
 
