@@ -88,6 +88,15 @@ void ChoosePoses(DatasetIndex& index) {
   }
 }
 
+// nerfstudio's points stand in the world of its transforms.json, which it has turned.
+void LeaveOutTurnedPoints(DatasetIndex& index) {
+  if (index.pose_format != PoseFormat::kColmap || index.transforms == nullptr) return;
+  if (index.ply_points == nullptr || !index.ply_points->name.ends_with("sparse_pc.ply")) return;
+  index.warnings.push_back(absl::StrCat(index.ply_points->name, " belongs to the poses of ",
+                                        index.transforms->name, " and is left out"));
+  index.ply_points = nullptr;
+}
+
 absl::Status PutModelFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models) {
   const size_t slash = file.name.rfind('/');
   const size_t start = slash == std::string::npos ? 0 : slash + 1;
@@ -153,6 +162,7 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   ChooseModel(models, index);
   ChoosePoses(index);
+  LeaveOutTurnedPoints(index);
   return index;
 }
 

@@ -174,6 +174,23 @@ TEST_F(TransformsJsonTest, ColmapsPosesGoFirst) {
                           "poses_bounds.npy"));
 }
 
+TEST_F(TransformsJsonTest, ItsPointsGoWithItsPoses) {
+  testing::WriteBytes(dataset_.folder / "sparse_pc.ply",
+                      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                      "property float y\nproperty float z\nend_header\n7 8 9\n");
+  ASSERT_OK_AND_ASSIGN(Capture capture,
+                       Import(std::string(kLens) + R"(, "ply_file_path": "sparse_pc.ply")"));
+  ASSERT_EQ(capture.points.size(), 1u);
+  EXPECT_EQ(capture.points[0].position, Eigen::Vector3f(7, 8, 9));
+  EXPECT_THAT(capture.warnings, IsEmpty());
+  dataset_.Write();
+  ASSERT_OK_AND_ASSIGN(capture, Import());
+  EXPECT_EQ(capture.points.size(), 2u);
+  EXPECT_THAT(capture.warnings,
+              ElementsAre(HasSubstr("are used, not those of transforms.json"),
+                          HasSubstr("sparse_pc.ply belongs to the poses of transforms.json")));
+}
+
 TEST_F(TransformsJsonTest, RefusesWhatIsNoList) {
   for (const char* text : {"", "{\"frames\": [", "[]", "{\"frames\": {}}", "{\"frame\": []}",
                            "{\"frames\": [{\"transform_matrix\": [[NaN]]}]}"}) {
