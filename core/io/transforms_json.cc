@@ -38,7 +38,7 @@ class PhotoNames {
   // The photograph's name, or empty. Leading folders of the path are dropped one by one.
   std::string Find(const std::string& path) const {
     for (size_t start = 0; start != std::string::npos;) {
-      const std::string rest = path.substr(start);
+      std::string rest = path.substr(start);
       if (photos_.contains(rest)) return rest;
       for (const std::string& stem : {rest, std::string(WithoutSuffix(rest))}) {
         const auto found = by_stem_.find(stem);

@@ -157,7 +157,7 @@ absl::Status InputStages::MakePriorsByCommand(PriorWants asked) {
         "masks or depth are to be made by a priors command, and this server has none any more: its "
         "operator sets it by pepesegd --priors-command");
   }
-  const absl::Status status = TakeFromCommand(wants);
+  absl::Status status = TakeFromCommand(wants);
   if (status.ok() || required || absl::IsCancelled(status)) return status;
   stages_.Warn(std::string(status.message()));
   return absl::OkStatus();

@@ -161,7 +161,7 @@ absl::Status CommandRun::RunProgram(StageLog& stages) {
 absl::Status CommandRun::Run(StageLog& stages) {
   if (const auto kept = Kept()) return *kept;
   RETURN_IF_ERROR(MakeFolder(folder_));
-  const absl::Status status = RunProgram(stages);
+  absl::Status status = RunProgram(stages);
   if (absl::IsCancelled(status)) return status;
   RETURN_IF_ERROR(
       WriteFileAtomically(outcome(), status.ok() ? kSucceeded : std::string(status.message())));

@@ -18,6 +18,7 @@ std::string MatrixText(const FrameRecord& frame) {
                                  Eigen::Vector3d(1, -1, -1).asDiagonal();
   matrix.topRightCorner<3, 1>() = world_from_cam.translation;
   std::vector<std::string> rows;
+  rows.reserve(4);
   for (int row = 0; row < 4; ++row) {
     rows.push_back(absl::StrFormat("[%.17g, %.17g, %.17g, %.17g]", matrix(row, 0), matrix(row, 1),
                                    matrix(row, 2), matrix(row, 3)));
@@ -29,6 +30,7 @@ std::string MatrixText(const FrameRecord& frame) {
 
 std::string TransformsJson(const std::string& fields, const std::vector<FrameRecord>& frames) {
   std::vector<std::string> texts;
+  texts.reserve(frames.size());
   for (const FrameRecord& frame : frames) {
     texts.push_back(absl::StrCat("{\"file_path\": \"", frame.file_path, "\"", frame.more_fields,
                                  ", \"transform_matrix\": ", MatrixText(frame), "}"));
