@@ -10,6 +10,7 @@
 
 // Each option once, for both directions; its name is the same on both sides.
 #define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
+#define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
 // (clang-format does not settle on a layout of lists this long.)
 // clang-format off
 #define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
@@ -84,6 +85,9 @@ constexpr double kMaxNormError = 1e-3;
 void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
   PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
 }
+void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
+  PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
+}
 void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
   PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
 }
@@ -92,6 +96,9 @@ void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
 }
 void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
   PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
+}
+void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
+  PEPESEG_PRIOR_FIELDS(PEPESEG_SET)
 }
 void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
   PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
@@ -165,6 +172,7 @@ absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::s
 
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
   OverlayImport(proto.import(), &settings->import);
+  OverlayPriors(proto.priors(), &settings->priors);
   OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
   OverlayFeatures(proto.features(), &settings->features);
 }
@@ -173,6 +181,7 @@ absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOpt
   TrainingSettings settings;
   Overlay(proto, &settings);
   RETURN_IF_ERROR(Below("import", Validate(settings.import)));
+  RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
   RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
   RETURN_IF_ERROR(Below("features", Validate(settings.features)));
   return settings;
@@ -181,6 +190,7 @@ absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOpt
 v1::TrainingOptions ToProto(const TrainingSettings& settings) {
   v1::TrainingOptions proto;
   SetImport(settings.import, proto.mutable_import());
+  SetPriors(settings.priors, proto.mutable_priors());
   SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
   SetFeatures(settings.features, proto.mutable_features());
   return proto;

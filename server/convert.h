@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/features/train_features.h"
 #include "core/io/import.h"
+#include "core/priors/prior_options.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/model.h"
@@ -22,6 +23,7 @@ namespace pepeseg {
 // The options of every stage of a training.
 struct TrainingSettings {
   ImportOptions import;
+  PriorOptions priors;
   ReconstructOptions reconstruct;
   FeatureOptions features;
 };

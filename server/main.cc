@@ -45,6 +45,14 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--lpips-weights", server.lpips_weights,
                  "ONNX file of LPIPS, exported as README.md says: held-out views are scored by it")
       ->type_name("FILE");
+  app.add_option(
+         "--priors-command", server.priors_command,
+         "Program that makes masks and depth maps for datasets that have none, as README.md "
+         "says; a name without '/' is looked for in PATH")
+      ->type_name("PROGRAM");
+  app.add_option("--priors-seconds", server.priors_seconds, "Its time limit for one job")
+      ->check(CLI::Range(1, 7 * 24 * 3600))
+      ->capture_default_str();
   app.add_option("--threads", server.num_threads,
                  "Threads of a job on the CPU; 0: as many as there are cores")
       ->check(CLI::Range(0, 1024))

@@ -46,10 +46,12 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
     return v1::FILE_KIND_IMAGE;
   }
   if (in("sparse/")) return ColmapKind(name);
+  if (name == "transforms.json" || name == "poses_bounds.npy") return v1::FILE_KIND_POSES;
   if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
   if (name == "ignore_mask.png") return v1::FILE_KIND_IGNORE_MASK;
   if (in("ignore/") && EndsIn(name, {".png"})) return v1::FILE_KIND_IGNORE_MASK;
-  if (name == "points.ply") return v1::FILE_KIND_POINTS;
+  // The second is nerfstudio's.
+  if (name == "points.ply" || name == "sparse_pc.ply") return v1::FILE_KIND_POINTS;
   if (name == "gaussians.ply") return v1::FILE_KIND_GAUSSIANS;
   const bool map = EndsIn(name, {".png", ".npy", ".pfm"});
   if (in("depth/") && map) return in_depth;
@@ -87,8 +89,10 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
         absl::StrCat(folder.string(), ": no photographs (images/*.jpg, .jpeg, .png or .webp)"));
   }
   if (!Has(result, v1::FILE_KIND_POSES)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        folder.string(), ": no poses (COLMAP's sparse/0/cameras and images, .bin or .txt)"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(folder.string(),
+                     ": no poses (COLMAP's sparse/0/cameras and images, .bin or .txt, "
+                     "transforms.json or poses_bounds.npy)"));
   }
   return result;
 }

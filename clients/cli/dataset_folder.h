@@ -14,9 +14,10 @@ namespace pepeseg::cli {
 // The kind of a file by its name relative to the dataset's folder; none: no part of a dataset.
 //   images/...                          photographs (.jpg .jpeg .png .webp), also in subfolders
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
+//   transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, or of LLFF
 //   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
 //   ignore_mask.png, ignore/STEM.png    pixels to leave out, of all views or of one
-//   points.ply                          points to start from in place of COLMAP's
+//   points.ply, sparse_pc.ply           points to start from in place of COLMAP's
 //   gaussians.ply                       3DGS's layout: taken in place of a reconstruction
 //   depth/STEM.png|npy|pfm              far is large; or what `in_depth` says: DEPTH or DISPARITY
 //   disparity/STEM.png|npy|pfm          near is large

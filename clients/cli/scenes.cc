@@ -6,6 +6,7 @@
 #include "clients/cli/all_pages.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/model_sources.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
 
@@ -61,6 +62,7 @@ absl::Status DescribeScene(const Shell& shell, const Connection& connection,
   }
   Print(absl::StrFormat("  %d Gaussians, %.1f MB", model.num_gaussians(),
                         static_cast<double>(model.num_bytes()) * 1e-6));
+  if (model.sources_size() > 0) Print("  trained on: " + SourcesText(model));
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }

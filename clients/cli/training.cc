@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/all_pages.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/model_sources.h"
 #include "clients/cli/option_setting.h"
 #include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
@@ -45,6 +46,7 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
     return absl::OkStatus();
   }
   Print(absl::StrCat("trained: ", ended.model()));
+  RETURN_IF_ERROR(PrintSources(connection, ended.model()));
   return PrintScores(connection, ended.model());
 }
 

@@ -174,9 +174,11 @@ void AddUpload(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<UploadFlags>();
   CLI::App* verb = app.add_subcommand("upload", "Bring a folder of photographs, poses and masks");
   verb->add_option("SCENE", flags->scene, "Id of the scene; made when it is not there")->required();
-  verb->add_option("FOLDER", flags->folder,
-                   "images/, sparse/0/ (COLMAP) and, if there: masks/, ignore_mask.png, ignore/, "
-                   "depth/, disparity/, points.ply, gaussians.ply (taken in place of stage one)")
+  verb->add_option(
+          "FOLDER", flags->folder,
+          "images/, sparse/0/ (COLMAP), transforms.json or poses_bounds.npy and, if there: "
+          "masks/, ignore_mask.png, ignore/, depth/, disparity/, points.ply, "
+          "gaussians.ply (taken in place of stage one)")
       ->required();
   verb->add_option("--depth-kind", flags->depth_kind,
                    "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "

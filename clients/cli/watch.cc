@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/model_sources.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
@@ -115,6 +116,7 @@ absl::Status RunWatch(const Shell& shell, const WatchFlags& flags) {
   RETURN_IF_ERROR(job.status());
   if (shell.json) return absl::OkStatus();
   Print(absl::StrCat(job->name(), " succeeded: ", job->model()));
+  RETURN_IF_ERROR(PrintSources(connection, job->model()));
   return PrintScores(connection, job->model());
 }
 

@@ -69,10 +69,48 @@ void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex&
   }
 }
 
+// The one that is used; a warning names the others.
+void ChoosePoses(DatasetIndex& index) {
+  const std::pair<PoseFormat, const DatasetFile*> formats[] = {
+      {PoseFormat::kColmap, index.images},
+      {PoseFormat::kTransformsJson, index.transforms},
+      {PoseFormat::kPosesBounds, index.poses_bounds}};
+  const DatasetFile* used = nullptr;
+  for (const auto& [format, file] : formats) {
+    if (file == nullptr) continue;
+    if (used == nullptr) {
+      used = file;
+      index.pose_format = format;
+    } else {
+      index.warnings.push_back(
+          absl::StrCat("the poses of ", used->name, " are used, not those of ", file->name));
+    }
+  }
+}
+
+// nerfstudio's points stand in the world of its transforms.json, which it has turned.
+void LeaveOutTurnedPoints(DatasetIndex& index) {
+  if (index.pose_format != PoseFormat::kColmap || index.transforms == nullptr) return;
+  if (index.ply_points == nullptr || !index.ply_points->name.ends_with("sparse_pc.ply")) return;
+  index.warnings.push_back(absl::StrCat(index.ply_points->name, " belongs to the poses of ",
+                                        index.transforms->name, " and is left out"));
+  index.ply_points = nullptr;
+}
+
 absl::Status PutModelFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models) {
   const size_t slash = file.name.rfind('/');
   const size_t start = slash == std::string::npos ? 0 : slash + 1;
   return Put(file, file.name.substr(start), "files ", models[file.name.substr(0, start)].files);
+}
+
+absl::Status PutPoses(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
+                      DatasetIndex& index) {
+  const std::string suffix = Suffix(file.name);
+  if (suffix != ".json" && suffix != ".npy") return PutModelFile(file, models);
+  const DatasetFile*& place = suffix == ".json" ? index.transforms : index.poses_bounds;
+  if (place != nullptr) return TwoFor("files of poses", *place, file);
+  place = &file;
+  return absl::OkStatus();
 }
 
 absl::Status PutPoints(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
@@ -96,7 +134,7 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
     case FileKind::kIgnoreMask:
       return PutIgnoreMask(file, index);
     case FileKind::kPoses:
-      return PutModelFile(file, models);
+      return PutPoses(file, models, index);
     case FileKind::kPoints:
       return PutPoints(file, models, index);
     case FileKind::kGaussians:
@@ -123,6 +161,8 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   }
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   ChooseModel(models, index);
+  ChoosePoses(index);
+  LeaveOutTurnedPoints(index);
   return index;
 }
 

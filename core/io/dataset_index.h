@@ -11,6 +11,9 @@
 
 namespace pepeseg {
 
+// Where poses come from, in the order in which they are taken where there are several.
+enum class PoseFormat { kNone, kColmap, kTransformsJson, kPosesBounds };
+
 // The files of a dataset by what they belong to. Borrows the files.
 struct DatasetIndex {
   // By name below images/: "cam0/0001.jpg". As COLMAP's names, which may have "images/" or not.
@@ -24,6 +27,9 @@ struct DatasetIndex {
   const DatasetFile* cameras = nullptr;
   const DatasetFile* images = nullptr;
   const DatasetFile* colmap_points = nullptr;
+  const DatasetFile* transforms = nullptr;    // of nerfstudio or instant-ngp
+  const DatasetFile* poses_bounds = nullptr;  // of LLFF
+  PoseFormat pose_format = PoseFormat::kNone;
   const DatasetFile* ply_points = nullptr;
   const DatasetFile* gaussians = nullptr;
   std::vector<std::string> warnings;

@@ -92,6 +92,15 @@ absl::Status Encode(const Gaussians& gaussians,
   return absl::OkStatus();
 }
 
+// 3DGS's layout is binary.
+absl::StatusOr<PlyVertices> OpenGaussians(const std::filesystem::path& path,
+                                          const std::string& name) {
+  ASSIGN_OR_RETURN(PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
+  if (!vertices.is_text) return vertices;
+  return absl::InvalidArgumentError(
+      absl::StrCat(name, ": its format is ascii, that of Gaussians is binary_little_endian"));
+}
+
 }  // namespace
 
 absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians) {
@@ -116,7 +125,7 @@ std::string EncodeGaussianPly(const Gaussians& gaussians) {
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name) {
-  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenGaussians(path, name));
   ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
   std::vector<int> properties;
   const std::vector<Field> fields = FieldsOf(sh_degree);
@@ -139,7 +148,7 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
 
 absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,
                                                       const std::string& name) {
-  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenGaussians(path, name));
   ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
   return GaussianPlyShape{vertices.count, sh_degree};
 }

@@ -14,6 +14,7 @@
 #include "core/io/depth_files.h"
 #include "core/io/file_name.h"
 #include "core/io/mask_files.h"
+#include "core/io/photo_poses.h"
 #include "core/io/ply_points.h"
 #include "core/io/view_warp.h"
 #include "core/scene/normalize_depth.h"
@@ -37,25 +38,24 @@ std::string LeftOut(const std::vector<std::string>& names, absl::string_view wha
 struct Match {
   std::string key;
   const DatasetFile* photo = nullptr;
-  ColmapImage image;
+  PhotoPose pose;
 };
 
-absl::StatusOr<std::vector<Match>> MatchPoses(const std::vector<ColmapImage>& images,
-                                              DatasetIndex& index) {
+absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIndex& index) {
   std::vector<Match> matches;
   std::vector<std::string> without_photo;
   std::set<std::string> posed;
-  for (const ColmapImage& image : images) {
-    std::string key = PhotoKey(image.name);
+  for (const PhotoPose& pose : poses.photos) {
+    std::string key = PhotoKey(pose.name);
     if (!posed.insert(key).second) {
       return absl::InvalidArgumentError(
-          absl::StrCat(index.images->name, ": two poses for the photograph ", key));
+          absl::StrCat(poses.file, ": two poses for the photograph ", key));
     }
     const auto photo = index.photos.find(key);
     if (photo == index.photos.end()) {
-      without_photo.push_back(image.name);
+      without_photo.push_back(pose.name);
     } else {
-      matches.push_back({std::move(key), photo->second, image});
+      matches.push_back({std::move(key), photo->second, pose});
     }
   }
   std::vector<std::string> without_pose;
@@ -105,8 +105,8 @@ absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::st
   const double expected_width = static_cast<double>(photo.height) * lens.width / lens.height;
   if (std::abs(photo.height - expected_height) > 1 && std::abs(photo.width - expected_width) > 1) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": ", photo.width, "x", photo.height,
-                                                   " pixels, its COLMAP camera has ", lens.width,
-                                                   "x", lens.height));
+                                                   " pixels, its camera has ", lens.width, "x",
+                                                   lens.height));
   }
   return Resized(lens, photo.width, photo.height);
 }
@@ -114,26 +114,26 @@ absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::st
 // Makes the views, one after the other.
 class ViewReader {
  public:
-  ViewReader(const DatasetIndex& index, const ColmapCameras& cameras, double image_scale)
-      : index_(index), cameras_(cameras), image_scale_(image_scale) {}
+  ViewReader(const DatasetIndex& index, const PhotoPoses& poses, double image_scale)
+      : index_(index), poses_(poses), image_scale_(image_scale) {}
 
   absl::StatusOr<View> Read(const Match& match) {
     const std::string& name = match.photo->name;
-    const auto camera = cameras_.by_id.find(match.image.camera_id);
-    if (camera == cameras_.by_id.end()) {
+    const auto camera = poses_.lenses.find(match.pose.camera_id);
+    if (camera == poses_.lenses.end()) {
       return absl::InvalidArgumentError(
-          absl::StrCat(index_.images->name, ": image ", match.image.name, " has the camera ",
-                       match.image.camera_id, ", which ", index_.cameras->name, " does not list"));
+          absl::StrCat(poses_.file, ": image ", match.pose.name, " has the camera ",
+                       match.pose.camera_id, ", which ", poses_.camera_file, " does not list"));
     }
     std::vector<uint8_t> transparent;
     ASSIGN_OR_RETURN(const Image photo, DecodePhoto(match.photo->path, name, &transparent));
     ASSIGN_OR_RETURN(const Lens lens, FitLens(camera->second, photo, name));
     num_resized_ += lens.width != camera->second.width ? 1 : 0;
-    RETURN_IF_ERROR(PrepareWarp(match.image.camera_id, lens));
+    RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, lens));
     View view;
     view.name = match.key;
     view.camera = warp_->camera();
-    view.cam_from_world = match.image.cam_from_world;
+    view.cam_from_world = match.pose.cam_from_world;
     view.photo = warp_->Photo(photo);
     if (!transparent.empty()) view.ignore = warp_->Ignore(transparent);
     RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
@@ -154,8 +154,8 @@ class ViewReader {
     }
     absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale_);
     if (!warp.ok()) {
-      return absl::InvalidArgumentError(absl::StrCat(index_.cameras->name, ": camera ", camera_id,
-                                                     ": ", warp.status().message()));
+      return absl::InvalidArgumentError(
+          absl::StrCat(poses_.camera_file, ": camera ", camera_id, ": ", warp.status().message()));
     }
     warp_ = std::move(warp).value();
     warp_camera_ = camera_id;
@@ -201,7 +201,7 @@ class ViewReader {
   }
 
   const DatasetIndex& index_;
-  const ColmapCameras& cameras_;
+  const PhotoPoses& poses_;
   double image_scale_;
   int num_resized_ = 0;
   std::vector<std::string> without_depth_;
@@ -210,7 +210,7 @@ class ViewReader {
   Lens warp_lens_;
 };
 
-// A point cloud that was given as such goes before COLMAP's.
+// A point cloud that was given as such goes before COLMAP's, which goes with COLMAP's poses.
 absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index) {
   if (index.ply_points != nullptr) {
     return ReadPlyPoints(index.ply_points->path, index.ply_points->name);
@@ -239,26 +239,20 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
-  if (index.cameras == nullptr) {
-    return absl::InvalidArgumentError(
-        "no COLMAP poses among the files: cameras and images, .bin or .txt, in one folder");
-  }
-  ASSIGN_OR_RETURN(const ColmapCameras cameras,
-                   ReadColmapCameras(index.cameras->path, index.cameras->name));
-  ASSIGN_OR_RETURN(const std::vector<ColmapImage> images,
-                   ReadColmapImages(index.images->path, index.images->name));
-  ASSIGN_OR_RETURN(const std::vector<Match> matches, MatchPoses(images, index));
+  ASSIGN_OR_RETURN(const PhotoPoses poses, ReadPhotoPoses(index));
+  for (const std::string& warning : poses.warnings) index.warnings.push_back(warning);
+  ASSIGN_OR_RETURN(const std::vector<Match> matches, MatchPoses(poses, index));
   if (matches.size() < 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
-                     index.images->name, " (", images.size(), " poses); at least 2 are needed"));
+                     poses.file, " (", poses.photos.size(), " poses); at least 2 are needed"));
   }
   RETURN_IF_ERROR(CheckCompanions(matches, index.masks, "mask files", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(matches, index.ignore, "ignore masks", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(matches, index.depth, "depth maps", index.warnings));
   Capture capture;
   ASSIGN_OR_RETURN(capture.points, ReadPoints(index));
-  ViewReader reader(index, cameras, options.image_scale);
+  ViewReader reader(index, poses, options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));
     view.held_out = options.held_out_every > 0 &&
@@ -272,7 +266,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   }
   if (reader.num_resized() > 0) {
     capture.warnings.push_back(absl::StrCat(
-        reader.num_resized(), " photographs have another size than their COLMAP cameras, which ",
+        reader.num_resized(), " photographs have another size than their cameras, which ",
         "were scaled to fit"));
   }
   return capture;

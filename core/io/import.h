@@ -24,9 +24,11 @@ struct DatasetFile {
 // The files of a folder laid out as users bring it, sorted by name; others are left out.
 //   images/...                     photographs: JPEG, PNG or WebP, also in subfolders
 //   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
+//   transforms.json                poses of nerfstudio or instant-ngp (transforms_json.h)
+//   poses_bounds.npy               poses of LLFF (poses_bounds.h)
 //   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
-//   points.ply                     points to start from in place of COLMAP's
+//   points.ply, sparse_pc.ply      points to start from in place of COLMAP's
 //   gaussians.ply                  Gaussians to take in place of stage one's (gaussian_ply.h)
 //   depth/STEM.png|npy|pfm         depth: far is large, 0 = unknown
 //   disparity/STEM.png|npy|pfm     disparity: near is large

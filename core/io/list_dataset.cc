@@ -32,13 +32,15 @@ std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" || suffix == ".webp";
   if (IsUnder(name, "images") && photo) return FileKind::kImage;
   if (IsColmapFile(name)) return FileKind::kPoses;
+  if (name == "transforms.json" || name == "poses_bounds.npy") return FileKind::kPoses;
   if (IsUnder(name, "masks") && (suffix == ".json" || suffix == ".png")) return FileKind::kMask;
   if (name == "ignore_mask.png") return FileKind::kIgnoreMask;
   if (IsUnder(name, "ignore") && suffix == ".png") return FileKind::kIgnoreMask;
   const bool map = suffix == ".png" || suffix == ".npy" || suffix == ".pfm";
   if (IsUnder(name, "depth") && map) return in_depth;
   if (IsUnder(name, "disparity") && map) return FileKind::kDisparity;
-  if (name == "points.ply") return FileKind::kPoints;
+  // The second is nerfstudio's.
+  if (name == "points.ply" || name == "sparse_pc.ply") return FileKind::kPoints;
   if (name == "gaussians.ply") return FileKind::kGaussians;
   return std::nullopt;
 }

@@ -76,40 +76,46 @@ absl::Status CheckShape(absl::string_view name, const Shape& shape) {
   return absl::OkStatus();
 }
 
-template <class T>
-float Decode(T value) {
-  return static_cast<float>(value);
+template <class Value, class T>
+Value Decode(T value) {
+  return static_cast<Value>(value);
 }
 
 // Half precision has no type of its own here: its bits come as Half.
 struct Half {
   uint16_t bits;
 };
-float Decode(Half value) { return FloatFromHalf(value.bits); }
+template <class Value>
+Value Decode(Half value) {
+  return FloatFromHalf(value.bits);
+}
 
-template <class T>
-bool TakeValues(ByteReader& reader, size_t count, std::vector<float>& values) {
+template <class T, class Value>
+bool TakeValues(ByteReader& reader, size_t count, std::vector<Value>& values) {
   if (reader.remaining() / sizeof(T) < count) return false;
   values.reserve(count);
-  for (size_t i = 0; i < count; ++i) values.push_back(Decode(reader.Take<T>()));
+  for (size_t i = 0; i < count; ++i) values.push_back(Decode<Value>(reader.Take<T>()));
   return true;
 }
 
 // Nothing: another type.
-std::optional<bool> TakeArray(absl::string_view type, ByteReader& reader, FloatImage& image) {
-  const size_t count = static_cast<size_t>(image.width) * image.height;
-  if (type == "'<f2'") return TakeValues<Half>(reader, count, image.values);
-  if (type == "'<f4'") return TakeValues<float>(reader, count, image.values);
-  if (type == "'<f8'") return TakeValues<double>(reader, count, image.values);
-  if (type == "'|u1'") return TakeValues<uint8_t>(reader, count, image.values);
-  if (type == "'<u2'") return TakeValues<uint16_t>(reader, count, image.values);
-  if (type == "'<u4'") return TakeValues<uint32_t>(reader, count, image.values);
+template <class Value>
+std::optional<bool> TakeArray(absl::string_view type, const Shape& shape, ByteReader& reader,
+                              std::vector<Value>& values) {
+  const size_t count = shape.width * shape.height;
+  if (type == "'<f2'") return TakeValues<Half>(reader, count, values);
+  if (type == "'<f4'") return TakeValues<float>(reader, count, values);
+  if (type == "'<f8'") return TakeValues<double>(reader, count, values);
+  if (type == "'|u1'") return TakeValues<uint8_t>(reader, count, values);
+  if (type == "'<u2'") return TakeValues<uint16_t>(reader, count, values);
+  if (type == "'<u4'") return TakeValues<uint32_t>(reader, count, values);
   return std::nullopt;
 }
 
-}  // namespace
-
-absl::StatusOr<FloatImage> ParseNpy(absl::string_view name, absl::string_view bytes) {
+// The array's values, and its shape.
+template <class Value>
+absl::StatusOr<Shape> ParseArray(absl::string_view name, absl::string_view bytes,
+                                 std::vector<Value>& values) {
   if (!absl::StartsWith(bytes, kMagic)) return Refused(name, "not an NPY file");
   ByteReader reader(bytes);
   const auto header = TakeHeader(bytes, reader);
@@ -122,14 +128,31 @@ absl::StatusOr<FloatImage> ParseNpy(absl::string_view name, absl::string_view by
   if (!shape) return Refused(name, "the array must have the shape (height, width)");
   if (*order != "False") return Refused(name, "the array must be in C order");
   RETURN_IF_ERROR(CheckShape(name, *shape));
-  FloatImage image{static_cast<int>(shape->width), static_cast<int>(shape->height), {}};
-  const std::optional<bool> whole = TakeArray(*type, reader, image);
+  const std::optional<bool> whole = TakeArray(*type, *shape, reader, values);
   if (!whole) return Refused(name, "the array must be of <f2, <f4, <f8, |u1, <u2 or <u4");
   if (!*whole) {
-    return Refused(name, absl::StrCat("cut short: too few bytes for ", image.width, "x",
-                                      image.height, " values"));
+    return Refused(name, absl::StrCat("cut short: too few bytes for ", shape->width, "x",
+                                      shape->height, " values"));
   }
+  return *shape;
+}
+
+}  // namespace
+
+absl::StatusOr<FloatImage> ParseNpy(absl::string_view name, absl::string_view bytes) {
+  FloatImage image;
+  ASSIGN_OR_RETURN(const Shape shape, ParseArray(name, bytes, image.values));
+  image.width = static_cast<int>(shape.width);
+  image.height = static_cast<int>(shape.height);
   return image;
+}
+
+absl::StatusOr<NpyTable> ParseNpyTable(absl::string_view name, absl::string_view bytes) {
+  NpyTable table;
+  ASSIGN_OR_RETURN(const Shape shape, ParseArray(name, bytes, table.values));
+  table.num_columns = static_cast<int>(shape.width);
+  table.num_rows = static_cast<int>(shape.height);
+  return table;
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
@@ -13,5 +13,13 @@ namespace pepeseg {
 // float's range become infinite. INVALID_ARGUMENT with `name`: another file, type,
 // order or shape; over kMaxImagePixels; fewer bytes than the shape needs.
 absl::StatusOr<FloatImage> ParseNpy(absl::string_view name, absl::string_view bytes);
+
+// A table of numbers in the same format, in the precision that the file has.
+struct NpyTable {
+  int num_rows = 0, num_columns = 0;
+  std::vector<double> values;  // [num_rows, num_columns]
+};
+// Of the same types, with the same errors and limits.
+absl::StatusOr<NpyTable> ParseNpyTable(absl::string_view name, absl::string_view bytes);
 
 }  // namespace pepeseg

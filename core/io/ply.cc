@@ -19,6 +19,7 @@ namespace {
 
 constexpr int64_t kMaxHeaderBytes = 64 << 10;
 constexpr size_t kMaxProperties = 512;
+constexpr size_t kMaxLineBytes = 16 << 10;
 
 struct TypeName {
   const char* name;
@@ -120,8 +121,9 @@ class HeaderParser {
  private:
   std::string TakeFormat(const Words& words) {
     has_format_ = true;
-    if (words.size() == 3 && words[1] == "binary_little_endian") return "";
-    return "its format is not binary_little_endian, the only one that is read";
+    vertices_.is_text = words.size() == 3 && words[1] == "ascii";
+    if (vertices_.is_text || (words.size() == 3 && words[1] == "binary_little_endian")) return "";
+    return "its format is neither binary_little_endian nor ascii, which are those that are read";
   }
 
   std::string TakeElement(const Words& words) {
@@ -165,6 +167,40 @@ absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   return wrong.empty() ? absl::OkStatus() : Refused(vertices.name, wrong);
 }
 
+// Of a vertex: in text, a digit and what ends it for each property; the last may have no end.
+int64_t LeastBytes(const PlyVertices& vertices) {
+  return vertices.is_text ? 2 * static_cast<int64_t>(vertices.properties.size()) : vertices.stride;
+}
+
+absl::Status NotFinite(const PlyVertices& vertices, int64_t vertex, const PlyProperty& property) {
+  return Refused(vertices.name,
+                 absl::StrCat("vertex ", vertex, ": ", property.name, " is not finite"));
+}
+
+absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
+  std::ifstream file(vertices.path, std::ios::binary);
+  file.seekg(vertices.data_offset);
+  std::array<char, kMaxLineBytes> line{};
+  for (int64_t row = 0; row < vertices.count; ++row) {
+    file.getline(line.data(), line.size());
+    const auto no_vertex = [&] {
+      return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is no ",
+                                                 vertices.properties.size(), " numbers"));
+    };
+    if (!file) return no_vertex();
+    const Words words = absl::StrSplit(absl::StripAsciiWhitespace(line.data()),
+                                       absl::ByAnyChar(" \t"), absl::SkipEmpty());
+    if (words.size() != vertices.properties.size()) return no_vertex();
+    for (const PlyColumn& column : columns) {
+      float& value = column.values[row];
+      if (!absl::SimpleAtof(words[column.property], &value)) return no_vertex();
+      const PlyProperty& property = vertices.properties[column.property];
+      if (!std::isfinite(value)) return NotFinite(vertices, row, property);
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 int PlyVertices::Find(absl::string_view property) const {
@@ -194,15 +230,17 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
     return Refused(
         name, absl::StrCat("declares ", vertices.count, " vertices, the limit is ", max_vertices));
   }
-  if (vertices.count > (size - vertices.data_offset) / vertices.stride) {
-    return Refused(name, absl::StrCat("declares ", vertices.count, " vertices of ", vertices.stride,
-                                      " bytes, but only ", size - vertices.data_offset,
-                                      " bytes follow its header"));
+  const int64_t least = LeastBytes(vertices);
+  if (vertices.count > (size - vertices.data_offset + (vertices.is_text ? 1 : 0)) / least) {
+    return Refused(
+        name, absl::StrCat("declares ", vertices.count, " vertices of ", least, " bytes, but only ",
+                           size - vertices.data_offset, " bytes follow its header"));
   }
   return vertices;
 }
 
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
+  if (vertices.is_text) return ReadTextColumns(vertices, columns);
   constexpr int64_t kBlockRows = 4096;
   std::ifstream file(vertices.path, std::ios::binary);
   file.seekg(vertices.data_offset);
@@ -217,8 +255,7 @@ absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn>
         const float value =
             LoadAs(property.type, block.data() + row * vertices.stride + property.offset);
         if (!std::isfinite(value)) {
-          return Refused(vertices.name, absl::StrCat("vertex ", first + row, ": ", property.name,
-                                                     " is not finite"));
+          return NotFinite(vertices, first + row, property);
         }
         column.values[first + row] = value;
       }

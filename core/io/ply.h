@@ -20,12 +20,14 @@ struct PlyProperty {
   int offset = 0;  // bytes from the start of a vertex
 };
 
-// The vertices of a binary little-endian PLY file; what follows them is not looked at.
+// The vertices of a binary little-endian PLY file, or of one in ASCII; what follows them is not
+// looked at.
 struct PlyVertices {
   std::filesystem::path path;
   std::string name;  // for errors
   int64_t count = 0;
-  int stride = 0;           // bytes of a vertex
+  bool is_text = false;     // ASCII: a line for each vertex
+  int stride = 0;           // bytes of a vertex, in binary
   int64_t data_offset = 0;  // of the first vertex in the file
   std::vector<PlyProperty> properties;
 
@@ -43,7 +45,8 @@ struct PlyColumn {
   int property = 0;
   std::span<float> values;  // [count], written
 };
-// INVALID_ARGUMENT names the vertex and the property of the first value that is not finite.
+// INVALID_ARGUMENT names the vertex and the property of the first value that is not finite, or the
+// first line that is no vertex.
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns);
 
 }  // namespace pepeseg

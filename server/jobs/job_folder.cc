@@ -65,6 +65,7 @@ JobResult DecodeResult(const Json& json) {
   result.metrics = json.at("metrics").get<std::map<std::string, double>>();
   result.num_gaussians = json.at("num_gaussians").get<int64_t>();
   result.num_bytes = json.at("num_bytes").get<int64_t>();
+  result.sources = json.at("sources").get<std::map<std::string, std::string>>();
   return result;
 }
 
@@ -86,6 +87,10 @@ std::filesystem::path ResultPath(const std::filesystem::path& folder, int64_t fe
 
 std::string MetricsToJson(const std::map<std::string, double>& metrics) {
   return FiniteMetrics(metrics).dump();
+}
+
+std::string SourcesToJson(const std::map<std::string, std::string>& sources) {
+  return Json(sources).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::filesystem::path JobFolder::attempt(int64_t fence) const {
@@ -137,7 +142,8 @@ absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) cons
                      {"message", std::string(result.status.message())},
                      {"metrics", FiniteMetrics(result.metrics)},
                      {"num_gaussians", result.num_gaussians},
-                     {"num_bytes", result.num_bytes}};
+                     {"num_bytes", result.num_bytes},
+                     {"sources", result.sources}};
   return WriteFileAtomically(ResultPath(path_, fence), Dump(json));
 }
 

@@ -16,6 +16,7 @@
 //   worker.log           the worker's standard output and error
 //   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result;
 //                        checkpoints/: its state on the way there
+//   priors/              the priors command's files, and how it ended (worker_priors_command.h)
 //   result-FENCE.json    worker -> server: how it ended
 namespace pepeseg {
 
@@ -44,6 +45,8 @@ struct JobResult {
   std::map<std::string, double> metrics;
   int64_t num_gaussians = 0;
   int64_t num_bytes = 0;  // of the model's files
+  // Where "poses", "masks" and "depth" came from, as Model.sources of the contract says it.
+  std::map<std::string, std::string> sources;
 };
 
 // How the worker program ends. kFailed and kCancelled come with a result, unless it could not be
@@ -52,6 +55,8 @@ enum class WorkerExit { kSucceeded = 0, kFailed = 1, kBadSpec = 2, kCancelled = 
 
 // Numbers a JSON reader cannot know, as NaN, are left out of the metrics.
 std::string MetricsToJson(const std::map<std::string, double>& metrics);
+// Bytes that are no UTF-8 are replaced.
+std::string SourcesToJson(const std::map<std::string, std::string>& sources);
 
 // The paths of a job's files.
 class JobFolder {
@@ -64,6 +69,8 @@ class JobFolder {
   std::filesystem::path attempt(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
   std::filesystem::path checkpoints(int64_t fence) const;
+  // What the priors command was given and made; of all attempts.
+  std::filesystem::path priors() const { return path_ / "priors"; }
 
   absl::Status WriteSpec(const JobSpec& spec) const;
   absl::StatusOr<JobSpec> ReadSpec() const;

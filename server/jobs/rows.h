@@ -77,6 +77,7 @@ struct ModelRow {
   std::string device;   // JobRow's, of the attempt that made it
   std::string folder;   // below the data directory: for core/io/model_file.h
   std::string metrics;  // JSON object of numbers: Model::metrics
+  std::string sources;  // JSON object of texts: JobResult::sources; empty in old rows
   int64_t num_gaussians = 0;
   int64_t num_bytes = 0;  // on disk
   absl::Time create_time;

@@ -64,6 +64,10 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   if (const std::filesystem::path& weights = context.options.lpips_weights; !weights.empty()) {
     arguments.push_back(absl::StrCat("--lpips-weights=", weights.string()));
   }
+  if (const std::filesystem::path& command = context.options.priors_command; !command.empty()) {
+    arguments.push_back(absl::StrCat("--priors-command=", command.string()));
+    arguments.push_back(absl::StrCat("--priors-seconds=", context.options.priors_seconds));
+  }
   ASSIGN_OR_RETURN(running->process_,
                    WorkerProcess::Launch({context.options.worker, arguments, folder.worker_log()}));
   spdlog::info("jobs/{}: attempt {} runs as process {}", job.id, job.fence,
@@ -147,6 +151,7 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   model.folder =
       absl::StrCat("jobs/", job_.id, "/", folder_.attempt(job_.fence).filename().string());
   model.metrics = MetricsToJson(result.metrics);
+  model.sources = SourcesToJson(result.sources);
   model.num_gaussians = result.num_gaussians;
   model.num_bytes = result.num_bytes;
   ASSIGN_OR_RETURN(model, context_.store.CommitModel(job_.id, job_.fence, model));
@@ -172,6 +177,7 @@ absl::Status RunningJob::Finish(bool requeue) {
   if (job_.state == JobState::kFailed || job_.state == JobState::kCancelled) {
     std::error_code ignored;  // what is left is collected with the job
     std::filesystem::remove_all(folder_.attempt(job_.fence), ignored);
+    std::filesystem::remove_all(folder_.priors(), ignored);
   }
   absl::Status told = AppendState(folder_, job_);
   FollowLog();

@@ -135,6 +135,9 @@ constexpr const char* kSelectionRequests =
 constexpr const char* kSelectionModels =
     "CREATE INDEX selection_models ON selections (scene, model)";
 
+constexpr const char* kModelSources =
+    "ALTER TABLE models ADD COLUMN sources TEXT NOT NULL DEFAULT ''";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
@@ -144,6 +147,7 @@ std::vector<const char*> SchemaStep(int to) {
     return {kLabels,     kLabelRequests,     kNextSelection,
             kSelections, kSelectionRequests, kSelectionModels};
   }
+  if (to == 4) return {kModelSources};
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

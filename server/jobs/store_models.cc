@@ -18,13 +18,13 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
   ModelRow row;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, number, job, device, folder, metrics, num_gaussians,"
+      (sql.prepare << "SELECT scene, number, job, device, folder, metrics, sources, num_gaussians,"
                       " num_bytes, create_time FROM models WHERE scene = :scene AND number "
                    << condition << " :key ORDER BY number DESC LIMIT :limit",
        soci::into(row.scene), soci::into(row.number), soci::into(row.job), soci::into(row.device),
-       soci::into(row.folder), soci::into(row.metrics), soci::into(row.num_gaussians),
-       soci::into(row.num_bytes), soci::into(create_time), soci::use(scene), soci::use(key),
-       soci::use(start.limit));
+       soci::into(row.folder), soci::into(row.metrics), soci::into(row.sources),
+       soci::into(row.num_gaussians), soci::into(row.num_bytes), soci::into(create_time),
+       soci::use(scene), soci::use(key), soci::use(start.limit));
   select.execute();
   std::vector<ModelRow> rows;
   while (select.fetch()) {

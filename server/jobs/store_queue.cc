@@ -122,12 +122,13 @@ absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence
     row.number = TakeNumber(sql, job.scene, "next_model");
     row.create_time = absl::Now();
     const int64_t now = ToMicros(row.create_time);
-    sql << "INSERT INTO models (scene, number, job, device, folder, metrics, num_gaussians,"
+    sql << "INSERT INTO models (scene, number, job, device, folder, metrics, sources, "
+           "num_gaussians,"
            " num_bytes, create_time) VALUES (:scene, :number, :job, :device, :folder, :metrics, "
-           ":count, :bytes, :now)",
+           ":sources, :count, :bytes, :now)",
         soci::use(row.scene), soci::use(row.number), soci::use(row.job), soci::use(row.device),
-        soci::use(row.folder), soci::use(row.metrics), soci::use(row.num_gaussians),
-        soci::use(row.num_bytes), soci::use(now);
+        soci::use(row.folder), soci::use(row.metrics), soci::use(row.sources),
+        soci::use(row.num_gaussians), soci::use(row.num_bytes), soci::use(now);
     job.state = JobState::kSucceeded;
     job.model = row.number;
     job.end_time = row.create_time;

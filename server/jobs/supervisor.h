@@ -21,12 +21,15 @@ struct SupervisorOptions {
   // Where the bytes of a stored file are.
   std::function<std::filesystem::path(const DatasetFileRow&)> file_path;
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
-  int num_slots = 1;                    // jobs at a time
-  std::string device = "cpu";           // of the workers, Device::id
-  std::string device_name;              // Backend::name() of it, for the store
-  int num_threads = 0;                  // of one job; 0: as many as the machine has
-  int64_t memory_limit = 0;             // host memory of a worker, bytes; 0: what the machine has
-  int max_attempts = 3;  // a job that a stop of the server broke off so often has FAILED
+  // That the workers run for masks and depth (worker_priors_command.h); empty: none.
+  std::filesystem::path priors_command;
+  int64_t priors_seconds = 3600;  // its time limit
+  int num_slots = 1;              // jobs at a time
+  std::string device = "cpu";     // of the workers, Device::id
+  std::string device_name;        // Backend::name() of it, for the store
+  int num_threads = 0;            // of one job; 0: as many as the machine has
+  int64_t memory_limit = 0;       // host memory of a worker, bytes; 0: what the machine has
+  int max_attempts = 3;           // a job that a stop of the server broke off so often has FAILED
   absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
   absl::Duration poll = absl::Milliseconds(50);     // of workers and their event logs
 };

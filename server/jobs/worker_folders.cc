@@ -11,6 +11,7 @@ void RemoveIntermediates(const JobFolder& job, int64_t fence) {
   for (int64_t earlier = 1; earlier < fence; ++earlier) {
     std::filesystem::remove_all(job.attempt(earlier), ignored);
   }
+  std::filesystem::remove_all(job.priors(), ignored);
   std::filesystem::remove_all(job.reconstruction(fence), ignored);
   std::filesystem::remove_all(job.checkpoints(fence), ignored);
 }

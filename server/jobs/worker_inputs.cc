@@ -1,9 +1,13 @@
 #include "server/jobs/worker_inputs.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "core/io/dataset_index.h"
 #include "core/status_macros.h"
+#include "server/jobs/worker_priors_command.h"
 
 namespace pepeseg {
 namespace {
@@ -11,6 +15,10 @@ namespace {
 bool HasKind(std::span<const DatasetFile> files, FileKind kind) {
   return std::any_of(files.begin(), files.end(),
                      [kind](const DatasetFile& file) { return file.kind == kind; });
+}
+
+bool ByCommand(PriorMaker maker) {
+  return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
 }
 
 // The files of a dataset, and what is made of them where they are not all that a training needs.
@@ -27,12 +35,17 @@ class InputStages {
  private:
   absl::Status ListFiles();
   absl::Status Import();
+  std::vector<DatasetFile> PosedPhotos() const;
+  absl::Status MakePriorsByCommand(PriorWants asked);
+  absl::Status TakeFromCommand(PriorWants wants);
+  absl::Status NoteMade(const std::vector<DatasetFile>& made, const char* what, PriorMaker maker);
   std::map<std::string, double> Counts() const;
 
   const WorkerJob& job_;
   const TrainingSettings& settings_;
   StageLog& stages_;
   std::vector<DatasetFile> files_;
+  std::set<std::string> told_;  // warnings of the import
   SceneInputs inputs_;
 };
 
@@ -45,9 +58,15 @@ absl::Status InputStages::ListFiles() {
   return absl::OkStatus();
 }
 
+// Again, when there are more files: what was read before is freed first.
 absl::Status InputStages::Import() {
+  inputs_.capture = Capture();
   ASSIGN_OR_RETURN(inputs_.capture, ImportCapture(files_, settings_.import));
-  stages_.WarnOf(inputs_.capture.warnings);
+  std::vector<std::string> news;
+  for (const std::string& warning : inputs_.capture.warnings) {
+    if (told_.insert(warning).second) news.push_back(warning);
+  }
+  stages_.WarnOf(news);
   return absl::OkStatus();
 }
 
@@ -75,13 +94,89 @@ absl::Status InputStages::EstimatePoses() {
   return stages_.Skip("sfm", "given");
 }
 
-absl::Status InputStages::MakePriors() {
-  for (const auto& [what, given] :
-       {std::pair{"masks", HasKind(files_, FileKind::kMask)},
-        {"depth", HasKind(files_, FileKind::kDepth) || HasKind(files_, FileKind::kDisparity)}}) {
-    inputs_.sources[what] = given ? "given" : "none";
+// In the views' order, that of their names.
+std::vector<DatasetFile> InputStages::PosedPhotos() const {
+  std::map<std::string, const DatasetFile*> by_key;
+  for (const DatasetFile& file : files_) {
+    if (file.kind == FileKind::kImage) by_key[PhotoKey(file.name)] = &file;
   }
-  return stages_.Skip("priors", "given");
+  std::vector<DatasetFile> photos;
+  photos.reserve(inputs_.capture.views.size());
+  for (const View& view : inputs_.capture.views) {
+    const auto photo = by_key.find(view.name);
+    if (photo != by_key.end()) photos.push_back(*photo->second);
+  }
+  return photos;
+}
+
+absl::Status InputStages::NoteMade(const std::vector<DatasetFile>& made, const char* what,
+                                   PriorMaker maker) {
+  const bool masks = what == std::string("masks");
+  const auto count =
+      static_cast<size_t>(std::count_if(made.begin(), made.end(), [masks](const DatasetFile& file) {
+        return masks == (file.kind == FileKind::kMask);
+      }));
+  const size_t num_views = inputs_.capture.views.size();
+  if (count > 0) inputs_.sources[what] = SourceOfCommand(job_);
+  if (count == num_views) return absl::OkStatus();
+  const std::string message = absl::StrCat("the priors ", SourceOfCommand(job_), " made ", what,
+                                           " for ", count, " of ", num_views, " photographs");
+  if (count == 0 && maker == PriorMaker::kCommand) return absl::FailedPreconditionError(message);
+  stages_.Warn(message);
+  return absl::OkStatus();
+}
+
+// Runs the command, and imports what it made as if it had been uploaded.
+absl::Status InputStages::TakeFromCommand(PriorWants wants) {
+  ASSIGN_OR_RETURN(const std::vector<DatasetFile> made,
+                   RunPriorsCommand(job_, PosedPhotos(), wants, stages_));
+  const auto num_given = static_cast<ptrdiff_t>(files_.size());
+  files_.insert(files_.end(), made.begin(), made.end());
+  const absl::Status imported = Import();
+  if (!imported.ok()) {
+    files_.erase(files_.begin() + num_given, files_.end());
+    RETURN_IF_ERROR(Import());
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the priors ", SourceOfCommand(job_), " made what cannot be used: ", imported.message()));
+  }
+  if (wants.masks) RETURN_IF_ERROR(NoteMade(made, "masks", settings_.priors.masks));
+  if (wants.depth) RETURN_IF_ERROR(NoteMade(made, "depth", settings_.priors.depth));
+  return absl::OkStatus();
+}
+
+// Where the command need not succeed, what it does not make stays "none" in the sources.
+absl::Status InputStages::MakePriorsByCommand(PriorWants asked) {
+  const PriorOptions& options = settings_.priors;
+  const PriorWants wants = {asked.masks && ByCommand(options.masks),
+                            asked.depth && ByCommand(options.depth)};
+  const bool required = (wants.masks && options.masks == PriorMaker::kCommand) ||
+                        (wants.depth && options.depth == PriorMaker::kCommand);
+  if (!wants.any() || (job_.priors.program.empty() && !required)) return absl::OkStatus();
+  if (job_.priors.program.empty()) {
+    return absl::FailedPreconditionError(
+        "masks or depth are to be made by a priors command, and this server has none any more: its "
+        "operator sets it by pepesegd --priors-command");
+  }
+  absl::Status status = TakeFromCommand(wants);
+  if (status.ok() || required || absl::IsCancelled(status)) return status;
+  stages_.Warn(std::string(status.message()));
+  return absl::OkStatus();
+}
+
+absl::Status InputStages::MakePriors() {
+  const bool has_masks = HasKind(files_, FileKind::kMask);
+  const bool has_depth = HasKind(files_, FileKind::kDepth) || HasKind(files_, FileKind::kDisparity);
+  inputs_.sources["masks"] = has_masks ? "given" : "none";
+  inputs_.sources["depth"] = has_depth ? "given" : "none";
+  if (has_masks && has_depth) return stages_.Skip("priors", "given");
+  const PriorWants asked = {!has_masks && settings_.priors.masks != PriorMaker::kNone,
+                            !has_depth && settings_.priors.depth != PriorMaker::kNone};
+  if (!asked.any()) return stages_.Skip("priors", "left out");
+  RETURN_IF_ERROR(stages_.Start("priors"));
+  RETURN_IF_ERROR(MakePriorsByCommand(asked));
+  const std::map<std::string, double> counts = Counts();
+  return stages_.End(
+      {{"num_masks", counts.at("num_masks")}, {"num_depth_maps", counts.at("num_depth_maps")}});
 }
 
 }  // namespace

@@ -228,6 +228,7 @@ absl::StatusOr<JobResult> Training::Index() {
   JobResult result;
   TakeMetrics();
   result.metrics = model_.metrics;
+  result.sources = inputs_.sources;
   result.num_gaussians = model_.gaussians.count;
   ASSIGN_OR_RETURN(result.num_bytes, BytesIn(folder));
   return result;

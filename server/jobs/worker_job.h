@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 
@@ -16,12 +17,19 @@ struct StopSwitch {
 };
 static_assert(std::atomic<bool>::is_always_lock_free);
 
+// The operator's program that makes masks and depth maps, see worker_priors_command.h.
+struct PriorsCommand {
+  std::filesystem::path program;  // empty: there is none
+  absl::Duration time_limit = absl::Hours(1);
+};
+
 struct WorkerJob {
   const JobFolder& folder;
   const JobSpec& spec;
   EventLogWriter& log;
   StopSwitch& stop;
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
+  PriorsCommand priors;
 };
 
 // The stages of a training, one after the other: prepare -> sfm -> priors (worker_inputs.h) ->

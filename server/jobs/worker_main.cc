@@ -32,18 +32,36 @@ void OnTerminate(int) {
 struct Arguments {
   std::string folder;
   std::string lpips_weights;
+  PriorsCommand priors;
   pid_t parent = 0;
 };
+
+constexpr char kUsage[] =
+    "usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx] "
+    "[--priors-command=PROGRAM] [--priors-seconds=N]";
+
+// The text behind "--NAME=".
+bool TakeFlag(const std::string& word, const char* name, std::string* value) {
+  if (!word.starts_with(name)) return false;
+  *value = word.substr(std::strlen(name));
+  return true;
+}
 
 bool Parse(int argc, char** argv, Arguments* arguments) {
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
-    if (word.starts_with("--job=")) {
-      arguments->folder = word.substr(std::strlen("--job="));
-    } else if (word.starts_with("--lpips-weights=")) {
-      arguments->lpips_weights = word.substr(std::strlen("--lpips-weights="));
-    } else if (!word.starts_with("--parent=") ||
-               !absl::SimpleAtoi(word.substr(std::strlen("--parent=")), &arguments->parent)) {
+    std::string text;
+    int64_t seconds = 0;
+    if (TakeFlag(word, "--job=", &arguments->folder) ||
+        TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights)) {
+      continue;
+    }
+    if (TakeFlag(word, "--priors-command=", &text)) {
+      arguments->priors.program = text;
+    } else if (TakeFlag(word, "--priors-seconds=", &text)) {
+      if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
+      arguments->priors.time_limit = absl::Seconds(seconds);
+    } else if (!TakeFlag(word, "--parent=", &text) || !absl::SimpleAtoi(text, &arguments->parent)) {
       return false;
     }
   }
@@ -66,13 +84,13 @@ WorkerExit ExitOf(const absl::Status& status) {
   return absl::IsCancelled(status) ? WorkerExit::kCancelled : WorkerExit::kFailed;
 }
 
-WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const std::string& lpips_weights) {
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments) {
   absl::StatusOr<std::unique_ptr<EventLogWriter>> log = EventLogWriter::Open(folder.events());
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
-    absl::StatusOr<JobResult> made =
-        RunWithinMemory({folder, spec, **log, stop_switch, lpips_weights});
+    absl::StatusOr<JobResult> made = RunWithinMemory(
+        {folder, spec, **log, stop_switch, arguments.lpips_weights, arguments.priors});
     if (made.ok()) {
       result = *std::move(made);
     } else {
@@ -97,7 +115,7 @@ WorkerExit Run(const Arguments& arguments) {
     return WorkerExit::kBadSpec;
   }
   YieldToServer();
-  return RunJob(folder, *spec, arguments.lpips_weights);
+  return RunJob(folder, *spec, arguments);
 }
 
 }  // namespace
@@ -107,7 +125,7 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_logger_st("worker"));
   pepeseg::Arguments arguments;
   if (!pepeseg::Parse(argc, argv, &arguments)) {
-    spdlog::error("usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx]");
+    spdlog::error("{}", pepeseg::kUsage);
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }
   std::signal(SIGTERM, pepeseg::OnTerminate);

@@ -97,6 +97,17 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
                           FeatureHostBytes(scratch, sh_degree, settings.features));
 }
 
+// What a command may make for every view counts as if it had been uploaded.
+void ExpectPriors(const PriorOptions& priors, TrainingSize& size) {
+  const auto by_command = [](PriorMaker maker) {
+    return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
+  };
+  if (size.num_masked_views == 0 && by_command(priors.masks)) {
+    size.num_masked_views = size.num_views;
+  }
+  if (size.num_depth_views == 0 && by_command(priors.depth)) size.num_depth_views = size.num_views;
+}
+
 void SetDurations(const std::optional<Measured>& measured, const TrainingSettings& settings,
                   v1::EstimateTrainingResponse& response) {
   if (!measured) return;
@@ -116,8 +127,10 @@ void SetDurations(const std::optional<Measured>& measured, const TrainingSetting
 
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
                                                               const WantedTraining& training) {
-  ASSIGN_OR_RETURN(const DatasetSize dataset, MeasureDataset(context, training));
+  ASSIGN_OR_RETURN(DatasetSize dataset, MeasureDataset(context, training));
   v1::EstimateTrainingResponse response;
+  response.set_num_mask_files(dataset.training.num_masked_views);
+  if (context.has_priors_command) ExpectPriors(training.settings.priors, dataset.training);
   AddStages(context, training.settings, dataset, response);
   ASSIGN_OR_RETURN(const std::optional<Measured> measured, FindMeasured(context, training));
   SetDurations(measured, training.settings, response);
@@ -131,7 +144,6 @@ absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceConte
   response.set_num_views(dataset.training.num_views);
   response.set_max_pixels(dataset.training.max_pixels);
   response.set_num_points(dataset.training.num_points);
-  response.set_num_mask_files(dataset.training.num_masked_views);
   return response;
 }
 

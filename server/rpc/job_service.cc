@@ -40,6 +40,18 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
   return job;
 }
 
+// What only a program can do that the server was not given.
+absl::Status CheckPriors(const PriorOptions& priors, bool has_command) {
+  for (const auto& [name, maker] : {std::pair{"masks", priors.masks}, {"depth", priors.depth}}) {
+    if (has_command || maker != PriorMaker::kCommand) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat("options.priors.", name,
+                     " is PRIOR_MAKER_COMMAND, and this server has no "
+                     "priors command: its operator sets it by pepesegd --priors-command"));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::optional<JobState>> StateFromProto(v1::JobState state) {
   switch (state) {
     case v1::JOB_STATE_UNSPECIFIED:
@@ -73,6 +85,7 @@ absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t datase
 absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
   ASSIGN_OR_RETURN(const JobRow wanted, JobFromRequest(request, training));
+  RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
   RETURN_IF_ERROR(CheckFits(context_, training));
   if (request.validate_only()) {
@@ -160,6 +173,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     v1::EstimateTrainingResponse* response) {
   return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
+    RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
     RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
     auto estimate = pepeseg::EstimateTraining(context_, training);
     RETURN_IF_ERROR(estimate.status());

@@ -46,6 +46,12 @@ v1::Model ToProto(const ModelRow& row) {
       if (value.is_number()) (*proto.mutable_metrics())[name] = value.get<double>();
     }
   }
+  const auto sources = nlohmann::json::parse(row.sources, nullptr, /*allow_exceptions=*/false);
+  if (sources.is_object()) {
+    for (const auto& [what, source] : sources.items()) {
+      if (source.is_string()) (*proto.mutable_sources())[what] = source.get<std::string>();
+    }
+  }
   return proto;
 }
 

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/child_process.h"
 #include "core/io/lpips.h"
 #include "core/status_macros.h"
 #include "server/device.h"
@@ -76,11 +77,20 @@ void LogDevice(const Device& device, int64_t device_memory) {
   spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
 }
 
+absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name) {
+  if (name.empty()) return std::filesystem::path();
+  const absl::StatusOr<std::filesystem::path> found = FindProgram(name);
+  if (found.ok()) return std::filesystem::absolute(*found);
+  return absl::FailedPreconditionError(
+      absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
+}
+
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
   job_options.worker = options.worker;
   job_options.lpips_weights = options.lpips_weights;
+  job_options.priors_seconds = options.priors_seconds;
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;
@@ -145,13 +155,15 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   LogDevice(device, device_memory);
   models = MakeModelCache(options, *device.backend);
   SupervisorOptions job_options = JobOptions(options, device);
+  ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
   job_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
     return store->Path(file.sha256);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
-  const ServiceContext context{
-      options.data, store.get(), supervisor.get(), blobs.get(), device.backend.get(), models.get(),
-      &pool,        &query_pool, &evaluation_pool, &streams,    device_memory};
+  const ServiceContext context{options.data, store.get(),          supervisor.get(),
+                               blobs.get(),  device.backend.get(), models.get(),
+                               &pool,        &query_pool,          &evaluation_pool,
+                               &streams,     device_memory,        !options.priors_command.empty()};
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);

@@ -20,8 +20,12 @@ struct ServerOptions {
   std::filesystem::path data;           // made when it is not there; for one server at a time
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
-  std::string device = "auto";          // of jobs and queries, see OpenDevice
-  int num_threads = 0;                  // of a job and of a query; 0: as many as the machine has
+  // The operator's program that makes masks and depth maps for datasets without
+  // (server/jobs/worker_priors_command.h), as FindProgram takes it; empty: none.
+  std::string priors_command;
+  int64_t priors_seconds = 3600;  // its time limit
+  std::string device = "auto";    // of jobs and queries, see OpenDevice
+  int num_threads = 0;            // of a job and of a query; 0: as many as the machine has
   // Of the device, for a training, bytes; 0: what is free of it when the server starts.
   int64_t device_memory = 0;
   // Budgets of models in memory, bytes; 0: half of the machine's and of the device's. On a device
@@ -36,8 +40,8 @@ bool IsLoopback(const std::string& listen);
 class Server {
  public:
   // FAILED_PRECONDITION: a listener beyond this machine without `insecure`, a data directory that
-  // another server uses, a worker that is no program, a device that cannot be had.
-  // INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
+  // another server uses, a worker or priors command that is no program, a device that cannot be
+  // had. INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
   // Shutdown without grace, unless it was called.
   ~Server();

@@ -27,7 +27,8 @@ struct ServiceContext {
   WorkerPool* query_pool;       // for what computes
   WorkerPool* evaluation_pool;  // for what does so at length: questions do not wait behind it
   StreamRegistry* streams;
-  int64_t device_memory;  // that a training may take of the device's memory, bytes
+  int64_t device_memory;    // that a training may take of the device's memory, bytes
+  bool has_priors_command;  // a program that makes masks and depth maps
 };
 
 }  // namespace pepeseg

@@ -37,6 +37,10 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("images/a.webp"), v1::FILE_KIND_IMAGE);
   EXPECT_EQ(KindOf("sparse/0/cameras.bin"), v1::FILE_KIND_POSES);
   EXPECT_EQ(KindOf("sparse/images.txt"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("transforms.json"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("poses_bounds.npy"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("more/transforms.json"), std::nullopt);
+  EXPECT_EQ(KindOf("sparse_pc.ply"), v1::FILE_KIND_POINTS);
   EXPECT_EQ(KindOf("sparse/0/points3D.bin"), v1::FILE_KIND_POINTS);
   EXPECT_EQ(KindOf("masks/a.json"), v1::FILE_KIND_MASK);
   EXPECT_EQ(KindOf("masks/a.png"), v1::FILE_KIND_MASK);

@@ -43,10 +43,13 @@ expect 4 pepeseg train shelf --steps 0
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
 grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'no scores of the views'
+grep -q '^trained on: poses given, masks given, depth given$' "$work/output" ||
+  fail 'train does not tell what on'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
 grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
+grep -q '  trained on: poses given' "$work/output" || fail 'the model does not tell what on'
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 \
   --views held-out --out "$work/masks"
 for stem in frame-000000 frame-000008; do

@@ -89,6 +89,19 @@ TEST(TrainingOptions, OutOfRangeNamesTheField) {
       << settings.status();
 }
 
+TEST(TrainingOptions, RefusesAMakerOfPriorsThatIsNone) {
+  v1::TrainingOptions options;
+  options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
+  const auto good = TrainingSettingsFromProto(options);
+  ASSERT_TRUE(good.ok()) << good.status();
+  EXPECT_EQ(good->priors.depth, PriorMaker::kCommand);
+  EXPECT_EQ(good->priors.masks, PriorMaker::kAuto);
+  options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(4));
+  const auto refused = TrainingSettingsFromProto(options).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+  EXPECT_EQ(refused.message().find("options.priors: masks is 4"), 0u) << refused;
+}
+
 v1::Viewpoint::FreeCamera GoodCamera() {
   v1::Viewpoint::FreeCamera free;
   free.mutable_camera()->set_width(64);

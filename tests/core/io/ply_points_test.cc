@@ -35,6 +35,31 @@ TEST(PlyPoints, AreReadWithTheirColours) {
   EXPECT_EQ(points[1].rgb[2], 0);
 }
 
+TEST(PlyPoints, AreReadFromText) {
+  const testing::TempFolder folder;
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uint8 red\nproperty uint8 green\nproperty uint8 blue\n"
+      "end_header\n";
+  const auto read = [&](const std::string& lines) {
+    EXPECT_OK(WriteFileAtomically(folder / "p.ply", header + lines));
+    return ReadPlyPoints(folder / "p.ply", "p.ply");
+  };
+  ASSERT_OK_AND_ASSIGN(const auto points, read("1 2 3 4 5 6\r\n-1.5e1  0.25\t7 255 0 1"));
+  ASSERT_EQ(points.size(), 2u);
+  EXPECT_EQ(points[0].position, Eigen::Vector3f(1, 2, 3));
+  EXPECT_EQ(points[1].position, Eigen::Vector3f(-15, 0.25f, 7));
+  EXPECT_EQ(points[1].rgb[0], 255);
+  EXPECT_EQ(points[1].rgb[2], 1);
+  constexpr auto kRefused = absl::StatusCode::kInvalidArgument;
+  EXPECT_STATUS(read("1 2 3 4 5 6\n"), kRefused, "declares 2 vertices of 12 bytes");
+  EXPECT_STATUS(read("1.000000 2.000000 3 4 5 6\n"), kRefused, "p.ply: vertex 1: its line is no 6");
+  EXPECT_STATUS(read("1 2 3 4 5 6\n1 2 3 4 5\n7 "), kRefused, "vertex 1: its line is no 6");
+  EXPECT_STATUS(read("1 2 3 4 5 6\n1 2 three 4 5 6\n"), kRefused, "vertex 1");
+  EXPECT_STATUS(read("1 2 3 4 5 6\n1 nan 3 4 5 6\n"), kRefused, "vertex 1: y is not finite");
+  EXPECT_STATUS(read("1 2 3 4 5 6" + std::string(20000, ' ')), kRefused, "vertex 0: its line");
+}
+
 TEST(PlyPoints, AreGreyWithoutColours) {
   const testing::TempFolder folder;
   ASSERT_OK(WriteFileAtomically(folder / "p.ply", PointsFile("")));

@@ -77,7 +77,7 @@ TEST(RefusedDataset, OneWithoutPoses) {
   SmallDataset dataset;
   dataset.Write();
   std::filesystem::remove(dataset.folder / "sparse/0/images.bin");
-  EXPECT_STATUS(dataset.Import(), kInvalidArgument, "no COLMAP poses among the files");
+  EXPECT_STATUS(dataset.Import(), kInvalidArgument, "no poses among the files");
 }
 
 TEST(RefusedDataset, OneWithFewerThanTwoViews) {
@@ -94,7 +94,7 @@ TEST(RefusedDataset, APhotographOfAnotherShapeThanItsCamera) {
   dataset.cameras[0].height = 40;
   dataset.Write();
   EXPECT_STATUS(dataset.Import(), kInvalidArgument,
-                "images/a.jpg: 40x30 pixels, its COLMAP camera has 30x40");
+                "images/a.jpg: 40x30 pixels, its camera has 30x40");
 }
 
 TEST(RefusedDataset, AnImageWhoseCameraIsMissing) {

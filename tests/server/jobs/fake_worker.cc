@@ -49,6 +49,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   JobResult result;
   result.metrics["psnr"] = 20.5;
   result.num_gaussians = 7;
+  result.sources = {{"poses", "given"}, {"masks", "command \"x\""}, {"depth", "none"}};
   std::filesystem::create_directories(folder.attempt(fence));
   std::ofstream(folder.attempt(fence) / "gaussians.ply") << "ply";
   return End(folder, fence, WorkerExit::kSucceeded, result);

@@ -58,6 +58,7 @@ TEST_F(JobFolderTest, ResultComesBackAsWritten) {
   result.metrics = {{"psnr", 21.25}, {"ssim", std::nan("")}};
   result.num_gaussians = 12;
   result.num_bytes = 34;
+  result.sources = {{"masks", "command \"x\""}, {"poses", "given"}};
   ASSERT_TRUE(job_.WriteResult(5, result).ok());
   const auto read = job_.ReadResult(5);
   ASSERT_TRUE(read.ok()) << read.status();
@@ -65,6 +66,7 @@ TEST_F(JobFolderTest, ResultComesBackAsWritten) {
   EXPECT_THAT(read->metrics, ::testing::ElementsAre(::testing::Pair("psnr", 21.25)));
   EXPECT_EQ(read->num_gaussians, 12);
   EXPECT_EQ(read->num_bytes, 34);
+  EXPECT_EQ(read->sources, result.sources);
   EXPECT_EQ(job_.ReadResult(4).status().code(), absl::StatusCode::kNotFound);
 }
 

@@ -37,6 +37,7 @@ TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_EQ(model->num_gaussians, 7);
   EXPECT_EQ(model->device, "");
+  EXPECT_EQ(model->sources, "");
   JobRow next;
   next.scene = "a";
   next.dataset = 1;

@@ -156,6 +156,18 @@ TEST_F(JobServiceTest, RefusesWhatCannotBeTrained) {
   EXPECT_EQ(Train(request).error_code(), grpc::FAILED_PRECONDITION);
 }
 
+TEST_F(JobServiceTest, RefusesACommandThatItDoesNotHave) {
+  auto request = Request("fine");
+  request.mutable_options()->mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
+  const grpc::Status refused = Train(request);
+  EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_NE(refused.error_message().find("options.priors.masks"), std::string::npos);
+  EXPECT_NE(refused.error_message().find("--priors-command"), std::string::npos);
+  running.options.priors_command = "true";
+  running.Restart();
+  EXPECT_TRUE(Train(request).ok());
+}
+
 TEST_F(JobServiceTest, ValidateOnlyQueuesNothing) {
   auto request = Request("fine");
   request.set_validate_only(true);

@@ -82,6 +82,20 @@ TEST(ServerStart, RefusesWeightsThatAreNone) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
+TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  std::ofstream(folder / "make_priors") << "not executable";
+  for (const std::string& command : {(folder / "make_priors").string(), std::string("no-such")}) {
+    options.priors_command = command;
+    const auto refused = Server::Start(options);
+    EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+    EXPECT_NE(refused.status().message().find("priors command: "), std::string::npos);
+  }
+}
+
 TEST(ServerStart, RefusesATakenPort) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;

@@ -1,0 +1,118 @@
+"""What is written: masks as SAM's automatic generator does, and depth maps as NPY.
+
+A file stands under its name only once it is whole, so that a run that was broken off can go on.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+
+# Longest side of a depth map: networks look at about 518 pixels, more would only fill the disk.
+MAX_DEPTH_SIDE = 1024
+
+
+@dataclass(frozen=True)
+class Mask:
+    pixels: np.ndarray  # [height, width], bool
+    score: float  # the model's own estimate of its IoU
+
+
+@dataclass(frozen=True)
+class DepthMap:
+    values: np.ndarray  # [height, width], float32, of any scale
+    far_is_large: bool  # depth; else disparity, where near is large
+
+
+def encode_rle(pixels: np.ndarray) -> dict[str, Any]:
+    """COCO's uncompressed run lengths: down the columns, beginning with a run of zeros."""
+    import numpy as np
+
+    height, width = pixels.shape
+    flat = np.asarray(pixels, dtype=bool).ravel(order="F")
+    edges = np.flatnonzero(flat[1:] != flat[:-1]) + 1
+    bounds = np.concatenate(([0], edges, [flat.size]))
+    counts = np.diff(bounds).tolist()
+    if flat.size and flat[0]:
+        counts.insert(0, 0)
+    return {"size": [int(height), int(width)], "counts": counts}
+
+
+def describe_mask(mask: Mask) -> dict[str, Any]:
+    """An element of SAM's list. `bbox`: x, y, width, height."""
+    import numpy as np
+
+    rows = np.flatnonzero(mask.pixels.any(axis=1))
+    columns = np.flatnonzero(mask.pixels.any(axis=0))
+    height, width = mask.pixels.shape
+    return {
+        "segmentation": encode_rle(mask.pixels),
+        "area": int(mask.pixels.sum()),
+        "bbox": [
+            int(columns[0]),
+            int(rows[0]),
+            int(columns[-1] - columns[0] + 1),
+            int(rows[-1] - rows[0] + 1),
+        ],
+        "predicted_iou": float(mask.score),
+        "crop_box": [0, 0, int(width), int(height)],
+    }
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        unfinished.write_bytes(content)
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def write_masks(out: Path, stem: str, masks: list[Mask]) -> None:
+    """Masks without a pixel are left out."""
+    listed = [describe_mask(mask) for mask in masks if mask.pixels.any()]
+    text = json.dumps(listed, separators=(",", ":"), allow_nan=False)
+    _write(out / "masks" / f"{stem}.json", text.encode())
+
+
+def fit_depth(values: np.ndarray, width: int, height: int) -> np.ndarray:
+    """The map at the photograph's shape, its longest side at most MAX_DEPTH_SIDE."""
+    import numpy as np
+    from PIL import Image
+
+    shrink = min(1.0, MAX_DEPTH_SIDE / max(width, height))
+    size = (max(1, round(width * shrink)), max(1, round(height * shrink)))
+    image = Image.fromarray(np.ascontiguousarray(values, dtype=np.float32))  # mode F
+    return np.asarray(image.resize(size, Image.BILINEAR), dtype="<f4")
+
+
+def write_depth(out: Path, stem: str, depth: DepthMap, size: tuple[int, int]) -> None:
+    """`size`: width and height of the photograph."""
+    import numpy as np
+
+    if not np.isfinite(depth.values).all():
+        raise ValueError(f"the depth of {stem} is not finite")
+    buffer = io.BytesIO()
+    np.save(buffer, fit_depth(depth.values, *size), allow_pickle=False)
+    folder = "depth" if depth.far_is_large else "disparity"
+    _write(out / folder / f"{stem}.npy", buffer.getvalue())
+
+
+def has_masks(out: Path, stem: str) -> bool:
+    return any((out / "masks" / (stem + suffix)).is_file() for suffix in (".json", ".png"))
+
+
+def has_depth(out: Path, stem: str) -> bool:
+    return any(
+        (out / folder / (stem + suffix)).is_file()
+        for folder in ("depth", "disparity")
+        for suffix in (".npy", ".png", ".pfm")
+    )

@@ -1,0 +1,98 @@
+#include "core/io/photo_poses.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/colmap.h"
+#include "core/io/poses_bounds.h"
+#include "core/io/transforms_json.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+bool SameLens(const Lens& a, const Lens& b) {
+  return a.model == b.model && a.width == b.width && a.height == b.height && a.fx == b.fx &&
+         a.fy == b.fy && a.cx == b.cx && a.cy == b.cy && a.distortion == b.distortion;
+}
+
+absl::StatusOr<PhotoPoses> ReadColmapPoses(const DatasetIndex& index) {
+  ASSIGN_OR_RETURN(ColmapCameras cameras,
+                   ReadColmapCameras(index.cameras->path, index.cameras->name));
+  ASSIGN_OR_RETURN(std::vector<ColmapImage> images,
+                   ReadColmapImages(index.images->path, index.images->name));
+  PhotoPoses poses;
+  poses.file = index.images->name;
+  poses.camera_file = index.cameras->name;
+  poses.lenses = std::move(cameras.by_id);
+  poses.photos.reserve(images.size());
+  for (ColmapImage& image : images) {
+    poses.photos.push_back({std::move(image.name), image.camera_id, image.cam_from_world});
+  }
+  return poses;
+}
+
+}  // namespace
+
+absl::StatusOr<PhotoPoses> ReadPhotoPoses(const DatasetIndex& index) {
+  switch (index.pose_format) {
+    case PoseFormat::kColmap:
+      return ReadColmapPoses(index);
+    case PoseFormat::kTransformsJson:
+      return ReadTransformsJson(index);
+    case PoseFormat::kPosesBounds:
+      return ReadPosesBounds(index);
+    case PoseFormat::kNone:
+      break;
+  }
+  return absl::InvalidArgumentError(
+      "no poses among the files: COLMAP's cameras and images (.bin or .txt, in one folder), "
+      "transforms.json or poses_bounds.npy");
+}
+
+absl::StatusOr<Pose> PoseOfAxes(const Eigen::Matrix3d& world_from_cam,
+                                const Eigen::Vector3d& center) {
+  // Files are written with as few as three digits.
+  constexpr double kMostError = 0.01;
+  constexpr double kMostScale = 1e6;
+  constexpr double kMostDistance = 1e12;
+  if (!world_from_cam.allFinite() || !center.allFinite()) {
+    return absl::InvalidArgumentError("the pose is not finite");
+  }
+  if (!(center.norm() <= kMostDistance)) {
+    return absl::InvalidArgumentError(absl::StrCat("the camera is beyond ", kMostDistance));
+  }
+  const double scale = world_from_cam.norm() / std::sqrt(3.0);
+  if (!(scale >= 1 / kMostScale && scale <= kMostScale)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the axes of the camera have the length ", scale, ", 1 is usual"));
+  }
+  const Eigen::Matrix3d axes = world_from_cam / scale;
+  const Eigen::Matrix3d error = axes.transpose() * axes - Eigen::Matrix3d::Identity();
+  if (error.cwiseAbs().maxCoeff() > 2 * kMostError) {
+    return absl::InvalidArgumentError(
+        "the axes of the camera are not at right angles and of one length within 1 %");
+  }
+  if (axes.determinant() < 0) {
+    return absl::InvalidArgumentError("the axes of the camera are mirrored, no rotation");
+  }
+  const Eigen::Quaterniond rotation = Eigen::Quaterniond(axes).normalized().conjugate();
+  return Pose{rotation, -(rotation * center)};
+}
+
+absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses) {
+  RETURN_IF_ERROR(Validate(lens));
+  // Photographs in order mostly share the lens of the one before.
+  const auto same = std::find_if(poses.lenses.rbegin(), poses.lenses.rend(),
+                                 [&](const auto& known) { return SameLens(known.second, lens); });
+  if (same != poses.lenses.rend()) return same->first;
+  const auto id = static_cast<uint32_t>(poses.lenses.size());
+  poses.lenses[id] = lens;
+  return id;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,19 @@
+#include "clients/cli/model_sources.h"
+
+#include <gtest/gtest.h>
+
+namespace pepeseg::cli {
+namespace {
+
+TEST(SourcesText, ComesInTheOrderOfMaking) {
+  v1::Model model;
+  EXPECT_EQ(SourcesText(model), "");
+  (*model.mutable_sources())["depth"] = "none";
+  (*model.mutable_sources())["masks"] = "command sam";
+  (*model.mutable_sources())["colours"] = "new";
+  (*model.mutable_sources())["poses"] = "COLMAP 3.8";
+  EXPECT_EQ(SourcesText(model), "poses COLMAP 3.8, masks command sam, depth none, colours new");
+}
+
+}  // namespace
+}  // namespace pepeseg::cli

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/scene/camera.h"
+#include "tests/core/io/small_dataset.h"
+
+namespace pepeseg::testing {
+
+// One frame of a transforms.json.
+struct FrameRecord {
+  std::string file_path;
+  Pose cam_from_world;
+  double scale = 1;         // of the axes
+  std::string more_fields;  // `, "w": 40`
+};
+
+// `fields`: of the document, `"fl_x": 50`. Doubles are written in full.
+std::string TransformsJson(const std::string& fields, const std::vector<FrameRecord>& frames);
+
+// 17 numbers a pose: LLFF's axes, 40x30 pixels, focal length 50, bounds 1 and 9.
+std::vector<double> PosesBoundsRows(const std::vector<Pose>& poses);
+std::string PosesBoundsNpy(const std::vector<double>& rows);
+
+// The poses of SmallDataset's photographs a.jpg, b.jpg and sub/c.png.
+std::vector<Pose> SmallPoses();
+// A SmallDataset without its COLMAP files.
+void RemoveColmap(const SmallDataset& dataset);
+
+}  // namespace pepeseg::testing
