@@ -8,10 +8,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <cstring>
 #include <fstream>
 
-#include "absl/strings/str_cat.h"
 #include "server/jobs/file_error.h"
 
 namespace pepeseg {
@@ -102,11 +100,6 @@ std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes) {
   const size_t line = tail.find('\n');
   if (length < size && line != std::string::npos) tail.erase(0, line + 1);
   return tail;
-}
-
-std::string Describe(const WorkerProcess::End& end) {
-  if (end.signal == 0) return absl::StrCat("exited with code ", end.exit_code);
-  return absl::StrCat("was killed by signal ", end.signal, " (", strsignal(end.signal), ")");
 }
 
 }  // namespace pepeseg

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/child_process.h"
 
 namespace pepeseg {
 
@@ -30,10 +31,7 @@ class WorkerProcess {
   WorkerProcess(const WorkerProcess&) = delete;
   WorkerProcess& operator=(const WorkerProcess&) = delete;
 
-  struct End {
-    int exit_code = 0;
-    int signal = 0;  // that killed it; 0: it exited by itself
-  };
+  using End = ChildEnd;
   // How it ended; none: it still runs. Does not block.
   std::optional<End> Poll();
   void Signal(int signal) const;
@@ -48,8 +46,5 @@ class WorkerProcess {
 
 // The end of a log, from a line's start where one is near; empty when there is none.
 std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes);
-
-// "exited with code 3" or "was killed by signal 9 (Killed)".
-std::string Describe(const WorkerProcess::End& end);
 
 }  // namespace pepeseg
