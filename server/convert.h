@@ -11,6 +11,7 @@
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/model.h"
+#include "core/sfm/sfm_options.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -22,6 +23,7 @@ namespace pepeseg {
 // The options of every stage of a training.
 struct TrainingSettings {
   ImportOptions import;
+  SfmOptions sfm;
   ReconstructOptions reconstruct;
   FeatureOptions features;
 };
