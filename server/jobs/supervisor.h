@@ -21,6 +21,7 @@ struct SupervisorOptions {
   // Where the bytes of a stored file are.
   std::function<std::filesystem::path(const DatasetFileRow&)> file_path;
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
+  std::string colmap = "colmap";        // for the workers: a path, or a name in PATH
   int num_slots = 1;                    // jobs at a time
   std::string device = "cpu";           // of the workers, Device::id
   std::string device_name;              // Backend::name() of it, for the store

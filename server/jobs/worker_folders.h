@@ -8,8 +8,8 @@
 
 namespace pepeseg {
 
-// Stage one's results and the checkpoints of this attempt and of earlier ones, once there is a
-// model.
+// The frames, the poses, stage one's results and the checkpoints of this attempt and of earlier
+// ones, once there is a model.
 void RemoveIntermediates(const JobFolder& job, int64_t fence);
 
 // Of the files in a folder, without those in folders below it.

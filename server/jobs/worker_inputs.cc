@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/status_macros.h"
+#include "server/jobs/worker_sfm.h"
 
 namespace pepeseg {
 namespace {
@@ -33,6 +34,7 @@ class InputStages {
   const TrainingSettings& settings_;
   StageLog& stages_;
   std::vector<DatasetFile> files_;
+  std::vector<SfmPhotograph> photographs_;  // where poses are not given
   SceneInputs inputs_;
 };
 
@@ -66,13 +68,26 @@ std::map<std::string, double> InputStages::Counts() const {
 absl::Status InputStages::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
   RETURN_IF_ERROR(ListFiles());
+  RETURN_IF_ERROR(AppendVideoFrames(job_, settings_.sfm, stages_, files_));
+  if (!HasKind(files_, FileKind::kPoses)) {
+    ASSIGN_OR_RETURN(photographs_, PhotographsWithoutPoses(job_, files_));
+    return stages_.End({{"num_photographs", static_cast<double>(photographs_.size())}});
+  }
   RETURN_IF_ERROR(Import());
   return stages_.End(Counts());
 }
 
 absl::Status InputStages::EstimatePoses() {
-  inputs_.sources["poses"] = "given";
-  return stages_.Skip("sfm", "given");
+  if (HasKind(files_, FileKind::kPoses)) {
+    inputs_.sources["poses"] = "given";
+    return stages_.Skip("sfm", "given");
+  }
+  RETURN_IF_ERROR(stages_.Start("sfm"));
+  ASSIGN_OR_RETURN(PosesMade made, AppendPoses(job_, settings_.sfm, stages_, photographs_, files_));
+  inputs_.sources["poses"] = made.source;
+  RETURN_IF_ERROR(Import());
+  made.metrics.merge(Counts());
+  return stages_.End(made.metrics);
 }
 
 absl::Status InputStages::MakePriors() {

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "server/jobs/event_log.h"
@@ -22,6 +23,7 @@ struct WorkerJob {
   EventLogWriter& log;
   StopSwitch& stop;
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
+  std::string colmap = "colmap";        // a path, or a name that is looked for in PATH
 };
 
 // The stages of a training, one after the other: prepare -> sfm -> priors (worker_inputs.h) ->

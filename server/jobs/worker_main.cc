@@ -32,6 +32,7 @@ void OnTerminate(int) {
 struct Arguments {
   std::string folder;
   std::string lpips_weights;
+  std::string colmap = "colmap";
   pid_t parent = 0;
 };
 
@@ -42,6 +43,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
       arguments->folder = word.substr(std::strlen("--job="));
     } else if (word.starts_with("--lpips-weights=")) {
       arguments->lpips_weights = word.substr(std::strlen("--lpips-weights="));
+    } else if (word.starts_with("--colmap=")) {
+      arguments->colmap = word.substr(std::strlen("--colmap="));
     } else if (!word.starts_with("--parent=") ||
                !absl::SimpleAtoi(word.substr(std::strlen("--parent=")), &arguments->parent)) {
       return false;
@@ -66,13 +69,13 @@ WorkerExit ExitOf(const absl::Status& status) {
   return absl::IsCancelled(status) ? WorkerExit::kCancelled : WorkerExit::kFailed;
 }
 
-WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const std::string& lpips_weights) {
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments) {
   absl::StatusOr<std::unique_ptr<EventLogWriter>> log = EventLogWriter::Open(folder.events());
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
-    absl::StatusOr<JobResult> made =
-        RunWithinMemory({folder, spec, **log, stop_switch, lpips_weights});
+    absl::StatusOr<JobResult> made = RunWithinMemory(
+        {folder, spec, **log, stop_switch, arguments.lpips_weights, arguments.colmap});
     if (made.ok()) {
       result = *std::move(made);
     } else {
@@ -97,7 +100,7 @@ WorkerExit Run(const Arguments& arguments) {
     return WorkerExit::kBadSpec;
   }
   YieldToServer();
-  return RunJob(folder, *spec, arguments.lpips_weights);
+  return RunJob(folder, *spec, arguments);
 }
 
 }  // namespace
@@ -107,7 +110,9 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_logger_st("worker"));
   pepeseg::Arguments arguments;
   if (!pepeseg::Parse(argc, argv, &arguments)) {
-    spdlog::error("usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx]");
+    spdlog::error(
+        "usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx] "
+        "[--colmap=PROGRAM]");
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }
   std::signal(SIGTERM, pepeseg::OnTerminate);

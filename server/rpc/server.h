@@ -20,6 +20,7 @@ struct ServerOptions {
   std::filesystem::path data;           // made when it is not there; for one server at a time
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
+  std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
   std::string device = "auto";          // of jobs and queries, see OpenDevice
   int num_threads = 0;                  // of a job and of a query; 0: as many as the machine has
   // Of the device, for a training, bytes; 0: what is free of it when the server starts.
