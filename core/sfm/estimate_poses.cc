@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <system_error>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -23,6 +24,12 @@ namespace {
 
 // Up to so many photographs all are compared with all: some 20,000 pairs.
 constexpr size_t kMostExhaustive = 200;
+// Photographs are shrunk to this longer side for their features: of the largest 3000, few are
+// finer.
+constexpr int kFeatureSide = 2000;
+// Threads that extract features, each with kFeatureBytes a pixel (602 MB measured at 2.07 Mpx).
+constexpr int kMostExtracting = 8;
+constexpr int64_t kFeatureBytes = 300;
 constexpr char kProgramFile[] = "program.txt";
 
 using Words = std::vector<std::string>;
@@ -43,6 +50,11 @@ struct Removal {
   }
   const std::filesystem::path& folder;
 };
+
+int NumExtracting(int num_threads) {
+  const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
+}
 
 // One attempt, step by step.
 class PoseEstimation {
@@ -126,7 +138,9 @@ absl::Status PoseEstimation::ExtractFeatures() {
                  "--ImageReader.camera_model", "SIMPLE_RADIAL",
                  "--ImageReader.single_camera_per_folder", "1",  //
                  "--SiftExtraction.use_gpu", "0",                //
-                 "--SiftExtraction.num_threads", Threads(),      //
+                 "--SiftExtraction.max_image_size", std::to_string(kFeatureSide),
+                 "--SiftExtraction.num_threads",
+                 std::to_string(NumExtracting(places_.num_threads)),  //
                  "--SiftExtraction.max_num_features", std::to_string(options_.max_features)};
   if (any_mask_) {
     words.insert(words.end(), {"--ImageReader.mask_path", (places_.work / "masks").string()});
@@ -230,6 +244,11 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
   RETURN_IF_ERROR(estimation.Map());
   RETURN_IF_ERROR(estimation.KeepLargestModel());
   return ReadEstimatedPoses(places.result);
+}
+
+int64_t SfmHostBytes(int64_t max_pixels, int num_threads) {
+  const int64_t pixels = std::min(max_pixels, int64_t{kFeatureSide} * kFeatureSide);
+  return pixels * kFeatureBytes * NumExtracting(num_threads);
 }
 
 absl::StatusOr<EstimatedPoses> ReadEstimatedPoses(const std::filesystem::path& result) {

@@ -40,6 +40,10 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
                                              const SfmPlaces& places, const SfmOptions& options,
                                              ProgressFn progress);
 
+// Host memory that it takes at most, bytes: SIFT's pyramids of the photographs that are read at the
+// same time. `max_pixels`: of the largest.
+int64_t SfmHostBytes(int64_t max_pixels, int num_threads);
+
 // What an earlier EstimatePoses has left in `result`. NOT_FOUND: it did not come to its end.
 absl::StatusOr<EstimatedPoses> ReadEstimatedPoses(const std::filesystem::path& result);
 

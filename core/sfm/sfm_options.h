@@ -16,8 +16,8 @@ enum class SfmMatching {
 // Stage "sfm": from photographs to poses.
 struct SfmOptions {
   SfmMatching matching = SfmMatching::kByCapture;
-  // SIFT features of a photograph, from the largest: as many, and the rest of the size at which that
-  // number is reached. The time of matching grows as the square. [128, 32768].
+  // SIFT features of a photograph, from the largest: as many, and the rest of the size at which
+  // that number is reached. The time of matching grows as the square. [128, 32768].
   int max_features = 3000;
   // Sequential matching: how many photographs follow that each is compared with.
   int sequential_overlap = 10;

@@ -51,10 +51,11 @@ class Steps {
 // it is no path of ours.
 std::string FramePrefix(size_t video) { return absl::StrCat("v", video); }
 
-// "images/walk_000123.jpg" of videos/walk.mp4.
+// "images/walk_000123.jpg" of videos/walk.mp4, or of images/walk.mp4.
 std::string PhotographName(const DatasetFile& video, absl::string_view frame_file) {
   const absl::string_view number = frame_file.substr(frame_file.find('_'));
-  return absl::StrCat("images/", WithoutSuffix(WithoutFolder(video.name, "videos")), number);
+  const absl::string_view name = WithoutFolder(WithoutFolder(video.name, "videos"), "images");
+  return absl::StrCat("images/", WithoutSuffix(name), number);
 }
 
 std::vector<DatasetFile> Videos(const std::vector<DatasetFile>& files) {

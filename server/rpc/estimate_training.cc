@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/features/estimate_features.h"
 #include "core/reconstruct/estimate.h"
+#include "core/sfm/estimate_poses.h"
 #include "core/status_macros.h"
 #include "server/rpc/dataset_size.h"
 #include "server/rpc/error.h"
@@ -74,6 +75,12 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
   Stage& prepare = *response.add_stages();
   prepare.set_stage("prepare");
   prepare.set_host_bytes(CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels);
+
+  if (!dataset.has_poses) {
+    Stage& sfm = *response.add_stages();
+    sfm.set_stage("sfm");
+    sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0));
+  }
 
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(*context.backend, size, settings.reconstruct);

@@ -49,10 +49,10 @@ class WorkerTest : public ::testing::Test {
 
   std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
     EXPECT_TRUE(job_.WriteSpec(spec_).ok());
-    auto worker = WorkerProcess::Launch(
-        {PEPESEG_WORKER,
-         {absl::StrCat("--job=", job_.path().string()), absl::StrCat("--parent=", parent)},
-         job_.worker_log()});
+    auto worker = WorkerProcess::Launch({PEPESEG_WORKER,
+                                         {absl::StrCat("--job=", job_.path().string()),
+                                          absl::StrCat("--parent=", parent), "--colmap=" + colmap_},
+                                         job_.worker_log()});
     EXPECT_TRUE(worker.ok()) << worker.status();
     return std::move(worker).value();
   }
@@ -107,6 +107,7 @@ class WorkerTest : public ::testing::Test {
   testing::TempFolder folder_;
   JobFolder job_;
   JobSpec spec_;
+  std::string colmap_ = "colmap";
 };
 
 }  // namespace pepeseg
