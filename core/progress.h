@@ -18,7 +18,7 @@ struct SkippedTerm {
 
 // What a stage tells after a step. NaN: not measured in this step.
 struct StepReport {
-  std::string_view stage;  // "prepare", "reconstruct", "features"
+  std::string_view stage;  // "sfm", "priors", "reconstruct", "features"
   int64_t step = 0;        // from 1
   int64_t num_steps = 0;
   double loss = std::numeric_limits<double>::quiet_NaN();

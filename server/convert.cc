@@ -13,6 +13,13 @@
 #define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
 // (clang-format does not settle on a layout of lists this long.)
 // clang-format off
+#define PEPESEG_SFM_FIELDS(FIELD) \
+  FIELD(matching) \
+  FIELD(max_features) \
+  FIELD(sequential_overlap) \
+  FIELD(min_registered_share) \
+  FIELD(max_seconds) \
+  FIELD(max_video_frames)
 #define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(sh_degree) \
@@ -88,6 +95,9 @@ void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
 void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
   PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
 }
+void OverlaySfm(const v1::SfmOptions& proto, SfmOptions* options) {
+  PEPESEG_SFM_FIELDS(PEPESEG_OVERLAY)
+}
 void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
   PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
 }
@@ -100,6 +110,7 @@ void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
 void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
   PEPESEG_PRIOR_FIELDS(PEPESEG_SET)
 }
+void SetSfm(const SfmOptions& options, v1::SfmOptions* proto) { PEPESEG_SFM_FIELDS(PEPESEG_SET) }
 void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
   PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
 }
@@ -173,6 +184,7 @@ absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::s
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
   OverlayImport(proto.import(), &settings->import);
   OverlayPriors(proto.priors(), &settings->priors);
+  OverlaySfm(proto.sfm(), &settings->sfm);
   OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
   OverlayFeatures(proto.features(), &settings->features);
 }
@@ -182,6 +194,7 @@ absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOpt
   Overlay(proto, &settings);
   RETURN_IF_ERROR(Below("import", Validate(settings.import)));
   RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
+  RETURN_IF_ERROR(Below("sfm", Validate(settings.sfm)));
   RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
   RETURN_IF_ERROR(Below("features", Validate(settings.features)));
   return settings;
@@ -191,6 +204,7 @@ v1::TrainingOptions ToProto(const TrainingSettings& settings) {
   v1::TrainingOptions proto;
   SetImport(settings.import, proto.mutable_import());
   SetPriors(settings.priors, proto.mutable_priors());
+  SetSfm(settings.sfm, proto.mutable_sfm());
   SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
   SetFeatures(settings.features, proto.mutable_features());
   return proto;
@@ -214,6 +228,8 @@ absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
       return FileKind::kPoints;
     case v1::FILE_KIND_GAUSSIANS:
       return FileKind::kGaussians;
+    case v1::FILE_KIND_VIDEO:
+      return FileKind::kVideo;
     default:
       return absl::InvalidArgumentError(
           absl::StrCat("kind: ", static_cast<int>(kind), " is no kind of file"));

@@ -12,6 +12,7 @@
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/model.h"
+#include "core/sfm/sfm_options.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -24,6 +25,7 @@ namespace pepeseg {
 struct TrainingSettings {
   ImportOptions import;
   PriorOptions priors;
+  SfmOptions sfm;
   ReconstructOptions reconstruct;
   FeatureOptions features;
 };

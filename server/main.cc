@@ -53,6 +53,10 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--priors-seconds", server.priors_seconds, "Its time limit for one job")
       ->check(CLI::Range(1, 7 * 24 * 3600))
       ->capture_default_str();
+  app.add_option("--colmap", server.colmap,
+                 "The COLMAP program, which estimates the poses of photographs that come without")
+      ->type_name("PROGRAM")
+      ->capture_default_str();
   app.add_option("--threads", server.num_threads,
                  "Threads of a job on the CPU; 0: as many as there are cores")
       ->check(CLI::Range(0, 1024))
@@ -132,6 +136,10 @@ int main(int argc, char** argv) {
   flags.server.worker = std::filesystem::absolute(flags.server.worker);
   if (!flags.server.lpips_weights.empty()) {
     flags.server.lpips_weights = std::filesystem::absolute(flags.server.lpips_weights);
+  }
+  // A name without a slash is looked for in PATH.
+  if (flags.server.colmap.find('/') != std::string::npos) {
+    flags.server.colmap = std::filesystem::absolute(flags.server.colmap).string();
   }
   if (!flags.port_file.empty()) flags.port_file = std::filesystem::absolute(flags.port_file);
   return Serve(flags, stop_signals);

@@ -33,18 +33,48 @@ std::optional<v1::FileKind> ColmapKind(absl::string_view name) {
   return std::nullopt;
 }
 
+bool IsPhotograph(absl::string_view name) {
+  return EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"});
+}
+
+bool IsVideo(absl::string_view name) {
+  return EndsIn(name, {".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi"});
+}
+
+bool HasPictures(const DatasetFolder& folder) {
+  return Has(folder, v1::FILE_KIND_IMAGE) || Has(folder, v1::FILE_KIND_VIDEO);
+}
+
+// Takes the photographs and videos of the folder itself, which have no part in the layout.
+void TakeLoosePictures(const fs::path& root, DatasetFolder& folder) {
+  std::vector<std::string> left_out;
+  for (const std::string& name : folder.left_out) {
+    const bool loose = name.find('/') == std::string::npos;
+    std::error_code ignored;
+    if (!loose || !fs::is_regular_file(root / name, ignored)) {
+      left_out.push_back(name);
+    } else if (IsPhotograph(name)) {
+      folder.files.push_back({"images/" + name, v1::FILE_KIND_IMAGE, root / name});
+    } else if (IsVideo(name)) {
+      folder.files.push_back({"videos/" + name, v1::FILE_KIND_VIDEO, root / name});
+    } else {
+      left_out.push_back(name);
+    }
+  }
+  folder.left_out = std::move(left_out);
+}
+
+}  // namespace
+
 bool Has(const DatasetFolder& folder, v1::FileKind kind) {
   return std::any_of(folder.files.begin(), folder.files.end(),
                      [&](const FolderFile& file) { return file.kind == kind; });
 }
 
-}  // namespace
-
 std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth) {
   const auto in = [&](absl::string_view folder) { return absl::StartsWith(name, folder); };
-  if (in("images/") && EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"})) {
-    return v1::FILE_KIND_IMAGE;
-  }
+  if (in("images/") && IsPhotograph(name)) return v1::FILE_KIND_IMAGE;
+  if ((in("videos/") || in("images/")) && IsVideo(name)) return v1::FILE_KIND_VIDEO;
   if (in("sparse/")) return ColmapKind(name);
   if (name == "transforms.json" || name == "poses_bounds.npy") return v1::FILE_KIND_POSES;
   if (in("masks/") && EndsIn(name, {".json", ".png"})) return v1::FILE_KIND_MASK;
@@ -61,8 +91,12 @@ std::optional<v1::FileKind> KindOf(absl::string_view name, v1::FileKind in_depth
 
 absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::FileKind in_depth) {
   std::error_code error;
+  if (IsVideo(folder.filename().string()) && fs::is_regular_file(folder, error)) {
+    const std::string name = "videos/" + folder.filename().string();
+    return DatasetFolder{{{name, v1::FILE_KIND_VIDEO, folder}}, {}};
+  }
   if (!fs::is_directory(folder, error)) {
-    return absl::NotFoundError(absl::StrCat("no such folder: ", folder.string()));
+    return absl::NotFoundError(absl::StrCat("no such folder or video: ", folder.string()));
   }
   DatasetFolder result;
   auto entry = fs::recursive_directory_iterator(folder, error);
@@ -81,18 +115,15 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     return absl::NotFoundError(
         absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
   }
+  if (!HasPictures(result)) TakeLoosePictures(folder, result);
   std::sort(result.files.begin(), result.files.end(),
             [](const FolderFile& a, const FolderFile& b) { return a.name < b.name; });
   std::sort(result.left_out.begin(), result.left_out.end());
-  if (!Has(result, v1::FILE_KIND_IMAGE)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(folder.string(), ": no photographs (images/*.jpg, .jpeg, .png or .webp)"));
-  }
-  if (!Has(result, v1::FILE_KIND_POSES)) {
+  if (!HasPictures(result)) {
     return absl::InvalidArgumentError(
         absl::StrCat(folder.string(),
-                     ": no poses (COLMAP's sparse/0/cameras and images, .bin or .txt, "
-                     "transforms.json or poses_bounds.npy)"));
+                     ": no photographs (.jpg, .jpeg, .png or .webp in it or in its images/) and no "
+                     "video (.mp4, .m4v, .mov, .webm, .mkv or .avi)"));
   }
   return result;
 }

@@ -13,6 +13,7 @@ namespace pepeseg::cli {
 
 // The kind of a file by its name relative to the dataset's folder; none: no part of a dataset.
 //   images/...                          photographs (.jpg .jpeg .png .webp), also in subfolders
+//   videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
 //   transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, or of LLFF
 //   masks/STEM.json|png                 SAM masks with COCO RLE, or a label image
@@ -35,8 +36,12 @@ struct DatasetFolder {
   std::vector<std::string> left_out;  // names of what is no part of a dataset
 };
 
-// NOT_FOUND: no such folder. INVALID_ARGUMENT: no photographs or no poses in it, said with what was
-// looked for. Links to files are followed, links to folders are not.
+bool Has(const DatasetFolder& folder, v1::FileKind kind);
+
+// A dataset's folder, or one video. Photographs and videos that stand in the folder itself are
+// taken as images/NAME and videos/NAME where it has none below images/ and videos/. NOT_FOUND: no
+// such folder. INVALID_ARGUMENT: no photographs and no video in it, said with what was looked for.
+// Links to files are followed, links to folders are not.
 absl::StatusOr<DatasetFolder> ReadDatasetFolder(const std::filesystem::path& folder,
                                                 v1::FileKind in_depth = v1::FILE_KIND_DEPTH);
 

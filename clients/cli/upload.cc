@@ -121,6 +121,9 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
       flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
   ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
   NoteLeftOut(folder.left_out);
+  if (!Has(folder, v1::FILE_KIND_POSES)) {
+    Note("no poses among them: the training will estimate them (its stage sfm)");
+  }
   if (flags.dry_run) {
     for (const FolderFile& file : folder.files) {
       Print(absl::StrFormat("%-22s %s", v1::FileKind_Name(file.kind).substr(10), file.name));
@@ -172,13 +175,14 @@ absl::Status EnsureScene(const Connection& connection, const std::string& scene)
 
 void AddUpload(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<UploadFlags>();
-  CLI::App* verb = app.add_subcommand("upload", "Bring a folder of photographs, poses and masks");
+  CLI::App* verb =
+      app.add_subcommand("upload", "Bring photographs or a video, and what is known of them");
   verb->add_option("SCENE", flags->scene, "Id of the scene; made when it is not there")->required();
   verb->add_option(
           "FOLDER", flags->folder,
-          "images/, sparse/0/ (COLMAP), transforms.json or poses_bounds.npy and, if there: "
-          "masks/, ignore_mask.png, ignore/, depth/, disparity/, points.ply, "
-          "gaussians.ply (taken in place of stage one)")
+          "A folder of photographs, or a video; a folder with images/ (or videos/) and, if "
+          "there: sparse/0/ (COLMAP), masks/, ignore_mask.png, ignore/, depth/, "
+          "disparity/, points.ply, gaussians.ply (taken in place of stage one)")
       ->required();
   verb->add_option("--depth-kind", flags->depth_kind,
                    "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "

@@ -144,6 +144,8 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
     case FileKind::kDepth:
     case FileKind::kDisparity:
       return Put(file, DepthStem(file.name), "depth maps for ", index.depth);
+    case FileKind::kVideo:
+      return absl::OkStatus();
   }
   return absl::OkStatus();
 }

@@ -10,7 +10,17 @@
 
 namespace pepeseg {
 
-enum class FileKind { kImage, kPoses, kMask, kIgnoreMask, kDepth, kDisparity, kPoints, kGaussians };
+enum class FileKind {
+  kImage,
+  kPoses,
+  kMask,
+  kIgnoreMask,
+  kDepth,
+  kDisparity,
+  kPoints,
+  kGaussians,
+  kVideo,  // passed over by ImportCapture: its frames are photographs, see video_frames.h
+};
 
 // One file of a dataset. `name` is what its owner calls it, relative to the dataset's folder, with
 // '/' ("images/0001.jpg", "sparse/0/cameras.bin", "masks/0001.json"): metadata that matches files
@@ -29,6 +39,7 @@ struct DatasetFile {
 //   masks/STEM.json|png            SAM automatic masks (COCO RLE), or a label image (0 = none)
 //   ignore_mask.png, ignore/STEM.png   for all views, or for one: non-zero = leave out
 //   points.ply, sparse_pc.ply      points to start from in place of COLMAP's
+//   videos/...                     videos: MP4, MOV, WebM, MKV or AVI
 //   gaussians.ply                  Gaussians to take in place of stage one's (gaussian_ply.h)
 //   depth/STEM.png|npy|pfm         depth: far is large, 0 = unknown
 //   disparity/STEM.png|npy|pfm     disparity: near is large

@@ -42,6 +42,9 @@ std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   // The second is nerfstudio's.
   if (name == "points.ply" || name == "sparse_pc.ply") return FileKind::kPoints;
   if (name == "gaussians.ply") return FileKind::kGaussians;
+  const bool video = suffix == ".mp4" || suffix == ".m4v" || suffix == ".mov" ||
+                     suffix == ".webm" || suffix == ".mkv" || suffix == ".avi";
+  if (IsUnder(name, "videos") && video) return FileKind::kVideo;
   return std::nullopt;
 }
 
@@ -57,7 +60,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
     return absl::NotFoundError(absl::StrCat(folder.string(), " is not a folder"));
   }
   std::vector<DatasetFile> files;
-  bool any_photo = false;
+  bool any_picture = false;
   fs::recursive_directory_iterator entry(folder, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
     std::error_code unreadable;
@@ -65,16 +68,18 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
     std::string name = entry->path().lexically_relative(folder).generic_string();
     const std::optional<FileKind> kind = KindOf(name, in_depth);
     if (!kind) continue;
-    any_photo = any_photo || *kind == FileKind::kImage;
+    any_picture = any_picture || *kind == FileKind::kImage || *kind == FileKind::kVideo;
     files.push_back({*kind, std::move(name), entry->path()});
   }
   if (error) {
     return absl::InternalError(
         absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
   }
-  if (!any_photo) {
+  if (!any_picture) {
     return absl::InvalidArgumentError(
-        absl::StrCat(folder.string(), " has no photographs: no JPEG, PNG or WebP below images/"));
+        absl::StrCat(folder.string(),
+                     " has no photographs: no JPEG, PNG or WebP below images/, no video "
+                     "below videos/"));
   }
   std::sort(files.begin(), files.end(),
             [](const DatasetFile& a, const DatasetFile& b) { return a.name < b.name; });

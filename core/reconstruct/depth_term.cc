@@ -17,7 +17,7 @@ ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& ca
   if (options.capture_kind == CaptureKind::kAutomatic) {
     options.capture_kind = FindCaptureKind(capture);
   }
-  if (!HasTrainingDepth(capture)) {
+  if (!HasTrainingGeometry(capture)) {
     options.depth_weight = 0;
   } else if (options.depth_weight < 0) {
     options.depth_weight =

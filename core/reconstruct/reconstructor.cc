@@ -45,8 +45,9 @@ absl::Status CheckTrainable(const Capture& capture) {
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
   std::vector<SkippedTerm> skipped;
   if (options.depth_weight == 0) {
-    skipped.push_back({"depth", HasTrainingDepth(capture) ? "depth_weight is 0"
-                                                          : "no training view has a depth prior"});
+    const char* none = HasTrainingDepth(capture) ? "depth priors are of the points it starts from"
+                                                 : "no training view has a depth prior";
+    skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
   }
   const bool has_masks = std::ranges::any_of(
       capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });

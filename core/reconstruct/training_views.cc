@@ -69,7 +69,7 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
                              const TrainingViewsOptions& options) {
   for (const View& view : capture.views) {
     if (view.held_out) continue;
-    const bool with_prior = options.with_depth && HasDepthPrior(view);
+    const bool with_prior = options.with_depth && HasGeometryPrior(view);
     auto& sizes = views_.emplace_back();
     for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
       sizes[size] = Upload(backend, view, 1 << size);

@@ -27,4 +27,11 @@ bool HasTrainingDepth(const Capture& capture) {
       capture.views, [](const View& view) { return !view.held_out && HasDepthPrior(view); });
 }
 
+bool HasGeometryPrior(const View& view) { return !view.depth.from_points && HasDepthPrior(view); }
+
+bool HasTrainingGeometry(const Capture& capture) {
+  return std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && HasGeometryPrior(view); });
+}
+
 }  // namespace pepeseg

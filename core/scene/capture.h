@@ -26,6 +26,9 @@ struct DepthPrior {
     kDepth,      // far is large, as z
   };
   Kind kind = Kind::kDisparity;
+  // Made of the capture's points: it shows what belongs together, but a reconstruction that starts
+  // from the same points learns nothing of it.
+  bool from_points = false;
   // [height, width], mapped so that the 0.1 and 99.9 percentiles are 0 and 1, and clamped there;
   // NaN where nothing is known. Empty: the view has none.
   std::vector<float> values;
@@ -61,6 +64,10 @@ struct Capture {
 
 // True when a view that is trained on has a depth prior.
 bool HasTrainingDepth(const Capture& capture);
+
+// Likewise of depth that says more than the points do.
+bool HasGeometryPrior(const View& view);
+bool HasTrainingGeometry(const Capture& capture);
 
 // Radius of the camera centres about their mean, times 1.1 (3DGS's "extent"): the unit of learning
 // rates and of density control. At least 1e-6.

@@ -97,6 +97,10 @@ std::filesystem::path JobFolder::attempt(int64_t fence) const {
   return path_ / absl::StrCat("attempt-", fence);
 }
 
+std::filesystem::path JobFolder::frames(int64_t fence) const { return attempt(fence) / "frames"; }
+
+std::filesystem::path JobFolder::poses(int64_t fence) const { return attempt(fence) / "poses"; }
+
 std::filesystem::path JobFolder::reconstruction(int64_t fence) const {
   return attempt(fence) / "reconstruct";
 }

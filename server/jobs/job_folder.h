@@ -14,8 +14,10 @@
 //   spec.json            server -> worker: what to do
 //   events.log           progress (event_log.h)
 //   worker.log           the worker's standard output and error
+//   sfm.log              what COLMAP said, where it estimated poses
 //   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result;
-//                        checkpoints/: its state on the way there
+//                        checkpoints/: its state on the way there; frames/: of videos, poses/: of
+//                        the stage sfm, each whole once its own manifest is there
 //   priors/              the priors command's files, and how it ended (worker_priors_command.h)
 //   result-FENCE.json    worker -> server: how it ended
 namespace pepeseg {
@@ -66,7 +68,10 @@ class JobFolder {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path events() const { return path_ / "events.log"; }
   std::filesystem::path worker_log() const { return path_ / "worker.log"; }
+  std::filesystem::path sfm_log() const { return path_ / "sfm.log"; }
   std::filesystem::path attempt(int64_t fence) const;
+  std::filesystem::path frames(int64_t fence) const;
+  std::filesystem::path poses(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
   std::filesystem::path checkpoints(int64_t fence) const;
   // What the priors command was given and made; of all attempts.

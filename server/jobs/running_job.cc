@@ -60,7 +60,8 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   running->FollowLog();
   RETURN_IF_ERROR(running->WriteSpec());
   std::vector<std::string> arguments = {absl::StrCat("--job=", folder.path().string()),
-                                        absl::StrCat("--parent=", getpid())};
+                                        absl::StrCat("--parent=", getpid()),
+                                        absl::StrCat("--colmap=", context.options.colmap)};
   if (const std::filesystem::path& weights = context.options.lpips_weights; !weights.empty()) {
     arguments.push_back(absl::StrCat("--lpips-weights=", weights.string()));
   }

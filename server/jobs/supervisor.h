@@ -30,6 +30,7 @@ struct SupervisorOptions {
   int num_threads = 0;            // of one job; 0: as many as the machine has
   int64_t memory_limit = 0;       // host memory of a worker, bytes; 0: what the machine has
   int max_attempts = 3;           // a job that a stop of the server broke off so often has FAILED
+  std::string colmap = "colmap";  // for the workers: a path, or a name in PATH
   absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
   absl::Duration poll = absl::Milliseconds(50);     // of workers and their event logs
 };

@@ -14,6 +14,8 @@ void RemoveIntermediates(const JobFolder& job, int64_t fence) {
   std::filesystem::remove_all(job.priors(), ignored);
   std::filesystem::remove_all(job.reconstruction(fence), ignored);
   std::filesystem::remove_all(job.checkpoints(fence), ignored);
+  std::filesystem::remove_all(job.frames(fence), ignored);
+  std::filesystem::remove_all(job.poses(fence), ignored);
 }
 
 absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {

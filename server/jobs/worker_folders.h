@@ -8,8 +8,8 @@
 
 namespace pepeseg {
 
-// What made priors, stage one's results and the checkpoints of this attempt and of earlier ones,
-// once there is a model.
+// What the stages before the last one left: frames, poses, what made priors, stage one's results
+// and the checkpoints of this attempt and of earlier ones, once there is a model.
 void RemoveIntermediates(const JobFolder& job, int64_t fence);
 
 // Of the files in a folder, without those in folders below it.

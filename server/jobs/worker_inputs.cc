@@ -6,8 +6,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/dataset_index.h"
+#include "core/priors/embed_priors.h"
 #include "core/status_macros.h"
 #include "server/jobs/worker_priors_command.h"
+#include "server/jobs/worker_sfm.h"
 
 namespace pepeseg {
 namespace {
@@ -38,6 +40,7 @@ class InputStages {
   std::vector<DatasetFile> PosedPhotos() const;
   absl::Status MakePriorsByCommand(PriorWants asked);
   absl::Status TakeFromCommand(PriorWants wants);
+  absl::Status MakeEmbeddedPriors(PriorWants asked);
   absl::Status NoteMade(const std::vector<DatasetFile>& made, const char* what, PriorMaker maker);
   std::map<std::string, double> Counts() const;
 
@@ -45,7 +48,8 @@ class InputStages {
   const TrainingSettings& settings_;
   StageLog& stages_;
   std::vector<DatasetFile> files_;
-  std::set<std::string> told_;  // warnings of the import
+  std::set<std::string> told_;              // warnings of the import
+  std::vector<SfmPhotograph> photographs_;  // where poses are not given
   SceneInputs inputs_;
 };
 
@@ -85,13 +89,26 @@ std::map<std::string, double> InputStages::Counts() const {
 absl::Status InputStages::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
   RETURN_IF_ERROR(ListFiles());
+  RETURN_IF_ERROR(AppendVideoFrames(job_, settings_.sfm, stages_, files_));
+  if (!HasKind(files_, FileKind::kPoses)) {
+    ASSIGN_OR_RETURN(photographs_, PhotographsWithoutPoses(job_, files_));
+    return stages_.End({{"num_photographs", static_cast<double>(photographs_.size())}});
+  }
   RETURN_IF_ERROR(Import());
   return stages_.End(Counts());
 }
 
 absl::Status InputStages::EstimatePoses() {
-  inputs_.sources["poses"] = "given";
-  return stages_.Skip("sfm", "given");
+  if (HasKind(files_, FileKind::kPoses)) {
+    inputs_.sources["poses"] = "given";
+    return stages_.Skip("sfm", "given");
+  }
+  RETURN_IF_ERROR(stages_.Start("sfm"));
+  ASSIGN_OR_RETURN(PosesMade made, AppendPoses(job_, settings_.sfm, stages_, photographs_, files_));
+  inputs_.sources["poses"] = made.source;
+  RETURN_IF_ERROR(Import());
+  made.metrics.merge(Counts());
+  return stages_.End(made.metrics);
 }
 
 // In the views' order, that of their names.
@@ -163,6 +180,24 @@ absl::Status InputStages::MakePriorsByCommand(PriorWants asked) {
   return absl::OkStatus();
 }
 
+// What the command did not make.
+absl::Status InputStages::MakeEmbeddedPriors(PriorWants asked) {
+  const auto wants = [this](bool asked_for, const char* what, PriorMaker maker) {
+    return asked_for && maker != PriorMaker::kCommand && inputs_.sources[what] == "none";
+  };
+  const EmbeddedPriors made = {wants(asked.masks, "masks", settings_.priors.masks),
+                               wants(asked.depth, "depth", settings_.priors.depth)};
+  if (!made.masks && !made.depth) return absl::OkStatus();
+  RETURN_IF_ERROR(
+      EmbedPriors(made, job_.spec.num_threads, inputs_.capture, [this](int done, int num_views) {
+        return stages_.Step({.stage = "priors", .step = done, .num_steps = num_views});
+      }));
+  const std::map<std::string, double> counts = Counts();
+  if (made.masks && counts.at("num_masks") > 0) inputs_.sources["masks"] = "embedded";
+  if (made.depth && counts.at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
+  return absl::OkStatus();
+}
+
 absl::Status InputStages::MakePriors() {
   const bool has_masks = HasKind(files_, FileKind::kMask);
   const bool has_depth = HasKind(files_, FileKind::kDepth) || HasKind(files_, FileKind::kDisparity);
@@ -174,6 +209,7 @@ absl::Status InputStages::MakePriors() {
   if (!asked.any()) return stages_.Skip("priors", "left out");
   RETURN_IF_ERROR(stages_.Start("priors"));
   RETURN_IF_ERROR(MakePriorsByCommand(asked));
+  RETURN_IF_ERROR(MakeEmbeddedPriors(asked));
   const std::map<std::string, double> counts = Counts();
   return stages_.End(
       {{"num_masks", counts.at("num_masks")}, {"num_depth_maps", counts.at("num_depth_maps")}});

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -29,6 +30,7 @@ struct WorkerJob {
   EventLogWriter& log;
   StopSwitch& stop;
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
+  std::string colmap = "colmap";        // a path, or a name that is looked for in PATH
   PriorsCommand priors;
 };
 

@@ -33,12 +33,13 @@ struct Arguments {
   std::string folder;
   std::string lpips_weights;
   PriorsCommand priors;
+  std::string colmap = "colmap";
   pid_t parent = 0;
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx] "
-    "[--priors-command=PROGRAM] [--priors-seconds=N]";
+    "[--colmap=PROGRAM] [--priors-command=PROGRAM] [--priors-seconds=N]";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -53,7 +54,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     std::string text;
     int64_t seconds = 0;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
-        TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights)) {
+        TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
+        TakeFlag(word, "--colmap=", &arguments->colmap)) {
       continue;
     }
     if (TakeFlag(word, "--priors-command=", &text)) {
@@ -89,8 +91,9 @@ WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments&
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
-    absl::StatusOr<JobResult> made = RunWithinMemory(
-        {folder, spec, **log, stop_switch, arguments.lpips_weights, arguments.priors});
+    absl::StatusOr<JobResult> made =
+        RunWithinMemory({folder, spec, **log, stop_switch, arguments.lpips_weights,
+                         arguments.colmap, arguments.priors});
     if (made.ok()) {
       result = *std::move(made);
     } else {

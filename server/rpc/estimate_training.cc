@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/features/estimate_features.h"
 #include "core/reconstruct/estimate.h"
+#include "core/sfm/estimate_poses.h"
 #include "core/status_macros.h"
 #include "server/rpc/dataset_size.h"
 #include "server/rpc/error.h"
@@ -75,6 +76,12 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
   prepare.set_stage("prepare");
   prepare.set_host_bytes(CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels);
 
+  if (!dataset.has_poses) {
+    Stage& sfm = *response.add_stages();
+    sfm.set_stage("sfm");
+    sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0));
+  }
+
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(*context.backend, size, settings.reconstruct);
     Stage& reconstruct = *response.add_stages();
@@ -97,15 +104,15 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
                           FeatureHostBytes(scratch, sh_degree, settings.features));
 }
 
-// What a command may make for every view counts as if it had been uploaded.
-void ExpectPriors(const PriorOptions& priors, TrainingSize& size) {
-  const auto by_command = [](PriorMaker maker) {
-    return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
-  };
-  if (size.num_masked_views == 0 && by_command(priors.masks)) {
+// What is made for every view counts as if it had been uploaded; the embedded depth takes no part
+// in the reconstruction.
+void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& size) {
+  const bool by_command =
+      has_command && (priors.depth == PriorMaker::kAuto || priors.depth == PriorMaker::kCommand);
+  if (size.num_masked_views == 0 && priors.masks != PriorMaker::kNone) {
     size.num_masked_views = size.num_views;
   }
-  if (size.num_depth_views == 0 && by_command(priors.depth)) size.num_depth_views = size.num_views;
+  if (size.num_depth_views == 0 && by_command) size.num_depth_views = size.num_views;
 }
 
 void SetDurations(const std::optional<Measured>& measured, const TrainingSettings& settings,
@@ -130,7 +137,7 @@ absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceConte
   ASSIGN_OR_RETURN(DatasetSize dataset, MeasureDataset(context, training));
   v1::EstimateTrainingResponse response;
   response.set_num_mask_files(dataset.training.num_masked_views);
-  if (context.has_priors_command) ExpectPriors(training.settings.priors, dataset.training);
+  ExpectPriors(training.settings.priors, context.has_priors_command, dataset.training);
   AddStages(context, training.settings, dataset, response);
   ASSIGN_OR_RETURN(const std::optional<Measured> measured, FindMeasured(context, training));
   SetDurations(measured, training.settings, response);

@@ -91,6 +91,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.worker = options.worker;
   job_options.lpips_weights = options.lpips_weights;
   job_options.priors_seconds = options.priors_seconds;
+  job_options.colmap = options.colmap;
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;

@@ -20,6 +20,7 @@ struct ServerOptions {
   std::filesystem::path data;           // made when it is not there; for one server at a time
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
+  std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
   // The operator's program that makes masks and depth maps for datasets without
   // (server/jobs/worker_priors_command.h), as FindProgram takes it; empty: none.
   std::string priors_command;

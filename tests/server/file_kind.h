@@ -24,6 +24,8 @@ inline v1::FileKind ToProto(FileKind kind) {
       return v1::FILE_KIND_POINTS;
     case FileKind::kGaussians:
       return v1::FILE_KIND_GAUSSIANS;
+    case FileKind::kVideo:
+      return v1::FILE_KIND_VIDEO;
   }
   return v1::FILE_KIND_UNSPECIFIED;
 }

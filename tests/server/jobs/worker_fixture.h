@@ -50,7 +50,7 @@ class WorkerTest : public ::testing::Test {
   std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
     EXPECT_TRUE(job_.WriteSpec(spec_).ok());
     std::vector<std::string> arguments = {absl::StrCat("--job=", job_.path().string()),
-                                          absl::StrCat("--parent=", parent)};
+                                          absl::StrCat("--parent=", parent), "--colmap=" + colmap_};
     arguments.insert(arguments.end(), flags_.begin(), flags_.end());
     auto worker = WorkerProcess::Launch({PEPESEG_WORKER, arguments, job_.worker_log()});
     EXPECT_TRUE(worker.ok()) << worker.status();
@@ -108,6 +108,7 @@ class WorkerTest : public ::testing::Test {
   JobFolder job_;
   JobSpec spec_;
   std::vector<std::string> flags_;  // of the worker, besides those of every job
+  std::string colmap_ = "colmap";
 };
 
 }  // namespace pepeseg

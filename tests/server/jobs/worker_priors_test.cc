@@ -83,11 +83,35 @@ class WorkerPriorsTest : public WorkerTest {
   }
 };
 
-TEST_F(WorkerPriorsTest, WithoutACommandThereAreNone) {
+TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
+                                              Pair("depth", "embedded")));
+  EXPECT_THAT(Warnings(), IsEmpty());
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_GT(model->metrics.at("num_masks"), 100);
+  EXPECT_EQ(model->metrics.at("num_depth_maps"), 13);  // of 15, 2 are held out
+  EXPECT_FALSE(model->field.features.empty());
+  bool told = false;
+  for (const v1::JobEvent& event : Events()) {
+    told |= event.progress().stage() == "priors" && event.progress().step() == 13;
+    if (event.term_skipped().term() == "depth") {
+      EXPECT_EQ(event.term_skipped().reason(), "depth priors are of the points it starts from");
+    }
+  }
+  EXPECT_TRUE(told);
+}
+
+TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_NONE);
+  spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "none"),
                                               Pair("depth", "none")));
-  EXPECT_THAT(Warnings(), IsEmpty());
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_TRUE(model->field.features.empty());  // it can be rendered, not segmented
 }
 
 TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
@@ -139,7 +163,7 @@ TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
   EXPECT_THAT(Warnings(),
               ElementsAre(AllOf(HasSubstr("the priors command make_priors: exited with code 3"),
                                 HasSubstr("weights are missing"))));
-  EXPECT_THAT(Sources(), Contains(Pair("masks", "none")));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
 TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
@@ -172,8 +196,7 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(), ElementsAre(AllOf(HasSubstr("made what cannot be used"),
                                             HasSubstr("masks/frame-000001.json"))));
-  EXPECT_THAT(Sources(), Contains(Pair("masks", "none")));
-  EXPECT_EQ(ReadModel(job_.attempt(1))->metrics.at("num_masks"), 0);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
 TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {

@@ -59,9 +59,10 @@ TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
   EXPECT_EQ(estimate.num_points(), 3);
   EXPECT_EQ(estimate.num_mask_files(), 0);
   EXPECT_EQ(estimate.device().find("cpu (1 thread, "), 0u);
-  ASSERT_EQ(estimate.stages_size(), 2);  // no masks, so no features
+  ASSERT_EQ(estimate.stages_size(), 3);
   EXPECT_EQ(estimate.stages(0).stage(), "prepare");
   EXPECT_EQ(estimate.stages(1).stage(), "reconstruct");
+  EXPECT_EQ(estimate.stages(2).stage(), "features");  // of masks that are made
   // Parameters and two moments of 59 floats, at least.
   EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
   EXPECT_EQ(estimate.need_bytes(),

@@ -1,0 +1,115 @@
+#include "core/io/exif.h"
+
+#include <algorithm>
+
+namespace pepeseg {
+namespace {
+
+// Tags of EXIF 2.3: of the main directory, and of the one that kExifDirectory points to.
+constexpr uint32_t kMaker = 0x010f;
+constexpr uint32_t kModel = 0x0110;
+constexpr uint32_t kExifDirectory = 0x8769;
+constexpr uint32_t kFocalLength = 0x920a;
+constexpr uint32_t kFocalLength35Mm = 0xa405;
+constexpr size_t kMaxText = 64;
+
+// Numbers of a TIFF structure, in the byte order that it names. Past its end they are 0.
+class Tiff {
+ public:
+  explicit Tiff(std::span<const uint8_t> bytes) : bytes_(bytes) {
+    big_endian_ = bytes.size() > 1 && bytes[0] == 'M' && bytes[1] == 'M';
+  }
+
+  uint32_t Number(uint32_t offset, uint32_t num_bytes) const {
+    if (offset > bytes_.size() || bytes_.size() - offset < num_bytes) return 0;
+    uint32_t value = 0;
+    for (uint32_t i = 0; i < num_bytes; ++i) {
+      const uint32_t byte = bytes_[offset + i];
+      value |= byte << (8 * (big_endian_ ? num_bytes - 1 - i : i));
+    }
+    return value;
+  }
+
+  // Up to a NUL byte.
+  std::string Text(uint32_t offset, uint32_t length) const {
+    if (offset > bytes_.size()) return "";
+    const auto rest = bytes_.subspan(offset);
+    const auto text = rest.first(std::min({rest.size(), size_t{length}, kMaxText}));
+    return {text.begin(), std::find(text.begin(), text.end(), 0)};
+  }
+
+ private:
+  std::span<const uint8_t> bytes_;
+  bool big_endian_ = false;
+};
+
+void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
+  constexpr uint32_t kEntryBytes = 12;
+  const uint32_t count = tiff.Number(offset, 2);
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t entry = offset + 2 + i * kEntryBytes;
+    const uint32_t length = tiff.Number(entry + 4, 4);
+    const uint32_t value = tiff.Number(entry + 8, 4);
+    // Up to four bytes stand in the entry itself, more where it says.
+    const uint32_t text = length > 4 ? value : entry + 8;
+    switch (tiff.Number(entry, 2)) {
+      case kMaker:
+        camera.maker = tiff.Text(text, length);
+        break;
+      case kModel:
+        camera.model = tiff.Text(text, length);
+        break;
+      case kFocalLength:
+        if (const uint32_t below = tiff.Number(value + 4, 4); below > 0) {
+          camera.focal_length = static_cast<double>(tiff.Number(value, 4)) / below;
+        }
+        break;
+      case kFocalLength35Mm:
+        camera.focal_length_35_mm = static_cast<int>(tiff.Number(entry + 8, 2));
+        break;
+      default:
+        break;
+    }
+  }
+}
+
+uint32_t FindDirectory(const Tiff& tiff, uint32_t offset, uint32_t tag) {
+  const uint32_t count = tiff.Number(offset, 2);
+  for (uint32_t i = 0; i < count; ++i) {
+    if (tiff.Number(offset + 2 + i * 12, 2) == tag) return tiff.Number(offset + 2 + i * 12 + 8, 4);
+  }
+  return 0;
+}
+
+ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
+  const Tiff tiff(bytes);
+  ExifCamera camera;
+  const uint32_t main = tiff.Number(4, 4);
+  if (main == 0) return camera;
+  ReadDirectory(tiff, main, camera);
+  if (const uint32_t exif = FindDirectory(tiff, main, kExifDirectory); exif != 0) {
+    ReadDirectory(tiff, exif, camera);
+  }
+  return camera;
+}
+
+}  // namespace
+
+ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) {
+  constexpr uint8_t kApp1 = 0xe1, kStartOfScan = 0xda;
+  constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
+  if (bytes.size() < 4 || bytes[0] != 0xff || bytes[1] != 0xd8) return {};
+  for (size_t at = 2; at + 4 <= bytes.size() && bytes[at] == 0xff;) {
+    const uint8_t marker = bytes[at + 1];
+    const size_t length = size_t{bytes[at + 2]} << 8 | bytes[at + 3];
+    if (marker == kStartOfScan || length < 2 || bytes.size() - at - 2 < length) return {};
+    const auto segment = bytes.subspan(at + 4, length - 2);
+    const bool exif = marker == kApp1 && segment.size() > sizeof(kMark) &&
+                      std::equal(std::begin(kMark), std::end(kMark), segment.begin());
+    if (exif) return ReadTiff(segment.subspan(sizeof(kMark)));
+    at += 2 + length;
+  }
+  return {};
+}
+
+}  // namespace pepeseg

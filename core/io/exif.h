@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+namespace pepeseg {
+
+// What took a photograph, as its EXIF data tell it; what they do not tell is empty or 0.
+struct ExifCamera {
+  std::string maker;
+  std::string model;
+  double focal_length = 0;     // mm
+  int focal_length_35_mm = 0;  // mm, for a picture of 36x24 mm
+
+  bool operator==(const ExifCamera&) const = default;
+};
+
+// Of a JPEG file; empty for other files and where the data are malformed.
+ExifCamera ReadExifCamera(std::span<const uint8_t> bytes);
+
+}  // namespace pepeseg

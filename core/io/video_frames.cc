@@ -1,0 +1,275 @@
+#include "core/io/video_frames.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
+#include "core/io/atomic_file.h"
+#include "core/status_macros.h"
+#include "opencv2/core.hpp"
+#include "opencv2/imgcodecs.hpp"
+#include "opencv2/imgproc.hpp"
+#include "opencv2/videoio.hpp"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kJpegQuality = 95;
+constexpr int kLeastFrames = 3;
+// Of the pictures in which sharpness and change are measured.
+constexpr int kSharpnessSide = 640;
+constexpr int kChangeSide = 64;
+// Mean difference of two small grey pictures, in 255ths, from which on something has moved. A
+// camera on a table: 0.1 to 0.5 by its noise and the codec; one that is carried, half a second
+// later: 4 and more.
+constexpr double kLeastChange = 1.5;
+// A window has at most so many candidates: the neighbours of a frame are about as sharp.
+constexpr int64_t kCandidates = 8;
+constexpr int64_t kFramesPerCall = 8;
+
+bool HasTag(std::span<const uint8_t> bytes, size_t at, absl::string_view tag) {
+  return bytes.size() >= at + tag.size() &&
+         std::equal(tag.begin(), tag.end(), bytes.begin() + static_cast<ptrdiff_t>(at),
+                    [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
+}
+
+absl::Status Refused(const VideoTask& task, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrCat(task.name, ": ", why));
+}
+
+cv::Mat SmallGrey(const cv::Mat& frame, int side) {
+  cv::Mat grey, small;
+  cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
+  const double scale = std::min(1.0, static_cast<double>(side) / std::max(frame.cols, frame.rows));
+  cv::resize(grey, small, cv::Size(), scale, scale, cv::INTER_AREA);
+  return small;
+}
+
+double Sharpness(const cv::Mat& frame) {
+  cv::Mat edges, mean, deviation;
+  cv::Laplacian(SmallGrey(frame, kSharpnessSide), edges, CV_32F);
+  cv::meanStdDev(edges, mean, deviation);
+  return deviation.at<double>(0) * deviation.at<double>(0);
+}
+
+// A video that is read from its first frame on. All of OpenCV's exceptions end here.
+class Reader {
+ public:
+  explicit Reader(const VideoTask& task) : task_(task) {}
+
+  absl::Status Open() {
+    // The path of a regular file that begins as a video: never a URL, a device, a pattern of
+    // images or a playlist, which FFmpeg would open just as well.
+    std::error_code error;
+    const std::filesystem::path path = std::filesystem::canonical(task_.path, error);
+    if (error || !std::filesystem::is_regular_file(path, error)) {
+      return Refused(task_, "is no regular file");
+    }
+    std::array<char, 16> start{};
+    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+    if (!IsVideo({reinterpret_cast<const uint8_t*>(start.data()), start.size()})) {
+      return Refused(task_, "is no MP4, MOV, WebM, MKV or AVI video by its first bytes");
+    }
+    return Try([&] { return OpenDecoder(path.string()); });
+  }
+
+  // False at the end.
+  absl::StatusOr<bool> Skip() {
+    bool read = false;
+    RETURN_IF_ERROR(Try([&] {
+      read = video_.grab();
+      return absl::OkStatus();
+    }));
+    if (read && ++num_read_ > kMaxVideoFrames) return TooLong();
+    return read;
+  }
+
+  // The frame that Skip went to.
+  absl::StatusOr<cv::Mat> Picture() {
+    cv::Mat frame;
+    RETURN_IF_ERROR(Try([&] {
+      const bool decoded = video_.retrieve(frame) && !frame.empty() && frame.type() == CV_8UC3;
+      return decoded ? absl::OkStatus()
+                     : Refused(task_, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
+    }));
+    return frame;
+  }
+
+  template <class Call>
+  absl::Status Try(Call call) const {
+    try {
+      return call();
+    } catch (const cv::Exception& error) {
+      return Refused(task_, absl::StrCat("OpenCV: ", error.what()));
+    }
+  }
+
+  // What the file says of itself; 0: nothing.
+  int64_t num_declared() const { return num_declared_; }
+
+ private:
+  absl::Status OpenDecoder(const std::string& path) {
+    if (!video_.open(path, cv::CAP_FFMPEG)) return Refused(task_, "is no video that FFmpeg reads");
+    video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
+    const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
+    const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
+    if (!(width >= 1 && height >= 1 && width * height <= static_cast<double>(kMaxVideoPixels))) {
+      return Refused(task_, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
+                                         kMaxVideoPixels, " in all"));
+    }
+    const double declared = video_.get(cv::CAP_PROP_FRAME_COUNT);
+    if (declared > static_cast<double>(kMaxVideoFrames)) return TooLong();
+    if (declared > 0) num_declared_ = static_cast<int64_t>(declared);
+    return absl::OkStatus();
+  }
+
+  absl::Status TooLong() const {
+    return Refused(task_,
+                   absl::StrCat("over ", kMaxVideoFrames, " frames: upload a shorter video"));
+  }
+
+  const VideoTask& task_;
+  cv::VideoCapture video_;
+  int64_t num_read_ = 0;
+  int64_t num_declared_ = 0;
+};
+
+absl::Status Tell(VideoProgressFn progress, int64_t done, int64_t num_frames) {
+  return done % kFramesPerCall == 0 ? progress(done, std::max(done, num_frames)) : absl::OkStatus();
+}
+
+struct Candidate {
+  int64_t frame;
+  double sharpness;
+};
+
+// Sharpness of every few frames, and how many frames there are.
+absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn progress,
+                                       std::vector<Candidate>& candidates) {
+  Reader reader(task);
+  RETURN_IF_ERROR(reader.Open());
+  const int64_t wanted = kCandidates * task.max_frames;
+  const int64_t stride = std::max<int64_t>(1, reader.num_declared() / wanted);
+  for (int64_t frame = 0;; ++frame) {
+    ASSIGN_OR_RETURN(const bool more, reader.Skip());
+    if (!more) return frame;
+    RETURN_IF_ERROR(Tell(progress, frame, 2 * reader.num_declared()));
+    if (frame % stride != 0) continue;
+    ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
+    double sharpness = 0;
+    RETURN_IF_ERROR(reader.Try([&] {
+      sharpness = Sharpness(picture);
+      return absl::OkStatus();
+    }));
+    candidates.push_back({frame, sharpness});
+  }
+}
+
+// The sharpest of each window, in order.
+std::vector<int64_t> Choose(const std::vector<Candidate>& candidates, int64_t num_frames,
+                            int max_frames) {
+  std::vector<std::optional<Candidate>> best(static_cast<size_t>(max_frames));
+  for (const Candidate& candidate : candidates) {
+    auto& window = best[static_cast<size_t>(candidate.frame * max_frames / num_frames)];
+    if (!window || candidate.sharpness > window->sharpness) window = candidate;
+  }
+  std::vector<int64_t> chosen;
+  for (const std::optional<Candidate>& window : best) {
+    if (window) chosen.push_back(window->frame);
+  }
+  return chosen;
+}
+
+// Writes those that differ from the last one written.
+class FrameWriter {
+ public:
+  explicit FrameWriter(const VideoTask& task) : task_(task) {}
+
+  absl::Status Add(int64_t index, const cv::Mat& picture) {
+    const cv::Mat small = SmallGrey(picture, kChangeSide);
+    if (!last_.empty()) {
+      const double change =
+          cv::norm(small, last_, cv::NORM_L1) / static_cast<double>(small.total());
+      if (change < kLeastChange) return absl::OkStatus();
+    }
+    last_ = small;
+    cv::Mat shrunk = picture;
+    const int side = std::max(picture.cols, picture.rows);
+    const double scale = static_cast<double>(kMaxFrameSide) / side;
+    if (scale < 1) cv::resize(picture, shrunk, cv::Size(), scale, scale, cv::INTER_AREA);
+    std::vector<uint8_t> bytes;
+    if (!cv::imencode(".jpg", shrunk, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality})) {
+      return absl::InternalError(absl::StrCat(task_.name, ": cannot encode frame ", index));
+    }
+    const std::filesystem::path path =
+        task_.folder / absl::StrFormat("%s_%06d.jpg", task_.prefix, index);
+    RETURN_IF_ERROR(WriteFileAtomically(
+        path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())));
+    frames_.push_back({index, path});
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<VideoFrame>> Finish(int64_t num_frames) && {
+    if (frames_.size() >= kLeastFrames) return std::move(frames_);
+    return absl::FailedPreconditionError(absl::StrCat(
+        task_.name, ": the camera hardly moves: of ", num_frames, " frames ", frames_.size(),
+        frames_.size() == 1 ? " differs" : " differ", ", at least ", kLeastFrames,
+        " are needed; film while walking around the scene, some 20 seconds or more"));
+  }
+
+ private:
+  const VideoTask& task_;
+  cv::Mat last_;
+  std::vector<VideoFrame> frames_;
+};
+
+absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64_t num_frames,
+                                                    const std::vector<int64_t>& chosen,
+                                                    VideoProgressFn progress) {
+  Reader reader(task);
+  RETURN_IF_ERROR(reader.Open());
+  FrameWriter writer(task);
+  int64_t frame = -1;
+  for (const int64_t wanted : chosen) {
+    while (frame < wanted) {
+      ASSIGN_OR_RETURN(const bool more, reader.Skip());
+      if (!more)
+        return Refused(task, absl::StrCat("ends at frame ", frame + 1, " when read again"));
+      ++frame;
+      RETURN_IF_ERROR(Tell(progress, num_frames + frame, 2 * num_frames));
+    }
+    ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
+    RETURN_IF_ERROR(reader.Try([&] { return writer.Add(wanted, picture); }));
+  }
+  return std::move(writer).Finish(num_frames);
+}
+
+}  // namespace
+
+bool IsVideo(std::span<const uint8_t> bytes) {
+  constexpr std::array<uint8_t, 4> kMatroska = {0x1a, 0x45, 0xdf, 0xa3};
+  if (bytes.size() < 12) return false;
+  // MP4 begins with its brand; QuickTime files of old with any other of their atoms.
+  for (const absl::string_view atom : {"ftyp", "moov", "mdat", "wide", "free", "skip"}) {
+    if (HasTag(bytes, 4, atom)) return true;
+  }
+  return std::equal(kMatroska.begin(), kMatroska.end(), bytes.begin()) ||
+         (HasTag(bytes, 0, "RIFF") && HasTag(bytes, 8, "AVI "));
+}
+
+absl::StatusOr<std::vector<VideoFrame>> ExtractFrames(const VideoTask& task,
+                                                      VideoProgressFn progress) {
+  std::vector<Candidate> candidates;
+  ASSIGN_OR_RETURN(const int64_t num_frames, FindCandidates(task, progress, candidates));
+  if (candidates.empty()) return Refused(task, "has no frame that decodes");
+  return WriteChosen(task, num_frames, Choose(candidates, num_frames, task.max_frames), progress);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,268 @@
+#include "core/sfm/estimate_poses.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/io/atomic_file.h"
+#include "core/io/file_bytes.h"
+#include "core/io/manifest.h"
+#include "core/sfm/colmap_program.h"
+#include "core/sfm/colmap_progress.h"
+#include "core/sfm/sfm_model.h"
+#include "core/sfm/sfm_verdict.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// Up to so many photographs all are compared with all: some 20,000 pairs.
+constexpr size_t kMostExhaustive = 200;
+// Photographs are shrunk to this longer side for their features: of the largest 3000, few are
+// finer.
+constexpr int kFeatureSide = 2000;
+// Threads that extract features, each with kFeatureBytes a pixel (602 MB measured at 2.07 Mpx).
+constexpr int kMostExtracting = 8;
+constexpr int64_t kFeatureBytes = 300;
+constexpr char kProgramFile[] = "program.txt";
+
+using Words = std::vector<std::string>;
+
+absl::Status MakeAnew(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::remove_all(folder, error);
+  if (!error) std::filesystem::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
+}
+
+// Removes a folder with its scope.
+struct Removal {
+  ~Removal() {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+  }
+  const std::filesystem::path& folder;
+};
+
+int NumExtracting(int num_threads) {
+  const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
+}
+
+// One attempt, step by step.
+class PoseEstimation {
+ public:
+  PoseEstimation(std::span<const SfmPhotograph> photographs, const SfmPlaces& places,
+                 const SfmOptions& options, ProgressFn progress)
+      : photographs_(photographs),
+        places_(places),
+        options_(options),
+        on_progress_(progress),
+        deadline_(absl::Now() + absl::Seconds(options.max_seconds)),
+        safe_names_(SafeNames(photographs)),
+        progress_(static_cast<int64_t>(photographs.size())) {}
+
+  absl::Status OpenProgram();
+  absl::Status LayOutPhotographs();
+  absl::Status ExtractFeatures();
+  absl::Status MatchFeatures();
+  absl::Status Map();
+  absl::Status KeepLargestModel();
+
+ private:
+  absl::Status Run(const ColmapProgram::Command& command);
+  absl::Status Report(int64_t step);
+  bool MatchesSequentially() const;
+  Words MatchingWords() const;
+  SfmEvidence Evidence() const;
+  // COLMAP's -1: as many as there are cores.
+  std::string Threads() const {
+    return std::to_string(places_.num_threads > 0 ? places_.num_threads : -1);
+  }
+  std::string Database() const { return (places_.work / "database.db").string(); }
+  std::string Images() const { return (places_.work / "images").string(); }
+
+  std::span<const SfmPhotograph> photographs_;
+  const SfmPlaces& places_;
+  const SfmOptions& options_;
+  ProgressFn on_progress_;
+  absl::Time deadline_;
+  std::vector<std::string> safe_names_;  // the photographs', for COLMAP
+  ColmapProgress progress_;
+  std::optional<ColmapProgram> program_;
+  bool any_mask_ = false;
+  std::vector<SfmModel> models_;
+};
+
+absl::Status PoseEstimation::Report(int64_t step) {
+  StepReport report;
+  report.stage = "sfm";
+  report.step = step;
+  report.num_steps = progress_.num_steps();
+  return on_progress_(report);
+}
+
+absl::Status PoseEstimation::Run(const ColmapProgram::Command& command) {
+  const absl::Status status =
+      program_->Run(command, deadline_, [this](std::span<const std::string> lines) {
+        for (const std::string& line : lines) progress_.Read(line);
+        return Report(progress_.step());
+      });
+  if (!absl::IsDeadlineExceeded(status)) return status;
+  return absl::DeadlineExceededError(absl::StrCat(
+      "poses of ", photographs_.size(), " photographs were not found within ", options_.max_seconds,
+      " s (sfm.max_seconds), COLMAP was at its ", command.name,
+      ": allow more, upload fewer photographs, or have fewer features (sfm.max_features)"));
+}
+
+absl::Status PoseEstimation::OpenProgram() {
+  ASSIGN_OR_RETURN(program_, ColmapProgram::Open(places_.program, places_.log));
+  return absl::OkStatus();
+}
+
+absl::Status PoseEstimation::LayOutPhotographs() {
+  ASSIGN_OR_RETURN(any_mask_, LayOut(photographs_, Images(), places_.work / "masks"));
+  return absl::OkStatus();
+}
+
+absl::Status PoseEstimation::ExtractFeatures() {
+  Words words = {"--database_path", Database(), "--image_path", Images(),
+                 // A focal length and one radial coefficient: what a hundred photographs determine.
+                 "--ImageReader.camera_model", "SIMPLE_RADIAL",
+                 "--ImageReader.single_camera_per_folder", "1",  //
+                 "--SiftExtraction.use_gpu", "0",                //
+                 "--SiftExtraction.max_image_size", std::to_string(kFeatureSide),
+                 "--SiftExtraction.num_threads",
+                 std::to_string(NumExtracting(places_.num_threads)),  //
+                 "--SiftExtraction.max_num_features", std::to_string(options_.max_features)};
+  if (any_mask_) {
+    words.insert(words.end(), {"--ImageReader.mask_path", (places_.work / "masks").string()});
+  }
+  RETURN_IF_ERROR(Run({"feature_extractor", words, ""}));
+  return JudgeFeatures(Evidence(), options_);
+}
+
+bool PoseEstimation::MatchesSequentially() const {
+  if (options_.matching != SfmMatching::kByCapture) {
+    return options_.matching == SfmMatching::kSequential;
+  }
+  const bool frames =
+      std::all_of(photographs_.begin(), photographs_.end(),
+                  [](const SfmPhotograph& photograph) { return photograph.is_video_frame; });
+  return frames || (photographs_.size() > kMostExhaustive && AreNumbered(photographs_));
+}
+
+Words PoseEstimation::MatchingWords() const {
+  if (MatchesSequentially()) {
+    return {"--SequentialMatching.overlap", std::to_string(options_.sequential_overlap),
+            "--SequentialMatching.quadratic_overlap", "1"};
+  }
+  // It tells of each block: ten times ten of them are progress enough.
+  const size_t block = std::clamp<size_t>(photographs_.size() / 10, 5, 50);
+  return {"--ExhaustiveMatching.block_size", std::to_string(block)};
+}
+
+absl::Status PoseEstimation::MatchFeatures() {
+  Words words = {
+      "--database_path", Database(), "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
+      Threads()};
+  const Words chosen = MatchingWords();
+  words.insert(words.end(), chosen.begin(), chosen.end());
+  return Run({MatchesSequentially() ? "sequential_matcher" : "exhaustive_matcher", words, ""});
+}
+
+absl::Status PoseEstimation::Map() {
+  const std::filesystem::path models = places_.work / "models";
+  std::error_code error;
+  std::filesystem::create_directory(models, error);
+  // A second model of few photographs tells of a second place: COLMAP would drop it.
+  const Words words = {
+      "--random_seed",        "1",       "--database_path",         Database(),
+      "--image_path",         Images(),  "--output_path",           models.string(),
+      "--Mapper.num_threads", Threads(), "--Mapper.min_model_size", "3"};
+  RETURN_IF_ERROR(Run({"mapper", words, "failed to create sparse model"}));
+  ASSIGN_OR_RETURN(models_, ReadSfmModels(models));
+  return JudgeModels(Evidence(), options_);
+}
+
+SfmEvidence PoseEstimation::Evidence() const {
+  SfmEvidence evidence;
+  std::map<std::string, size_t> index;
+  for (size_t i = 0; i < photographs_.size(); ++i) {
+    evidence.names.push_back(photographs_[i].name);
+    const auto features = progress_.num_features().find(safe_names_[i]);
+    // A photograph that COLMAP could not read has none.
+    evidence.num_features.push_back(features == progress_.num_features().end() ? 0
+                                                                               : features->second);
+    index[safe_names_[i]] = i;
+  }
+  evidence.num_connected = progress_.num_connected();
+  for (const SfmModel& model : models_) {
+    std::vector<size_t>& members = evidence.models.emplace_back();
+    for (const std::string& name : model.names) {
+      if (const auto found = index.find(name); found != index.end()) {
+        members.push_back(found->second);
+      }
+    }
+  }
+  return evidence;
+}
+
+absl::Status PoseEstimation::KeepLargestModel() {
+  std::map<std::string, std::string> names;
+  for (size_t i = 0; i < photographs_.size(); ++i) names[safe_names_[i]] = photographs_[i].name;
+  RETURN_IF_ERROR(MakeAnew(places_.result));
+  RETURN_IF_ERROR(CopyRenamed(models_.front(), names, places_.result));
+  RETURN_IF_ERROR(WriteFileAtomically(places_.result / kProgramFile, program_->version() + "\n"));
+  const Words files = {"cameras.bin", "images.bin", "points3D.bin", kProgramFile};
+  ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(places_.result, files));
+  RETURN_IF_ERROR(WriteManifest(places_.result, manifest));
+  return Report(progress_.num_steps());
+}
+
+}  // namespace
+
+absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> photographs,
+                                             const SfmPlaces& places, const SfmOptions& options,
+                                             ProgressFn progress) {
+  RETURN_IF_ERROR(Validate(options));
+  RETURN_IF_ERROR(CheckEnough(photographs));
+  PoseEstimation estimation(photographs, places, options, progress);
+  RETURN_IF_ERROR(estimation.OpenProgram());
+  const Removal removal{places.work};
+  RETURN_IF_ERROR(MakeAnew(places.work));
+  RETURN_IF_ERROR(estimation.LayOutPhotographs());
+  RETURN_IF_ERROR(estimation.ExtractFeatures());
+  RETURN_IF_ERROR(estimation.MatchFeatures());
+  RETURN_IF_ERROR(estimation.Map());
+  RETURN_IF_ERROR(estimation.KeepLargestModel());
+  return ReadEstimatedPoses(places.result);
+}
+
+int64_t SfmHostBytes(int64_t max_pixels, int num_threads) {
+  const int64_t pixels = std::min(max_pixels, int64_t{kFeatureSide} * kFeatureSide);
+  return pixels * kFeatureBytes * NumExtracting(num_threads);
+}
+
+absl::StatusOr<EstimatedPoses> ReadEstimatedPoses(const std::filesystem::path& result) {
+  ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(result));
+  RETURN_IF_ERROR(VerifyManifest(result, manifest));
+  ASSIGN_OR_RETURN(const SfmModel model, ReadSfmModel(result));
+  EstimatedPoses poses{
+      result / "cameras.bin", result / "images.bin", result / "points3D.bin", "", 0, 0};
+  const std::filesystem::path program = result / kProgramFile;
+  ASSIGN_OR_RETURN(poses.program, ReadFile(program, program.string(), 1024));
+  poses.program.erase(std::min(poses.program.find('\n'), poses.program.size()));
+  poses.num_registered = static_cast<int64_t>(model.names.size());
+  poses.reprojection_error = model.reprojection_error;
+  return poses;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,170 @@
+#include "core/sfm/sfm_photographs.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <system_error>
+#include <tuple>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/io/atomic_file.h"
+#include "core/io/dataset_index.h"
+#include "core/io/decode_image.h"
+#include "core/io/digest.h"
+#include "core/io/encode_png.h"
+#include "core/io/file_bytes.h"
+#include "core/io/file_name.h"
+#include "core/io/mask_files.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kLeastPhotographs = 3;
+
+// "walk_000123.jpg" as ("walk_", 123): how a person sorts.
+struct NumberedName {
+  std::string stem;
+  std::string digits;  // without leading zeros
+
+  explicit NumberedName(absl::string_view name) {
+    const absl::string_view whole = WithoutSuffix(name);
+    size_t end = whole.size();
+    while (end > 0 && absl::ascii_isdigit(static_cast<unsigned char>(whole[end - 1]))) --end;
+    stem = std::string(whole.substr(0, end));
+    digits = std::string(whole.substr(end));
+    numbered = !digits.empty();
+    digits.erase(0, std::min(digits.find_first_not_of('0'), digits.size()));
+  }
+
+  bool numbered = false;
+};
+
+bool GoesBefore(const SfmPhotograph& a, const SfmPhotograph& b) {
+  const NumberedName first(a.name), second(b.name);
+  return std::tuple(first.stem, first.digits.size(), first.digits, a.name) <
+         std::tuple(second.stem, second.digits.size(), second.digits, b.name);
+}
+
+absl::StatusOr<SfmPhotograph> ReadPhotograph(const DatasetFile& file) {
+  RETURN_IF_ERROR(ValidateName(file.name));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file.path, file.name, kMaxImageFileBytes));
+  const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  SfmPhotograph photograph{file.name,        file.path, {},   ReadExifCamera(span),
+                           Sha256Hex(bytes), {},        false};
+  ASSIGN_OR_RETURN(photograph.header, ReadImageHeader(file.name, span));
+  return photograph;
+}
+
+const char* SuffixOf(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::kJpeg:
+      return ".jpg";
+    case ImageFormat::kPng:
+      return ".png";
+    case ImageFormat::kWebp:
+      return ".webp";
+  }
+  return "";
+}
+
+absl::Status MakeFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
+}
+
+absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
+  const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
+  Image mask{size.width, size.height, 1, {}};
+  mask.pixels.assign(static_cast<size_t>(size.width) * size.height, 255);
+  for (const DatasetFile& file : photograph.ignore) {
+    ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored,
+                     ReadIgnoreMask(file.path, file.name, size));
+    for (size_t i = 0; i < ignored.size(); ++i) {
+      if (ignored[i] != 0) mask.pixels[i] = 0;
+    }
+  }
+  ASSIGN_OR_RETURN(const std::string png, EncodePng(mask));
+  RETURN_IF_ERROR(MakeFolder(path.parent_path()));
+  return WriteFileAtomically(path, png);
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const DatasetFile> files) {
+  ASSIGN_OR_RETURN(const DatasetIndex index, IndexDataset(files));
+  std::vector<SfmPhotograph> photographs;
+  photographs.reserve(index.photos.size());
+  for (const auto& [key, file] : index.photos) {
+    ASSIGN_OR_RETURN(SfmPhotograph photograph, ReadPhotograph(*file));
+    if (index.ignore_all != nullptr) photograph.ignore.push_back(*index.ignore_all);
+    const auto own = index.ignore.find(std::string(WithoutSuffix(key)));
+    if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
+    photographs.push_back(std::move(photograph));
+  }
+  std::sort(photographs.begin(), photographs.end(), GoesBefore);
+  return photographs;
+}
+
+absl::Status CheckEnough(std::span<const SfmPhotograph> photographs) {
+  std::set<std::string> different;
+  for (const SfmPhotograph& photograph : photographs) different.insert(photograph.sha256);
+  if (different.size() >= kLeastPhotographs) return absl::OkStatus();
+  const std::string count =
+      different.size() == photographs.size()
+          ? absl::StrCat(photographs.size(), " photographs")
+          : absl::StrCat(photographs.size(), " photographs, of which only ", different.size(),
+                         different.size() == 1 ? " is" : " are", " different");
+  return absl::FailedPreconditionError(absl::StrCat(
+      count, ": poses are estimated from at least ", kLeastPhotographs,
+      " different ones; take some 20 to 100 from places all about the scene, or upload poses"));
+}
+
+bool AreNumbered(std::span<const SfmPhotograph> photographs) {
+  return std::all_of(photographs.begin(), photographs.end(), [](const SfmPhotograph& photograph) {
+    return NumberedName(photograph.name).numbered;
+  });
+}
+
+std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
+  using Key = std::tuple<int, int, std::string, std::string, double, int>;
+  std::map<Key, size_t> cameras;
+  std::vector<std::string> names;
+  names.reserve(photographs.size());
+  for (const SfmPhotograph& photograph : photographs) {
+    const ExifCamera& exif = photograph.camera;
+    const Key key(photograph.header.width, photograph.header.height, exif.maker, exif.model,
+                  exif.focal_length, exif.focal_length_35_mm);
+    const size_t camera = cameras.try_emplace(key, cameras.size() + 1).first->second;
+    names.push_back(absl::StrFormat("c%d/%06d%s", camera, names.size() + 1,
+                                    SuffixOf(photograph.header.format)));
+  }
+  return names;
+}
+
+absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
+                            const std::filesystem::path& images,
+                            const std::filesystem::path& masks) {
+  bool any_mask = false;
+  const std::vector<std::string> names = SafeNames(photographs);
+  for (size_t i = 0; i < photographs.size(); ++i) {
+    const std::filesystem::path link = images / names[i];
+    RETURN_IF_ERROR(MakeFolder(link.parent_path()));
+    std::error_code error;
+    std::filesystem::create_symlink(std::filesystem::absolute(photographs[i].path), link, error);
+    if (error) {
+      return absl::InternalError(
+          absl::StrCat("cannot make ", link.string(), ": ", error.message()));
+    }
+    if (photographs[i].ignore.empty()) continue;
+    RETURN_IF_ERROR(WriteMask(photographs[i], masks / (names[i] + ".png")));
+    any_mask = true;
+  }
+  return any_mask;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,92 @@
+#include "core/io/exif.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace pepeseg {
+namespace {
+
+// A TIFF structure that grows at its end.
+class TiffBytes {
+ public:
+  explicit TiffBytes(bool big_endian) : big_endian_(big_endian) {
+    Text(big_endian ? "MM" : "II");
+    Add(42, 2);
+    Add(8, 4);
+  }
+  void Add(uint32_t value, int num_bytes) {
+    for (int i = 0; i < num_bytes; ++i) {
+      const int shift = 8 * (big_endian_ ? num_bytes - 1 - i : i);
+      bytes_.push_back(static_cast<uint8_t>(value >> shift));
+    }
+  }
+  void Entry(uint32_t tag, uint32_t type, uint32_t count, uint32_t value) {
+    Add(tag, 2);
+    Add(type, 2);
+    Add(count, 4);
+    const bool is_short = type == 3;
+    Add(value, is_short ? 2 : 4);
+    if (is_short) Add(0, 2);
+  }
+  void Text(const std::string& text) { bytes_.insert(bytes_.end(), text.begin(), text.end()); }
+  uint32_t size() const { return static_cast<uint32_t>(bytes_.size()); }
+
+  std::vector<uint8_t> Jpeg() const {
+    std::vector<uint8_t> jpeg = {0xff, 0xd8, 0xff, 0xe0, 0, 4, 0, 0, 0xff, 0xe1};
+    const size_t length = bytes_.size() + 8;
+    jpeg.push_back(static_cast<uint8_t>(length >> 8));
+    jpeg.push_back(static_cast<uint8_t>(length));
+    jpeg.insert(jpeg.end(), {'E', 'x', 'i', 'f', 0, 0});
+    jpeg.insert(jpeg.end(), bytes_.begin(), bytes_.end());
+    return jpeg;
+  }
+
+ private:
+  bool big_endian_;
+  std::vector<uint8_t> bytes_;
+};
+
+std::vector<uint8_t> Photo(bool big_endian) {
+  TiffBytes tiff(big_endian);
+  constexpr uint32_t kMain = 8, kExif = kMain + 2 + 2 * 12 + 4, kAfter = kExif + 2 + 2 * 12 + 4;
+  tiff.Add(2, 2);
+  tiff.Entry(0x0110, 2, 7, kAfter);
+  tiff.Entry(0x8769, 4, 1, kExif);
+  tiff.Add(0, 4);
+  tiff.Add(2, 2);
+  tiff.Entry(0x920a, 5, 1, kAfter + 8);
+  tiff.Entry(0xa405, 3, 1, 26);
+  tiff.Add(0, 4);
+  EXPECT_EQ(tiff.size(), kAfter);
+  tiff.Text(std::string("PHONE7\0\0", 8));
+  tiff.Add(425, 4);
+  tiff.Add(100, 4);
+  return tiff.Jpeg();
+}
+
+TEST(ReadExifCamera, ReadsBothByteOrders) {
+  for (const bool big_endian : {false, true}) {
+    const ExifCamera camera = ReadExifCamera(Photo(big_endian));
+    EXPECT_EQ(camera.model, "PHONE7");
+    EXPECT_EQ(camera.focal_length, 4.25);
+    EXPECT_EQ(camera.focal_length_35_mm, 26);
+  }
+}
+
+// The sanitizers watch.
+TEST(ReadExifCamera, ReadsNoFurtherThanTheBytesGo) {
+  const std::vector<uint8_t> photo = Photo(false);
+  for (size_t size = 0; size < photo.size(); ++size) {
+    const std::vector<uint8_t> cut(photo.begin(), photo.begin() + static_cast<ptrdiff_t>(size));
+    EXPECT_EQ(ReadExifCamera(cut), ExifCamera()) << size;
+  }
+  for (size_t i = 0; i < photo.size(); ++i) {
+    std::vector<uint8_t> changed = photo;
+    changed[i] ^= 0xff;
+    ReadExifCamera(changed);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,104 @@
+#include "core/io/video_frames.h"
+
+#include <fstream>
+
+#include "core/io/decode_image.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+#include "tests/testing/test_video.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
+
+// Stripes about 20 pixels wide, `shift` pixels along; smeared over `smear`.
+Image Stripes(int shift, int smear) {
+  Image image{160, 112, 3, {}};
+  for (int i = 0; i < image.width * image.height; ++i) {
+    int sum = 0;
+    for (int j = 0; j <= smear; ++j) {
+      sum += ((i % image.width + shift + j) / 10 + i / image.width / 12) % 2;
+    }
+    image.pixels.insert(image.pixels.end(), 3, static_cast<uint8_t>(40 + 170 * sum / (smear + 1)));
+  }
+  return image;
+}
+
+class VideoFramesTest : public ::testing::Test {
+ protected:
+  VideoFramesTest() { task_ = {folder_ / "blob", "videos/walk.avi", folder_.path(), "v0", 5}; }
+
+  void Write(const std::vector<Image>& frames) const {
+    testing::WriteVideo(folder_ / "blob.avi", frames);
+    std::filesystem::rename(folder_ / "blob.avi", task_.path);
+  }
+  void Write(const std::string& bytes) const {
+    std::ofstream(task_.path, std::ios::binary) << bytes;
+  }
+  absl::StatusOr<std::vector<VideoFrame>> Extract() const {
+    return ExtractFrames(task_, [](int64_t done, int64_t num_frames) {
+      EXPECT_LE(done, num_frames);
+      return absl::OkStatus();
+    });
+  }
+
+  testing::TempFolder folder_;
+  VideoTask task_;
+};
+
+TEST_F(VideoFramesTest, TakesTheSharpestOfEachWindow) {
+  std::vector<Image> frames;
+  for (int i = 0; i < 50; ++i) frames.push_back(Stripes(3 * i, i % 10 == 6 ? 0 : 6));
+  Write(frames);
+  ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
+  ASSERT_EQ(taken.size(), 5u);
+  for (size_t i = 0; i < taken.size(); ++i) {
+    EXPECT_EQ(taken[i].index, static_cast<int64_t>(10 * i + 6));
+  }
+  EXPECT_EQ(taken[1].path.filename(), "v0_000016.jpg");
+  ASSERT_OK_AND_ASSIGN(const Image photo, DecodePhoto(taken[1].path, "frame"));
+  EXPECT_EQ(photo.width, 160);
+  EXPECT_EQ(photo.height, 112);
+}
+
+TEST_F(VideoFramesTest, TakesAllOfAShortOne) {
+  task_.max_frames = 120;
+  Write({Stripes(0, 0), Stripes(4, 0), Stripes(8, 0), Stripes(12, 0)});
+  ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
+  EXPECT_EQ(taken.size(), 4u);
+}
+
+TEST_F(VideoFramesTest, RefusesOneWithoutMotion) {
+  Write(std::vector<Image>(40, Stripes(0, 0)));
+  EXPECT_STATUS(Extract(), absl::StatusCode::kFailedPrecondition,
+                "videos/walk.avi: the camera hardly moves: of 40 frames 1 differs");
+}
+
+TEST_F(VideoFramesTest, RefusesWhatDoesNotBeginAsAVideo) {
+  for (const char* bytes : {"", "#EXTM3U\nhttp://127.0.0.1/x.ts\n", "ffconcat version 1.0\n",
+                            "GIF89a no video at all", "RIFF1234WEBPVP8 "}) {
+    Write(bytes);
+    EXPECT_STATUS(Extract(), kInvalid, "is no MP4, MOV, WebM, MKV or AVI");
+  }
+  task_.path = "http://127.0.0.1/walk.mp4";
+  EXPECT_STATUS(Extract(), kInvalid, "is no regular file");
+}
+
+TEST_F(VideoFramesTest, RefusesOneThatOnlyBeginsAsAVideo) {
+  Write(
+      std::string("\0\0\0\x18"
+                  "ftypmp42 and then nothing of the kind",
+                  45));
+  EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
+}
+
+TEST_F(VideoFramesTest, StopsWhenTold) {
+  Write(std::vector<Image>(20, Stripes(0, 0)));
+  const auto taken =
+      ExtractFrames(task_, [](int64_t, int64_t) { return absl::CancelledError("enough"); });
+  EXPECT_STATUS(taken, absl::StatusCode::kCancelled, "enough");
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,154 @@
+#include "core/sfm/estimate_poses.h"
+
+#include <algorithm>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/io/colmap.h"
+#include "core/io/encode_png.h"
+#include "tests/testing/align_centers.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+#include "tests/testing/textured_place.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr auto kFailed = absl::StatusCode::kFailedPrecondition;
+
+Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
+  return -(cam_from_world.rotation.conjugate() * cam_from_world.translation);
+}
+
+// COLMAP itself, on photographs made here.
+class EstimatePosesTest : public ::testing::Test {
+ protected:
+  EstimatePosesTest() {
+    places_ = {"colmap", folder_ / "work", folder_ / "result", folder_ / "log", 2};
+  }
+
+  void Add(const Image& photo) {
+    const std::string name = absl::StrCat("images/", files_.size(), ".jpg");
+    const std::filesystem::path path = folder_ / absl::StrCat(files_.size());
+    std::ofstream(path, std::ios::binary) << EncodeJpeg(photo, 95).value();
+    files_.push_back({FileKind::kImage, name, path});
+  }
+  absl::StatusOr<EstimatedPoses> Estimate(const SfmOptions& options = {}) {
+    const auto photographs = ReadSfmPhotographs(files_);
+    EXPECT_OK(photographs);
+    return EstimatePoses(*photographs, places_, options, [&](const StepReport& report) {
+      EXPECT_GE(report.step, last_step_);
+      EXPECT_LE(report.step, report.num_steps);
+      last_step_ = report.step;
+      return cancel_at_ >= 0 && report.step >= cancel_at_ ? absl::CancelledError("enough")
+                                                          : absl::OkStatus();
+    });
+  }
+
+  testing::TempFolder folder_;
+  SfmPlaces places_;
+  std::vector<DatasetFile> files_;
+  int64_t last_step_ = 0;
+  int64_t cancel_at_ = -1;
+};
+
+TEST_F(EstimatePosesTest, FindsWhereThePhotographsWereTaken) {
+  const std::vector<View> views = testing::PhotographPlace(testing::PlaceArc(6), 1);
+  for (const View& view : views) Add(view.photo);
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
+  EXPECT_EQ(poses.num_registered, 6);
+  EXPECT_LT(poses.reprojection_error, 1);
+  EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
+  EXPECT_EQ(last_step_, 18);
+  EXPECT_FALSE(std::filesystem::exists(places_.work));
+  ASSERT_OK_AND_ASSIGN(const auto images, ReadColmapImages(poses.images, "images.bin"));
+  std::vector<Eigen::Vector3d> estimated, truth;
+  for (const ColmapImage& image : images) {
+    size_t index = 0;
+    while (index < files_.size() && files_[index].name != image.name) ++index;
+    ASSERT_LT(index, files_.size()) << image.name;
+    estimated.push_back(CenterOf(image.cam_from_world));
+    truth.push_back(CenterOf(views[index].cam_from_world));
+  }
+  EXPECT_LT(testing::CenterError(estimated, truth), 0.01);
+  ASSERT_OK_AND_ASSIGN(const EstimatedPoses again, ReadEstimatedPoses(places_.result));
+  EXPECT_EQ(again.program, poses.program);
+  std::filesystem::remove(places_.result / "manifest.json");
+  EXPECT_STATUS(ReadEstimatedPoses(places_.result), absl::StatusCode::kNotFound, "manifest");
+}
+
+TEST_F(EstimatePosesTest, RefusesBlurredPhotographs) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) {
+    Add(testing::Blurred(view.photo, 20));
+  }
+  EXPECT_STATUS(Estimate(), kFailed, "3 of 3 photographs show fewer than 100 features");
+}
+
+TEST_F(EstimatePosesTest, RefusesTwoPlaces) {
+  for (const uint32_t seed : {1u, 50u}) {
+    for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), seed)) Add(view.photo);
+  }
+  EXPECT_STATUS(Estimate(), kFailed, "places that have nothing in common: 4 of 8 show one");
+}
+
+TEST_F(EstimatePosesTest, RefusesACameraThatDoesNotMove) {
+  const View view = testing::PhotographPlace(testing::PlaceArc(1), 1).front();
+  for (int i = 0; i < 4; ++i) {
+    Image photo = view.photo;
+    // No two files are the same.
+    std::fill_n(photo.pixels.begin(), 60, static_cast<uint8_t>(60 * i));
+    Add(photo);
+  }
+  EXPECT_STATUS(Estimate(), kFailed, "the camera did not move");
+}
+
+TEST_F(EstimatePosesTest, StopsWhenTold) {
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), 1)) Add(view.photo);
+  cancel_at_ = 1;
+  EXPECT_STATUS(Estimate(), absl::StatusCode::kCancelled, "enough");
+  EXPECT_FALSE(std::filesystem::exists(places_.work));
+  EXPECT_FALSE(std::filesystem::exists(places_.result));
+}
+
+// A program in COLMAP's place, of the shell's commands.
+class FakeColmapTest : public EstimatePosesTest {
+ protected:
+  void Write(const std::string& script) {
+    places_.program = folder_ / "fake";
+    std::ofstream(places_.program) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; "
+                                      "exit; fi\n"
+                                   << script;
+    std::filesystem::permissions(places_.program, std::filesystem::perms::owner_all);
+    for (int i = 0; i < 3; ++i) Add({8, 8, 1, std::vector<uint8_t>(64, static_cast<uint8_t>(i))});
+  }
+};
+
+TEST_F(FakeColmapTest, ThatFailsIsQuoted) {
+  Write("echo 'Processed file [1/3]'; echo 'out of luck' >&2; exit 4\n");
+  EXPECT_STATUS(Estimate(), absl::StatusCode::kInternal,
+                "COLMAP's feature_extractor exited with code 4; its last words: Processed file "
+                "[1/3] | out of luck");
+  EXPECT_EQ(last_step_, 1);
+}
+
+TEST_F(FakeColmapTest, ThatTakesTooLongIsStopped) {
+  Write("sleep 100\n");
+  SfmOptions options;
+  options.max_seconds = 1;
+  const absl::Time start = absl::Now();
+  EXPECT_STATUS(Estimate(options), absl::StatusCode::kDeadlineExceeded, "within 1 s");
+  EXPECT_LT(absl::Now() - start, absl::Seconds(3));
+}
+
+TEST_F(FakeColmapTest, ThatIsNotThereIsSaidWithTheWaysOut) {
+  Write("");
+  places_.program = folder_ / "nowhere";
+  EXPECT_STATUS(Estimate(), kFailed, "install it (Debian's package colmap)");
+  EXPECT_STATUS(Estimate(), kFailed, "or upload poses");
+  places_.program = "true";  // says nothing
+  EXPECT_STATUS(Estimate(), kFailed, "does not tell COLMAP's version");
+}
+
+}  // namespace
+}  // namespace pepeseg

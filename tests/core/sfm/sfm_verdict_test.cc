@@ -1,0 +1,99 @@
+#include "core/sfm/sfm_verdict.h"
+
+#include <string>
+
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+constexpr auto kFailed = absl::StatusCode::kFailedPrecondition;
+
+// Photographs p0 ... of many features, all connected.
+SfmEvidence Photographs(size_t count) {
+  SfmEvidence evidence;
+  for (size_t i = 0; i < count; ++i) evidence.names.push_back("p" + std::to_string(i));
+  evidence.num_features.assign(count, 3000);
+  evidence.num_connected = static_cast<int64_t>(count);
+  return evidence;
+}
+
+std::vector<size_t> Range(size_t begin, size_t end) {
+  std::vector<size_t> range;
+  for (size_t i = begin; i < end; ++i) range.push_back(i);
+  return range;
+}
+
+TEST(JudgeFeatures, RefusesWhatShowsTooLittle) {
+  SfmEvidence evidence = Photographs(10);
+  for (size_t i = 0; i < 5; ++i) evidence.num_features[i] = 40;
+  EXPECT_OK(JudgeFeatures(evidence, {}));
+  evidence.num_features[5] = 99;
+  const absl::Status status = JudgeFeatures(evidence, {});
+  EXPECT_STATUS(status, kFailed, "6 of 10 photographs show fewer than 100 features");
+  EXPECT_STATUS(status, kFailed, "p0, p1, p2, p3, p4, ...");
+  EXPECT_STATUS(status, kFailed, "blurred");
+}
+
+TEST(JudgeFeatures, WantsThreeWhateverTheShare) {
+  SfmEvidence evidence = Photographs(3);
+  SfmOptions options;
+  options.min_registered_share = 0;
+  EXPECT_OK(JudgeFeatures(evidence, options));
+  evidence.num_features[1] = 0;
+  EXPECT_STATUS(JudgeFeatures(evidence, options), kFailed, "1 of 3");
+}
+
+TEST(JudgeModels, TakesALargestModelThatIsLargeEnough) {
+  SfmEvidence evidence = Photographs(10);
+  evidence.models = {Range(0, 5)};
+  EXPECT_OK(JudgeModels(evidence, {}));
+  evidence.models = {Range(0, 8), Range(8, 10), Range(2, 7)};  // few of its own
+  EXPECT_OK(JudgeModels(evidence, {}));
+}
+
+TEST(JudgeModels, NamesBothPlaces) {
+  SfmEvidence evidence = Photographs(16);
+  evidence.models = {Range(0, 9), Range(9, 16)};
+  const absl::Status status = JudgeModels(evidence, {});
+  EXPECT_STATUS(status, kFailed, "9 of 16 show one (p0, p1, p2, p3, p4, ...)");
+  EXPECT_STATUS(status, kFailed, "7 another (p9, p10, p11, p12, p13, ...)");
+  EXPECT_STATUS(status, kFailed, "make a scene of each");
+}
+
+TEST(JudgeModels, TellsNoMotionFromNoOverlap) {
+  SfmEvidence evidence = Photographs(10);
+  const absl::Status still = JudgeModels(evidence, {});
+  EXPECT_STATUS(still, kFailed, "0 of 10 photographs, 5 are needed");
+  EXPECT_STATUS(still, kFailed, "the camera did not move");
+  evidence.num_connected = 3;
+  const absl::Status apart = JudgeModels(evidence, {});
+  EXPECT_STATUS(apart, kFailed, "too little of what one photograph shows is in the next");
+  EXPECT_THAT(std::string(apart.message()), Not(HasSubstr("did not move")));
+}
+
+TEST(JudgeModels, NamesThePhotographsWithoutPoseAndTheirCause) {
+  SfmEvidence evidence = Photographs(10);
+  evidence.models = {Range(6, 10)};
+  EXPECT_STATUS(JudgeModels(evidence, {}), kFailed,
+                "4 of 10 photographs, 5 are needed; not for p0, p1, p2, p3, p4, ...: too little");
+  for (size_t i = 0; i < 4; ++i) evidence.num_features[i] = 10;
+  EXPECT_STATUS(JudgeModels(evidence, {}), kFailed,
+                "4 of the photographs show too little: blurred");
+}
+
+TEST(SfmOptions, OutOfRangeNamesTheOption) {
+  SfmOptions options;
+  EXPECT_OK(Validate(options));
+  options.max_video_frames = 2;
+  EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument,
+                "max_video_frames is 2, it must be in [3, 2000]");
+  options = {};
+  options.min_registered_share = 1.5;
+  EXPECT_STATUS(Validate(options), absl::StatusCode::kInvalidArgument, "min_registered_share");
+}
+
+}  // namespace
+}  // namespace pepeseg

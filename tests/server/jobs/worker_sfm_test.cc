@@ -1,0 +1,206 @@
+#include <algorithm>
+#include <csignal>
+#include <fstream>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/encode_png.h"
+#include "core/io/model_file.h"
+#include "tests/server/jobs/worker_fixture.h"
+#include "tests/testing/test_video.h"
+#include "tests/testing/textured_place.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+// The worker on photographs and videos that come without poses.
+class WorkerSfmTest : public WorkerTest {
+ protected:
+  WorkerSfmTest() {
+    spec_.files.clear();
+    spec_.options.mutable_import()->set_image_scale(0.25);
+  }
+
+  std::string PathOf(const std::string& name) const { return (folder_.path() / name).string(); }
+
+  void AddPhoto(const Image& photo) {
+    const std::string path = PathOf(absl::StrCat("photo", spec_.files.size()));
+    std::ofstream(path, std::ios::binary) << EncodeJpeg(photo, 95).value();
+    const std::string name = absl::StrCat("images/", spec_.files.size(), ".jpg");
+    spec_.files.push_back({name, v1::FILE_KIND_IMAGE, path, ""});
+  }
+  void AddPlace(int num_views, uint32_t seed) {
+    for (const View& view : testing::PhotographPlace(testing::PlaceArc(num_views), seed)) {
+      AddPhoto(view.photo);
+    }
+  }
+  void AddVideo(const std::vector<Image>& frames) {
+    testing::WriteVideo(PathOf("walk.avi"), frames);
+    spec_.files.push_back({"videos/walk.avi", v1::FILE_KIND_VIDEO, PathOf("walk.avi"), ""});
+  }
+  // A program in COLMAP's place that never comes to an end; it leaves its number in "pid".
+  void UseEndlessColmap() {
+    colmap_ = PathOf("endless");
+    std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
+                           << "echo 'Processed file [1/4]'; echo $$ > " << PathOf("pid.new")
+                           << "; mv " << PathOf("pid.new") << " " << PathOf("pid")
+                           << "; exec sleep 100\n";
+    std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
+  }
+  pid_t WaitForColmap() {
+    for (int i = 0; i < 1000 && !std::filesystem::exists(PathOf("pid")); ++i) {
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    pid_t pid = 0;
+    std::ifstream(PathOf("pid")) >> pid;
+    return pid;
+  }
+
+  void ExpectRefused(const std::string& why) {
+    ExpectExit(Run(), WorkerExit::kFailed);
+    const auto result = job_.ReadResult(spec_.fence);
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ(result->status.code(), absl::StatusCode::kFailedPrecondition) << result->status;
+    EXPECT_THAT(std::string(result->status.message()), HasSubstr(why));
+  }
+};
+
+// Runs: it may still be there for whoever has to reap it.
+bool IsThere(pid_t pid) {
+  std::ifstream stat(absl::StrCat("/proc/", pid, "/stat"));
+  std::string word, state;
+  stat >> word >> word >> state;
+  return stat.good() && state != "Z";
+}
+
+bool HasBegun(const std::vector<v1::JobEvent>& events, const std::string& stage) {
+  return std::any_of(events.begin(), events.end(), [&](const v1::JobEvent& event) {
+    return event.has_stage_started() && event.stage_started().stage() == stage;
+  });
+}
+
+TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
+  AddPlace(6, 1);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_THAT(model->facts.at("poses"), ::testing::StartsWith("COLMAP "));
+  EXPECT_EQ(model->views.size(), 6u);
+  EXPECT_EQ(model->metrics.at("num_registered"), 6);
+  EXPECT_EQ(model->metrics.at("num_photographs"), 6);
+  EXPECT_LT(model->metrics.at("reprojection_error"), 1);
+  EXPECT_GT(model->metrics.at("seconds_sfm"), 0);
+  std::set<int64_t> steps;
+  for (const v1::JobEvent& event : Events()) {
+    if (event.has_progress() && event.progress().stage() == "sfm") {
+      EXPECT_EQ(event.progress().num_steps(), 18);
+      steps.insert(event.progress().step());
+    }
+  }
+  EXPECT_GE(steps.size(), 3u);
+  EXPECT_EQ(*steps.rbegin(), 18);
+  EXPECT_FALSE(std::filesystem::exists(job_.poses(1)));
+  EXPECT_TRUE(std::filesystem::exists(job_.sfm_log()));
+}
+
+TEST_F(WorkerSfmTest, TakesPosesThatAnEarlierAttemptFound) {
+  AddPlace(6, 1);
+  // As a server leaves it that stops during the stage after.
+  spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
+  const auto first = Launch(getpid());
+  for (int i = 0; i < 3000 && !HasBegun(Events(), "reconstruct"); ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  first->Signal(SIGTERM);
+  ExpectExit(WaitFor(*first), WorkerExit::kCancelled);
+  ASSERT_TRUE(std::filesystem::exists(job_.poses(1) / "manifest.json"));
+  spec_.options.mutable_reconstruct()->set_num_steps(60);
+  spec_.fence = 2;
+  colmap_ = PathOf("nowhere");
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
+              HasSubstr("poses were estimated by attempt 1"));
+  const auto model = ReadModel(job_.attempt(2));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->metrics.at("num_registered"), 6);
+}
+
+TEST_F(WorkerSfmTest, MakesAModelOfAVideo) {
+  std::vector<Image> frames;
+  for (const View& view : testing::PhotographPlace(testing::PlaceArc(6), 1)) {
+    frames.push_back(testing::Blurred(view.photo, 1));
+    frames.push_back(view.photo);
+  }
+  AddVideo(frames);
+  spec_.options.mutable_sfm()->set_max_video_frames(6);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), 6u);
+  EXPECT_EQ(model->views.front().name, "walk_000001.jpg");
+  EXPECT_EQ(model->views.back().name, "walk_000011.jpg");
+  EXPECT_FALSE(std::filesystem::exists(job_.frames(1)));
+}
+
+TEST_F(WorkerSfmTest, RefusesAVideoWithoutMotion) {
+  const View view = testing::PhotographPlace(testing::PlaceArc(1), 1).front();
+  AddVideo(std::vector<Image>(30, view.photo));
+  ExpectRefused("videos/walk.avi: the camera hardly moves");
+}
+
+TEST_F(WorkerSfmTest, RefusesOnePhotographAHundredTimes) {
+  AddPlace(1, 1);
+  for (int i = 1; i < 100; ++i) {
+    spec_.files.push_back(spec_.files.front());
+    spec_.files.back().name = absl::StrCat("images/", i, ".jpg");
+  }
+  ExpectRefused("100 photographs, of which only 1 is different");
+}
+
+TEST_F(WorkerSfmTest, SaysThatColmapIsMissing) {
+  AddPlace(3, 1);
+  colmap_ = PathOf("nowhere");
+  ExpectRefused("or upload poses");
+}
+
+TEST_F(WorkerSfmTest, RefusesPointsWithoutTheirPoses) {
+  AddPlace(3, 1);
+  spec_.files.push_back({"points.ply", v1::FILE_KIND_POINTS, PathOf("points.ply"), ""});
+  ExpectBadFile("points.ply");
+}
+
+TEST_F(WorkerSfmTest, NamesAPhotographThatIsNone) {
+  AddPlace(3, 1);
+  Replace("images/1.jpg", "GIF89a no photograph");
+  ExpectBadFile("images/1.jpg");
+}
+
+TEST_F(WorkerSfmTest, StopsColmapWithinASecond) {
+  AddPlace(4, 1);
+  UseEndlessColmap();
+  const auto worker = Launch(getpid());
+  const pid_t colmap = WaitForColmap();
+  ASSERT_TRUE(IsThere(colmap));
+  const absl::Time start = absl::Now();
+  worker->Signal(SIGTERM);
+  ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
+  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+  EXPECT_FALSE(IsThere(colmap));
+}
+
+TEST_F(WorkerSfmTest, LeavesNoColmapBehindWhenItIsKilled) {
+  AddPlace(4, 1);
+  UseEndlessColmap();
+  const auto worker = Launch(getpid());
+  const pid_t colmap = WaitForColmap();
+  ASSERT_TRUE(IsThere(colmap));
+  worker->Signal(SIGKILL);
+  WaitFor(*worker);
+  for (int i = 0; i < 100 && IsThere(colmap); ++i) absl::SleepFor(absl::Milliseconds(10));
+  EXPECT_FALSE(IsThere(colmap));
+}
+
+}  // namespace
+}  // namespace pepeseg
