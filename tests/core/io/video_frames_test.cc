@@ -49,6 +49,7 @@ class VideoFramesTest : public ::testing::Test {
 
 TEST_F(VideoFramesTest, TakesTheSharpestOfEachWindow) {
   std::vector<Image> frames;
+  frames.reserve(50);
   for (int i = 0; i < 50; ++i) frames.push_back(Stripes(3 * i, i % 10 == 6 ? 0 : 6));
   Write(frames);
   ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
