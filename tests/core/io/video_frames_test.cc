@@ -87,10 +87,10 @@ TEST_F(VideoFramesTest, RefusesWhatDoesNotBeginAsAVideo) {
 }
 
 TEST_F(VideoFramesTest, RefusesOneThatOnlyBeginsAsAVideo) {
-  Write(
-      std::string("\0\0\0\x18"
-                  "ftypmp42 and then nothing of the kind",
-                  45));
+  constexpr char kBytes[] =
+      "\0\0\0\x18"
+      "ftypmp42 and then nothing of the kind";
+  Write(std::string(kBytes, sizeof(kBytes)));
   EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
 }
 
