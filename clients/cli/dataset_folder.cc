@@ -49,13 +49,12 @@ bool HasPictures(const DatasetFolder& folder) {
 void TakeLoosePictures(const fs::path& root, DatasetFolder& folder) {
   std::vector<std::string> left_out;
   for (const std::string& name : folder.left_out) {
-    const bool loose = name.find('/') == std::string::npos;
     std::error_code ignored;
-    if (!loose || !fs::is_regular_file(root / name, ignored)) {
-      left_out.push_back(name);
-    } else if (IsPhotograph(name)) {
+    const bool loose =
+        name.find('/') == std::string::npos && fs::is_regular_file(root / name, ignored);
+    if (loose && IsPhotograph(name)) {
       folder.files.push_back({"images/" + name, v1::FILE_KIND_IMAGE, root / name});
-    } else if (IsVideo(name)) {
+    } else if (loose && IsVideo(name)) {
       folder.files.push_back({"videos/" + name, v1::FILE_KIND_VIDEO, root / name});
     } else {
       left_out.push_back(name);

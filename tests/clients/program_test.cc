@@ -71,7 +71,7 @@ TEST(Program, JsonErrorsParse) {
 
 TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
   EXPECT_EQ(RunPepeseg("upload shelf /nowhere 2>&1").exit_code, 3);
-  EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/images 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("upload shelf " PEPESEG_TEST_DATA "/apc_shelf/sparse 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("segment shelf --view a --point 1x2 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("select shelf --view a --point 1x2 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("label shelf cup --view a --point 1x2 2>&1").exit_code, 4);

@@ -50,8 +50,8 @@ void TakePhoto(const std::vector<Surface>& surfaces, uint32_t seed, View& view) 
   for (int i = 0; i < width * height; ++i) {
     double sum = 0;
     for (int j = 0; j < kSide * kSide; ++j) {
-      const double x = i % width + (0.5 + j % kSide) / kSide;
-      const double y = i / width + (0.5 + static_cast<double>(j / kSide)) / kSide;
+      const int column = i % width * kSide + j % kSide, row = i / width * kSide + j / kSide;
+      const double x = (column + 0.5) / kSide, y = (row + 0.5) / kSide;
       const Ray ray = PixelRay(view, x, y);
       const Hit hit = Trace(surfaces, ray);
       if (hit.surface == nullptr) continue;

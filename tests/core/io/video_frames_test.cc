@@ -49,6 +49,7 @@ class VideoFramesTest : public ::testing::Test {
 
 TEST_F(VideoFramesTest, TakesTheSharpestOfEachWindow) {
   std::vector<Image> frames;
+  frames.reserve(50);
   for (int i = 0; i < 50; ++i) frames.push_back(Stripes(3 * i, i % 10 == 6 ? 0 : 6));
   Write(frames);
   ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
@@ -86,10 +87,10 @@ TEST_F(VideoFramesTest, RefusesWhatDoesNotBeginAsAVideo) {
 }
 
 TEST_F(VideoFramesTest, RefusesOneThatOnlyBeginsAsAVideo) {
-  Write(
-      std::string("\0\0\0\x18"
-                  "ftypmp42 and then nothing of the kind",
-                  45));
+  constexpr char kBytes[] =
+      "\0\0\0\x18"
+      "ftypmp42 and then nothing of the kind";
+  Write(std::string(kBytes, sizeof(kBytes)));
   EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
 }
 
