@@ -8,75 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 
-// Each option once, for both directions; its name is the same on both sides.
-#define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)
-#define PEPESEG_PRIOR_FIELDS(FIELD) FIELD(masks) FIELD(depth)
-// (clang-format does not settle on a layout of lists this long.)
-// clang-format off
-#define PEPESEG_SFM_FIELDS(FIELD) \
-  FIELD(matching) FIELD(max_features) FIELD(sequential_overlap) \
-  FIELD(min_registered_share) FIELD(max_seconds) FIELD(max_video_frames)
-#define PEPESEG_RECONSTRUCT_FIELDS(FIELD) \
-  FIELD(num_steps) \
-  FIELD(sh_degree) \
-  FIELD(ssim_weight) \
-  FIELD(mean_learning_rate) \
-  FIELD(mean_learning_rate_final) \
-  FIELD(log_scale_learning_rate) \
-  FIELD(rotation_learning_rate) \
-  FIELD(opacity_learning_rate) \
-  FIELD(sh_learning_rate) \
-  FIELD(densify_from) \
-  FIELD(densify_until) \
-  FIELD(densify_every) \
-  FIELD(densify_gradient) \
-  FIELD(densify_size) \
-  FIELD(prune_opacity) \
-  FIELD(opacity_reset_every) \
-  FIELD(max_gaussians) \
-  FIELD(num_random_points) \
-  FIELD(seed) \
-  FIELD(coarse_until) \
-  FIELD(depth_weight) \
-  FIELD(depth_weight_final) \
-  FIELD(depth_local_weight) \
-  FIELD(depth_local_form) \
-  FIELD(depth_window) \
-  FIELD(capture_kind) \
-  FIELD(refine_keep) \
-  FIELD(refine_from) \
-  FIELD(refine_length) \
-  FIELD(refine_candidates) \
-  FIELD(pixels_per_gaussian) \
-  FIELD(opacity_decay)
-#define PEPESEG_FEATURE_FIELDS(FIELD) \
-  FIELD(num_steps) \
-  FIELD(num_pixels) \
-  FIELD(num_background_pixels) \
-  FIELD(num_scales) \
-  FIELD(scale_mapping) \
-  FIELD(learning_rate) \
-  FIELD(learning_rate_final) \
-  FIELD(num_neighbors) \
-  FIELD(num_drawn_neighbors) \
-  FIELD(centroid_from) \
-  FIELD(centroid_every) \
-  FIELD(centroid_pixels) \
-  FIELD(centroid_weight_upper) \
-  FIELD(centroid_weight_lower) \
-  FIELD(perception_weight) \
-  FIELD(num_perception_pixels) \
-  FIELD(perception_threshold) \
-  FIELD(perception_cross_view) \
-  FIELD(steps_per_chunk) \
-  FIELD(seed)
-// clang-format on
-
-// The casts are for enums, whose numbers are the same on both sides.
-#define PEPESEG_OVERLAY(name) \
-  if (proto.has_##name()) options->name = static_cast<decltype(options->name)>(proto.name());
-#define PEPESEG_SET(name) proto->set_##name(static_cast<decltype(proto->name())>(options.name));
-
 namespace pepeseg {
 namespace {
 
@@ -84,40 +15,6 @@ constexpr int kMaxExtent = 16384;
 constexpr int64_t kMaxPixels = 16'000'000;
 constexpr int kMaxPoints = 64;
 constexpr double kMaxNormError = 1e-3;
-
-void OverlayImport(const v1::ImportOptions& proto, ImportOptions* options) {
-  PEPESEG_IMPORT_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlayPriors(const v1::PriorOptions& proto, PriorOptions* options) {
-  PEPESEG_PRIOR_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlaySfm(const v1::SfmOptions& proto, SfmOptions* options) {
-  PEPESEG_SFM_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlayReconstruct(const v1::ReconstructOptions& proto, ReconstructOptions* options) {
-  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_OVERLAY)
-}
-void OverlayFeatures(const v1::FeatureOptions& proto, FeatureOptions* options) {
-  PEPESEG_FEATURE_FIELDS(PEPESEG_OVERLAY)
-}
-void SetImport(const ImportOptions& options, v1::ImportOptions* proto) {
-  PEPESEG_IMPORT_FIELDS(PEPESEG_SET)
-}
-void SetPriors(const PriorOptions& options, v1::PriorOptions* proto) {
-  PEPESEG_PRIOR_FIELDS(PEPESEG_SET)
-}
-void SetSfm(const SfmOptions& options, v1::SfmOptions* proto) { PEPESEG_SFM_FIELDS(PEPESEG_SET) }
-void SetReconstruct(const ReconstructOptions& options, v1::ReconstructOptions* proto) {
-  PEPESEG_RECONSTRUCT_FIELDS(PEPESEG_SET)
-}
-void SetFeatures(const FeatureOptions& options,
-                 v1::FeatureOptions* proto){PEPESEG_FEATURE_FIELDS(PEPESEG_SET)}
-
-// Names the options' message before the stage's own words.
-absl::Status Below(const std::string& message, const absl::Status& status) {
-  if (status.ok()) return status;
-  return {status.code(), absl::StrCat("options.", message, ": ", status.message())};
-}
 
 absl::Status CheckCamera(const v1::PinholeCamera& camera, const std::string& field) {
   const int64_t width = camera.width();
@@ -176,35 +73,6 @@ absl::StatusOr<Pose> PoseFromProto(const v1::RigidTransform& proto, const std::s
 }
 
 }  // namespace
-
-void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
-  OverlayImport(proto.import(), &settings->import);
-  OverlayPriors(proto.priors(), &settings->priors);
-  OverlaySfm(proto.sfm(), &settings->sfm);
-  OverlayReconstruct(proto.reconstruct(), &settings->reconstruct);
-  OverlayFeatures(proto.features(), &settings->features);
-}
-
-absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto) {
-  TrainingSettings settings;
-  Overlay(proto, &settings);
-  RETURN_IF_ERROR(Below("import", Validate(settings.import)));
-  RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
-  RETURN_IF_ERROR(Below("sfm", Validate(settings.sfm)));
-  RETURN_IF_ERROR(Below("reconstruct", Validate(settings.reconstruct)));
-  RETURN_IF_ERROR(Below("features", Validate(settings.features)));
-  return settings;
-}
-
-v1::TrainingOptions ToProto(const TrainingSettings& settings) {
-  v1::TrainingOptions proto;
-  SetImport(settings.import, proto.mutable_import());
-  SetPriors(settings.priors, proto.mutable_priors());
-  SetSfm(settings.sfm, proto.mutable_sfm());
-  SetReconstruct(settings.reconstruct, proto.mutable_reconstruct());
-  SetFeatures(settings.features, proto.mutable_features());
-  return proto;
-}
 
 absl::StatusOr<FileKind> FileKindFromProto(v1::FileKind kind) {
   switch (kind) {

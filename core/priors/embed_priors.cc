@@ -28,7 +28,7 @@ class OneOpenCvThread {
 
 void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, View& view) {
   if (what.depth && view.depth.values.empty()) {
-    view.depth = {DepthPrior::Kind::kDepth, /*from_points=*/true, {}};
+    view.depth = {DepthPrior::Kind::kDepth, {}, /*from_points=*/true};
     view.depth.values = NormalizeDepth(EmbeddedDepth(view, points));
   }
   if (what.masks && view.masks.empty()) view.masks = EmbeddedMasks(view);

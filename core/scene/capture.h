@@ -26,12 +26,12 @@ struct DepthPrior {
     kDepth,      // far is large, as z
   };
   Kind kind = Kind::kDisparity;
-  // Made of the capture's points: it shows what belongs together, but a reconstruction that starts
-  // from the same points learns nothing of it.
-  bool from_points = false;
   // [height, width], mapped so that the 0.1 and 99.9 percentiles are 0 and 1, and clamped there;
   // NaN where nothing is known. Empty: the view has none.
   std::vector<float> values;
+  // Made of the capture's points: it shows what belongs together, but a reconstruction that starts
+  // from the same points learns nothing of it.
+  bool from_points = false;
 };
 
 // A photograph with its camera and what is known about it; all of one size.

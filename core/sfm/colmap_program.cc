@@ -65,8 +65,9 @@ absl::Status ColmapProgram::Run(const Command& command, absl::Time deadline,
   child.program = program_;
   child.arguments = {command.name};
   child.arguments.insert(child.arguments.end(), command.arguments.begin(), command.arguments.end());
-  // Its parts for a screen are initialised by all commands.
-  child.environment = {"QT_QPA_PLATFORM=offscreen"};
+  // Its parts for a screen are initialised by all commands; its logs go where its output does, not
+  // to files of their own in /tmp.
+  child.environment = {"QT_QPA_PLATFORM=offscreen", "GLOG_logtostderr=1"};
   child.log = log_;
   child.time_limit = std::max(deadline - absl::Now(), absl::ZeroDuration());
   std::vector<std::string> last;
