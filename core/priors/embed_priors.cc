@@ -31,7 +31,7 @@ void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, Vie
     view.depth = {DepthPrior::Kind::kDepth, {}, /*from_points=*/true};
     view.depth.values = NormalizeDepth(EmbeddedDepth(view, points));
   }
-  if (what.masks && view.masks.empty()) view.masks = EmbeddedMasks(view);
+  if (what.masks && view.masks.empty()) view.masks = EmbeddedMasks(view).masks;
 }
 
 }  // namespace

@@ -100,21 +100,27 @@ void TakeAlike(const RegionTree& tree, int32_t node, std::vector<uint8_t>& taken
   }
 }
 
-std::vector<int32_t> ChooseRegions(const RegionTree& tree, const EmbeddedMaskOptions& options) {
+struct ChosenRegion {
+  int32_t node;
+  float quality;
+};
+std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
+                                        const EmbeddedMaskOptions& options) {
   const auto num_pixels = static_cast<double>(tree.pixel_leaf.size());
   std::vector<std::pair<double, int32_t>> found;
   for (int32_t i = 0; i < static_cast<int32_t>(tree.nodes.size()); ++i) {
     const double share = static_cast<double>(tree.nodes[i].area) / num_pixels;
     if (share < options.min_area || share > options.max_area) continue;
+    if (tree.nodes[i].weak > options.max_open_border) continue;
     found.emplace_back(-Quality(tree, i), i);
   }
   std::sort(found.begin(), found.end());
-  std::vector<int32_t> chosen;
+  std::vector<ChosenRegion> chosen;
   std::vector<uint8_t> taken(tree.nodes.size());
   for (const auto& [quality, node] : found) {
     if (chosen.size() == static_cast<size_t>(options.max_masks)) break;
     if (taken[node] != 0) continue;
-    chosen.push_back(node);
+    chosen.push_back({node, static_cast<float>(-quality)});
     TakeAlike(tree, node, taken);
   }
   return chosen;
@@ -122,15 +128,17 @@ std::vector<int32_t> ChooseRegions(const RegionTree& tree, const EmbeddedMaskOpt
 
 }  // namespace
 
-MaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options) {
+EmbeddedMaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options) {
   const Look look = Shrunk(view, options.max_extent);
   const RegionTree tree = TreeOf(look);
   const std::vector<std::vector<uint32_t>> leaves = LeafPixels(tree, look, view);
   MaskSetBuilder builder(view.photo.width, view.photo.height);
-  for (const int32_t node : ChooseRegions(tree, options)) {
-    builder.Add(PixelsOf(tree, node, leaves));
+  EmbeddedMaskSet made;
+  for (const ChosenRegion& region : ChooseRegions(tree, options)) {
+    if (builder.Add(PixelsOf(tree, region.node, leaves))) made.quality.push_back(region.quality);
   }
-  return std::move(builder).Build();
+  made.masks = std::move(builder).Build();
+  return made;
 }
 
 }  // namespace pepeseg

@@ -125,7 +125,7 @@ int Run(const std::string& path, bool given, bool without_depth, int every,
       if (without_depth) view.depth = {};
     }
     const auto start = std::chrono::steady_clock::now();
-    if (!given) view.masks = EmbeddedMasks(view, options);
+    if (!given) view.masks = EmbeddedMasks(view, options).masks;
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     num_masks += view.masks.num_masks;
     ++num_views;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <utility>
 
 #include "tests/testing/synthetic_capture.h"
 
@@ -57,7 +58,7 @@ Rgb PartInObject(int x, int y) {
 
 TEST(EmbeddedMasks, HaveAPartAndTheObjectAboutIt) {
   const View view = Photographed(160, 120, PartInObject);
-  const MaskSet masks = EmbeddedMasks(view);
+  const MaskSet masks = EmbeddedMasks(view).masks;
   EXPECT_GT(BestIou(masks, IsPart), 0.85);
   EXPECT_GT(BestIou(masks, IsObject), 0.9);
   EXPECT_EQ(masks.width, 160);
@@ -67,7 +68,7 @@ TEST(EmbeddedMasks, HaveAPartAndTheObjectAboutIt) {
 TEST(EmbeddedMasks, OfALargePhotographAreThoseOfItInSmall) {
   const View view =
       Photographed(1600, 1200, [](int x, int y) { return PartInObject(x / 10, y / 10); });
-  const MaskSet masks = EmbeddedMasks(view);
+  const MaskSet masks = EmbeddedMasks(view).masks;
   EXPECT_EQ(masks.width, 1600);
   EXPECT_GT(BestIou(masks, [](int x, int y) { return IsObject(x / 10, y / 10); }), 0.9);
 }
@@ -76,7 +77,7 @@ TEST(EmbeddedMasks, LeaveOutIgnoredPixels) {
   View view = Photographed(160, 120, PartInObject);
   view.ignore.assign(160 * 120, 0);
   for (int y = 30; y < 90; ++y) std::fill_n(&view.ignore[y * 160 + 100], 20, uint8_t{1});
-  const MaskSet masks = EmbeddedMasks(view);
+  const MaskSet masks = EmbeddedMasks(view).masks;
   ASSERT_FALSE(masks.empty());
   for (size_t i = 0; i < view.ignore.size(); ++i) {
     if (view.ignore[i] != 0) {
@@ -90,29 +91,40 @@ TEST(EmbeddedMasks, ADepthEdgeShowsWhatColourDoesNot) {
   View view = Photographed(160, 120, [](int x, int y) {
     return Rgb{120, static_cast<uint8_t>(110 + (x * 5 + y * 3) % 7), 100};
   });
-  EXPECT_LT(BestIou(EmbeddedMasks(view), IsObject), 0.5);
+  EXPECT_LT(BestIou(EmbeddedMasks(view).masks, IsObject), 0.5);
   for (int y = 0; y < 120; ++y) {
     for (int x = 0; x < 160; ++x) view.depth.values.push_back(IsObject(x, y) ? 0.2f : 0.8f);
   }
-  EXPECT_GT(BestIou(EmbeddedMasks(view), IsObject), 0.85);
+  EXPECT_GT(BestIou(EmbeddedMasks(view).masks, IsObject), 0.85);
 }
 
 TEST(EmbeddedMasks, OfOneColourThereAreNone) {
-  EXPECT_TRUE(EmbeddedMasks(Photographed(64, 48, [](int, int) { return Rgb{0, 0, 0}; })).empty());
-  EXPECT_TRUE(EmbeddedMasks(Photographed(1, 1, [](int, int) { return Rgb{9, 9, 9}; })).empty());
+  for (const auto& [width, height] : {std::pair{64, 48}, {1, 1}}) {
+    const View view = Photographed(width, height, [](int, int) { return Rgb{9, 9, 9}; });
+    EXPECT_TRUE(EmbeddedMasks(view).masks.empty());
+  }
 }
 
 TEST(EmbeddedMasks, AreAtMostAsManyAsAskedFor) {
   const View view = Photographed(160, 120, PartInObject);
-  EXPECT_LE(EmbeddedMasks(view, {.max_masks = 2}).num_masks, 2);
-  EXPECT_GT(BestIou(EmbeddedMasks(view, {.max_masks = 2}), IsObject), 0.9);  // the best first
+  const EmbeddedMaskSet two = EmbeddedMasks(view, {.max_masks = 2});
+  EXPECT_LE(two.masks.num_masks, 2);
+  EXPECT_GT(BestIou(two.masks, IsObject), 0.9);  // the best first
+}
+
+TEST(EmbeddedMasks, HaveAQualityThatFalls) {
+  const EmbeddedMaskSet made = EmbeddedMasks(Photographed(160, 120, PartInObject));
+  ASSERT_EQ(made.quality.size(), static_cast<size_t>(made.masks.num_masks));
+  EXPECT_TRUE(std::is_sorted(made.quality.rbegin(), made.quality.rend()));
+  EXPECT_GT(made.quality.back(), 0);
+  EXPECT_LE(made.quality.front(), 1);
 }
 
 TEST(EmbeddedMasks, CoverTheObjectsOfATexturedScene) {
   const testing::SyntheticScene scene =
       testing::MakeSyntheticScene({.num_views = 3, .width = 240, .height = 180});
   for (size_t i = 0; i < scene.capture.views.size(); ++i) {
-    const MaskSet masks = EmbeddedMasks(scene.capture.views[i]);
+    const MaskSet masks = EmbeddedMasks(scene.capture.views[i]).masks;
     for (int label = 1; label <= testing::kNumObjects; ++label) {
       const auto inside = [&](int x, int y) { return scene.labels[i][y * 240 + x] == label; };
       EXPECT_GT(BestIou(masks, inside), 0.7) << "view " << i << ", object " << label;
