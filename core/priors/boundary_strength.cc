@@ -34,27 +34,41 @@ cv::Point Shift(int direction, int offset) {
           static_cast<int>(std::lround(dy / length * offset))};
 }
 
+// Adds the distances of one bin's blurred values on both sides of each pixel to `sums`, by
+// direction.
+void AddDistances(const cv::Mat& bin, const Neighbourhood& about, float weight,
+                  std::vector<cv::Mat>& sums) {
+  cv::Mat blurred, padded;
+  cv::GaussianBlur(bin, blurred, {}, about.sigma);
+  cv::copyMakeBorder(blurred, padded, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
+  for (int d = 0; d < kNumDirections; ++d) {
+    const cv::Point shift = Shift(d, about.offset);
+    for (int y = 0; y < bin.rows; ++y) {
+      AddChiSquared(padded.ptr<float>(y + kMargin + shift.y) + kMargin + shift.x,
+                    padded.ptr<float>(y + kMargin - shift.y) + kMargin - shift.x, bin.cols,
+                    0.5f * weight * about.weight, sums[d].ptr<float>(y));
+    }
+  }
+}
+
+// How far a depth jumps at a pixel, from one side of it to the other. A slope is no jump.
+float Jump(float before, float at, float after) {
+  const float bend = std::abs(before + after - 2 * at) + std::abs(after - before);
+  const float slope = 2 * std::min(std::abs(at - before), std::abs(after - at));
+  return bend - slope;
+}
+
 }  // namespace
 
 std::vector<float> BoundaryStrength(const PhotoChannels& channels) {
   const int width = channels.width, height = channels.height;
   std::vector<cv::Mat> sums;
+  sums.reserve(kNumDirections);
   for (int d = 0; d < kNumDirections; ++d) sums.push_back(cv::Mat::zeros(height, width, CV_32F));
-  cv::Mat blurred, padded;
   for (const PhotoChannels::Group& group : channels.groups) {
     for (const cv::Mat& bin : group.bins) {
       for (const Neighbourhood& about : kNeighbourhoods) {
-        cv::GaussianBlur(bin, blurred, {}, about.sigma);
-        cv::copyMakeBorder(blurred, padded, kMargin, kMargin, kMargin, kMargin,
-                           cv::BORDER_REPLICATE);
-        for (int d = 0; d < kNumDirections; ++d) {
-          const cv::Point shift = Shift(d, about.offset);
-          for (int y = 0; y < height; ++y) {
-            AddChiSquared(padded.ptr<float>(y + kMargin + shift.y) + kMargin + shift.x,
-                          padded.ptr<float>(y + kMargin - shift.y) + kMargin - shift.x, width,
-                          0.5f * group.weight * about.weight, sums[d].ptr<float>(y));
-          }
-        }
+        AddDistances(bin, about, group.weight, sums);
       }
     }
   }
@@ -70,17 +84,13 @@ std::vector<float> DepthStrength(const std::vector<float>& depth, int width, int
   std::vector<float> strength(depth.size());
   for (int y = kOffset; y + kOffset < height; ++y) {
     for (int x = kOffset; x + kOffset < width; ++x) {
-      float& most = strength[static_cast<size_t>(y) * width + x];
-      const float at = depth[static_cast<size_t>(y) * width + x];
+      const int64_t pixel = int64_t{y} * width + x;
       for (int d = 0; d < kNumDirections; ++d) {
         const cv::Point shift = Shift(d, kOffset);
         const int64_t offset = int64_t{shift.y} * width + shift.x;
-        const int64_t pixel = int64_t{y} * width + x;
-        // The second difference: a slope is no jump.
-        const float before = depth[pixel - offset], after = depth[pixel + offset];
-        const float bend = std::abs(before + after - 2 * at) + std::abs(after - before);
-        const float slope = 2 * std::min(std::abs(at - before), std::abs(after - at));
-        if (std::isfinite(bend)) most = std::max(most, std::min(1.0f, (bend - slope) / kFullJump));
+        const float jump = Jump(depth[pixel - offset], depth[pixel], depth[pixel + offset]);
+        if (!std::isfinite(jump)) continue;
+        strength[pixel] = std::max(strength[pixel], std::min(1.0f, jump / kFullJump));
       }
     }
   }

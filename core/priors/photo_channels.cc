@@ -16,6 +16,7 @@ constexpr float kLightnessWeight = 0.1f, kColorWeight = 0.42f, kTextureWeight = 
 
 std::vector<cv::Mat> Planes(int count, const cv::Size& size) {
   std::vector<cv::Mat> planes;
+  planes.reserve(count);
   for (int i = 0; i < count; ++i) planes.push_back(cv::Mat::zeros(size, CV_32F));
   return planes;
 }

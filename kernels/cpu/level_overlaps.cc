@@ -46,6 +46,7 @@ void CpuBackend::LevelOverlaps(const LevelOverlapsArgs& args) {
   const auto num_scales = static_cast<int>(args.psi.size / kFeatureSize);
   const int side = static_cast<int>(args.thresholds.size) + 1;
   std::vector<std::vector<float>> units;
+  units.reserve(num_scales);
   for (int s = 0; s < num_scales; ++s) {
     units.push_back(GatedUnits(args.psi.data + s * kFeatureSize, args.queries));
   }

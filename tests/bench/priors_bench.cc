@@ -1,12 +1,11 @@
 // How good embedded priors are, before anything is trained: of each entity that a capture's ground
 // truth names, in each labelled view, the best IoU with one mask; the rank correlation of the depth
 // with the capture's own; and the time that making them takes.
-//   pepeseg_mask_bench PACK [--given] [--without-depth] [--every N] [--masks N]
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <map>
 #include <numeric>
 #include <string>
@@ -15,6 +14,7 @@
 
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
+#include "core/scene/normalize_depth.h"
 #include "tests/bench/capture_pack.h"
 
 namespace pepeseg {
@@ -97,97 +97,115 @@ double RankCorrelation(const std::vector<float>& depth, const DepthPrior& given)
   return sign * ab / std::sqrt(aa * bb);
 }
 
-int Run(const std::string& path, bool given, bool without_depth, int every,
-        const EmbeddedMaskOptions& options) {
-  absl::StatusOr<CapturePack> pack = ReadCapturePack(path);
-  if (!pack.ok()) {
-    std::fprintf(stderr, "%s\n", pack.status().ToString().c_str());
-    return 1;
-  }
-  std::map<std::string, std::pair<double, int>> of_level;
-  double seconds = 0, num_masks = 0, num_whole = 0;
-  double correlation = 0, known = 0, depth_seconds = 0;
-  int num_views = 0, num_depths = 0;
-  for (size_t i = 0; i < pack->capture.views.size(); i += every) {
-    View& view = pack->capture.views[i];
-    if (HasDepthPrior(view) && !given) {
+double Seconds(std::chrono::steady_clock::time_point since) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
+}
+
+struct BenchOptions {
+  std::string pack;
+  int every = 1;  // only every n-th view
+  bool given_masks = false;
+  std::string depth = "given";  // that masks are made with: "given", "none", "embedded"
+  EmbeddedMaskOptions masks;
+};
+
+// What the views looked at give, summed up.
+class PriorsBench {
+ public:
+  PriorsBench(const BenchOptions& options, CapturePack pack)
+      : options_(options), pack_(std::move(pack)) {}
+
+  void Run() {
+    for (size_t i = 0; i < pack_.capture.views.size(); i += options_.every) {
+      View& view = pack_.capture.views[i];
+      ++num_views_;
+      if (!options_.given_masks) AddDepth(view);
       const auto start = std::chrono::steady_clock::now();
-      const std::vector<float> depth = EmbeddedDepth(view, pack->capture.points);
-      depth_seconds +=
-          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      if (!depth.empty()) {
-        known += static_cast<double>(std::count_if(depth.begin(), depth.end(),
-                                                   [](float z) { return std::isfinite(z); })) /
-                 static_cast<double>(depth.size());
-        correlation += RankCorrelation(depth, view.depth);
-        ++num_depths;
-      }
-      if (without_depth) view.depth = {};
+      if (!options_.given_masks) view.masks = EmbeddedMasks(view, options_.masks).masks;
+      mask_seconds_ += Seconds(start);
+      AddMasks(i);
     }
+    Print();
+  }
+
+ private:
+  // Compares embedded depth with the capture's own, and leaves the view with what is asked for.
+  void AddDepth(View& view) {
     const auto start = std::chrono::steady_clock::now();
-    if (!given) view.masks = EmbeddedMasks(view, options).masks;
-    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    num_masks += view.masks.num_masks;
-    ++num_views;
-    for (int k = 0; k < view.masks.num_masks; ++k) {
-      const BinaryMask mask = view.masks.Extract(k);
-      bool whole = false;
-      for (const TruthLevel& level : pack->truth) {
-        whole |=
-            !level.labels[i].empty() && IsWhole(mask, view.masks.mask_area[k], level.labels[i]);
-      }
-      num_whole += whole ? 1 : 0;
+    const std::vector<float> depth = EmbeddedDepth(view, pack_.capture.points);
+    depth_seconds_ += Seconds(start);
+    if (!depth.empty() && HasDepthPrior(view)) {
+      const auto known =
+          std::count_if(depth.begin(), depth.end(), [](float z) { return std::isfinite(z); });
+      known_ += static_cast<double>(known) / static_cast<double>(depth.size());
+      correlation_ += RankCorrelation(depth, view.depth);
+      ++num_depths_;
     }
-    for (const TruthLevel& level : pack->truth) {
-      if (level.labels[i].empty()) continue;
-      for (const auto& [label, best] : BestIous(view.masks, level.labels[i])) {
+    if (options_.depth == "none") view.depth = {};
+    if (options_.depth == "embedded") {
+      view.depth = {DepthPrior::Kind::kDepth, NormalizeDepth(depth), true};
+    }
+  }
+  void AddMasks(size_t index) {
+    const MaskSet& masks = pack_.capture.views[index].masks;
+    num_masks_ += masks.num_masks;
+    for (int k = 0; k < masks.num_masks; ++k) {
+      const BinaryMask mask = masks.Extract(k);
+      num_whole_ += std::any_of(pack_.truth.begin(), pack_.truth.end(), [&](const auto& level) {
+        return !level.labels[index].empty() &&
+               IsWhole(mask, masks.mask_area[k], level.labels[index]);
+      });
+    }
+    for (const TruthLevel& level : pack_.truth) {
+      if (level.labels[index].empty()) continue;
+      for (const auto& [label, best] : BestIous(masks, level.labels[index])) {
         if (best.second < kMinPixels) continue;
-        auto& [sum, count] = of_level[level.name];
+        auto& [sum, count] = of_level_[level.name];
         sum += best.first;
         ++count;
       }
     }
   }
-  std::printf("%d views, %.1f masks and %.3f s a view, %.3f of the masks cross no entity\n",
-              num_views, num_masks / num_views, seconds / num_views, num_whole / num_masks);
-  if (num_depths > 0) {
+  void Print() const {
+    std::printf("%d views, %.1f masks and %.3f s a view, %.3f of the masks cross no entity\n",
+                num_views_, num_masks_ / num_views_, mask_seconds_ / num_views_,
+                num_whole_ / num_masks_);
+    for (const auto& [name, sum] : of_level_) {
+      std::printf("%-8s best IoU %.3f over %d\n", name.c_str(), sum.first / sum.second, sum.second);
+    }
+    if (num_depths_ == 0) return;
     std::printf("depth: rank correlation %.3f over %d views, %.3f of the pixels, %.3f s a view\n",
-                correlation / num_depths, num_depths, known / num_depths,
-                depth_seconds / num_views);
+                correlation_ / num_depths_, num_depths_, known_ / num_depths_,
+                depth_seconds_ / num_views_);
   }
-  for (const auto& [name, sum] : of_level) {
-    std::printf("%-8s best IoU %.3f over %d\n", name.c_str(), sum.first / sum.second, sum.second);
-  }
-  return 0;
-}
+
+  const BenchOptions& options_;
+  CapturePack pack_;
+  std::map<std::string, std::pair<double, int>> of_level_;
+  double num_masks_ = 0, num_whole_ = 0, mask_seconds_ = 0;
+  double correlation_ = 0, known_ = 0, depth_seconds_ = 0;
+  int num_views_ = 0, num_depths_ = 0;
+};
 
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
-  std::string path;
-  bool given = false, without_depth = false;
-  pepeseg::EmbeddedMaskOptions options;
-  int every = 1;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    if (word == "--given") {
-      given = true;
-    } else if (word == "--without-depth") {
-      without_depth = true;
-    } else if (word == "--every" && i + 1 < argc) {
-      every = std::max(1, std::atoi(argv[++i]));
-    } else if (word == "--masks" && i + 1 < argc) {
-      options.max_masks = std::atoi(argv[++i]);
-    } else {
-      path = word;
-    }
+  CLI::App app("How good embedded priors of a capture pack are");
+  pepeseg::BenchOptions options;
+  app.add_option("pack", options.pack)->required();
+  app.add_option("--every", options.every, "only every n-th view")->check(CLI::PositiveNumber);
+  app.add_option("--masks", options.masks.max_masks, "of a view, at most");
+  app.add_option("--depth", options.depth, "that masks are made with")
+      ->check(CLI::IsMember({"given", "none", "embedded"}));
+  app.add_flag("--given-masks", options.given_masks, "the capture's own, for comparison");
+  CLI11_PARSE(app, argc, argv);
+  absl::StatusOr<pepeseg::CapturePack> pack = pepeseg::ReadCapturePack(options.pack);
+  if (!pack.ok()) {
+    std::fprintf(stderr, "%s\n", pack.status().ToString().c_str());
+    return 1;
   }
-  if (path.empty()) {
-    std::fprintf(
-        stderr,
-        "usage: pepeseg_mask_bench PACK [--given] [--without-depth] [--every N] [--masks N]\n");
-    return 2;
-  }
-  return pepeseg::Run(path, given, without_depth, every, options);
+  pepeseg::PriorsBench(options, *std::move(pack)).Run();
+  return 0;
 }

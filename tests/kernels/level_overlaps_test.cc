@@ -21,6 +21,7 @@ class LevelOverlapsTest : public BackendTest {
     BackendTest::SetUp();
     if (IsSkipped()) return;
     std::vector<Half> map;
+    map.reserve(kPixels * kSize);
     for (float f : RandomValues(kPixels * kSize, 1)) map.push_back(HalfFromFloat(f));
     std::fill_n(map.begin() + kSize, kSize, Half{0});  // pixel 1: nothing was blended
     map_ = Buffer<Half>(*backend_, std::span<const Half>(map));
@@ -95,6 +96,7 @@ TEST_P(LevelOverlapsTest, CountsThePixelsOfEachPairOfLevels) {
 
 TEST_P(LevelOverlapsTest, AsManyScalesThresholdsAndQueriesAsThereMayBe) {
   std::vector<float> thresholds;
+  thresholds.reserve(kMaxThresholds);
   for (int t = 0; t < kMaxThresholds; ++t) thresholds.push_back(0.02f * static_cast<float>(t));
   ExpectCounts(kMaxLevelScales, kMaxQueries, 100, thresholds);
 }

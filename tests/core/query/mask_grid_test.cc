@@ -36,6 +36,7 @@ class Scales {
  public:
   void Add(const Map& positive, const Map& negative) {
     std::vector<int>& levels = levels_.emplace_back();
+    levels.reserve(positive.size());
     for (size_t p = 0; p < positive.size(); ++p) {
       int level = 0;
       for (const float threshold : kThresholds) level += positive[p] > threshold ? 1 : 0;
@@ -100,6 +101,7 @@ TEST(MaskGrid, AMaskThatChangesWithEveryStepHasLittleSupport) {
 TEST(MaskGrid, IouIsThatOfTheMasks) {
   std::mt19937 random(5);
   std::vector<Map> maps;
+  maps.reserve(3);
   Scales scales;
   for (int i = 0; i < 3; ++i) {
     Map positive, negative;
