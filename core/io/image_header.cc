@@ -166,6 +166,18 @@ absl::StatusOr<ImageHeader> Read(Bytes bytes) {
 
 }  // namespace
 
+const char* SuffixOf(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::kJpeg:
+      return ".jpg";
+    case ImageFormat::kPng:
+      return ".png";
+    case ImageFormat::kWebp:
+      return ".webp";
+  }
+  return "";
+}
+
 absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name,
                                             std::span<const uint8_t> bytes) {
   absl::StatusOr<ImageHeader> header = Read(bytes);

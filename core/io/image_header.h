@@ -12,6 +12,9 @@ inline constexpr int64_t kMaxImagePixels = 64'000'000;
 
 enum class ImageFormat { kJpeg, kPng, kWebp };
 
+// ".jpg", ".png" or ".webp".
+const char* SuffixOf(ImageFormat format);
+
 struct ImageHeader {
   ImageFormat format = ImageFormat::kJpeg;
   int width = 0;

@@ -58,18 +58,6 @@ absl::StatusOr<SfmPhotograph> ReadPhotograph(const DatasetFile& file) {
   return photograph;
 }
 
-const char* SuffixOf(ImageFormat format) {
-  switch (format) {
-    case ImageFormat::kJpeg:
-      return ".jpg";
-    case ImageFormat::kPng:
-      return ".png";
-    case ImageFormat::kWebp:
-      return ".webp";
-  }
-  return "";
-}
-
 absl::Status MakeFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);

@@ -119,12 +119,12 @@ absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
       BeginReconstruction(checkpoints_, *backend_, inputs_.capture, settings_.reconstruct));
   GoOnFrom(checkpoints_.first_step(), "resumed_from_step");
   RETURN_IF_ERROR(stages_.TellSkipped(reconstructor->skipped()));
-  job_.stop.polled = true;
-  absl::StatusOr<Gaussians> gaussians =
-      FinishReconstruction(*reconstructor, [&](const StepReport& report) {
-        return SaveStep(Step(report), report.step, *reconstructor, checkpoints_);
-      });
-  job_.stop.polled = false;
+  absl::StatusOr<Gaussians> gaussians = [&] {
+    const Polling polling(job_.stop);
+    return FinishReconstruction(*reconstructor, [&](const StepReport& report) {
+      return SaveStep(Step(report), report.step, *reconstructor, checkpoints_);
+    });
+  }();
   RETURN_IF_ERROR(gaussians.status());
   RETURN_IF_ERROR(CheckDevice());
   return gaussians;
@@ -189,11 +189,12 @@ absl::Status Training::TrainSceneFeatures() {
                                  settings_.features));
   GoOnFrom(feature_checkpoints_.first_step(), "features_resumed_from_step");
   RETURN_IF_ERROR(stages_.TellSkipped(stage->skipped()));
-  job_.stop.polled = true;
-  absl::StatusOr<FeatureField> field = FinishFeatures(*stage, [&](const StepReport& report) {
-    return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);
-  });
-  job_.stop.polled = false;
+  absl::StatusOr<FeatureField> field = [&] {
+    const Polling polling(job_.stop);
+    return FinishFeatures(*stage, [&](const StepReport& report) {
+      return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);
+    });
+  }();
   RETURN_IF_ERROR(field.status());
   RETURN_IF_ERROR(CheckDevice());
   model_.field = *std::move(field);

@@ -18,6 +18,18 @@ struct StopSwitch {
 };
 static_assert(std::atomic<bool>::is_always_lock_free);
 
+// While somebody looks at the switch, a signal only sets it.
+class Polling {
+ public:
+  explicit Polling(StopSwitch& stop) : stop_(stop) { stop_.polled = true; }
+  ~Polling() { stop_.polled = false; }
+  Polling(const Polling&) = delete;
+  Polling& operator=(const Polling&) = delete;
+
+ private:
+  StopSwitch& stop_;
+};
+
 // The operator's program that makes masks and depth maps, see worker_priors_command.h.
 struct PriorsCommand {
   std::filesystem::path program;  // empty: there is none

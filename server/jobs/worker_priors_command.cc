@@ -45,8 +45,7 @@ absl::StatusOr<std::string> SuffixOf(const DatasetFile& photo) {
   ASSIGN_OR_RETURN(
       const ImageHeader header,
       ReadImageHeader(photo.name, {reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()}));
-  if (header.format == ImageFormat::kJpeg) return ".jpg";
-  return header.format == ImageFormat::kPng ? ".png" : ".webp";
+  return SuffixOf(header.format);
 }
 
 // As a copy: what is stored must not change, whatever the program does to its input.
@@ -141,10 +140,11 @@ absl::Status CommandRun::RunProgram(StageLog& stages) {
   command.log = log();
   command.time_limit = job_.priors.time_limit;
   spdlog::info("{} makes {} of {} photographs", Name(), Wants(), photos_.size());
-  job_.stop.polled = true;
-  const absl::StatusOr<ChildEnd> end =
-      RunChild(command, [&](std::span<const std::string> lines) { return Watch(lines, stages); });
-  job_.stop.polled = false;
+  const absl::StatusOr<ChildEnd> end = [&] {
+    const Polling polling(job_.stop);
+    return RunChild(command,
+                    [&](std::span<const std::string> lines) { return Watch(lines, stages); });
+  }();
   if (absl::IsCancelled(end.status())) return end.status();
   fs::remove_all(folder_ / "photos", ignored);
   std::string why;

@@ -18,18 +18,6 @@
 namespace pepeseg {
 namespace {
 
-// While somebody looks at the switch, a signal only sets it.
-class Polling {
- public:
-  explicit Polling(StopSwitch& stop) : stop_(stop) { stop_.polled = true; }
-  ~Polling() { stop_.polled = false; }
-  Polling(const Polling&) = delete;
-  Polling& operator=(const Polling&) = delete;
-
- private:
-  StopSwitch& stop_;
-};
-
 // Steps of a stage that tells of itself more often than it makes one.
 class Steps {
  public:

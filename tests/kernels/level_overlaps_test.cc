@@ -1,52 +1,26 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
-#include "kernels/cpu/half.h"
-#include "tests/kernels/backend_test.h"
+#include "tests/kernels/feature_map_test.h"
 #include "tests/kernels/test_scene.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = kFeatureSize;
-constexpr int kPixels = 5003;  // no multiple of a block or a task
-constexpr float kMinNorm = 0.4f;
-
-class LevelOverlapsTest : public BackendTest {
+class LevelOverlapsTest : public FeatureMapTest {
  protected:
-  void SetUp() override {
-    BackendTest::SetUp();
-    if (IsSkipped()) return;
-    std::vector<Half> map;
-    map.reserve(kPixels * kSize);
-    for (float f : RandomValues(kPixels * kSize, 1)) map.push_back(HalfFromFloat(f));
-    std::fill_n(map.begin() + kSize, kSize, Half{0});  // pixel 1: nothing was blended
-    map_ = Buffer<Half>(*backend_, std::span<const Half>(map));
-  }
-
   // Levels put together on the host from what Similarity says at each scale.
   std::vector<uint8_t> Levels(const Buffer<float>& psi, const Buffer<float>& queries,
                               int num_positive, std::span<const float> thresholds) {
-    const auto num_queries = static_cast<int>(queries.size() / kSize);
     std::vector<uint8_t> levels;
     for (int64_t scale = 0; scale < psi.size() / kSize; ++scale) {
-      Buffer<float> similarity(*backend_, int64_t{kPixels} * num_queries);
-      backend_->Similarity({map_.span(), psi.span().Subspan(scale * kSize, kSize), queries.span(),
-                            kMinNorm, similarity.span()});
-      const std::vector<float> all = Download(similarity);
-      for (int p = 0; p < kPixels; ++p) {
-        constexpr float kNever = -std::numeric_limits<float>::infinity();
-        float best[2] = {kNever, kNever};
-        for (int q = 0; q < num_queries; ++q) {
-          float& of_kind = best[q < num_positive ? 0 : 1];
-          of_kind = std::max(of_kind, all[q * kPixels + p]);
-        }
-        const auto level = std::count_if(thresholds.begin(), thresholds.end(),
-                                         [&](float threshold) { return best[0] > threshold; });
-        levels.push_back(best[0] > best[1] ? static_cast<uint8_t>(level) : 0);
+      const DeviceSpan<const float> of_scale = psi.span().Subspan(scale * kSize, kSize);
+      for (const Best& best : BestSimilarities(of_scale, queries, num_positive)) {
+        const auto level =
+            std::count_if(thresholds.begin(), thresholds.end(),
+                          [&](float threshold) { return best.positive > threshold; });
+        levels.push_back(best.positive > best.negative ? static_cast<uint8_t>(level) : 0);
       }
     }
     return levels;
@@ -54,9 +28,7 @@ class LevelOverlapsTest : public BackendTest {
 
   void ExpectCounts(int num_scales, int num_queries, int num_positive,
                     const std::vector<float>& thresholds) {
-    std::vector<float> gates = RandomValues(num_scales * kSize, 3);
-    for (float& value : gates) value = std::abs(value);
-    const Buffer<float> psi = Upload(*backend_, gates);
+    const Buffer<float> psi = Gates(num_scales);
     const Buffer<float> queries = Upload(*backend_, RandomValues(num_queries * kSize, 2));
     const Buffer<float> over = Upload(*backend_, thresholds);
     const int side = static_cast<int>(thresholds.size()) + 1;
@@ -84,8 +56,6 @@ class LevelOverlapsTest : public BackendTest {
     }
     EXPECT_EQ(Download(overlaps), counts);
   }
-
-  Buffer<Half> map_;
 };
 INSTANTIATE_TEST_SUITE_P(Backends, LevelOverlapsTest, AllBackends(), BackendName);
 

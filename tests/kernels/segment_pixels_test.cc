@@ -1,32 +1,18 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "kernels/cpu/half.h"
-#include "tests/kernels/backend_test.h"
+#include "tests/kernels/feature_map_test.h"
 #include "tests/kernels/test_scene.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = kFeatureSize;
-constexpr int kPixels = 5003;  // no multiple of a block or a task
-constexpr float kMinNorm = 0.4f;
-
-class SegmentPixelsTest : public BackendTest {
+class SegmentPixelsTest : public FeatureMapTest {
  protected:
   void SetUp() override {
-    BackendTest::SetUp();
-    if (IsSkipped()) return;
-    std::vector<Half> map;
-    for (float f : RandomValues(kPixels * kSize, 1)) map.push_back(HalfFromFloat(f));
-    std::fill_n(map.begin() + kSize, kSize, Half{0});  // pixel 1: nothing was blended
-    map_ = Buffer<Half>(*backend_, std::span<const Half>(map));
-    std::vector<float> psi = RandomValues(kSize, 3);
-    for (float& value : psi) value = std::abs(value);
-    psi_ = Upload(*backend_, psi);
+    FeatureMapTest::SetUp();
+    if (!IsSkipped()) psi_ = Gates(1);
   }
 
   // What Similarity says, put together on the host.
@@ -36,23 +22,13 @@ class SegmentPixelsTest : public BackendTest {
     int64_t inside = 0, sum = 0;
   };
   Want FromSimilarity(const Buffer<float>& queries, int num_positive, float threshold) {
-    const auto num_queries = static_cast<int>(queries.size() / kSize);
-    Buffer<float> similarity(*backend_, int64_t{kPixels} * num_queries);
-    backend_->Similarity({map_.span(), psi_.span(), queries.span(), kMinNorm, similarity.span()});
-    const std::vector<float> all = Download(similarity);
     Want want;
-    for (int p = 0; p < kPixels; ++p) {
-      float best[2] = {-std::numeric_limits<float>::infinity(),
-                       -std::numeric_limits<float>::infinity()};
-      for (int q = 0; q < num_queries; ++q) {
-        float& of_kind = best[q < num_positive ? 0 : 1];
-        of_kind = std::max(of_kind, all[q * kPixels + p]);
-      }
-      const bool inside = best[0] > threshold && best[0] > best[1];
+    for (const Best& best : BestSimilarities(psi_.span(), queries, num_positive)) {
+      const bool inside = best.positive > threshold && best.positive > best.negative;
       want.mask.push_back(inside ? 1 : 0);
-      want.similarity.push_back(best[0]);
+      want.similarity.push_back(best.positive);
       want.inside += inside ? 1 : 0;
-      want.sum += inside ? std::lrintf(best[0] * kSimilarityUnit) : 0;
+      want.sum += inside ? std::lrintf(best.positive * kSimilarityUnit) : 0;
     }
     return want;
   }
@@ -81,7 +57,6 @@ class SegmentPixelsTest : public BackendTest {
     EXPECT_LT(want.inside, kPixels);
   }
 
-  Buffer<Half> map_;
   Buffer<float> psi_;
 };
 INSTANTIATE_TEST_SUITE_P(Backends, SegmentPixelsTest, AllBackends(), BackendName);
