@@ -138,6 +138,48 @@ constexpr const char* kSelectionModels =
 constexpr const char* kModelSources =
     "ALTER TABLE models ADD COLUMN sources TEXT NOT NULL DEFAULT ''";
 
+// Scenes belong to a project. What stood before there were any is of "default".
+constexpr const char* kSceneProjects =
+    "ALTER TABLE scenes ADD COLUMN project VARCHAR(63) NOT NULL DEFAULT 'default'";
+constexpr const char* kScenesByProject = "CREATE INDEX scenes_by_project ON scenes (project, id)";
+// A request_id is the project's own.
+constexpr const char* kDropSceneRequests = "DROP INDEX scene_requests";
+constexpr const char* kProjectSceneRequests =
+    "CREATE UNIQUE INDEX scene_requests ON scenes (project, request_id) WHERE request_id <> ''";
+
+// Quotas: 0 is the server's default.
+constexpr const char* kProjects =
+    "CREATE TABLE projects ("
+    " id VARCHAR(63) PRIMARY KEY,"
+    " stored_bytes BIGINT NOT NULL,"
+    " open_uploads BIGINT NOT NULL,"
+    " queued_jobs BIGINT NOT NULL,"
+    " running_jobs BIGINT NOT NULL,"
+    " queries_per_second BIGINT NOT NULL,"
+    " resident_bytes BIGINT NOT NULL,"
+    " create_time BIGINT NOT NULL)";
+
+// scopes: bit N is pepeseg.v1.Scope N. sha256: of the secret, lower-case hex.
+constexpr const char* kKeys =
+    "CREATE TABLE api_keys ("
+    " id VARCHAR(16) PRIMARY KEY,"
+    " project VARCHAR(63) NOT NULL,"
+    " display_name TEXT NOT NULL,"
+    " sha256 VARCHAR(64) NOT NULL UNIQUE,"
+    " scopes INTEGER NOT NULL,"
+    " create_time BIGINT NOT NULL,"
+    " expire_time BIGINT NOT NULL,"
+    " revoke_time BIGINT NOT NULL)";
+constexpr const char* kKeysByProject = "CREATE INDEX keys_by_project ON api_keys (project, id)";
+
+// Of a RUNNING job: which server runs it, until when it may be taken for gone, and what the
+// launcher calls it.
+constexpr const char* kJobLeaseOwner =
+    "ALTER TABLE jobs ADD COLUMN lease_owner TEXT NOT NULL DEFAULT ''";
+constexpr const char* kJobLeaseEnd =
+    "ALTER TABLE jobs ADD COLUMN lease_end BIGINT NOT NULL DEFAULT 0";
+constexpr const char* kJobLaunch = "ALTER TABLE jobs ADD COLUMN launch TEXT NOT NULL DEFAULT ''";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
@@ -148,6 +190,11 @@ std::vector<const char*> SchemaStep(int to) {
             kSelections, kSelectionRequests, kSelectionModels};
   }
   if (to == 4) return {kModelSources};
+  if (to == 5) {
+    return {
+        kSceneProjects, kScenesByProject, kDropSceneRequests, kProjectSceneRequests, kProjects,
+        kKeys,          kKeysByProject,   kJobLeaseOwner,     kJobLeaseEnd,          kJobLaunch};
+  }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

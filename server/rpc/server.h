@@ -8,6 +8,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "grpcpp/channel.h"
+#include "server/access/access_options.h"
+#include "server/access/quota.h"
+#include "server/jobs/launch_options.h"
 
 namespace pepeseg {
 
@@ -15,9 +18,17 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
   // Where AdminService listens, likewise; empty: it is not served.
   std::string admin;
-  bool insecure = false;                // listens beyond this machine, without encryption
-  bool reflection = false;              // tells anybody what methods there are
-  std::filesystem::path data;           // made when it is not there; for one server at a time
+  bool insecure = false;    // listens beyond this machine, without encryption
+  bool reflection = false;  // tells anybody what methods there are
+  // Made when it is not there. With SQLite for one server at a time; servers that share a
+  // PostgreSQL database share the directory, too.
+  std::filesystem::path data;
+  std::string database;  // Store::Open's; empty: sqlite:DATA/pepeseg.db
+  AccessOptions access;  // TLS and keys, of both listeners
+  Quota quota;           // of a project that has none of its own
+  LaunchOptions launch;  // how workers are started
+  // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
+  std::string metrics;
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
   std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH

@@ -1,0 +1,152 @@
+#include "server/flags.h"
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <string>
+
+namespace pepeseg {
+namespace {
+
+// The worker stands beside the server unless a flag says otherwise.
+std::filesystem::path DefaultWorker() {
+  std::error_code error;
+  const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
+  return error ? "pepeseg-worker" : self.parent_path() / "pepeseg-worker";
+}
+
+void AddListenerFlags(CLI::App& app, ServerOptions& server) {
+  app.add_option("--listen", server.listen, "HOST:PORT (port 0: a free one) or unix:PATH")
+      ->capture_default_str();
+  app.add_option("--admin", server.admin,
+                 "HOST:PORT or unix:PATH of the admin service, which loads, unloads and pins "
+                 "models; without it there is none");
+  app.add_flag("--insecure", server.insecure, "Listen beyond this machine without encryption");
+  app.add_flag("--reflection", server.reflection, "Serve gRPC reflection");
+  app.add_option("--metrics", server.metrics,
+                 "HOST:PORT where Prometheus reads metrics, over plain HTTP; without it nowhere");
+}
+
+void AddAccessFlags(CLI::App& app, AccessOptions& access) {
+  app.add_option("--tls-certificate", access.tls_certificate,
+                 "PEM chain of the server; read again when it changes")
+      ->type_name("FILE");
+  app.add_option("--tls-key", access.tls_key, "Its private key, PEM")->type_name("FILE");
+  app.add_option("--tls-client-ca", access.tls_client_ca,
+                 "PEM bundle: clients must have a certificate that one of these has signed")
+      ->type_name("FILE");
+  app.add_flag("--require-keys", access.require_keys, "Calls must carry an API key");
+}
+
+void AddStateFlags(CLI::App& app, ServerOptions& server) {
+  app.add_option("--data", server.data, "Data directory; made when it is not there")->required();
+  app.add_option("--database", server.database,
+                 "sqlite:PATH or postgresql:CONNINFO; without it SQLite in the data directory. "
+                 "Servers that share a PostgreSQL database share the data directory, too");
+  app.add_option("--lease-seconds", server.launch.lease_seconds,
+                 "After so long without a sign of a server its jobs go to another")
+      ->check(CLI::Range(2, 3600))
+      ->capture_default_str();
+}
+
+void AddQuotaFlags(CLI::App& app, Quota& quota) {
+  const auto add = [&](const char* name, int64_t& value, const char* what) {
+    return app.add_option(name, value, what)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  const auto add_bytes = [&](const char* name, int64_t& value, const char* what) {
+    app.add_option(name, value, what)
+        ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+        ->capture_default_str();
+  };
+  add_bytes("--quota-stored-bytes", quota.stored_bytes, "Uploaded files of a project; 0: no limit");
+  add("--quota-open-uploads", quota.open_uploads, "Its uploads that are not sealed; 0: no limit");
+  add("--quota-queued-jobs", quota.queued_jobs, "Its jobs in the queue; 0: no limit");
+  add("--quota-running-jobs", quota.running_jobs, "Its jobs that run at a time; 0: no limit");
+  add("--quota-queries", quota.queries_per_second, "Its questions a second; 0: no limit");
+  add_bytes("--quota-resident-bytes", quota.resident_bytes, "Its models in memory; 0: no limit");
+}
+
+void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
+  server.worker = DefaultWorker();
+  app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
+  app.add_option("--device", server.device,
+                 "auto, cpu, cuda or cuda:N; auto: CUDA where there is a device, else the CPU")
+      ->capture_default_str();
+  app.add_option("--lpips-weights", server.lpips_weights,
+                 "ONNX file of LPIPS, exported as README.md says: held-out views are scored by it")
+      ->type_name("FILE");
+  app.add_option(
+         "--priors-command", server.priors_command,
+         "Program that makes masks and depth maps for datasets that have none, as README.md "
+         "says; a name without '/' is looked for in PATH")
+      ->type_name("PROGRAM");
+  app.add_option("--priors-seconds", server.priors_seconds, "Its time limit for one job")
+      ->check(CLI::Range(1, 7 * 24 * 3600))
+      ->capture_default_str();
+  app.add_option("--colmap", server.colmap,
+                 "The COLMAP program, which estimates the poses of photographs that come without")
+      ->type_name("PROGRAM")
+      ->capture_default_str();
+  const std::map<std::string, LaunchOptions::Launcher> launchers = {
+      {"process", LaunchOptions::Launcher::kProcess}, {"slurm", LaunchOptions::Launcher::kSlurm}};
+  app.add_option("--launcher", server.launch.launcher,
+                 "process: jobs run on this machine; slurm: where Slurm puts them")
+      ->transform(CLI::CheckedTransformer(launchers, CLI::ignore_case));
+  app.add_option("--slurm-partition", server.launch.slurm_partition,
+                 "Of the jobs; without it Slurm's default");
+  app.add_option("--slurm-gres", server.launch.slurm_gres, "Of the jobs, as gpu:1");
+}
+
+void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
+  app.add_option("--threads", server.num_threads,
+                 "Threads of a job on the CPU; 0: as many as there are cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_option("--device-memory", server.device_memory,
+                 "What a training may take of the device; 0: what is free of it now")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
+  app.add_option("--model-memory", server.model_bytes,
+                 "Budget for models in the host's memory; 0: half of the machine's")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
+  app.add_option("--device-model-memory", server.model_device_bytes,
+                 "The same of the device, where it has its own; 0: half of the device's")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void AddFlags(CLI::App& app, Flags& flags) {
+  AddListenerFlags(app, flags.server);
+  AddAccessFlags(app, flags.server.access);
+  AddStateFlags(app, flags.server);
+  AddQuotaFlags(app, flags.server.quota);
+  AddWorkerFlags(app, flags.server);
+  AddMemoryFlags(app, flags.server);
+  app.add_option("--port-file", flags.port_file, "Where to write the port, once it serves");
+  app.add_option("--grace", flags.grace_seconds, "Seconds from SIGTERM until calls are cut off")
+      ->check(CLI::Range(0, 3600))
+      ->capture_default_str();
+  app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, err, critical or off")
+      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "err", "critical", "off"}))
+      ->capture_default_str();
+  app.add_option("--log-format", flags.log_format, "text, or json: an object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
+}
+
+void MakePathsAbsolute(Flags& flags) {
+  ServerOptions& server = flags.server;
+  for (std::filesystem::path* path :
+       {&server.data, &server.worker, &server.lpips_weights, &server.access.tls_certificate,
+        &server.access.tls_key, &server.access.tls_client_ca, &flags.port_file}) {
+    if (!path->empty()) *path = std::filesystem::absolute(*path);
+  }
+  // A name without a slash is looked for in PATH.
+  if (server.colmap.find('/') != std::string::npos) {
+    server.colmap = std::filesystem::absolute(server.colmap).string();
+  }
+}
+
+}  // namespace pepeseg
