@@ -91,9 +91,15 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   app.add_option("--launcher", server.launch.launcher,
                  "process: jobs run on this machine; slurm: where Slurm puts them")
       ->transform(CLI::CheckedTransformer(launchers, CLI::ignore_case));
+  app.add_option("--checkpoint-seconds", server.launch.checkpoint_seconds,
+                 "How often a job saves what it has, at least")
+      ->check(CLI::Range(1, 3600))
+      ->capture_default_str();
   app.add_option("--slurm-partition", server.launch.slurm_partition,
                  "Of the jobs; without it Slurm's default");
   app.add_option("--slurm-gres", server.launch.slurm_gres, "Of the jobs, as gpu:1");
+  app.add_option("--slurm-device", server.launch.slurm_device,
+                 "Of the nodes, as --device says it; without it the server's");
 }
 
 void AddMemoryFlags(CLI::App& app, ServerOptions& server) {

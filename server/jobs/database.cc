@@ -90,8 +90,8 @@ void SetUp(soci::session& sql) {
   sql << "PRAGMA foreign_keys = ON";
 }
 
-// SQLite: with the right to write from the start. One that asks for it later is refused when another
-// process has written meanwhile.
+// SQLite: with the right to write from the start. One that asks for it later is refused when
+// another process has written meanwhile.
 class Transaction {
  public:
   explicit Transaction(soci::session& sql) : sql_(sql) {
@@ -116,6 +116,28 @@ class Transaction {
  private:
   soci::session& sql_;
   bool ended_ = false;
+};
+
+// One of the pool's, for a while. Not soci::session(pool): that one is left with a dangling pointer
+// when a reconnection fails.
+class Connection {
+ public:
+  explicit Connection(soci::connection_pool& pool)
+      : pool_(pool), leased_(pool.try_lease(position_, kLeaseMilliseconds)) {}
+  ~Connection() {
+    if (leased_) pool_.give_back(position_);
+  }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  bool leased() const { return leased_; }
+  soci::session& sql() const { return pool_.at(position_); }
+
+ private:
+  static constexpr int kLeaseMilliseconds = 30'000;
+  soci::connection_pool& pool_;
+  size_t position_ = 0;
+  const bool leased_;
 };
 
 absl::Duration Backoff(int run) {
@@ -173,7 +195,12 @@ absl::Status Database::Connect(size_t num_connections) {
 Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)>& body) {
   Run run;
   bool committing = false;
-  soci::session sql(pool_);
+  const Connection connection(pool_);
+  if (!connection.leased()) {
+    run.status = absl::UnavailableError("database: all connections are busy");
+    return run;
+  }
+  soci::session& sql = connection.sql();
   try {
     if (!sql.is_connected()) {
       sql.reconnect();

@@ -135,6 +135,17 @@ bool JobFolder::HasSaved(int64_t fence) const {
   return false;
 }
 
+void JobFolder::RemoveAllButLogs(const std::string& keep) const {
+  std::error_code ignored;  // what is left costs space only
+  std::vector<std::filesystem::path> leftovers;
+  for (std::filesystem::directory_iterator entry(path_, ignored), end; entry != end;
+       entry.increment(ignored)) {
+    const std::filesystem::path name = entry->path().filename();
+    if (name.extension() != ".log" && name != keep) leftovers.push_back(entry->path());
+  }
+  for (const std::filesystem::path& path : leftovers) std::filesystem::remove_all(path, ignored);
+}
+
 int64_t JobFolder::NewestFence() const {
   int64_t newest = 0;
   std::error_code error;

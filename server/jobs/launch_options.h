@@ -10,10 +10,13 @@ struct LaunchOptions {
   Launcher launcher = Launcher::kProcess;
   std::string slurm_partition;  // empty: Slurm's default
   std::string slurm_gres;       // of a job on a GPU, as "gpu:1"; empty: none
+  std::string slurm_device;     // of the nodes, as OpenDevice takes it; empty: the server's
   // For workers that Slurm starts again: they take their next fence there. Store::Open's.
   std::string database;
   // A server that is not heard of for so long has lost its jobs to whoever claims them next.
   int lease_seconds = 30;
+  // How often a worker saves what it has, at least.
+  int checkpoint_seconds = 60;
 };
 
 }  // namespace pepeseg

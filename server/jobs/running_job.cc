@@ -74,6 +74,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   running->progress_.reset();
   RETURN_IF_ERROR(running->WriteSpec());
   Touch(folder.lease(job.fence));
+  Touch(folder.pulse(job.fence));  // silence counts from here
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
@@ -101,6 +102,7 @@ absl::Status RunningJob::WriteSpec() const {
   spec.device = context_.options.device;
   spec.num_threads = context_.options.num_threads;
   spec.memory_limit = context_.options.memory_limit;
+  spec.checkpoint_seconds = context_.options.launch.checkpoint_seconds;
   // What a cluster runs is followed by the next holder, and need not end with this one.
   const bool ends_with_holder =
       context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
@@ -263,11 +265,8 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
 }
 
 void RunningJob::RemoveLeftovers() const {
-  std::error_code ignored;  // what is left is collected with the job
-  for (int64_t fence = 1; fence <= job_.fence; ++fence) {
-    std::filesystem::remove_all(folder_.attempt(fence), ignored);
-  }
-  std::filesystem::remove_all(folder_.priors(), ignored);
+  const bool has_model = job_.state == JobState::kSucceeded;
+  folder_.RemoveAllButLogs(has_model ? folder_.attempt(job_.fence).filename().string() : "");
 }
 
 absl::Status RunningJob::Finish(bool requeue) {
@@ -284,7 +283,7 @@ absl::Status RunningJob::Finish(bool requeue) {
   if (job_.state != JobState::kSucceeded) {
     spdlog::warn("jobs/{}: attempt {} ended: {}", job_.id, job_.fence, outcome.ToString());
   }
-  if (job_.state == JobState::kFailed || job_.state == JobState::kCancelled) RemoveLeftovers();
+  if (IsTerminal(job_.state)) RemoveLeftovers();
   if (job_.state == JobState::kQueued && crashed_) {
     RETURN_IF_ERROR(AppendWarning(folder_, job_, std::string(outcome.message())));
   }

@@ -130,6 +130,23 @@ void SetDurations(const std::optional<Measured>& measured, const TrainingSetting
   }
 }
 
+// A quarter more memory than the largest stage takes on the CPU, which is where a cluster counts it,
+// and three times as long as all stages would take together: their limits end a job.
+WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
+  constexpr int64_t kProgramBytes = int64_t{512} << 20;
+  constexpr int64_t kStartSeconds = 600;
+  WorkerShare share;
+  bool timed = true;
+  for (const Stage& stage : estimate.stages()) {
+    const int64_t bytes = stage.host_bytes() + stage.device_bytes();
+    share.host_bytes = std::max(share.host_bytes, bytes + bytes / 4 + kProgramBytes);
+    timed &= stage.has_duration() || stage.stage() == "prepare";
+    share.seconds += 3 * stage.duration().seconds();
+  }
+  share.seconds = timed ? share.seconds + kStartSeconds : 0;
+  return share;
+}
+
 }  // namespace
 
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
@@ -154,9 +171,11 @@ absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceConte
   return response;
 }
 
-absl::Status CheckFits(const ServiceContext& context, const WantedTraining& training) {
+absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context,
+                                      const WantedTraining& training) {
   const auto estimate = EstimateTraining(context, training);
-  if (!estimate.ok() || estimate->need_bytes() <= estimate->have_bytes()) return absl::OkStatus();
+  if (!estimate.ok()) return WorkerShare();
+  if (estimate->need_bytes() <= estimate->have_bytes()) return ShareOf(*estimate);
   v1::ErrorDetail detail;
   detail.set_reason("DOES_NOT_FIT");
   detail.set_value(absl::StrCat(estimate->need_bytes(), " bytes"));

@@ -20,8 +20,15 @@ struct WantedTraining {
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
                                                               const WantedTraining& training);
 
-// RESOURCE_EXHAUSTED with need and have when the training does not fit. OK also where nothing can
-// be estimated: the job then says what is wrong with which file.
-absl::Status CheckFits(const ServiceContext& context, const WantedTraining& training);
+// What a worker is to be given, with a reserve; 0: nothing is known.
+struct WorkerShare {
+  int64_t host_bytes = 0;
+  int64_t seconds = 0;
+};
+
+// RESOURCE_EXHAUSTED with need and have when the training does not fit. Answers also where nothing
+// can be estimated: the job then says what is wrong with which file.
+absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context,
+                                      const WantedTraining& training);
 
 }  // namespace pepeseg

@@ -84,10 +84,12 @@ absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t datase
 
 absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
-  ASSIGN_OR_RETURN(const JobRow wanted, JobFromRequest(request, training));
+  ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-  RETURN_IF_ERROR(CheckFits(context_, training));
+  ASSIGN_OR_RETURN(const WorkerShare share, CheckFits(context_, training));
+  wanted.host_bytes = share.host_bytes;
+  wanted.seconds = share.seconds;
   if (request.validate_only()) {
     *response = ToProto(wanted);
     response->set_state(v1::JOB_STATE_UNSPECIFIED);

@@ -86,6 +86,18 @@ absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name)
       absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
 }
 
+std::string DatabaseUrl(const ServerOptions& options) {
+  if (!options.database.empty()) return options.database;
+  return "sqlite:" + DatabasePath(options.data).string();
+}
+
+// Whoever has a SQLite database has it for itself, and so its jobs.
+absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
+  const std::string url = DatabaseUrl(options);
+  if (!url.starts_with("postgresql:")) return Store::Open(url);
+  return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
+}
+
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
@@ -98,20 +110,9 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.num_threads = options.num_threads;
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
+  if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
   job_options.silence = absl::Seconds(options.launch.lease_seconds);
   return job_options;
-}
-
-std::string DatabaseUrl(const ServerOptions& options) {
-  if (!options.database.empty()) return options.database;
-  return "sqlite:" + DatabasePath(options.data).string();
-}
-
-// Whoever has a SQLite database has it for itself, and so its jobs.
-absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
-  const std::string url = DatabaseUrl(options);
-  if (!url.starts_with("postgresql:")) return Store::Open(url);
-  return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
 }
 
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
