@@ -4,15 +4,19 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "absl/status/status.h"
+#include "clients/cli/channel.h"
 
 namespace pepeseg::cli {
 
 // What the command line said: the options that every verb shares, and the verb that was chosen.
 struct Shell {
   std::string server = "127.0.0.1:50051";
+  Login login;
+  std::shared_ptr<grpc::Channel> channel;  // to `server`; there when the verb runs
   bool json = false;  // standard output is for a program: JSON only; progress keeps to stderr
   std::function<absl::Status()> verb;
 };
