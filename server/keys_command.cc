@@ -90,7 +90,7 @@ absl::Status List(const ServerOptions& server) {
   do {
     ASSIGN_OR_RETURN(const Page<KeyRow> keys, database.store->ListKeys("", page));
     for (const KeyRow& key : keys.rows) {
-      absl::PrintF("keys/%s  %-16s  %-24s  %-22s  %s\n", key.id, key.project,
+      absl::PrintF("keys/%s  %-16s  %-24s  %-22s  \"%s\"\n", key.id, key.project,
                    ScopesToText(key.scopes), StateOf(key), key.display_name);
     }
     page.page_token = keys.next_page_token;

@@ -50,6 +50,7 @@ void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
+void AddKeys(CLI::App& app, Shell& shell);       // key-create, key-list, key-revoke
 void AddDemo(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli

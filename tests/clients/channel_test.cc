@@ -1,10 +1,15 @@
 #include "clients/cli/channel.h"
 
+#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
+
+#include "pepeseg/v1/scene_service.grpc.pb.h"
 
 namespace pepeseg::cli {
 namespace {
@@ -52,6 +57,40 @@ TEST_F(ChannelTest, TakesAKeyFromTheEnvironment) {
   Login login;
   login.key_file = file;  // counts before it
   EXPECT_TRUE(OpenChannel("127.0.0.1:1", login).ok());
+}
+
+// Notes what it is shown.
+struct Listener final : v1::SceneService::Service {
+  grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest*,
+                          v1::ListScenesResponse*) override {
+    const auto [begin, end] = context->client_metadata().equal_range("authorization");
+    for (auto it = begin; it != end; ++it) shown.emplace_back(it->second.data(), it->second.size());
+    return grpc::Status::OK;
+  }
+  std::vector<std::string> shown;
+};
+
+TEST_F(ChannelTest, ShowsTheKeyWithEveryCall) {
+  Listener listener;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&listener);
+  const auto server = builder.BuildAndStart();
+  const std::string address = "127.0.0.1:" + std::to_string(port);
+  const auto list = [](const std::shared_ptr<grpc::Channel>& channel) {
+    grpc::ClientContext context;
+    v1::ListScenesResponse response;
+    EXPECT_TRUE(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).ok());
+  };
+  Login login;
+  login.key_file = file;
+  const auto channel = *OpenChannel(address, login);
+  list(channel);
+  list(channel);
+  EXPECT_EQ(listener.shown, (std::vector<std::string>(2, "Bearer pk_secret")));
+  list(*OpenChannel(address, {}));
+  EXPECT_EQ(listener.shown.size(), 2u);
 }
 
 TEST_F(ChannelTest, NamesTheFileThatIsWrong) {
