@@ -53,29 +53,25 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
-        RETURN_IF_ERROR(CheckRequestId(request->request_id()));
-        ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(*request));
-        const auto row = context_.store->CreateDataset(scene, request->request_id(), files);
-        if (!row.ok()) return WithResource(row.status(), "", request->parent());
-        return FillUpload(*row, response);
-      });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    RETURN_IF_ERROR(CheckRequestId(request->request_id()));
+    ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(*request));
+    const auto row = context_.store->CreateDataset(scene, request->request_id(), files);
+    if (!row.ok()) return WithResource(row.status(), "", request->parent());
+    return FillUpload(*row, response);
+  });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
                                                        const v1::GetUploadRequest* request,
                                                        v1::Upload* response) {
-  return RunOnPool({call, request}, context_, *context_.pool,
-                   [this, request, response](const UnaryCall&) {
-                     ASSIGN_OR_RETURN(const SceneChild upload,
-                                      ParseChildName(request->name(), "uploads", "name"));
-                     const auto row = context_.store->GetDataset(upload.scene, upload.number);
-                     if (!row.ok())
-                       return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
-                     return FillUpload(*row, response);
-                   });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
+    const auto row = context_.store->GetDataset(upload.scene, upload.number);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
+    return FillUpload(*row, response);
+  });
 }
 
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
@@ -113,27 +109,25 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
                                                         const v1::SealUploadRequest* request,
                                                         v1::Dataset* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool,
-      [this, request, response](const UnaryCall&) { return Seal(*request, response); });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Seal(*request, response);
+  });
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
                                                           const v1::ListDatasetsRequest* request,
                                                           v1::ListDatasetsResponse* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<DatasetRow> datasets,
-                         context_.store->ListDatasets(scene, page));
-        for (const DatasetRow& row : datasets.rows) {
-          if (row.state == DatasetState::kSealed) *response->add_datasets() = ToProto(row);
-        }
-        response->set_next_page_token(datasets.next_page_token);
-        return absl::OkStatus();
-      });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, context_.store->ListDatasets(scene, page));
+    for (const DatasetRow& row : datasets.rows) {
+      if (row.state == DatasetState::kSealed) *response->add_datasets() = ToProto(row);
+    }
+    response->set_next_page_token(datasets.next_page_token);
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace pepeseg

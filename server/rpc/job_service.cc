@@ -108,63 +108,58 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job*
 grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
                                                     const v1::TrainSceneRequest* request,
                                                     v1::Job* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool,
-      [this, request, response](const UnaryCall&) { return Train(*request, response); });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Train(*request, response);
+  });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* call,
                                                 const v1::GetJobRequest* request,
                                                 v1::Job* response) {
-  return RunOnPool({call, request}, context_, *context_.pool,
-                   [this, request, response](const UnaryCall&) {
-                     ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-                     auto snapshot = ReadJob(context_, id);
-                     RETURN_IF_ERROR(snapshot.status());
-                     *response = std::move(snapshot->job);
-                     return absl::OkStatus();
-                   });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+    auto snapshot = ReadJob(context_, id);
+    RETURN_IF_ERROR(snapshot.status());
+    *response = std::move(snapshot->job);
+    return absl::OkStatus();
+  });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* call,
                                                   const v1::ListJobsRequest* request,
                                                   v1::ListJobsResponse* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool, [this, request, response](const UnaryCall& unary) {
-        Store::JobFilter filter;
-        filter.project = unary.caller.visible_project();
-        if (!request->scene().empty()) {
-          ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
-        }
-        ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
-        ASSIGN_OR_RETURN(const PageRequest page,
-                         PageFromProto(request->page_size(), request->page_token()));
-        ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->ListJobs(filter, page));
-        for (const JobRow& row : jobs.rows) {
-          v1::Job* job = response->add_jobs();
-          *job = ToProto(row);
-          if (row.state != JobState::kRunning) continue;
-          const auto newest = context_.supervisor->FindNewest(row.id);
-          if (newest.ok() && newest->progress.has_value())
-            *job->mutable_progress() = *newest->progress;
-        }
-        response->set_next_page_token(jobs.next_page_token);
-        return absl::OkStatus();
-      });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
+    Store::JobFilter filter;
+    filter.project = unary.caller.visible_project();
+    if (!request->scene().empty()) {
+      ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
+    }
+    ASSIGN_OR_RETURN(filter.state, StateFromProto(request->state()));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<JobRow> jobs, context_.store->ListJobs(filter, page));
+    for (const JobRow& row : jobs.rows) {
+      v1::Job* job = response->add_jobs();
+      *job = ToProto(row);
+      if (row.state != JobState::kRunning) continue;
+      const auto newest = context_.supervisor->FindNewest(row.id);
+      if (newest.ok() && newest->progress.has_value()) *job->mutable_progress() = *newest->progress;
+    }
+    response->set_next_page_token(jobs.next_page_token);
+    return absl::OkStatus();
+  });
 }
 
 grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* call,
                                                    const v1::CancelJobRequest* request,
                                                    v1::Job* response) {
-  return RunOnPool({call, request}, context_, *context_.pool,
-                   [this, request, response](const UnaryCall&) {
-                     ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
-                     const auto row = context_.supervisor->Cancel(id);
-                     if (!row.ok())
-                       return WithResource(row.status(), "NO_SUCH_JOB", request->name());
-                     *response = ToProto(*row);
-                     return absl::OkStatus();
-                   });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
+    const auto row = context_.supervisor->Cancel(id);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
+    *response = ToProto(*row);
+    return absl::OkStatus();
+  });
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
@@ -177,16 +172,15 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
 grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
     v1::EstimateTrainingResponse* response) {
-  return RunOnPool(
-      {call, request}, context_, *context_.pool, [this, request, response](const UnaryCall&) {
-        ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
-        RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
-        RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-        auto estimate = pepeseg::EstimateTraining(context_, training);
-        RETURN_IF_ERROR(estimate.status());
-        *response = *std::move(estimate);
-        return absl::OkStatus();
-      });
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
+    RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
+    RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+    auto estimate = pepeseg::EstimateTraining(context_, training);
+    RETURN_IF_ERROR(estimate.status());
+    *response = *std::move(estimate);
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace pepeseg

@@ -36,8 +36,8 @@ struct UnaryCall {
 // the pool; it fills the response before it returns, and is not asked about a call that the
 // context's authorizer refuses. UNAVAILABLE when the pool's queue is full.
 template <typename Handler>
-grpc::ServerUnaryReactor* RunOnPool(const UnaryRequest& request, const ServiceContext& services,
-                                    WorkerPool& pool, Handler handler) {
+grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContext& services,
+                                WorkerPool& pool, Handler handler) {
   grpc::CallbackServerContext* const context = request.context;
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   const absl::Time start = absl::Now();
@@ -55,6 +55,27 @@ grpc::ServerUnaryReactor* RunOnPool(const UnaryRequest& request, const ServiceCo
   });
   if (!taken) reactor->Finish(ToGrpc(BusyError()));
   return reactor;
+}
+
+// On the pool for what waits on the disk.
+template <typename Handler>
+grpc::ServerUnaryReactor* RunOnPool(const UnaryRequest& request, const ServiceContext& services,
+                                    Handler handler) {
+  return RunOn(request, services, *services.pool, std::move(handler));
+}
+
+// On that for what computes.
+template <typename Handler>
+grpc::ServerUnaryReactor* RunOnQueryPool(const UnaryRequest& request,
+                                         const ServiceContext& services, Handler handler) {
+  return RunOn(request, services, *services.query_pool, std::move(handler));
+}
+
+// On that for what does so at length.
+template <typename Handler>
+grpc::ServerUnaryReactor* RunOnEvaluationPool(const UnaryRequest& request,
+                                              const ServiceContext& services, Handler handler) {
+  return RunOn(request, services, *services.evaluation_pool, std::move(handler));
 }
 
 }  // namespace pepeseg

@@ -76,7 +76,8 @@ TEST_F(Keys, SeeTheirProjectsScenesAndJobsOnly) {
 
 TEST_F(Keys, OpenNothingOnceRevoked) {
   ASSERT_TRUE(GetScene("shelf", reader).ok());
-  for (const v1::ApiKey& key : ListKeys({}).keys()) {
+  const v1::ListKeysResponse list = ListKeys({});
+  for (const v1::ApiKey& key : list.keys()) {
     if (key.scopes_size() != 1 || key.scopes(0) != v1::SCOPE_READ) continue;
     v1::RevokeKeyRequest request;
     request.set_name(key.name());
