@@ -36,7 +36,8 @@ struct OpenDatabase {
 
 absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
   OpenDatabase opened;
-  absl::StatusOr<std::unique_ptr<DirectoryLock>> lock = DirectoryLock::Take(server.data);
+  const bool shared = server.database.starts_with("postgresql:");
+  absl::StatusOr<std::unique_ptr<DirectoryLock>> lock = DirectoryLock::Take(server.data, shared);
   if (lock.ok()) {
     opened.lock = *std::move(lock);
   } else if (!absl::IsFailedPrecondition(lock.status())) {

@@ -4,13 +4,15 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/store.h"
+#include "tests/server/jobs/test_database.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
 
 struct StoreKeys : ::testing::Test {
   StoreKeys() {
-    auto opened = Store::Open("sqlite::memory:");
+    auto opened = Store::Open(testing::NewTestDatabase(folder.path()));
     EXPECT_TRUE(opened.ok()) << opened.status();
     store = *std::move(opened);
   }
@@ -34,6 +36,7 @@ struct StoreKeys : ::testing::Test {
     EXPECT_EQ(made->project, project);
   }
 
+  testing::TempFolder folder;
   std::unique_ptr<Store> store;
 };
 

@@ -62,7 +62,7 @@ Model MakeModel(float shift) {
 
 int Run(const std::string& path) {
   const JobFolder folder(path);
-  const auto spec = folder.ReadSpec();
+  const auto spec = folder.ReadSpec(folder.NewestFence());
   if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
   const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
