@@ -84,6 +84,11 @@ absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name)
       absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
 }
 
+std::string DatabaseUrl(const ServerOptions& options) {
+  if (!options.database.empty()) return options.database;
+  return "sqlite:" + DatabasePath(options.data).string();
+}
+
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
@@ -98,11 +103,6 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.launch.database = DatabaseUrl(options);
   job_options.silence = absl::Seconds(options.launch.lease_seconds);
   return job_options;
-}
-
-std::string DatabaseUrl(const ServerOptions& options) {
-  if (!options.database.empty()) return options.database;
-  return "sqlite:" + DatabasePath(options.data).string();
 }
 
 // Whoever has a SQLite database has it for itself, and so its jobs.
