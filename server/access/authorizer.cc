@@ -16,7 +16,7 @@ namespace {
 constexpr absl::string_view kScheme = "Bearer ";
 
 // As the RPC edge packs an error's detail.
-absl::Status WithReason(absl::Status status, v1::ErrorDetail detail) {
+absl::Status WithReason(absl::Status status, const v1::ErrorDetail& detail) {
   status.SetPayload(
       absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
       absl::Cord(detail.SerializeAsString()));
