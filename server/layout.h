@@ -10,6 +10,7 @@
 //
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the store
+//   audit.log                 who did what (server/access/audit_log.h)
 //   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/io/selection_file.h)
@@ -20,6 +21,10 @@ inline std::filesystem::path LockPath(const std::filesystem::path& data) { retur
 
 inline std::filesystem::path DatabasePath(const std::filesystem::path& data) {
   return data / "pepeseg.db";
+}
+
+inline std::filesystem::path AuditPath(const std::filesystem::path& data) {
+  return data / "audit.log";
 }
 
 inline std::filesystem::path BlobFolder(const std::filesystem::path& data) {

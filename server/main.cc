@@ -4,11 +4,14 @@
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdio>
+#include <functional>
 #include <string>
 
 #include "absl/time/clock.h"
 #include "core/io/atomic_file.h"
 #include "server/flags.h"
+#include "server/keys_command.h"
 
 namespace {
 
@@ -50,6 +53,13 @@ int Serve(const pepeseg::Flags& flags, const sigset_t& stop_signals) {
   return EXIT_SUCCESS;
 }
 
+int RunCommand(const std::function<absl::Status()>& command) {
+  const absl::Status status = command();
+  if (status.ok()) return EXIT_SUCCESS;
+  std::fprintf(stderr, "pepesegd: %s\n", std::string(status.message()).c_str());
+  return EXIT_FAILURE;
+}
+
 }  // namespace
 
 // What is thrown before it serves may end it.  NOLINTNEXTLINE(bugprone-exception-escape)
@@ -57,9 +67,12 @@ int main(int argc, char** argv) {
   pepeseg::Flags flags;
   CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");
   pepeseg::AddFlags(app, flags);
+  std::function<absl::Status()> command;  // in place of serving
+  pepeseg::AddKeysCommand(app, flags.server, command);
   CLI11_PARSE(app, argc, argv);
   spdlog::set_level(spdlog::level::from_str(flags.log_level));
   const sigset_t stop_signals = BlockStopSignals();
   pepeseg::MakePathsAbsolute(flags);
+  if (command) return RunCommand(command);
   return Serve(flags, stop_signals);
 }

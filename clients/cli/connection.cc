@@ -1,9 +1,5 @@
 #include "clients/cli/connection.h"
 
-#include <grpcpp/channel.h>
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-
 #include <chrono>
 #include <random>
 #include <vector>
@@ -15,17 +11,7 @@
 #include "clients/cli/status_macros.h"
 
 namespace pepeseg::cli {
-namespace {
-
-constexpr int kMaxAnswerBytes = 64 << 20;
-
-}  // namespace
-
-Connection::Connection(const std::string& server) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(kMaxAnswerBytes);
-  const auto channel =
-      grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+Connection::Connection(const std::shared_ptr<grpc::Channel>& channel) {
   scenes = v1::SceneService::NewStub(channel);
   datasets = v1::DatasetService::NewStub(channel);
   jobs = v1::JobService::NewStub(channel);

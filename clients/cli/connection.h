@@ -1,5 +1,6 @@
 #pragma once
 
+#include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
 
 #include <memory>
@@ -14,9 +15,9 @@
 
 namespace pepeseg::cli {
 
-// A server's services. Connects with the first call, and again after a break.
+// A server's services.
 struct Connection {
-  explicit Connection(const std::string& server);
+  explicit Connection(const std::shared_ptr<grpc::Channel>& channel);
 
   std::unique_ptr<v1::SceneService::Stub> scenes;
   std::unique_ptr<v1::DatasetService::Stub> datasets;

@@ -77,7 +77,7 @@ absl::Status WriteViews(const Connection& connection, const DecomposeFlags& flag
 }
 
 absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::DecomposeRequest request;
   request.set_model(ModelName(flags.scene, flags.model));
   request.mutable_scales()->Add(flags.scales.begin(), flags.scales.end());

@@ -90,7 +90,7 @@ absl::Status Train(const Connection& connection, const DemoFlags& flags, const s
 }
 
 absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   const std::string scene = SceneName(
       flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   DemoResult result;

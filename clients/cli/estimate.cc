@@ -33,7 +33,7 @@ void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
 }
 
 absl::Status RunEstimate(const Shell& shell, const TrainingFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::EstimateTrainingRequest request;
   request.set_scene(SceneName(flags.scene));
   ASSIGN_OR_RETURN(const std::string dataset,

@@ -75,7 +75,7 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   if (!fs::is_directory(flags.folder)) {
     return absl::NotFoundError(absl::StrCat(flags.folder, " is no folder"));
   }
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::EvaluateRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   if (!flags.names.empty()) RETURN_IF_ERROR(AddNames(flags.names, request));

@@ -61,7 +61,7 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   v1::ExportSelectionRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   ASSIGN_OR_RETURN(*request.mutable_subset(), ParseSubset(flags.subset, flags.scene));
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   ASSIGN_OR_RETURN(const Header header, FetchPly(connection, request, flags.file));
   if (shell.json) {
     PrintJson(header);

@@ -27,6 +27,20 @@ std::optional<v1::ErrorDetail> DetailOf(const absl::Status& status) {
   return detail;
 }
 
+std::string PermissionAdvice(const std::string& reason) {
+  if (reason == "NO_KEY") {
+    return "Give one with --key-file FILE or in PEPESEG_KEY; who runs the server makes it with "
+           "`pepesegd keys create`.";
+  }
+  if (reason == "BAD_KEY") return "Ask who runs the server for another one.";
+  if (reason == "MISSING_SCOPE") return "Ask who runs the server for a key that has it.";
+  if (reason == "NOT_YOURS") {
+    return "It does not exist, or is another project's: see what the key opens with `pepeseg "
+           "scenes`.";
+  }
+  return "";
+}
+
 // What to do next, by kind of failure; empty where the message says it all.
 std::string Advice(const absl::Status& status, const std::string& server) {
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
@@ -44,6 +58,8 @@ std::string Advice(const absl::Status& status, const std::string& server) {
                  : "";
     case kNotFound:
       return "See what there is with `pepeseg scenes` and `pepeseg jobs`.";
+    case kNotPermitted:
+      return PermissionAdvice(detail ? detail->reason() : "");
     case kCorrupt:
       return "Bytes were damaged on the way or on the disk: run the command again.";
     default:

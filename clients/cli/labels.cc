@@ -52,7 +52,7 @@ absl::StatusOr<v1::MaskImage> FindMask(const Connection& connection, const Label
 }
 
 absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::CreateLabelRequest request;
   request.set_parent(SceneName(flags.prompt.scene));
   request.set_label_id(flags.id);
@@ -85,7 +85,7 @@ absl::Status ListLabels(const Shell& shell, const Connection& connection,
 }
 
 absl::Status RunLabels(const Shell& shell, const LabelsFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   const std::string scene = SceneName(flags.scene);
   if (flags.remove.empty()) return ListLabels(shell, connection, scene);
   v1::DeleteLabelRequest request;

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <exception>
 #include <string_view>
+#include <utility>
 
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
@@ -50,7 +51,31 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddResidents(app, shell);
+  pepeseg::cli::AddKeys(app, shell);
   pepeseg::cli::AddDemo(app, shell);
+}
+
+void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {
+  app.add_option("--key-file", login.key_file,
+                 "File with the key that the server asks for; else it is taken from PEPESEG_KEY")
+      ->type_name("FILE");
+  app.add_flag("--tls", login.tls, "Speak to the server encrypted, as with https://");
+  app.add_option("--ca", login.ca,
+                 "PEM: who may have signed the server's certificate; without it who the system "
+                 "trusts")
+      ->type_name("FILE");
+  app.add_option("--certificate", login.certificate, "PEM: this client's, if the server wants one")
+      ->type_name("FILE");
+  app.add_option("--certificate-key", login.certificate_key, "Its private key, PEM")
+      ->type_name("FILE");
+}
+
+// What the verb that was chosen comes to.
+absl::Status RunVerb(Shell& shell) {
+  auto channel = pepeseg::cli::OpenChannel(shell.server, shell.login);
+  if (!channel.ok()) return channel.status();
+  shell.channel = *std::move(channel);
+  return shell.verb();
 }
 
 int Run(int argc, char** argv) {
@@ -59,9 +84,10 @@ int Run(int argc, char** argv) {
   app.footer(kFooter);
   app.require_subcommand(1);
   app.fallthrough();
-  app.add_option("--server", shell.server, "Where the server listens, host:port")
+  app.add_option("--server", shell.server, "Where the server listens, [https://]host:port")
       ->envname("PEPESEG_SERVER")
       ->capture_default_str();
+  AddLogin(app, shell.login);
   app.add_flag("--json", shell.json, "Answer in JSON, one document a line, for scripts");
   AddVerbs(app, shell);
   try {
@@ -70,7 +96,7 @@ int Run(int argc, char** argv) {
     return app.exit(error) == 0 ? pepeseg::cli::kSuccess : pepeseg::cli::kUsage;
   }
 
-  const absl::Status status = shell.verb();
+  const absl::Status status = RunVerb(shell);
   if (!status.ok()) {
     if (shell.json) pepeseg::cli::Print(pepeseg::cli::ExplainJson(status));
     pepeseg::cli::Note(pepeseg::cli::Explain(status, shell.server));

@@ -52,7 +52,7 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   request.set_max_proposals(flags.max_proposals);
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::ProposeScalesResponse answer;
   Call call(SceneOf(request.model()), kCallSeconds);
   RETURN_IF_ERROR(FromGrpc(connection.segmentation->ProposeScales(call, request, &answer)));

@@ -79,7 +79,7 @@ void PrintAnswer(const v1::SegmentResponse& answer) {
 
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   ASSIGN_OR_RETURN(const v1::SegmentRequest request, BuildRequest(flags));
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
   for (const auto& mask : answer.masks()) {
     if (!flags.out.empty()) {

@@ -66,7 +66,7 @@ void PrintPicture(const Shell& shell, const Request& request, const v1::RenderRe
 
 absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
   ASSIGN_OR_RETURN(Request request, BuildRequest(flags));
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   std::vector<std::string> names = flags.views;
   if (names.empty()) {
     ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, request.model()));

@@ -1,8 +1,5 @@
 // The verbs for who operates a server: which models are in memory. They speak to its admin
 // listener, not to --server.
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
-
 #include <memory>
 #include <string>
 #include <utility>
@@ -106,10 +103,9 @@ CLI::App* AddVerb(CLI::App& app, Shell& shell, const std::pair<const char*, cons
       ->envname("PEPESEG_ADMIN")
       ->required();
   added->callback([flags = flags, run = run, &shell] {
-    shell.server = flags->admin;  // so that failures name it
+    shell.server = flags->admin;
     shell.verb = [&shell, flags, run] {
-      const auto stub = v1::AdminService::NewStub(
-          grpc::CreateChannel(flags->admin, grpc::InsecureChannelCredentials()));
+      const auto stub = v1::AdminService::NewStub(shell.channel);
       return run(shell, *flags, *stub);
     };
   });

@@ -82,7 +82,7 @@ absl::Status RemoveScene(const Connection& connection, const std::string& name) 
 }
 
 absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   if (flags.scene.empty()) return ListScenes(shell, connection);
   if (flags.remove) return RemoveScene(connection, SceneName(flags.scene));
   return DescribeScene(shell, connection, SceneName(flags.scene));

@@ -112,7 +112,7 @@ absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   request.set_keep_disconnected(flags.keep_disconnected);
   SetBase(flags, request);
   request.set_request_id(NewRequestId());
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::Selection selection;
   Call call(SceneOf(request.model()), kCallSeconds);
   RETURN_IF_ERROR(FromGrpc(connection.segmentation->Select(call, request, &selection)));
@@ -164,7 +164,7 @@ absl::StatusOr<v1::Selection> AskSelection(const Connection& connection, const s
 }
 
 absl::Status RunSelections(const Shell& shell, const SelectionsFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   if (flags.number == 0) return ListSelections(shell, connection, SceneName(flags.scene));
   const std::string name = SelectionName(flags.scene, flags.number);
   if (flags.remove) return RemoveSelection(connection, name);
@@ -175,7 +175,7 @@ absl::Status RunSelections(const Shell& shell, const SelectionsFlags& flags) {
 }
 
 absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::CombineSelectionsRequest request;
   request.set_first(SelectionName(flags.scene, flags.first));
   request.set_second(SelectionName(flags.scene, flags.second));

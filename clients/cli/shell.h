@@ -4,15 +4,19 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "absl/status/status.h"
+#include "clients/cli/channel.h"
 
 namespace pepeseg::cli {
 
 // What the command line said: the options that every verb shares, and the verb that was chosen.
 struct Shell {
   std::string server = "127.0.0.1:50051";
+  Login login;
+  std::shared_ptr<grpc::Channel> channel;  // to `server`; there when the verb runs
   bool json = false;  // standard output is for a program: JSON only; progress keeps to stderr
   std::function<absl::Status()> verb;
 };
@@ -46,6 +50,7 @@ void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
+void AddKeys(CLI::App& app, Shell& shell);       // key-create, key-list, key-revoke
 void AddDemo(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli

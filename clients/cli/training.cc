@@ -30,7 +30,7 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
     Print(absl::StrJoin(OptionNames(v1::TrainingOptions()), "\n"));
     return absl::OkStatus();
   }
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   const std::string scene = SceneName(flags.scene);
   ASSIGN_OR_RETURN(const std::string dataset, DatasetName(connection, scene, flags.dataset));
   ASSIGN_OR_RETURN(const v1::Job job, StartTraining(connection, scene, dataset, Settings(flags)));
@@ -51,7 +51,7 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
 }
 
 absl::Status RunCancel(const Shell& shell, const std::string& job) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::CancelJobRequest request;
   request.set_name(JobName(job));
   v1::Job answer;
@@ -74,7 +74,7 @@ std::string JobLine(const v1::Job& job) {
 }
 
 absl::Status RunJobs(const Shell& shell, const std::string& scene) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   v1::ListJobsRequest request;
   if (!scene.empty()) request.set_scene(SceneName(scene));
   ASSIGN_OR_RETURN(const auto all,

@@ -130,7 +130,7 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
     }
     return absl::OkStatus();
   }
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   const std::string scene = SceneName(flags.scene);
   RETURN_IF_ERROR(EnsureScene(connection, scene));
   ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(connection, scene, folder));

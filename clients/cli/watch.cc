@@ -109,7 +109,7 @@ struct WatchFlags {
 };
 
 absl::Status RunWatch(const Shell& shell, const WatchFlags& flags) {
-  const Connection connection(shell.server);
+  const Connection connection(shell.channel);
   const auto job = WatchJob(connection, JobName(flags.job), [&](const v1::JobEvent& event) {
     if (shell.json) PrintJson(event);
   });

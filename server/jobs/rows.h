@@ -6,17 +6,40 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "server/access/quota.h"
 
 // What the store keeps, as plain values. Resource names are built from these at the RPC edge:
 // scenes/{scene}, scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number},
-// scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number}, jobs/{id}.
+// scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number}, jobs/{id}, keys/{id}.
 namespace pepeseg {
+
+// Of whoever needs no key, and of what stood before there were projects.
+inline constexpr char kDefaultProject[] = "default";
+
+struct ProjectRow {
+  std::string id;  // RFC 1034 label
+  Quota quota;     // 0: the server's default
+  absl::Time create_time;
+};
+
+// Without its secret, which nobody keeps.
+struct KeyRow {
+  std::string id;  // 16 hex digits
+  std::string project;
+  std::string display_name;
+  std::string sha256;  // of the secret, 64 hex digits, lower case
+  int scopes = 0;      // bit N: pepeseg.v1.Scope N
+  absl::Time create_time;
+  absl::Time expire_time = absl::InfinitePast();  // InfinitePast: never
+  absl::Time revoke_time = absl::InfinitePast();  // InfinitePast: it is not
+};
 
 struct SceneRow {
   std::string id;  // RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
   std::string display_name;
   std::string request_id;  // of the create call; empty: none
   absl::Time create_time;
+  std::string project = kDefaultProject;
 };
 
 enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber

@@ -14,9 +14,9 @@ namespace pepeseg {
 
 class Database;
 
-// Scenes, datasets, jobs, models, labels and selections in SQL. Every call is one transaction,
-// durable when it returns, and blocks on the disk: never call one from an RPC reaction. Thread
-// safe. NOT_FOUND names what is missing; nothing throws.
+// Scenes, datasets, jobs, models, labels, selections and keys in SQL. Every call is one
+// transaction, durable when it returns, and blocks on the disk: never call one from an RPC
+// reaction. Thread safe. NOT_FOUND names what is missing; nothing throws.
 //
 // A create call with the request_id of an earlier one of its parent answers what that one made, or
 // ALREADY_EXISTS when the two asked for different things.
@@ -36,11 +36,14 @@ class Store {
   // Other servers may be on the same database: what this one did not do may have happened.
   bool shared() const;
 
-  // INVALID_ARGUMENT: id is not an RFC 1034 label; ALREADY_EXISTS. Reads id, display_name and
-  // request_id.
+  // INVALID_ARGUMENT: id or project is not an RFC 1034 label; ALREADY_EXISTS: a scene of any
+  // project has the id. Reads id, display_name, request_id, which is the project's own, and
+  // project.
   absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
   absl::StatusOr<SceneRow> GetScene(const std::string& id);
-  absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page);  // by id
+  // By id; of a project, or of all (empty).
+  absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page,
+                                            const std::string& project = "");
   // With all that belongs to it. FAILED_PRECONDITION while a job of it is active.
   absl::Status DeleteScene(const std::string& id);
 
@@ -68,6 +71,7 @@ class Store {
   struct JobFilter {
     std::string scene;              // empty: of all scenes
     std::optional<JobState> state;  // none: in any state
+    std::string project = {};       // empty: of all projects
   };
   absl::StatusOr<Page<JobRow>> ListJobs(const JobFilter& filter,
                                         const PageRequest& page);  // newest first
@@ -134,6 +138,25 @@ class Store {
                                                     const PageRequest& page);  // newest first
   // Those made from it stay.
   absl::Status DeleteSelection(const std::string& scene, int64_t number);
+
+  // Whose it is; NOT_FOUND, and INVALID_ARGUMENT for an id that no scene or job can have.
+  absl::StatusOr<std::string> ProjectOfScene(const std::string& id);
+  absl::StatusOr<std::string> ProjectOfJob(const std::string& id);
+
+  // Reads all but create_time and revoke_time, and makes the project when it is not there. ABORTED:
+  // the id or the digest is taken. INVALID_ARGUMENT: the project is not an RFC 1034 label.
+  absl::StatusOr<KeyRow> CreateKey(const KeyRow& key);
+  // Expired and revoked ones, too.
+  absl::StatusOr<KeyRow> FindKeyByDigest(const std::string& sha256);
+  // By id; of a project, or of all (empty). Expired and revoked ones, too.
+  absl::StatusOr<Page<KeyRow>> ListKeys(const std::string& project, const PageRequest& page);
+  // Keeps the time of the first revocation.
+  absl::StatusOr<KeyRow> RevokeKey(const std::string& id);
+
+  // A project that has no row yet has no quota of its own.
+  absl::StatusOr<ProjectRow> GetProject(const std::string& id);
+  // Makes the project when it is not there. INVALID_ARGUMENT: id is not an RFC 1034 label.
+  absl::StatusOr<ProjectRow> SetProjectQuota(const std::string& id, const Quota& quota);
 
  private:
   Store(std::unique_ptr<Database> database, Holder holder);

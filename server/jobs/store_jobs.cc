@@ -77,11 +77,14 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
 }
 
 // The part of a list query that JobFilter decides; placeholders would need a variable number.
-std::string WhereOf(const Store::JobFilter& filter) {
+absl::StatusOr<std::string> WhereOf(const Store::JobFilter& filter) {
   std::string where;
   // A scene that exists is a label: nothing in it to escape.
   if (!filter.scene.empty()) absl::StrAppend(&where, "scene = '", filter.scene, "' AND ");
   if (filter.state) absl::StrAppend(&where, "state = ", static_cast<int>(*filter.state), " AND ");
+  if (filter.project.empty()) return where;
+  ASSIGN_OR_RETURN(const std::string of_project, OfProject(filter.project));
+  absl::StrAppend(&where, "scene IN (SELECT id FROM scenes WHERE ", of_project, "1 = 1) AND ");
   return where;
 }
 
@@ -154,14 +157,16 @@ absl::StatusOr<JobRow> Store::GetJob(const std::string& id) {
 
 absl::StatusOr<Page<JobRow>> Store::ListJobs(const JobFilter& filter, const PageRequest& page) {
   const std::string list =
-      absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1);
+      absl::StrCat("jobs/", filter.scene, "/", filter.state ? static_cast<int>(*filter.state) : -1,
+                   "/", filter.project);
+  ASSIGN_OR_RETURN(const std::string where, WhereOf(filter));
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
   return database_->Query<Page<JobRow>>([&](soci::session& sql) -> absl::StatusOr<Page<JobRow>> {
     if (!filter.scene.empty()) RETURN_IF_ERROR(CheckScene(sql, filter.scene));
     Page<JobRow> answer;
-    answer.rows = SelectJobs(sql, WhereOf(filter) + "number < :key ORDER BY number DESC", key,
-                             start.limit + 1);
+    answer.rows =
+        SelectJobs(sql, where + "number < :key ORDER BY number DESC", key, start.limit + 1);
     if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
       answer.rows.pop_back();
       answer.next_page_token = NextToken(list, absl::StrCat(answer.rows.back().number));
@@ -176,6 +181,19 @@ absl::StatusOr<std::optional<JobRow>> Store::FindActiveJob(const std::string& sc
     RETURN_IF_ERROR(CheckScene(sql, scene));
     JobRow active = SelectActiveJob(sql, scene);
     return active.id.empty() ? Found() : Found(std::move(active));
+  });
+}
+
+absl::StatusOr<std::string> Store::ProjectOfJob(const std::string& id) {
+  const int64_t number = JobNumber(id);
+  if (number <= 0) return absl::InvalidArgumentError(absl::StrCat("'", id, "' is no job's id"));
+  return database_->Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+    std::string project;
+    sql << "SELECT scenes.project FROM jobs JOIN scenes ON scenes.id = jobs.scene"
+           " WHERE jobs.number = :number",
+        soci::use(number), soci::into(project);
+    if (!sql.got_data()) return absl::NotFoundError(absl::StrCat("jobs/", id, " does not exist"));
+    return project;
   });
 }
 

@@ -12,10 +12,10 @@ std::vector<SceneRow> SelectScenes(soci::session& sql, const std::string& where,
   SceneRow row;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT id, display_name, request_id, create_time FROM scenes WHERE " << where
-                   << " :key ORDER BY id LIMIT :limit",
+      (sql.prepare << "SELECT id, display_name, request_id, create_time, project FROM scenes WHERE "
+                   << where << " :key ORDER BY id LIMIT :limit",
        soci::into(row.id), soci::into(row.display_name), soci::into(row.request_id),
-       soci::into(create_time), soci::use(key), soci::use(limit));
+       soci::into(create_time), soci::into(row.project), soci::use(key), soci::use(limit));
   select.execute();
   std::vector<SceneRow> rows;
   while (select.fetch()) {
@@ -27,7 +27,8 @@ std::vector<SceneRow> SelectScenes(soci::session& sql, const std::string& where,
 
 absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) {
   if (!scene.request_id.empty()) {
-    const auto earlier = SelectScenes(sql, "request_id =", scene.request_id, 1);
+    ASSIGN_OR_RETURN(const std::string of_project, OfProject(scene.project));
+    const auto earlier = SelectScenes(sql, of_project + "request_id =", scene.request_id, 1);
     if (!earlier.empty() && earlier[0].id == scene.id &&
         earlier[0].display_name == scene.display_name) {
       return earlier[0];
@@ -43,9 +44,10 @@ absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) 
   SceneRow row = scene;
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
-  sql << "INSERT INTO scenes (id, display_name, request_id, create_time, next_dataset, next_model)"
-         " VALUES (:id, :name, :request, :time, 1, 1)",
-      soci::use(row.id), soci::use(row.display_name), soci::use(row.request_id), soci::use(now);
+  sql << "INSERT INTO scenes (id, display_name, request_id, create_time, project, next_dataset,"
+         " next_model) VALUES (:id, :name, :request, :time, :project, 1, 1)",
+      soci::use(row.id), soci::use(row.display_name), soci::use(row.request_id), soci::use(now),
+      soci::use(row.project);
   return row;
 }
 
@@ -55,6 +57,9 @@ absl::StatusOr<SceneRow> Store::CreateScene(const SceneRow& scene) {
   if (!IsRfc1034Label(scene.id)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "scene id '", scene.id, "': must be 1 to 63 of a-z, 0-9 and '-', from a letter to no '-'"));
+  }
+  if (!IsRfc1034Label(scene.project)) {
+    return absl::InvalidArgumentError(absl::StrCat("project '", scene.project, "' is no label"));
   }
   return database_->Query<SceneRow>([&](soci::session& sql) { return InsertScene(sql, scene); });
 }
@@ -66,15 +71,18 @@ absl::StatusOr<SceneRow> Store::GetScene(const std::string& id) {
   });
 }
 
-absl::StatusOr<Page<SceneRow>> Store::ListScenes(const PageRequest& page) {
-  ASSIGN_OR_RETURN(const PageStart start, StartPage("scenes", page));
+absl::StatusOr<Page<SceneRow>> Store::ListScenes(const PageRequest& page,
+                                                 const std::string& project) {
+  const std::string list = absl::StrCat("scenes/", project);
+  ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
   return database_->Query<Page<SceneRow>>(
       [&](soci::session& sql) -> absl::StatusOr<Page<SceneRow>> {
         Page<SceneRow> answer;
-        answer.rows = SelectScenes(sql, "id >", start.key, start.limit + 1);
+        answer.rows = SelectScenes(sql, of_project + "id >", start.key, start.limit + 1);
         if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
           answer.rows.pop_back();
-          answer.next_page_token = NextToken("scenes", answer.rows.back().id);
+          answer.next_page_token = NextToken(list, answer.rows.back().id);
         }
         return answer;
       });
@@ -90,6 +98,18 @@ absl::Status Store::DeleteScene(const std::string& id) {
     }
     sql << "DELETE FROM scenes WHERE id = :id", soci::use(id);  // the rest cascades
     return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<std::string> Store::ProjectOfScene(const std::string& id) {
+  if (!IsRfc1034Label(id)) {
+    return absl::InvalidArgumentError(absl::StrCat("scene id '", id, "' is no label"));
+  }
+  return database_->Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+    std::string project;
+    sql << "SELECT project FROM scenes WHERE id = :id", soci::use(id), soci::into(project);
+    if (!sql.got_data()) return absl::NotFoundError(absl::StrCat("scenes/", id, " does not exist"));
+    return project;
   });
 }
 

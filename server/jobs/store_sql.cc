@@ -26,6 +26,14 @@ bool IsRfc1034Label(const std::string& id) {
   });
 }
 
+absl::StatusOr<std::string> OfProject(const std::string& project) {
+  if (project.empty()) return std::string();
+  if (!IsRfc1034Label(project)) {
+    return absl::InvalidArgumentError(absl::StrCat("project '", project, "' is no label"));
+  }
+  return absl::StrCat("project = '", project, "' AND ");
+}
+
 absl::Status CheckScene(soci::session& sql, const std::string& scene) {
   int count = 0;
   sql << "SELECT COUNT(*) FROM scenes WHERE id = :id", soci::use(scene), soci::into(count);

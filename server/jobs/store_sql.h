@@ -16,6 +16,11 @@ namespace pepeseg {
 // Letters, digits and hyphens, from a letter to no hyphen, at most 63.
 bool IsRfc1034Label(const std::string& id);
 
+// "project = 'PROJECT' AND ", or "" for all projects: a part of a list's query, of which
+// placeholders would need a variable number. INVALID_ARGUMENT: no RFC 1034 label, which has nothing
+// to escape.
+absl::StatusOr<std::string> OfProject(const std::string& project);
+
 // NOT_FOUND "scenes/ID does not exist".
 absl::Status CheckScene(soci::session& sql, const std::string& scene);
 absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& scene,

@@ -6,18 +6,19 @@
 
 namespace pepeseg {
 
-absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const std::string& listen,
+absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listener& where,
                                                                     const ServiceContext& context) {
   std::unique_ptr<AdminListener> listener(new AdminListener(context));
   constexpr int kMaxMessageBytes = 64 << 10;
   grpc::ServerBuilder builder;
   builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  builder.AddListeningPort(listen, grpc::InsecureServerCredentials(), &listener->port_);
+  builder.AddListeningPort(where.address, where.credentials, &listener->port_);
   builder.RegisterService(&listener->service_);
   listener->server_ = builder.BuildAndStart();
   if (listener->server_ == nullptr) {
-    return absl::UnavailableError(absl::StrCat("cannot listen on ", listen, " for admin calls"));
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen on ", where.address, " for admin calls"));
   }
   return listener;
 }

@@ -5,6 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
 #include "server/rpc/admin_service.h"
 
@@ -14,8 +15,12 @@ namespace pepeseg {
 // reach this. The context must outlive it.
 class AdminListener {
  public:
-  // `listen`: HOST:PORT, port 0: a free one; or unix:PATH. UNAVAILABLE: it is taken.
-  static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const std::string& listen,
+  struct Listener {
+    std::string address;  // HOST:PORT, port 0: a free one; or unix:PATH
+    std::shared_ptr<grpc::ServerCredentials> credentials;
+  };
+  // UNAVAILABLE: the address is taken.
+  static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& listener,
                                                               const ServiceContext& context);
 
   int port() const { return port_; }  // 0 for a unix socket

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/rpc/error.h"
+#include "server/rpc/key_answers.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
@@ -80,7 +81,7 @@ void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
 grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext* call,
                                                      const v1::LoadModelRequest* request,
                                                      v1::ResidentModel* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Load(context_, *request, response);
   });
 }
@@ -88,22 +89,22 @@ grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* AdminServiceRpc::UnloadModel(grpc::CallbackServerContext* call,
                                                        const v1::UnloadModelRequest* request,
                                                        google::protobuf::Empty* /*response*/) {
-  return RunOnPool(call, *context_.pool,
+  return RunOnPool({call, request}, context_,
                    [this, request](const UnaryCall&) { return Unload(context_, *request); });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext* call,
                                                     const v1::PinModelRequest* request,
                                                     v1::ResidentModel* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Pin(context_, *request, response);
   });
 }
 
 grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerContext* call,
-                                                        const v1::ListResidentRequest* /*request*/,
+                                                        const v1::ListResidentRequest* request,
                                                         v1::ListResidentResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
     const ModelCache& models = *context_.models;
     models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
       *response->add_models() = Describe(info, segmenter);
@@ -117,6 +118,30 @@ grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerCont
     response->set_num_loads(models.counts().num_loads);
     response->set_num_evictions(models.counts().num_evictions);
     return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::CreateKey(grpc::CallbackServerContext* call,
+                                                     const v1::CreateKeyRequest* request,
+                                                     v1::CreateKeyResponse* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerCreateKey(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ListKeys(grpc::CallbackServerContext* call,
+                                                    const v1::ListKeysRequest* request,
+                                                    v1::ListKeysResponse* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerListKeys(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext* call,
+                                                     const v1::RevokeKeyRequest* request,
+                                                     v1::ApiKey* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerRevokeKey(*context_.store, *request, response);
   });
 }
 

@@ -21,6 +21,15 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
   grpc::ServerUnaryReactor* ListResident(grpc::CallbackServerContext* call,
                                          const v1::ListResidentRequest* request,
                                          v1::ListResidentResponse* response) override;
+  grpc::ServerUnaryReactor* CreateKey(grpc::CallbackServerContext* call,
+                                      const v1::CreateKeyRequest* request,
+                                      v1::CreateKeyResponse* response) override;
+  grpc::ServerUnaryReactor* ListKeys(grpc::CallbackServerContext* call,
+                                     const v1::ListKeysRequest* request,
+                                     v1::ListKeysResponse* response) override;
+  grpc::ServerUnaryReactor* RevokeKey(grpc::CallbackServerContext* call,
+                                      const v1::RevokeKeyRequest* request,
+                                      v1::ApiKey* response) override;
 
  private:
   const ServiceContext context_;

@@ -53,7 +53,7 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
     RETURN_IF_ERROR(CheckRequestId(request->request_id()));
     ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(*request));
@@ -66,7 +66,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerCo
 grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
                                                        const v1::GetUploadRequest* request,
                                                        v1::Upload* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
     const auto row = context_.store->GetDataset(upload.scene, upload.number);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
@@ -75,8 +75,8 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerConte
 }
 
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
-    grpc::CallbackServerContext*, v1::WriteFilesResponse* response) {
-  const auto stream = std::make_shared<WriteFilesStream>(context_, response);
+    grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
+  const auto stream = std::make_shared<WriteFilesStream>(context_, OriginOf(*call), response);
   stream->Begin(/*with_io=*/true);
   return stream.get();  // owns itself until OnDone
 }
@@ -109,7 +109,7 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
                                                         const v1::SealUploadRequest* request,
                                                         v1::Dataset* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Seal(*request, response);
   });
 }
@@ -117,7 +117,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerCont
 grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
                                                           const v1::ListDatasetsRequest* request,
                                                           v1::ListDatasetsResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));

@@ -2,6 +2,7 @@
 
 #include <fstream>
 #include <string>
+#include <utility>
 
 #include "absl/status/statusor.h"
 #include "core/io/digest.h"
@@ -15,9 +16,11 @@ namespace pepeseg {
 // its end when it is not what the manifest lists. A subset's PLY is made in memory first.
 class ExportSelectionStream final : public WriteStream<v1::ExportSelectionResponse> {
  public:
-  ExportSelectionStream(const ServiceContext& context, const v1::ExportSelectionRequest& request)
+  ExportSelectionStream(const ServiceContext& context, CallOrigin origin,
+                        const v1::ExportSelectionRequest& request)
       : WriteStream(context.streams, request.has_subset() ? context.query_pool : context.pool),
         context_(context),
+        origin_(std::move(origin)),
         request_(request) {}
 
  private:
@@ -29,6 +32,7 @@ class ExportSelectionStream final : public WriteStream<v1::ExportSelectionRespon
   absl::Status FillChunk();
 
   const ServiceContext context_;
+  const CallOrigin origin_;
   const v1::ExportSelectionRequest request_;
   bool opened_ = false;
   std::ifstream file_;  // of the whole model

@@ -110,7 +110,7 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job*
 grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
                                                     const v1::TrainSceneRequest* request,
                                                     v1::Job* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Train(*request, response);
   });
 }
@@ -118,7 +118,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext*
 grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* call,
                                                 const v1::GetJobRequest* request,
                                                 v1::Job* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
     auto snapshot = ReadJob(context_, id);
     RETURN_IF_ERROR(snapshot.status());
@@ -130,8 +130,9 @@ grpc::ServerUnaryReactor* JobServiceRpc::GetJob(grpc::CallbackServerContext* cal
 grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* call,
                                                   const v1::ListJobsRequest* request,
                                                   v1::ListJobsResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     Store::JobFilter filter;
+    filter.project = unary.caller.visible_project();
     if (!request->scene().empty()) {
       ASSIGN_OR_RETURN(filter.scene, ParseSceneName(request->scene(), "scene"));
     }
@@ -154,7 +155,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::ListJobs(grpc::CallbackServerContext* c
 grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* call,
                                                    const v1::CancelJobRequest* request,
                                                    v1::Job* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name(), "name"));
     const auto row = context_.supervisor->Cancel(id);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_JOB", request->name());
@@ -164,8 +165,8 @@ grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* 
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
-    grpc::CallbackServerContext*, const v1::WatchJobRequest* request) {
-  const auto stream = std::make_shared<WatchJobStream>(context_, *request);
+    grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
+  const auto stream = std::make_shared<WatchJobStream>(context_, OriginOf(*call), *request);
   stream->Begin(/*with_io=*/false);
   return stream.get();  // owns itself until OnDone
 }
@@ -173,7 +174,7 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
 grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
     v1::EstimateTrainingResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
     RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
     RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));

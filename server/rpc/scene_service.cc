@@ -112,12 +112,13 @@ absl::Status SceneServiceRpc::FillScene(const SceneRow& row, v1::Scene* scene) c
 grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerContext* call,
                                                        const v1::CreateSceneRequest* request,
                                                        v1::Scene* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     RETURN_IF_ERROR(CheckCreate(*request));
     SceneRow row;
     row.id = request->scene_id();
     row.display_name = request->scene().display_name();
     row.request_id = request->request_id();
+    row.project = unary.caller.project;
     const auto scene = context_.store->CreateScene(row);
     if (absl::IsAlreadyExists(scene.status())) {
       return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
@@ -130,7 +131,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext* call,
                                                     const v1::GetSceneRequest* request,
                                                     v1::Scene* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     const auto id = ParseSceneName(request->name(), "name");
     RETURN_IF_ERROR(id.status());
     const auto row = context_.store->GetScene(*id);
@@ -142,10 +143,11 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext*
 grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContext* call,
                                                       const v1::ListScenesRequest* request,
                                                       v1::ListScenesResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
-    ASSIGN_OR_RETURN(const Page<SceneRow> scenes, context_.store->ListScenes(page));
+    ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
+                     context_.store->ListScenes(page, unary.caller.visible_project()));
     for (const SceneRow& row : scenes.rows) RETURN_IF_ERROR(FillScene(row, response->add_scenes()));
     response->set_next_page_token(scenes.next_page_token);
     return absl::OkStatus();
@@ -155,7 +157,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContex
 grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerContext* call,
                                                        const v1::DeleteSceneRequest* request,
                                                        google::protobuf::Empty*) {
-  return RunOnPool(call, *context_.pool, [this, request](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
     const auto id = ParseSceneName(request->name(), "name");
     RETURN_IF_ERROR(id.status());
     return DeleteWithRemains(context_, *id);
@@ -165,7 +167,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerConte
 grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext* call,
                                                      const v1::ListViewsRequest* request,
                                                      v1::ListViewsResponse* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall&) {
+  return RunOnQueryPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
     ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context_, request->parent(), "parent"));
@@ -176,7 +178,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext* call,
                                                     const v1::GetModelRequest* request,
                                                     v1::Model* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     const auto row = FindModel(context_, request->name(), "name");
     RETURN_IF_ERROR(row.status());
     *response = ToProto(*row);
@@ -187,7 +189,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext*
 grpc::ServerUnaryReactor* SceneServiceRpc::ListModels(grpc::CallbackServerContext* call,
                                                       const v1::ListModelsRequest* request,
                                                       v1::ListModelsResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));

@@ -9,6 +9,12 @@ namespace pepeseg {
 
 Stream::Step SegmentStreamCall::Work(bool) {
   const std::optional<v1::SegmentStreamRequest> request = TakeNewest();
+  if (request || !admitted_) {
+    const auto caller = context_.authorizer->Authorize(
+        origin_, request ? *request : v1::SegmentStreamRequest::default_instance());
+    if (!caller.ok()) return {Next::kEnd, caller.status()};
+    admitted_ = true;
+  }
   if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
   const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
   message_.Clear();

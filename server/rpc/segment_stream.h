@@ -1,5 +1,7 @@
 #pragma once
 
+#include <utility>
+
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/stream.h"
@@ -7,17 +9,22 @@
 namespace pepeseg {
 
 // A SegmentStream call: one answer at a time, to the newest request. One that comes meanwhile ends
-// the work on the answer between two views; an error is told and the stream goes on.
+// the work on the answer between two views; an error is told and the stream goes on. Every request
+// is authorised for itself; one that is refused ends the stream.
 class SegmentStreamCall final
     : public NewestStream<v1::SegmentStreamRequest, v1::SegmentStreamResponse> {
  public:
-  explicit SegmentStreamCall(const ServiceContext& context)
-      : NewestStream(context.streams, context.query_pool), context_(context) {}
+  SegmentStreamCall(const ServiceContext& context, CallOrigin origin)
+      : NewestStream(context.streams, context.query_pool),
+        context_(context),
+        origin_(std::move(origin)) {}
 
  private:
   Step Work(bool io_ok) override;
 
   const ServiceContext context_;
+  const CallOrigin origin_;
+  bool admitted_ = false;  // the caller may ask at all
 };
 
 }  // namespace pepeseg

@@ -39,15 +39,16 @@ absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Segment(grpc::CallbackServerContext* call,
                                                           const v1::SegmentRequest* request,
                                                           v1::SegmentResponse* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
-    return AnswerSegment({unary.queued, [&unary] { return unary.cancelled(); }}, context_, *request,
-                         response);
-  });
+  return RunOnQueryPool(
+      {call, request}, context_, [this, request, response](const UnaryCall& unary) {
+        return AnswerSegment({unary.queued, [&unary] { return unary.cancelled(); }}, context_,
+                             *request, response);
+      });
 }
 
 grpc::ServerBidiReactor<v1::SegmentStreamRequest, v1::SegmentStreamResponse>*
-SegmentationServiceRpc::SegmentStream(grpc::CallbackServerContext*) {
-  const auto stream = std::make_shared<SegmentStreamCall>(context_);
+SegmentationServiceRpc::SegmentStream(grpc::CallbackServerContext* call) {
+  const auto stream = std::make_shared<SegmentStreamCall>(context_, OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone
 }
@@ -55,40 +56,42 @@ SegmentationServiceRpc::SegmentStream(grpc::CallbackServerContext*) {
 grpc::ServerUnaryReactor* SegmentationServiceRpc::ProposeScales(
     grpc::CallbackServerContext* call, const v1::ProposeScalesRequest* request,
     v1::ProposeScalesResponse* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
-    return AnswerProposeScales(unary, context_, *request, response);
-  });
+  return RunOnQueryPool({call, request}, context_,
+                        [this, request, response](const UnaryCall& unary) {
+                          return AnswerProposeScales(unary, context_, *request, response);
+                        });
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Evaluate(grpc::CallbackServerContext* call,
                                                            const v1::EvaluateRequest* request,
                                                            v1::EvaluateResponse* response) {
-  return RunOnPool(call, *context_.evaluation_pool,
-                   [this, request, response](const UnaryCall& unary) {
-                     return AnswerEvaluate(unary, context_, *request, response);
-                   });
+  return RunOnEvaluationPool({call, request}, context_,
+                             [this, request, response](const UnaryCall& unary) {
+                               return AnswerEvaluate(unary, context_, *request, response);
+                             });
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Decompose(grpc::CallbackServerContext* call,
                                                             const v1::DecomposeRequest* request,
                                                             v1::DecomposeResponse* response) {
-  return RunOnPool(call, *context_.evaluation_pool,
-                   [this, request, response](const UnaryCall& unary) {
-                     return AnswerDecompose(unary, context_, *request, response);
-                   });
+  return RunOnEvaluationPool({call, request}, context_,
+                             [this, request, response](const UnaryCall& unary) {
+                               return AnswerDecompose(unary, context_, *request, response);
+                             });
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Render(grpc::CallbackServerContext* call,
                                                          const v1::RenderRequest* request,
                                                          v1::RenderResponse* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
-    return AnswerRender(unary, context_, *request, response);
-  });
+  return RunOnQueryPool({call, request}, context_,
+                        [this, request, response](const UnaryCall& unary) {
+                          return AnswerRender(unary, context_, *request, response);
+                        });
 }
 
 grpc::ServerWriteReactor<v1::ExportSelectionResponse>* SegmentationServiceRpc::ExportSelection(
-    grpc::CallbackServerContext*, const v1::ExportSelectionRequest* request) {
-  const auto stream = std::make_shared<ExportSelectionStream>(context_, *request);
+    grpc::CallbackServerContext* call, const v1::ExportSelectionRequest* request) {
+  const auto stream = std::make_shared<ExportSelectionStream>(context_, OriginOf(*call), *request);
   stream->Begin(/*with_io=*/false);
   return stream.get();  // owns itself until OnDone
 }

@@ -9,7 +9,7 @@ namespace pepeseg {
 grpc::ServerUnaryReactor* SegmentationServiceRpc::CreateLabel(grpc::CallbackServerContext* call,
                                                               const v1::CreateLabelRequest* request,
                                                               v1::Label* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall&) {
+  return RunOnQueryPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerCreateLabel(context_, *request, response);
   });
 }
@@ -17,7 +17,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::CreateLabel(grpc::CallbackServ
 grpc::ServerUnaryReactor* SegmentationServiceRpc::ListLabels(grpc::CallbackServerContext* call,
                                                              const v1::ListLabelsRequest* request,
                                                              v1::ListLabelsResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerListLabels(context_, *request, response);
   });
 }
@@ -25,7 +25,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::ListLabels(grpc::CallbackServe
 grpc::ServerUnaryReactor* SegmentationServiceRpc::DeleteLabel(grpc::CallbackServerContext* call,
                                                               const v1::DeleteLabelRequest* request,
                                                               google::protobuf::Empty*) {
-  return RunOnPool(call, *context_.pool, [this, request](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
     return AnswerDeleteLabel(context_, *request);
   });
 }
@@ -33,15 +33,16 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::DeleteLabel(grpc::CallbackServ
 grpc::ServerUnaryReactor* SegmentationServiceRpc::Select(grpc::CallbackServerContext* call,
                                                          const v1::SelectRequest* request,
                                                          v1::Selection* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall& unary) {
-    return AnswerSelect(unary, context_, *request, response);
-  });
+  return RunOnQueryPool({call, request}, context_,
+                        [this, request, response](const UnaryCall& unary) {
+                          return AnswerSelect(unary, context_, *request, response);
+                        });
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::CombineSelections(
     grpc::CallbackServerContext* call, const v1::CombineSelectionsRequest* request,
     v1::Selection* response) {
-  return RunOnPool(call, *context_.query_pool, [this, request, response](const UnaryCall&) {
+  return RunOnQueryPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerCombineSelections(context_, *request, response);
   });
 }
@@ -49,7 +50,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::CombineSelections(
 grpc::ServerUnaryReactor* SegmentationServiceRpc::UndoSelection(
     grpc::CallbackServerContext* call, const v1::UndoSelectionRequest* request,
     v1::Selection* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerUndoSelection(context_, *request, response);
   });
 }
@@ -57,7 +58,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::UndoSelection(
 grpc::ServerUnaryReactor* SegmentationServiceRpc::GetSelection(
     grpc::CallbackServerContext* call, const v1::GetSelectionRequest* request,
     v1::Selection* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerGetSelection(context_, *request, response);
   });
 }
@@ -65,7 +66,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::GetSelection(
 grpc::ServerUnaryReactor* SegmentationServiceRpc::ListSelections(
     grpc::CallbackServerContext* call, const v1::ListSelectionsRequest* request,
     v1::ListSelectionsResponse* response) {
-  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerListSelections(context_, *request, response);
   });
 }
@@ -73,7 +74,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::ListSelections(
 grpc::ServerUnaryReactor* SegmentationServiceRpc::DeleteSelection(
     grpc::CallbackServerContext* call, const v1::DeleteSelectionRequest* request,
     google::protobuf::Empty*) {
-  return RunOnPool(call, *context_.pool, [this, request](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
     return AnswerDeleteSelection(context_, *request);
   });
 }

@@ -13,6 +13,9 @@
 #include "core/child_process.h"
 #include "core/io/lpips.h"
 #include "core/status_macros.h"
+#include "server/access/audit_log.h"
+#include "server/access/authorizer.h"
+#include "server/access/credentials.h"
 #include "server/device.h"
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"
@@ -21,6 +24,7 @@
 #include "server/rpc/directory_lock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/job_service.h"
+#include "server/rpc/listen_rules.h"
 #include "server/rpc/scene_service.h"
 #include "server/rpc/segmentation_service.h"
 
@@ -58,13 +62,7 @@ void SetLimits(grpc::ServerBuilder& builder) {
 }
 
 absl::Status CheckOptions(const ServerOptions& options) {
-  for (const std::string& listen : {options.listen, options.admin}) {
-    if (listen.empty() || options.insecure || IsLoopback(listen)) continue;
-    return absl::FailedPreconditionError(
-        absl::StrCat("listening on ", listen,
-                     " would let other machines in without encryption: use a loopback address, or "
-                     "--insecure if the network is trusted"));
-  }
+  RETURN_IF_ERROR(CheckListeners(options));
   if (access(options.worker.c_str(), X_OK) != 0) {
     return absl::FailedPreconditionError(
         absl::StrCat("worker: ", options.worker.string(), " is no program"));
@@ -126,20 +124,13 @@ std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend
 
 }  // namespace
 
-bool IsLoopback(const std::string& listen) {
-  if (listen.rfind("unix:", 0) == 0) return true;
-  const size_t colon = listen.rfind(':');
-  if (colon == std::string::npos) return false;
-  const std::string host = listen.substr(0, colon);
-  if (host == "localhost" || host == "[::1]") return true;
-  // All of 127.0.0.0/8, but no name that only begins so.
-  return host.rfind("127.", 0) == 0 && host.find_first_not_of("0123456789.") == std::string::npos;
-}
-
 // In the order of dependence: what comes later goes first.
 struct Server::Parts {
   std::unique_ptr<DirectoryLock> lock;
   std::unique_ptr<Store> store;
+  std::unique_ptr<AuditLog> audit;
+  std::unique_ptr<Authorizer> authorizer;
+  std::unique_ptr<ListenerCredentials> credentials;
   std::unique_ptr<BlobStore> blobs;
   Device device;  // of queries; a worker opens its own by the same id
   std::unique_ptr<ModelCache> models;
@@ -156,15 +147,24 @@ struct Server::Parts {
   std::unique_ptr<grpc::Server> server;
   int port = 0;
 
+  absl::Status OpenAccess(const ServerOptions& options);
   absl::Status OpenState(const ServerOptions& options);
   absl::Status Listen(const ServerOptions& options);
   void SetHealth(bool serving);
 };
 
+absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
+  ASSIGN_OR_RETURN(credentials, ListenerCredentials::Open(options.access));
+  ASSIGN_OR_RETURN(audit, AuditLog::Open(AuditPath(options.data), {}));
+  authorizer = std::make_unique<Authorizer>(store.get(), audit.get(), options.access.require_keys);
+  return absl::OkStatus();
+}
+
 absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   const bool shared = options.database.starts_with("postgresql:");
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, shared));
   ASSIGN_OR_RETURN(store, OpenStore(options));
+  RETURN_IF_ERROR(OpenAccess(options));
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
@@ -179,16 +179,25 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
     return store->Path(file.sha256);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
-  const ServiceContext context{options.data, store.get(),          supervisor.get(),
-                               blobs.get(),  device.backend.get(), models.get(),
-                               &pool,        &query_pool,          &evaluation_pool,
-                               &streams,     device_memory,        !options.priors_command.empty()};
+  const ServiceContext context{options.data,
+                               store.get(),
+                               supervisor.get(),
+                               blobs.get(),
+                               device.backend.get(),
+                               models.get(),
+                               &pool,
+                               &query_pool,
+                               &evaluation_pool,
+                               &streams,
+                               authorizer.get(),
+                               device_memory,
+                               !options.priors_command.empty()};
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);
   segmentation = std::make_unique<SegmentationServiceRpc>(context);
   if (!options.admin.empty()) {
-    ASSIGN_OR_RETURN(admin, AdminListener::Start(options.admin, context));
+    ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, context));
   }
   return absl::OkStatus();
 }
@@ -198,7 +207,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   SetLimits(builder);
-  builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port);
+  builder.AddListeningPort(options.listen, credentials->Make(), &port);
   builder.RegisterService(scenes.get());
   builder.RegisterService(datasets.get());
   builder.RegisterService(jobs.get());

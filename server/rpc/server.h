@@ -51,9 +51,10 @@ bool IsLoopback(const std::string& listen);
 // Everything that serves: store, supervisor, models, services, listener.
 class Server {
  public:
-  // FAILED_PRECONDITION: a listener beyond this machine without `insecure`, a data directory that
-  // another server uses, a worker or priors command that is no program, a device that cannot be
-  // had. INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
+  // FAILED_PRECONDITION: a listener beyond this machine without TLS or without keys, and without
+  // `insecure`; certificates that cannot be read or do not fit (the file is named); a data
+  // directory that another server uses, a worker or priors command that is no program, a device
+  // that cannot be had. INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
   // Shutdown without grace, unless it was called.
   ~Server();

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "core/query/segmenter.h"
+#include "server/access/authorizer.h"
 #include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 #include "server/residency/resident_cache.h"
@@ -27,6 +28,7 @@ struct ServiceContext {
   WorkerPool* query_pool;       // for what computes
   WorkerPool* evaluation_pool;  // for what does so at length: questions do not wait behind it
   StreamRegistry* streams;
+  Authorizer* authorizer;   // of every call, before anything else is done
   int64_t device_memory;    // that a training may take of the device's memory, bytes
   bool has_priors_command;  // a program that makes masks and depth maps
 };

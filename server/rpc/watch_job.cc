@@ -35,6 +35,7 @@ absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::st
 }
 
 absl::Status WatchJobStream::Start() {
+  RETURN_IF_ERROR(context_.authorizer->Authorize(origin_, request_).status());
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
   // Before the snapshot, so that nothing falls between.
   watch_ = context_.supervisor->AddWatch(id_, [weak = weak_from_this()] {

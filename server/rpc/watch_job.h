@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
@@ -24,8 +25,12 @@ absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::st
 // was on its way to a slow reader is read at once, and only its newest progress sent.
 class WatchJobStream final : public WriteStream<v1::JobEvent> {
  public:
-  WatchJobStream(const ServiceContext& context, const v1::WatchJobRequest& request)
-      : WriteStream(context.streams, context.pool), context_(context), request_(request) {}
+  WatchJobStream(const ServiceContext& context, CallOrigin origin,
+                 const v1::WatchJobRequest& request)
+      : WriteStream(context.streams, context.pool),
+        context_(context),
+        origin_(std::move(origin)),
+        request_(request) {}
 
  private:
   Step Work(bool io_ok) override;
@@ -37,6 +42,7 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   Step SendHeartbeatWhenDue();
 
   const ServiceContext context_;
+  const CallOrigin origin_;
   const v1::WatchJobRequest request_;
   std::string id_;
   std::unique_ptr<Supervisor::Watch> watch_;

@@ -31,17 +31,38 @@ absl::Status OfFile(const std::string& path, const absl::Status& status) {
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
+  if (!io_ok) message_.Clear();
+  absl::Status status = Authorize(message_);
+  if (!status.ok()) return End(std::move(status));
   if (!io_ok) {
-    if (!in_file_) return {Next::kEnd, absl::OkStatus()};
-    writer_.reset();  // clears the file away here, not in a reaction
-    return {Next::kEnd, OutOfOrder(absl::StrCat(file_.path, ": the stream ended before its end"))};
+    if (!in_file_) return End(absl::OkStatus());
+    return End(OutOfOrder(absl::StrCat(file_.path, ": the stream ended before its end")));
   }
-  absl::Status status = Take(message_);
-  if (!status.ok()) {
-    writer_.reset();
-    return {Next::kEnd, std::move(status)};
-  }
+  status = Take(message_);
+  if (!status.ok()) return End(std::move(status));
   return {Next::kIo, absl::OkStatus()};
+}
+
+absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
+  if (caller_.has_value() && !part.has_header()) return absl::OkStatus();
+  auto caller = context_.authorizer->Authorize(origin_, part);
+  if (!caller.ok()) return caller.status();
+  caller_ = *std::move(caller);
+  if (!part.has_header()) return absl::OkStatus();
+  // A line for each upload, not for each of its files; at once, since a stream may be cut off.
+  if (named_.header().upload() != part.header().upload()) {
+    context_.authorizer->Record(origin_, *caller_, part, absl::OkStatus());
+  }
+  named_ = part;
+  return absl::OkStatus();
+}
+
+Stream::Step WriteFilesStream::End(absl::Status status) {
+  writer_.reset();  // clears the file away here, not in a reaction
+  if (!status.ok() && named_.has_header()) {
+    context_.authorizer->Record(origin_, *caller_, named_, status);
+  }
+  return {Next::kEnd, std::move(status)};
 }
 
 absl::Status WriteFilesStream::Take(const v1::WriteFilesRequest& part) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/rpc/service_context.h"
@@ -12,18 +14,29 @@ namespace pepeseg {
 // A WriteFiles call: takes one message at a time from the wire to the disk.
 class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
  public:
-  WriteFilesStream(const ServiceContext& context, v1::WriteFilesResponse* response)
-      : ReadStream(context.streams, context.pool), context_(context), response_(response) {}
+  WriteFilesStream(const ServiceContext& context, CallOrigin origin,
+                   v1::WriteFilesResponse* response)
+      : ReadStream(context.streams, context.pool),
+        context_(context),
+        origin_(std::move(origin)),
+        response_(response) {}
 
  private:
   Step Work(bool io_ok) override;
+  // Of the first message, whatever it is, and of each header, which names an upload.
+  absl::Status Authorize(const v1::WriteFilesRequest& part);
+  // Writes down what ended it, unless all went well.
+  Step End(absl::Status status);
   absl::Status Take(const v1::WriteFilesRequest& part);
   absl::Status BeginFile(const v1::WriteFilesRequest::Header& header);
   absl::Status TakeChunk(const v1::WriteFilesRequest::Chunk& chunk);
   absl::Status EndFile();
 
   const ServiceContext context_;
+  const CallOrigin origin_;
   v1::WriteFilesResponse* const response_;
+  std::optional<Caller> caller_;
+  v1::WriteFilesRequest named_;  // the newest header, for the audit log
   // The file on its way; its writer is null when the bytes are stored already.
   bool in_file_ = false;
   std::string scene_;

@@ -24,6 +24,27 @@ grpc::Status WithDetail() {
   return {grpc::StatusCode::ABORTED, "a training is running", status.SerializeAsString()};
 }
 
+grpc::Status Refused(const std::string& reason) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  v1::Status status;
+  status.add_details()->PackFrom(detail);
+  const bool is_key = reason.find("KEY") != std::string::npos;
+  return {is_key ? grpc::StatusCode::UNAUTHENTICATED : grpc::StatusCode::PERMISSION_DENIED,
+          "refused", status.SerializeAsString()};
+}
+
+TEST(Explain, TellsWhatToDoWhereAKeyDoesNotSuffice) {
+  const auto explain = [](const char* reason) {
+    return Explain(FromGrpc(Refused(reason)), "host:1");
+  };
+  EXPECT_THAT(explain("NO_KEY"), AllOf(HasSubstr("--key-file"), HasSubstr("PEPESEG_KEY")));
+  EXPECT_THAT(explain("BAD_KEY"), HasSubstr("another one"));
+  EXPECT_THAT(explain("MISSING_SCOPE"), HasSubstr("a key that has it"));
+  EXPECT_THAT(explain("NOT_YOURS"), HasSubstr("pepeseg scenes"));
+  EXPECT_EQ(ExitCodeOf(FromGrpc(Refused("NO_KEY"))), 10);
+}
+
 TEST(ExitCode, FollowsTheKindOfFailure) {
   EXPECT_EQ(ExitCodeOf(absl::OkStatus()), 0);
   EXPECT_EQ(ExitCodeOf(absl::InternalError("")), 1);

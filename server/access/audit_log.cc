@@ -1,0 +1,111 @@
+#include "server/access/audit_log.h"
+
+#include <fcntl.h>
+#include <spdlog/spdlog.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/status_macros.h"
+#include "server/jobs/file_error.h"
+
+namespace pepeseg {
+namespace {
+
+// Names come from clients: a line stays short, whatever they send.
+constexpr size_t kMaxNameBytes = 256;
+
+std::string LineOf(const AuditEntry& entry) {
+  nlohmann::ordered_json line;
+  line["time"] = absl::FormatTime(absl::RFC3339_full, absl::Now(), absl::UTCTimeZone());
+  line["key"] = entry.key;
+  line["project"] = entry.project;
+  line["peer"] = entry.peer;
+  line["method"] = entry.method;
+  line["resources"] = nlohmann::json::array();
+  for (const std::string& name : entry.resources) {
+    line["resources"].push_back(name.substr(0, kMaxNameBytes));
+  }
+  line["outcome"] = entry.outcome;
+  if (!entry.reason.empty()) line["reason"] = entry.reason;
+  return line.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const std::filesystem::path& path,
+                                                         const Limits& limits) {
+  auto log = std::unique_ptr<AuditLog>(new AuditLog(path, limits));
+  RETURN_IF_ERROR(log->Reopen());
+  return log;
+}
+
+AuditLog::~AuditLog() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+absl::Status AuditLog::Reopen() {
+  const int opened = open(path_.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  if (opened < 0) return FileError(path_, "cannot open", errno);
+  if (descriptor_ >= 0) close(descriptor_);
+  descriptor_ = opened;
+  return absl::OkStatus();
+}
+
+bool AuditLog::IsMoved() const {
+  struct stat ours {};
+  struct stat there {};
+  return stat(path_.c_str(), &there) != 0 || fstat(descriptor_, &ours) != 0 ||
+         ours.st_ino != there.st_ino || ours.st_dev != there.st_dev;
+}
+
+absl::Status AuditLog::RotateWhenFull() {
+  struct stat now {};
+  if (fstat(descriptor_, &now) != 0 || now.st_size < limits_.max_bytes) return absl::OkStatus();
+  // Of several processes one rotates; the others find it moved. The lock goes with the descriptor.
+  if (flock(descriptor_, LOCK_EX) != 0) return FileError(path_, "cannot lock", errno);
+  if (!IsMoved()) {
+    const auto numbered = [this](int i) {
+      std::filesystem::path path = path_;
+      return path += absl::StrCat(".", i);
+    };
+    std::error_code ignored;  // there may be no such file yet
+    for (int i = limits_.kept - 1; i >= 1; --i) {
+      std::filesystem::rename(numbered(i), numbered(i + 1), ignored);
+    }
+    std::error_code error;
+    std::filesystem::rename(path_, numbered(1), error);
+    if (error) return FileError(path_, "cannot rotate", error.value());
+  }
+  return Reopen();
+}
+
+absl::Status AuditLog::Append(const std::string& line) {
+  if (IsMoved()) RETURN_IF_ERROR(Reopen());
+  RETURN_IF_ERROR(RotateWhenFull());
+  // In one write, so that lines of several processes do not mix.
+  const ssize_t written = write(descriptor_, line.data(), line.size());
+  if (written != static_cast<ssize_t>(line.size())) {
+    return FileError(path_, "cannot write", written < 0 ? errno : ENOSPC);
+  }
+  return absl::OkStatus();
+}
+
+void AuditLog::Write(const AuditEntry& entry) {
+  const std::string line = LineOf(entry);
+  const std::lock_guard lock(mutex_);
+  const absl::Status status = Append(line);
+  if (!status.ok() && !failing_) {
+    spdlog::error("audit log: {}: calls are not recorded", std::string(status.message()));
+  }
+  failing_ = !status.ok();
+}
+
+}  // namespace pepeseg

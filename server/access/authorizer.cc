@@ -1,0 +1,212 @@
+#include "server/access/authorizer.h"
+
+#include <grpcpp/server_context.h>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "server/access/api_key.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::string_view kScheme = "Bearer ";
+
+// As the RPC edge packs an error's detail.
+absl::Status WithReason(absl::Status status, const v1::ErrorDetail& detail) {
+  status.SetPayload(
+      absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
+      absl::Cord(detail.SerializeAsString()));
+  return status;
+}
+
+absl::Status Refusal(absl::StatusCode code, const std::string& reason, const std::string& message) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  return WithReason(absl::Status(code, message), detail);
+}
+
+absl::Status NoKeyError() {
+  return Refusal(absl::StatusCode::kUnauthenticated, "NO_KEY",
+                 "this server asks for a key: metadata 'authorization: Bearer pk_...'");
+}
+
+// The same for every such key: who has none must not learn which ones there were.
+absl::Status BadKeyError() {
+  return Refusal(absl::StatusCode::kUnauthenticated, "BAD_KEY",
+                 "the key opens nothing here: it is unknown, revoked or expired");
+}
+
+absl::Status MissingScopeError(v1::Scope scope) {
+  v1::ErrorDetail detail;
+  detail.set_reason("MISSING_SCOPE");
+  detail.set_limit(v1::Scope_Name(scope));
+  return WithReason(absl::PermissionDeniedError(absl::StrCat(
+                        "the key lacks ", v1::Scope_Name(scope), ", which this call needs")),
+                    detail);
+}
+
+// Without the name that was asked for: the answer is the same for what is another project's and for
+// what is not there.
+absl::Status NotYoursError(const std::string& field) {
+  v1::ErrorDetail detail;
+  detail.set_reason("NOT_YOURS");
+  detail.set_field(field);
+  return WithReason(absl::PermissionDeniedError(
+                        absl::StrCat(field, ": nothing of the key's project has this name")),
+                    detail);
+}
+
+}  // namespace
+
+CallOrigin OriginOf(const grpc::ServerContextBase& context) {
+  CallOrigin origin;
+  origin.peer = context.peer();
+  const auto [begin, end] = context.client_metadata().equal_range("authorization");
+  for (auto it = begin; it != end; ++it) {
+    origin.authorization.emplace_back(it->second.data(), it->second.size());
+  }
+  return origin;
+}
+
+// A decision, and what the audit log tells of it.
+struct Authorizer::Verdict {
+  absl::Status status;
+  std::string reason;  // of a refusal; may tell more than the caller gets to know
+  Caller caller;
+
+  void Refuse(absl::Status error, const std::string& why) {
+    status = std::move(error);
+    reason = why;
+  }
+};
+
+void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
+  if (origin.authorization.empty()) return verdict.Refuse(NoKeyError(), "NO_KEY");
+  const std::string& header = origin.authorization[0];
+  const bool is_bearer = absl::StartsWithIgnoreCase(header, kScheme);
+  const std::string secret = is_bearer ? header.substr(kScheme.size()) : "";
+  // Of two it would be unclear which one counts.
+  if (origin.authorization.size() > 1 || !LooksLikeSecret(secret)) {
+    return verdict.Refuse(BadKeyError(), "MALFORMED_KEY");
+  }
+  const std::string digest = DigestOfSecret(secret);
+  const absl::StatusOr<KeyRow> key = store_->FindKeyByDigest(digest);
+  if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
+  if (!key.ok()) return verdict.Refuse(key.status(), "");
+  if (!SameDigest(key->sha256, digest)) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
+  verdict.caller = {key->project, key->id, key->scopes};
+  if (IsRevoked(*key)) return verdict.Refuse(BadKeyError(), "REVOKED_KEY");
+  if (IsExpired(*key, absl::Now())) return verdict.Refuse(BadKeyError(), "EXPIRED_KEY");
+}
+
+absl::StatusOr<std::string> Authorizer::ProjectOf(const std::string& resource) {
+  const std::vector<std::string> parts = absl::StrSplit(resource, '/');
+  if (parts.size() >= 2 && parts[0] == "scenes") return store_->ProjectOfScene(parts[1]);
+  if (parts.size() >= 2 && parts[0] == "jobs") return store_->ProjectOfJob(parts[1]);
+  return absl::InvalidArgumentError("no name of a scene, of what belongs to one, or of a job");
+}
+
+void Authorizer::CheckResources(const MethodAccess& access,
+                                const google::protobuf::Message& request, Verdict& verdict) {
+  for (const NamedResource& resource : ResourcesOf(access, request)) {
+    const absl::StatusOr<std::string> project = ProjectOf(resource.name);
+    // What nothing can have as its name is told by who reads the request: it reveals nothing.
+    if (absl::IsInvalidArgument(project.status())) continue;
+    if (!project.ok() && !absl::IsNotFound(project.status())) {
+      return verdict.Refuse(project.status(), "");
+    }
+    if (!project.ok() || *project != verdict.caller.project) {
+      return verdict.Refuse(NotYoursError(resource.field), "NOT_YOURS");
+    }
+  }
+}
+
+Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
+                                       const google::protobuf::Message& request) {
+  Verdict verdict;
+  if (!require_keys_) {
+    verdict.caller.scopes = AllScopes();
+    return verdict;
+  }
+  CheckKey(origin, verdict);
+  if (!verdict.status.ok()) return verdict;
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  if (access == nullptr) {
+    verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
+                           "the method does not say who may call it: nobody may"),
+                   "NO_SCOPE");
+  } else if ((verdict.caller.scopes & ScopeBit(access->scope)) == 0) {
+    verdict.Refuse(MissingScopeError(access->scope), "MISSING_SCOPE");
+  } else if (access->scope != v1::SCOPE_OPERATE) {  // an operator's calls are of all projects
+    CheckResources(*access, request, verdict);
+  }
+  return verdict;
+}
+
+namespace {
+
+// What calls are about that name nothing of a project's: a scene to be made, an operator's model.
+void AddOtherNames(const google::protobuf::Message& request, AuditEntry& entry) {
+  for (const char* name : {"name", "scene_id", "project"}) {
+    const auto* field = request.GetDescriptor()->FindFieldByName(name);
+    if (field == nullptr || field->type() != google::protobuf::FieldDescriptor::TYPE_STRING) {
+      continue;
+    }
+    std::string value = request.GetReflection()->GetString(request, field);
+    if (!value.empty()) entry.resources.push_back(std::move(value));
+  }
+}
+
+AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodAccess* access,
+                   const google::protobuf::Message& request) {
+  AuditEntry entry;
+  entry.key = caller.key;
+  entry.project = caller.project;
+  entry.peer = origin.peer;
+  entry.method = access != nullptr ? access->method : request.GetTypeName();
+  if (access == nullptr) return entry;
+  for (NamedResource& resource : ResourcesOf(*access, request)) {
+    entry.resources.push_back(std::move(resource.name));
+  }
+  if (access->resources.empty()) AddOtherNames(request, entry);
+  return entry;
+}
+
+}  // namespace
+
+absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
+                                             const google::protobuf::Message& request) {
+  Verdict verdict = Decide(origin, request);
+  if (verdict.status.ok()) return std::move(verdict.caller);
+  AuditEntry entry =
+      EntryOf(origin, verdict.caller, FindMethodAccess(*request.GetDescriptor()), request);
+  if (entry.key.empty()) entry.project.clear();  // nobody's
+  entry.outcome = absl::StatusCodeToString(verdict.status.code());
+  entry.reason = verdict.reason;
+  audit_->Write(entry);
+  return verdict.status;
+}
+
+void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
+                        const google::protobuf::Message& request, const absl::Status& outcome) {
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  if (access != nullptr && access->scope == v1::SCOPE_READ) return;
+  AuditEntry entry = EntryOf(origin, caller, access, request);
+  entry.outcome = absl::StatusCodeToString(outcome.code());
+  audit_->Write(entry);
+}
+
+absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::Message& request,
+                             absl::FunctionRef<absl::Status(const Caller&)> call) {
+  const absl::StatusOr<Caller> caller = Authorize(origin, request);
+  if (!caller.ok()) return caller.status();
+  absl::Status status = call(*caller);
+  Record(origin, *caller, request, status);
+  return status;
+}
+
+}  // namespace pepeseg

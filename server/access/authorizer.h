@@ -1,0 +1,75 @@
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/access/audit_log.h"
+#include "server/access/method_access.h"
+#include "server/jobs/store.h"
+
+namespace grpc {
+class ServerContextBase;
+}
+
+namespace pepeseg {
+
+// Where a call comes from, and what it shows.
+struct CallOrigin {
+  std::string peer;
+  std::vector<std::string> authorization;  // each "Bearer pk_..."
+};
+CallOrigin OriginOf(const grpc::ServerContextBase& context);
+
+// Who calls.
+struct Caller {
+  std::string project = kDefaultProject;
+  std::string key;  // id; empty: the server asks for none
+  int scopes = 0;   // KeyRow::scopes
+
+  // Whose scenes and jobs lists show; empty: those of all projects.
+  std::string visible_project() const { return key.empty() ? "" : project; }
+};
+
+// Decides over every call before anything else looks at it, as access.proto says, and writes the
+// audit log. Keeps nothing between calls: a revoked key or a deleted scene is gone for the next
+// one. Blocks on the store. Thread safe.
+class Authorizer {
+ public:
+  // `require_keys` false: everybody may do everything.
+  Authorizer(Store* store, AuditLog* audit, bool require_keys)
+      : store_(store), audit_(audit), require_keys_(require_keys) {}
+
+  // UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and in the audit log; the
+  // store's own error when it cannot be asked.
+  absl::StatusOr<Caller> Authorize(const CallOrigin& origin,
+                                   const google::protobuf::Message& request);
+
+  // Writes down how an authorised call ended, if it changes something.
+  void Record(const CallOrigin& origin, const Caller& caller,
+              const google::protobuf::Message& request, const absl::Status& outcome);
+
+  // All of a call: authorises it, does it, records it.
+  absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
+                   absl::FunctionRef<absl::Status(const Caller&)> call);
+
+ private:
+  struct Verdict;
+  Verdict Decide(const CallOrigin& origin, const google::protobuf::Message& request);
+  // The key's row in `verdict`, or why it opens nothing.
+  void CheckKey(const CallOrigin& origin, Verdict& verdict);
+  void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
+                      Verdict& verdict);
+  // NOT_FOUND: nothing has the name. INVALID_ARGUMENT: nothing can have it.
+  absl::StatusOr<std::string> ProjectOf(const std::string& resource);
+
+  Store* const store_;
+  AuditLog* const audit_;
+  const bool require_keys_;
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,84 @@
+#include "server/access/credentials.h"
+
+#include <grpcpp/security/tls_credentials_options.h>
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <string>
+#include <utility>
+
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr std::chrono::seconds kPause{1};
+constexpr unsigned int kProviderSeconds = 1;  // gRPC's least
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<ListenerCredentials>> ListenerCredentials::Open(
+    const AccessOptions& options) {
+  RETURN_IF_ERROR(CheckCertificateOptions(options));
+  auto credentials = std::unique_ptr<ListenerCredentials>(new ListenerCredentials(options));
+  if (options.tls_certificate.empty()) return credentials;
+  RETURN_IF_ERROR(credentials->Load());
+  const std::string pair = credentials->pair_.path();
+  const std::string client_ca = options.tls_client_ca.empty() ? "" : credentials->client_ca_.path();
+  credentials->provider_ = std::make_shared<grpc::experimental::FileWatcherCertificateProvider>(
+      pair, pair, client_ca, kProviderSeconds);
+  credentials->thread_ = std::thread([self = credentials.get()] { self->Watch(); });
+  return credentials;
+}
+
+ListenerCredentials::~ListenerCredentials() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  stop_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+std::shared_ptr<grpc::ServerCredentials> ListenerCredentials::Make() const {
+  if (provider_ == nullptr) return grpc::InsecureServerCredentials();
+  grpc::experimental::TlsServerCredentialsOptions options(provider_);
+  options.watch_identity_key_cert_pairs();
+  if (!options_.tls_client_ca.empty()) {
+    options.watch_root_certs();
+    options.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  }
+  return grpc::experimental::TlsServerCredentials(options);
+}
+
+absl::Status ListenerCredentials::Load() {
+  ASSIGN_OR_RETURN(CertificateTexts texts, ReadCertificateFiles(options_));
+  if (texts == texts_) return absl::OkStatus();
+  RETURN_IF_ERROR(Publish(texts));
+  texts_ = std::move(texts);
+  spdlog::info("TLS: {} is in use", options_.tls_certificate.string());
+  return absl::OkStatus();
+}
+
+absl::Status ListenerCredentials::Publish(const CertificateTexts& texts) {
+  if (texts.chain != texts_.chain || texts.key != texts_.key) {
+    RETURN_IF_ERROR(pair_.Replace(texts.key + "\n" + texts.chain));
+  }
+  if (texts.client_ca.empty() || texts.client_ca == texts_.client_ca) return absl::OkStatus();
+  return client_ca_.Replace(texts.client_ca);
+}
+
+void ListenerCredentials::Watch() {
+  std::string told;  // so that a bad file is told once
+  std::unique_lock lock(mutex_);
+  while (!stop_.wait_for(lock, kPause, [this] { return stopping_; })) {
+    const absl::Status status = Load();
+    std::string message(status.message());
+    if (!status.ok() && message != told) {
+      spdlog::error("TLS: {}: the certificate that is in use stays", message);
+    }
+    told = std::move(message);
+  }
+}
+
+}  // namespace pepeseg

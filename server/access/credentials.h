@@ -1,0 +1,49 @@
+#pragma once
+
+#include <grpcpp/security/server_credentials.h>
+#include <grpcpp/security/tls_certificate_provider.h>
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "absl/status/statusor.h"
+#include "server/access/certificate_files.h"
+#include "server/access/memory_file.h"
+
+namespace pepeseg {
+
+// What listeners encrypt with. The files are read again every second; what is whole and fits goes
+// to connections made from then on, anything else is told in the log and changes nothing. (gRPC's
+// own watch takes whatever stands in the files, and a key beside another's certificate breaks it:
+// so it watches copies in memory, which are swapped both in one step.)
+class ListenerCredentials {
+ public:
+  // FAILED_PRECONDITION: as ReadCertificateFiles. Without a certificate: no encryption.
+  static absl::StatusOr<std::unique_ptr<ListenerCredentials>> Open(const AccessOptions& options);
+  ~ListenerCredentials();
+  ListenerCredentials(const ListenerCredentials&) = delete;
+  ListenerCredentials& operator=(const ListenerCredentials&) = delete;
+
+  // For one listener.
+  std::shared_ptr<grpc::ServerCredentials> Make() const;
+
+ private:
+  explicit ListenerCredentials(AccessOptions options) : options_(std::move(options)) {}
+  absl::Status Load();
+  absl::Status Publish(const CertificateTexts& texts);
+  void Watch();
+
+  const AccessOptions options_;
+  CertificateTexts texts_;  // those in use
+  MemoryFile pair_;         // chain and key in one, so that they are swapped in one step
+  MemoryFile client_ca_;
+  std::shared_ptr<grpc::experimental::FileWatcherCertificateProvider> provider_;
+  std::mutex mutex_;
+  std::condition_variable stop_;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace pepeseg

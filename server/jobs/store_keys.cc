@@ -1,0 +1,139 @@
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/database.h"
+#include "server/jobs/store.h"
+#include "server/jobs/store_sql.h"
+
+namespace pepeseg {
+namespace {
+
+// Keys whose `where` (with one placeholder at its end) holds, by id.
+std::vector<KeyRow> SelectKeys(soci::session& sql, const std::string& where, const std::string& key,
+                               int64_t limit) {
+  KeyRow row;
+  int64_t create_time = 0;
+  int64_t expire_time = 0;
+  int64_t revoke_time = 0;
+  soci::statement select =
+      (sql.prepare << "SELECT id, project, display_name, sha256, scopes, create_time, expire_time,"
+                      " revoke_time FROM api_keys WHERE "
+                   << where << " :key ORDER BY id LIMIT :limit",
+       soci::into(row.id), soci::into(row.project), soci::into(row.display_name),
+       soci::into(row.sha256), soci::into(row.scopes), soci::into(create_time),
+       soci::into(expire_time), soci::into(revoke_time), soci::use(key), soci::use(limit));
+  select.execute();
+  std::vector<KeyRow> rows;
+  while (select.fetch()) {
+    row.create_time = FromMicros(create_time);
+    row.expire_time = FromMicros(expire_time);
+    row.revoke_time = FromMicros(revoke_time);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+// The project's row; its create_time is InfinitePast when there is none.
+ProjectRow SelectProject(soci::session& sql, const std::string& id) {
+  ProjectRow row;
+  row.id = id;
+  int64_t create_time = 0;
+  Quota& quota = row.quota;
+  sql << "SELECT stored_bytes, open_uploads, queued_jobs, running_jobs, queries_per_second,"
+         " resident_bytes, create_time FROM projects WHERE id = :id",
+      soci::use(id), soci::into(quota.stored_bytes), soci::into(quota.open_uploads),
+      soci::into(quota.queued_jobs), soci::into(quota.running_jobs),
+      soci::into(quota.queries_per_second), soci::into(quota.resident_bytes),
+      soci::into(create_time);
+  row.create_time = FromMicros(create_time);
+  return row;
+}
+
+absl::Status MakeProject(soci::session& sql, const std::string& id) {
+  if (!IsRfc1034Label(id)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("project '", id,
+                     "': must be 1 to 63 of a-z, 0-9 and '-', from a letter to no "
+                     "'-'"));
+  }
+  if (SelectProject(sql, id).create_time != absl::InfinitePast()) return absl::OkStatus();
+  const int64_t now = absl::ToUnixMicros(absl::Now());
+  sql << "INSERT INTO projects (id, stored_bytes, open_uploads, queued_jobs, running_jobs,"
+         " queries_per_second, resident_bytes, create_time) VALUES (:id, 0, 0, 0, 0, 0, 0, :time)",
+      soci::use(id), soci::use(now);
+  return absl::OkStatus();
+}
+
+absl::Status InsertKey(soci::session& sql, const KeyRow& key, int64_t now) {
+  const int64_t expire_time = ToMicros(key.expire_time);
+  sql << "INSERT INTO api_keys (id, project, display_name, sha256, scopes, create_time,"
+         " expire_time, revoke_time) VALUES (:id, :project, :name, :sha256, :scopes, :now, :expire,"
+         " 0)",
+      soci::use(key.id), soci::use(key.project), soci::use(key.display_name), soci::use(key.sha256),
+      soci::use(key.scopes), soci::use(now), soci::use(expire_time);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<KeyRow> Store::CreateKey(const KeyRow& key) {
+  return database_->Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    RETURN_IF_ERROR(MakeProject(sql, key.project));
+    const int64_t now = absl::ToUnixMicros(absl::Now());
+    RETURN_IF_ERROR(InsertKey(sql, key, now));
+    return SelectKeys(sql, "id =", key.id, 1).at(0);
+  });
+}
+
+absl::StatusOr<KeyRow> Store::FindKeyByDigest(const std::string& sha256) {
+  return database_->Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    std::vector<KeyRow> rows = SelectKeys(sql, "sha256 =", sha256, 1);
+    if (rows.empty()) return absl::NotFoundError("no key has this secret");
+    return rows[0];
+  });
+}
+
+absl::StatusOr<Page<KeyRow>> Store::ListKeys(const std::string& project, const PageRequest& page) {
+  const std::string list = absl::StrCat("keys/", project);
+  ASSIGN_OR_RETURN(const std::string of_project, OfProject(project));
+  ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
+  return database_->Query<Page<KeyRow>>([&](soci::session& sql) -> absl::StatusOr<Page<KeyRow>> {
+    Page<KeyRow> answer;
+    answer.rows = SelectKeys(sql, of_project + "id >", start.key, start.limit + 1);
+    if (static_cast<int64_t>(answer.rows.size()) > start.limit) {
+      answer.rows.pop_back();
+      answer.next_page_token = NextToken(list, answer.rows.back().id);
+    }
+    return answer;
+  });
+}
+
+absl::StatusOr<KeyRow> Store::RevokeKey(const std::string& id) {
+  return database_->Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+    const int64_t now = absl::ToUnixMicros(absl::Now());
+    sql << "UPDATE api_keys SET revoke_time = :now WHERE id = :id AND revoke_time = 0",
+        soci::use(now), soci::use(id);
+    std::vector<KeyRow> rows = SelectKeys(sql, "id =", id, 1);
+    if (rows.empty()) return absl::NotFoundError(absl::StrCat("keys/", id, " does not exist"));
+    return rows[0];
+  });
+}
+
+absl::StatusOr<ProjectRow> Store::GetProject(const std::string& id) {
+  return database_->Query<ProjectRow>(
+      [&](soci::session& sql) -> absl::StatusOr<ProjectRow> { return SelectProject(sql, id); });
+}
+
+absl::StatusOr<ProjectRow> Store::SetProjectQuota(const std::string& id, const Quota& quota) {
+  return database_->Query<ProjectRow>([&](soci::session& sql) -> absl::StatusOr<ProjectRow> {
+    RETURN_IF_ERROR(MakeProject(sql, id));
+    sql << "UPDATE projects SET stored_bytes = :stored, open_uploads = :uploads, queued_jobs ="
+           " :queued, running_jobs = :running, queries_per_second = :queries, resident_bytes ="
+           " :resident WHERE id = :id",
+        soci::use(quota.stored_bytes), soci::use(quota.open_uploads), soci::use(quota.queued_jobs),
+        soci::use(quota.running_jobs), soci::use(quota.queries_per_second),
+        soci::use(quota.resident_bytes), soci::use(id);
+    return SelectProject(sql, id);
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,197 @@
+// Every method of every service, asked with every kind of key: what it must answer follows from the
+// option `access` alone.
+#include <google/protobuf/dynamic_message.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "tests/server/access/all_methods.h"
+#include "tests/server/access/keyed_server.h"
+
+namespace pepeseg {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::MethodDescriptor;
+
+// A name of the kind that the field holds.
+std::string NameFor(const MethodDescriptor& method, const std::string& path,
+                    const std::string& scene) {
+  const std::string of_scene = absl::StrCat("scenes/", scene);
+  static const std::map<std::string, std::string> kByField = {
+      {"model", "/models/1"},
+      {"dataset", "/datasets/1"},
+      {"prompt.label", "/labels/red"},
+      {"segment.prompt.label", "/labels/red"},
+      {"segment.model", "/models/1"},
+      {"base", "/selections/1"},
+      {"first", "/selections/1"},
+      {"second", "/selections/1"},
+      {"subset.selection", "/selections/1"},
+      {"overlay_subset.selection", "/selections/1"},
+      {"header.upload", "/uploads/1"},
+      {"scene", ""}};
+  static const std::map<std::string, std::string> kByMethod = {
+      {"ListViews", "/models/1"},          {"GetModel", "/models/1"},
+      {"DeleteModel", "/models/1"},        {"GetUpload", "/uploads/1"},
+      {"SealUpload", "/uploads/1"},        {"DeleteLabel", "/labels/red"},
+      {"UndoSelection", "/selections/1"},  {"GetSelection", "/selections/1"},
+      {"DeleteSelection", "/selections/1"}};
+  if (const auto it = kByField.find(path); it != kByField.end()) return of_scene + it->second;
+  const auto it = kByMethod.find(method.name());
+  return it == kByMethod.end() ? of_scene : of_scene + it->second;
+}
+
+bool NamesAJob(const MethodDescriptor& method) {
+  return method.name() == "GetJob" || method.name() == "CancelJob" || method.name() == "WatchJob";
+}
+
+void SetPath(Message& request, const std::string& path, const std::string& value) {
+  Message* message = &request;
+  for (const std::string& part : std::vector<std::string>(absl::StrSplit(path, '.'))) {
+    const FieldDescriptor* field = message->GetDescriptor()->FindFieldByName(part);
+    ASSERT_NE(field, nullptr) << path;
+    if (field->message_type() == nullptr) {
+      message->GetReflection()->SetString(message, field, value);
+    } else {
+      message = message->GetReflection()->MutableMessage(message, field);
+    }
+  }
+}
+
+struct AccessMatrix : KeyedServer {
+  using Request = std::unique_ptr<Message>;
+
+  // The request with all its resources of `scene`, but that at `odd` of `odd_scene`.
+  Request MakeRequest(const MethodDescriptor& method, const std::string& scene, int odd = -1,
+                      const std::string& odd_scene = "") {
+    Request request(google::protobuf::MessageFactory::generated_factory()
+                        ->GetPrototype(method.input_type())
+                        ->New());
+    const v1::Access& option = method.options().GetExtension(v1::access);
+    for (int i = 0; i < option.resources_size(); ++i) {
+      const std::string& of = i == odd ? odd_scene : scene;
+      const std::string& path = option.resources(i);
+      if (NamesAJob(method)) {
+        SetPath(*request, path, of == "shelf" ? job : "jobs/j999");
+      } else {
+        SetPath(*request, path, NameFor(method, path, of));
+      }
+    }
+    return request;
+  }
+  grpc::Status AskFor(const MethodDescriptor& method, const Message& request,
+                      const std::string& secret) {
+    return Ask(method.full_name(), request, secret);
+  }
+  // All methods; those last that take away what others are asked about.
+  static std::vector<const MethodDescriptor*> Ordered() {
+    auto methods = testing::AllMethods();
+    std::stable_sort(methods.begin(), methods.end(), [](const auto* a, const auto* b) {
+      const auto rank = [](const MethodDescriptor* method) {
+        return method->name() == "DeleteScene" ? 2 : method->name().rfind("Delete", 0) == 0 ? 1 : 0;
+      };
+      return rank(a) < rank(b);
+    });
+    return methods;
+  }
+  // A method that no service overrides yet: gRPC answers, the same to everybody.
+  bool IsServed(const MethodDescriptor& method) {
+    return AskFor(method, *MakeRequest(method, "shelf"), nobody).error_code() !=
+           grpc::StatusCode::UNIMPLEMENTED;
+  }
+};
+
+bool IsRefusal(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::UNAUTHENTICATED ||
+         status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
+}
+
+void ExpectReason(const grpc::Status& status, grpc::StatusCode code, const std::string& reason) {
+  EXPECT_EQ(status.error_code(), code) << status.error_message();
+  EXPECT_EQ(DetailOf(status).reason(), reason) << status.error_message();
+}
+
+void ExpectByScope(const grpc::Status& status, const v1::Access& option,
+                   const std::vector<v1::Scope>& scopes) {
+  if (std::find(scopes.begin(), scopes.end(), option.scope()) != scopes.end()) {
+    EXPECT_FALSE(IsRefusal(status)) << status.error_message();
+    return;
+  }
+  ExpectReason(status, grpc::StatusCode::PERMISSION_DENIED, "MISSING_SCOPE");
+  EXPECT_EQ(DetailOf(status).limit(), v1::Scope_Name(option.scope()));
+}
+
+TEST_F(AccessMatrix, EveryMethodAnswersEveryKeyAsItsOptionSays) {
+  int num_not_served = 0;
+  for (const MethodDescriptor* method : Ordered()) {
+    SCOPED_TRACE(method->full_name());
+    if (!IsServed(*method)) {
+      ++num_not_served;
+      continue;
+    }
+    const v1::Access& option = method->options().GetExtension(v1::access);
+    const auto request = MakeRequest(*method, "shelf");
+    ExpectReason(AskFor(*method, *request, nobody), grpc::StatusCode::UNAUTHENTICATED, "NO_KEY");
+    ExpectReason(AskFor(*method, *request, "pk_x"), grpc::StatusCode::UNAUTHENTICATED, "BAD_KEY");
+    ExpectByScope(AskFor(*method, *request, reader), option, {v1::SCOPE_READ});
+    ExpectByScope(AskFor(*method, *request, operates), option, {v1::SCOPE_OPERATE});
+    const grpc::Status others = AskFor(*method, *request, stranger);
+    if (option.scope() != v1::SCOPE_OPERATE && option.resources_size() > 0) {
+      ExpectReason(others, grpc::StatusCode::PERMISSION_DENIED, "NOT_YOURS");
+    } else {
+      ExpectByScope(others, option, {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
+    }
+    ExpectByScope(AskFor(*method, *request, full), option,
+                  {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
+  }
+  EXPECT_LE(num_not_served, 5);
+}
+
+TEST_F(AccessMatrix, EveryNamedResourceIsCheckedAndNotToldFromNone) {
+  int num_fields = 0;
+  // To the stranger the scene "shelf" is another project's; its own is "annex".
+  v1::CreateSceneRequest create;
+  create.set_scene_id("annex");
+  ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
+  for (const MethodDescriptor* method : Ordered()) {
+    SCOPED_TRACE(method->full_name());
+    if (!IsServed(*method)) continue;
+    const v1::Access& option = method->options().GetExtension(v1::access);
+    for (int i = 0; i < option.resources_size(); ++i) {
+      SCOPED_TRACE(option.resources(i));
+      ++num_fields;
+      const auto others = AskFor(*method, *MakeRequest(*method, "annex", i, "shelf"), stranger);
+      const auto none = AskFor(*method, *MakeRequest(*method, "annex", i, "nowhere"), stranger);
+      ExpectReason(others, grpc::StatusCode::PERMISSION_DENIED, "NOT_YOURS");
+      EXPECT_EQ(others.error_code(), none.error_code());
+      EXPECT_EQ(others.error_message(), none.error_message());
+      EXPECT_EQ(others.error_details(), none.error_details());
+    }
+  }
+  EXPECT_GE(num_fields, 35);
+  // None of that has touched the scene.
+  v1::GetSceneRequest get;
+  get.set_name("scenes/shelf");
+  EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetScene", get, full).ok());
+}
+
+TEST_F(AccessMatrix, MalformedNamesAreToldAfterKeyAndScope) {
+  for (const MethodDescriptor* method : Ordered()) {
+    SCOPED_TRACE(method->full_name());
+    const v1::Access& option = method->options().GetExtension(v1::access);
+    if (!IsServed(*method) || option.resources_size() == 0) continue;
+    const auto request = MakeRequest(*method, "shelf");
+    SetPath(*request, option.resources(0), "NONSENSE");
+    ExpectReason(AskFor(*method, *request, nobody), grpc::StatusCode::UNAUTHENTICATED, "NO_KEY");
+    if (method->client_streaming() && method->server_streaming()) continue;  // told in a message
+    EXPECT_EQ(AskFor(*method, *request, full).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor_database.h>
+
+#include <string>
+#include <vector>
+
+namespace pepeseg::testing {
+
+// Of all services of the package that the program knows, however they came into it.
+inline std::vector<const google::protobuf::MethodDescriptor*> AllMethods() {
+  std::vector<std::string> files;
+  google::protobuf::DescriptorPool::internal_generated_database()->FindAllFileNames(&files);
+  std::vector<const google::protobuf::MethodDescriptor*> methods;
+  for (const std::string& name : files) {
+    const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(name);
+    if (file == nullptr || file->package() != "pepeseg.v1") continue;
+    for (int i = 0; i < file->service_count(); ++i) {
+      const google::protobuf::ServiceDescriptor& service = *file->service(i);
+      for (int k = 0; k < service.method_count(); ++k) methods.push_back(service.method(k));
+    }
+  }
+  return methods;
+}
+
+}  // namespace pepeseg::testing

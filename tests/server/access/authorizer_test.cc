@@ -1,0 +1,226 @@
+#include "server/access/authorizer.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "pepeseg/v1/admin_service.pb.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "pepeseg/v1/scene_service.pb.h"
+#include "server/access/api_key.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kEverythingOfAProject = 0b1110;  // read, write, train
+
+v1::ErrorDetail DetailOf(const absl::Status& status) {
+  v1::ErrorDetail detail;
+  const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
+  EXPECT_TRUE(payload.has_value()) << status;
+  if (payload.has_value()) detail.ParseFromString(std::string(*payload));
+  return detail;
+}
+
+v1::GetSceneRequest Get(const std::string& name) {
+  v1::GetSceneRequest request;
+  request.set_name(name);
+  return request;
+}
+
+class AuthorizerTest : public ::testing::Test {
+ protected:
+  AuthorizerTest() : store_(*Store::Open("sqlite::memory:")), audit_(*AuditLog::Open(path_, {})) {
+    CreateScene("mine", "lab");
+    CreateScene("theirs", "other");
+  }
+  void CreateScene(const std::string& id, const std::string& project) {
+    SceneRow scene;
+    scene.id = id;
+    scene.project = project;
+    EXPECT_TRUE(store_->CreateScene(scene).ok());
+  }
+  CallOrigin With(const std::string& header) { return {"test", {header}}; }
+  // A new key of "lab".
+  CallOrigin Key(int scopes, absl::Time expire_time = absl::InfinitePast()) {
+    NewKey key = *MakeKey();
+    key.row.project = "lab";
+    key.row.scopes = scopes;
+    key.row.expire_time = expire_time;
+    EXPECT_TRUE(store_->CreateKey(key.row).ok());
+    key_ = key;
+    return With(absl::StrCat("Bearer ", key.secret));
+  }
+  nlohmann::json LastLine() {
+    std::ifstream file(path_);
+    std::string line, last;
+    while (std::getline(file, line)) last = line;
+    return last.empty() ? nlohmann::json() : nlohmann::json::parse(last);
+  }
+
+  testing::TempFolder folder_;
+  std::filesystem::path path_ = folder_ / "audit.log";
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<AuditLog> audit_;
+  Authorizer authorizer_{store_.get(), audit_.get(), /*require_keys=*/true};
+  NewKey key_;
+};
+
+TEST_F(AuthorizerTest, LetsAKeyIntoItsProject) {
+  const CallOrigin origin = Key(kEverythingOfAProject);
+  const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
+  ASSERT_TRUE(caller.ok()) << caller.status();
+  EXPECT_EQ(caller->project, "lab");
+  EXPECT_EQ(caller->key, key_.row.id);
+  EXPECT_EQ(caller->scopes, kEverythingOfAProject);
+  EXPECT_EQ(caller->visible_project(), "lab");
+  const CallOrigin lower = With(absl::StrCat("bearer ", key_.secret));
+  EXPECT_TRUE(authorizer_.Authorize(lower, Get("scenes/mine")).ok());
+}
+
+TEST_F(AuthorizerTest, AnswersTheSameToEveryKeyThatOpensNothing) {
+  const auto no_key = authorizer_.Authorize({"test", {}}, Get("scenes/mine")).status();
+  EXPECT_TRUE(absl::IsUnauthenticated(no_key)) << no_key;
+  EXPECT_EQ(DetailOf(no_key).reason(), "NO_KEY");
+  EXPECT_EQ(LastLine()["reason"], "NO_KEY");
+
+  const auto unknown =
+      authorizer_.Authorize(With(absl::StrCat("Bearer ", MakeKey()->secret)), Get("scenes/mine"));
+  EXPECT_TRUE(absl::IsUnauthenticated(unknown.status())) << unknown.status();
+  EXPECT_EQ(DetailOf(unknown.status()).reason(), "BAD_KEY");
+  EXPECT_EQ(LastLine()["reason"], "UNKNOWN_KEY");
+  EXPECT_EQ(LastLine()["project"], "");
+
+  const CallOrigin expired = Key(AllScopes(), absl::Now() - absl::Seconds(1));
+  EXPECT_EQ(authorizer_.Authorize(expired, Get("scenes/mine")).status(), unknown.status());
+  EXPECT_EQ(LastLine()["reason"], "EXPIRED_KEY");
+  EXPECT_EQ(LastLine()["key"], key_.row.id);
+
+  const CallOrigin revoked = Key(AllScopes());
+  ASSERT_TRUE(authorizer_.Authorize(revoked, Get("scenes/mine")).ok());
+  ASSERT_TRUE(store_->RevokeKey(key_.row.id).ok());
+  EXPECT_EQ(authorizer_.Authorize(revoked, Get("scenes/mine")).status(), unknown.status());
+  EXPECT_EQ(LastLine()["reason"], "REVOKED_KEY");
+}
+
+TEST_F(AuthorizerTest, RefusesHeadersThatAreNoKey) {
+  const CallOrigin good = Key(AllScopes());
+  for (const std::string& header :
+       {std::string(), std::string("Bearer"), std::string("Bearer "), key_.secret,
+        absl::StrCat("Basic ", key_.secret), absl::StrCat("Bearer  ", key_.secret),
+        absl::StrCat("Bearer ", key_.secret, " "), absl::StrCat("Bearer ", key_.secret, "x"),
+        absl::StrCat("Bearer ", std::string(100'000, 'x')), std::string("Bearer pk_' OR 1=1 --")}) {
+    const auto refused = authorizer_.Authorize(With(header), Get("scenes/mine"));
+    EXPECT_TRUE(absl::IsUnauthenticated(refused.status())) << header.substr(0, 80);
+  }
+  CallOrigin twice = good;
+  twice.authorization.push_back(good.authorization[0]);
+  EXPECT_TRUE(absl::IsUnauthenticated(authorizer_.Authorize(twice, Get("scenes/mine")).status()));
+}
+
+TEST_F(AuthorizerTest, TellsAMissingScopeBeforeAnythingOfTheRequest) {
+  const CallOrigin reader = Key(ScopeBit(v1::SCOPE_READ));
+  v1::DeleteSceneRequest remove;
+  for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere", "NONSENSE", ""}) {
+    remove.set_name(name);
+    const auto refused = authorizer_.Authorize(reader, remove);
+    EXPECT_TRUE(absl::IsPermissionDenied(refused.status())) << name;
+    EXPECT_EQ(DetailOf(refused.status()).reason(), "MISSING_SCOPE");
+    EXPECT_EQ(DetailOf(refused.status()).limit(), "SCOPE_WRITE");
+  }
+  // None implies another.
+  const CallOrigin operates = Key(ScopeBit(v1::SCOPE_OPERATE));
+  EXPECT_FALSE(authorizer_.Authorize(operates, Get("scenes/mine")).ok());
+  EXPECT_TRUE(authorizer_.Authorize(operates, v1::ListKeysRequest()).ok());
+  v1::LoadModelRequest load;
+  load.set_name("scenes/theirs/models/1");
+  EXPECT_TRUE(authorizer_.Authorize(operates, load).ok());
+}
+
+TEST_F(AuthorizerTest, DoesNotTellOthersScenesFromNone) {
+  const CallOrigin origin = Key(kEverythingOfAProject);
+  const auto others = authorizer_.Authorize(origin, Get("scenes/theirs")).status();
+  const auto none = authorizer_.Authorize(origin, Get("scenes/nowhere")).status();
+  EXPECT_TRUE(absl::IsPermissionDenied(others)) << others;
+  EXPECT_EQ(DetailOf(others).reason(), "NOT_YOURS");
+  EXPECT_EQ(others, none);
+  v1::TrainSceneRequest train;
+  train.set_scene("scenes/mine");
+  train.set_dataset("scenes/theirs/datasets/1");
+  EXPECT_TRUE(absl::IsPermissionDenied(authorizer_.Authorize(origin, train).status()));
+  v1::GetJobRequest job;
+  job.set_name("jobs/j12");
+  EXPECT_TRUE(absl::IsPermissionDenied(authorizer_.Authorize(origin, job).status()));
+  // What nothing can be called is told by who reads the request.
+  for (const char* name : {"", "scenes/", "scenes/UPPER", "mine", "scenes", "jobs/x", "jobs/j0"}) {
+    EXPECT_TRUE(authorizer_.Authorize(origin, Get(name)).ok()) << name;
+  }
+}
+
+TEST_F(AuthorizerTest, SeesASceneThatWasMadeAgainElsewhere) {
+  const CallOrigin origin = Key(kEverythingOfAProject);
+  ASSERT_TRUE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
+  ASSERT_TRUE(store_->DeleteScene("mine").ok());
+  EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
+  CreateScene("mine", "other");
+  EXPECT_FALSE(authorizer_.Authorize(origin, Get("scenes/mine")).ok());
+}
+
+TEST_F(AuthorizerTest, LetsEverybodyDoEverythingWithoutKeys) {
+  Authorizer open(store_.get(), audit_.get(), /*require_keys=*/false);
+  for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere"}) {
+    const auto caller = open.Authorize({"test", {}}, Get(name));
+    ASSERT_TRUE(caller.ok()) << caller.status();
+    EXPECT_EQ(caller->project, "default");
+    EXPECT_EQ(caller->visible_project(), "");
+    EXPECT_EQ(caller->scopes, AllScopes());
+  }
+}
+
+TEST_F(AuthorizerTest, RecordsWhatChangesSomething) {
+  const CallOrigin origin = Key(AllScopes());
+  const auto done = [](const Caller&) { return absl::OkStatus(); };
+  ASSERT_TRUE(authorizer_.Run(origin, Get("scenes/mine"), done).ok());
+  EXPECT_TRUE(LastLine().is_null());  // a question
+  v1::DeleteSceneRequest remove;
+  remove.set_name("scenes/mine");
+  ASSERT_TRUE(authorizer_.Run(origin, remove, done).ok());
+  EXPECT_EQ(LastLine()["method"], "pepeseg.v1.SceneService.DeleteScene");
+  EXPECT_EQ(LastLine()["resources"], nlohmann::json({"scenes/mine"}));
+  EXPECT_EQ(LastLine()["key"], key_.row.id);
+  EXPECT_EQ(LastLine()["project"], "lab");
+  EXPECT_EQ(LastLine()["peer"], "test");
+  EXPECT_EQ(LastLine()["outcome"], "OK");
+  v1::CreateSceneRequest create;
+  create.set_scene_id("new");
+  const auto fails = [](const Caller&) { return absl::AlreadyExistsError("taken"); };
+  EXPECT_TRUE(absl::IsAlreadyExists(authorizer_.Run(origin, create, fails)));
+  EXPECT_EQ(LastLine()["outcome"], "ALREADY_EXISTS");
+  EXPECT_EQ(LastLine()["resources"], nlohmann::json({"new"}));
+  ASSERT_TRUE(authorizer_.Run(origin, v1::ListResidentRequest(), done).ok());
+  EXPECT_EQ(LastLine()["method"], "pepeseg.v1.AdminService.ListResident");
+  std::ifstream file(path_);
+  const std::string all((std::istreambuf_iterator<char>(file)), {});
+  EXPECT_EQ(all.find(key_.secret), std::string::npos);
+  EXPECT_EQ(all.find(key_.row.sha256), std::string::npos);
+}
+
+TEST_F(AuthorizerTest, RunsNothingThatIsRefused) {
+  bool ran = false;
+  const auto note = [&](const Caller&) {
+    ran = true;
+    return absl::OkStatus();
+  };
+  EXPECT_FALSE(authorizer_.Run({"test", {}}, Get("scenes/mine"), note).ok());
+  EXPECT_FALSE(authorizer_.Run(Key(AllScopes()), Get("scenes/theirs"), note).ok());
+  EXPECT_FALSE(ran);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,95 @@
+// `pepesegd keys`, beside a server that runs and without one.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "tests/server/access/keyed_server.h"
+
+namespace pepeseg {
+namespace {
+
+struct Outcome {
+  int code = -1;
+  std::string text;  // of standard output
+};
+
+Outcome RunKeys(const std::filesystem::path& data, const std::string& arguments) {
+  const std::string line =
+      absl::StrCat(PEPESEG_SERVER, " keys ", arguments, " --data ", data.string(), " 2>/dev/null");
+  Outcome outcome;
+  FILE* pipe = popen(line.c_str(), "r");
+  char buffer[4096];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) outcome.text += buffer;
+  outcome.code = WEXITSTATUS(pclose(pipe));
+  return outcome;
+}
+
+grpc::Status ListScenes(RunningServer& running, const std::string& secret) {
+  v1::ListScenesResponse response;
+  return running.scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response);
+}
+
+TEST(KeysCommand, MakesTheFirstKeyBeforeTheServerStarts) {
+  const testing::TempFolder folder;
+  const Outcome made =
+      RunKeys(folder / "data", "create --project lab --scopes read,write --name \"My laptop\"");
+  ASSERT_EQ(made.code, 0) << made.text;
+  const std::string secret(absl::StripSuffix(made.text, "\n"));
+  EXPECT_EQ(secret.rfind("pk_", 0), 0u);
+  EXPECT_EQ(secret.find('\n'), std::string::npos);
+  const Outcome list = RunKeys(folder / "data", "list");
+  EXPECT_NE(list.text.find("lab"), std::string::npos);
+  EXPECT_NE(list.text.find("read,write"), std::string::npos);
+  EXPECT_NE(list.text.find("My laptop"), std::string::npos);
+  EXPECT_EQ(list.text.find(secret), std::string::npos);
+
+  ServerOptions options;
+  options.data = folder / "data";
+  options.worker = PEPESEG_FAKE_WORKER;
+  options.device = "cpu";
+  options.access.require_keys = true;
+  const auto server = Server::Start(options);
+  ASSERT_TRUE(server.ok()) << server.status();
+  const auto scenes = v1::SceneService::NewStub((*server)->InProcessChannel());
+  v1::ListScenesResponse response;
+  EXPECT_TRUE(scenes->ListScenes(KeyedServer::With(secret).get(), {}, &response).ok());
+  EXPECT_EQ(scenes->ListScenes(KeyedServer::With("").get(), {}, &response).error_code(),
+            grpc::UNAUTHENTICATED);
+}
+
+TEST(KeysCommand, MakesAndRevokesKeysOfAServerThatRuns) {
+  ServerOptions options;
+  options.access.require_keys = true;
+  RunningServer running(PEPESEG_FAKE_WORKER, options);
+  const auto& data = running.options.data;
+  const Outcome made = RunKeys(data, "create --project lab --scopes read --expires-days 1");
+  ASSERT_EQ(made.code, 0) << made.text;
+  const std::string secret(absl::StripSuffix(made.text, "\n"));
+  EXPECT_TRUE(ListScenes(running, secret).ok());
+  const std::string list = RunKeys(data, "list").text;
+  const std::string name = list.substr(0, list.find(' '));
+  EXPECT_NE(list.find("valid until"), std::string::npos) << list;
+  EXPECT_EQ(RunKeys(data, "revoke " + name).code, 0);
+  EXPECT_EQ(ListScenes(running, secret).error_code(), grpc::UNAUTHENTICATED);
+  EXPECT_NE(RunKeys(data, "list").text.find("revoked"), std::string::npos);
+}
+
+TEST(KeysCommand, RefusesWhatMakesNoKey) {
+  const testing::TempFolder folder;
+  for (const char* bad :
+       {"create --project lab --scopes all", "create --project Lab --scopes read",
+        "create --project lab", "create --scopes read", "revoke keys/0000000000000000",
+        "create --project lab --scopes read --expires-days 0", "destroy"}) {
+    const Outcome outcome = RunKeys(folder / "data", bad);
+    EXPECT_NE(outcome.code, 0) << bad;
+    EXPECT_EQ(outcome.text.find("pk_"), std::string::npos) << bad;
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

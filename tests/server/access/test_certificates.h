@@ -1,0 +1,37 @@
+#pragma once
+
+#include <openssl/evp.h>
+#include <openssl/x509.h>
+
+#include <memory>
+#include <string>
+
+namespace pepeseg::testing {
+
+// PEM texts.
+struct IssuedCertificate {
+  std::string certificate;
+  std::string key;
+};
+
+// Signs certificates that are made for one run of a test: elliptic keys, valid for an hour.
+class TestAuthority {
+ public:
+  explicit TestAuthority(const std::string& name);
+
+  const std::string& certificate() const { return own_.certificate; }
+  // For "localhost", 127.0.0.1 and ::1, as a server's or a client's.
+  IssuedCertificate Issue(const std::string& name);
+
+ private:
+  struct Free {
+    void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
+    void operator()(X509* certificate) const { X509_free(certificate); }
+  };
+  std::unique_ptr<EVP_PKEY, Free> key_;
+  std::unique_ptr<X509, Free> root_;
+  IssuedCertificate own_;
+  int next_serial_ = 2;
+};
+
+}  // namespace pepeseg::testing

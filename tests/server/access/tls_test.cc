@@ -1,0 +1,187 @@
+// Encryption over real sockets.
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/rpc/listen_rules.h"
+#include "tests/server/access/test_certificates.h"
+#include "tests/server/rpc/running_server.h"
+
+namespace pepeseg {
+namespace {
+
+using testing::IssuedCertificate;
+using testing::TestAuthority;
+
+struct Tls : ::testing::Test {
+  Tls() {
+    options.admin = "127.0.0.1:0";
+    options.access.tls_certificate = folder / "chain.pem";
+    options.access.tls_key = folder / "key.pem";
+    WriteChain(issued);
+    WriteKey(issued);
+  }
+  void Start() { running = std::make_unique<RunningServer>(PEPESEG_FAKE_WORKER, options); }
+  void DemandClientCertificates() {
+    options.access.tls_client_ca = folder / "clients.pem";
+    std::ofstream(options.access.tls_client_ca) << clients.certificate();
+  }
+  void WriteChain(const IssuedCertificate& pair) const {
+    std::ofstream(folder / "chain.pem", std::ios::trunc) << pair.certificate;
+  }
+  void WriteKey(const IssuedCertificate& pair) const {
+    std::ofstream(folder / "key.pem", std::ios::trunc) << pair.key;
+  }
+  static std::shared_ptr<grpc::ChannelCredentials> Trusting(const TestAuthority& authority,
+                                                            const IssuedCertificate& own = {}) {
+    return grpc::SslCredentials({authority.certificate(), own.key, own.certificate});
+  }
+  // A connection of its own: channels to one address would share theirs.
+  static std::shared_ptr<grpc::Channel> Connect(
+      int port, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    return grpc::CreateCustomChannel(absl::StrCat("127.0.0.1:", port), credentials, arguments);
+  }
+  grpc::StatusCode List(const std::shared_ptr<grpc::ChannelCredentials>& credentials) const {
+    return ListOver(Connect(running->server->port(), credentials));
+  }
+  static grpc::StatusCode ListOver(const std::shared_ptr<grpc::Channel>& channel) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    v1::ListScenesResponse response;
+    return v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).error_code();
+  }
+  // Seconds until a new connection that trusts `authority` only is served; 30 at most.
+  double AwaitServedTo(const TestAuthority& authority) const {
+    const absl::Time start = absl::Now();
+    while (absl::Now() - start < absl::Seconds(30) && List(Trusting(authority)) != grpc::OK) {
+      absl::SleepFor(absl::Milliseconds(50));
+    }
+    return absl::ToDoubleSeconds(absl::Now() - start);
+  }
+
+  testing::TempFolder folder;
+  TestAuthority authority{"authority"}, other{"other authority"}, clients{"of clients"};
+  IssuedCertificate issued = authority.Issue("server");
+  ServerOptions options;
+  std::unique_ptr<RunningServer> running;
+};
+
+TEST_F(Tls, ServesThoseWhoTrustItsChain) {
+  Start();
+  EXPECT_EQ(List(Trusting(authority)), grpc::OK);
+  EXPECT_EQ(List(Trusting(other)), grpc::UNAVAILABLE);
+  EXPECT_EQ(List(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
+  const auto ask_admin = [&](const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+    grpc::ClientContext context;
+    v1::ListResidentResponse response;
+    const auto channel = Connect(running->server->admin_port(), credentials);
+    return v1::AdminService::NewStub(channel)->ListResident(&context, {}, &response).error_code();
+  };
+  EXPECT_EQ(ask_admin(Trusting(authority)), grpc::OK);
+  EXPECT_EQ(ask_admin(Trusting(other)), grpc::UNAVAILABLE);
+  EXPECT_EQ(ask_admin(grpc::InsecureChannelCredentials()), grpc::UNAVAILABLE);
+}
+
+TEST_F(Tls, DemandsAClientsCertificateWhereItIsToldWhoSignsThem) {
+  DemandClientCertificates();
+  Start();
+  EXPECT_EQ(List(Trusting(authority, clients.Issue("client"))), grpc::OK);
+  EXPECT_EQ(List(Trusting(authority)), grpc::UNAVAILABLE);
+  EXPECT_EQ(List(Trusting(authority, other.Issue("client"))), grpc::UNAVAILABLE);
+  EXPECT_EQ(List(Trusting(authority, issued)), grpc::UNAVAILABLE);
+}
+
+TEST_F(Tls, TakesAReplacedCertificateWhileItServes) {
+  Start();
+  const auto old_channel = Connect(running->server->port(), Trusting(authority));
+  ASSERT_EQ(ListOver(old_channel), grpc::OK);
+  // A call that goes on while the certificate changes.
+  running->CreateScene("a");
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  v1::WriteFilesResponse written;
+  const auto old_call = v1::DatasetService::NewStub(old_channel)->WriteFiles(&context, &written);
+  const TestFile file = {"a.jpg", "bytes"};
+  const std::vector<v1::WriteFilesRequest> parts =
+      FileParts(running->CreateUpload("a", {file}).name(), file);
+  ASSERT_TRUE(old_call->Write(parts[0]));
+
+  const IssuedCertificate renewed = other.Issue("server");
+  WriteKey(renewed);  // half of the pair: does not fit, and must change nothing
+  absl::SleepFor(absl::Seconds(3));
+  EXPECT_EQ(List(Trusting(authority)), grpc::OK);
+  EXPECT_EQ(List(Trusting(other)), grpc::UNAVAILABLE);
+  WriteChain(renewed);
+  EXPECT_LT(AwaitServedTo(other), 5);
+  EXPECT_EQ(List(Trusting(authority)), grpc::UNAVAILABLE);
+
+  EXPECT_EQ(ListOver(old_channel), grpc::OK);
+  for (size_t i = 1; i < parts.size(); ++i) EXPECT_TRUE(old_call->Write(parts[i]));
+  old_call->WritesDone();
+  EXPECT_TRUE(old_call->Finish().ok());
+  EXPECT_EQ(written.num_files(), 1);
+}
+
+TEST_F(Tls, OutlivesManyReplacementsUnderLoad) {
+  Start();
+  for (int round = 0; round < 5; ++round) {
+    TestAuthority& next = round % 2 == 0 ? other : authority;
+    const IssuedCertificate renewed = next.Issue("server");
+    // Garbage, an empty file and none, as who writes carelessly leaves them for a moment.
+    std::ofstream(folder / "key.pem", std::ios::trunc) << renewed.key.substr(0, 40);
+    std::ofstream(folder / "chain.pem", std::ios::trunc);
+    for (int i = 0; i < 20; ++i) List(Trusting(authority));
+    std::filesystem::remove(folder / "chain.pem");
+    absl::SleepFor(absl::Milliseconds(1200));
+    WriteChain(renewed);
+    WriteKey(renewed);
+    EXPECT_LT(AwaitServedTo(next), 5);
+  }
+}
+
+TEST_F(Tls, RefusesToStartWithFilesThatDoNotFit) {
+  WriteKey(authority.Issue("another"));
+  options.data = folder / "data";
+  options.worker = PEPESEG_FAKE_WORKER;
+  options.device = "cpu";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("key.pem"), std::string::npos) << refused.status();
+}
+
+TEST(ListenRules, LetNobodyInUnawares) {
+  const auto is_ok = [](const std::string& listen, bool tls, bool keys, bool insecure) {
+    for (const bool is_admin : {false, true}) {
+      ServerOptions options;
+      (is_admin ? options.admin : options.listen) = listen;
+      options.insecure = insecure;
+      options.access.require_keys = keys;
+      if (tls) options.access.tls_certificate = options.access.tls_key = "file.pem";
+      const absl::Status status = CheckListeners(options);
+      EXPECT_TRUE(status.ok() || absl::IsFailedPrecondition(status)) << status;
+      if (!status.ok()) return false;
+    }
+    return true;
+  };
+  for (const char* here : {"127.0.0.1:0", "127.3.2.1:5", "[::1]:0", "localhost:1", "unix:/x"}) {
+    EXPECT_TRUE(is_ok(here, false, false, false)) << here;
+  }
+  for (const char* beyond : {"0.0.0.0:0", "[::]:0", "10.0.0.1:1", "example.org:1", "*:1",
+                             "127.0.0.1.example.org:1", "50051"}) {
+    EXPECT_FALSE(is_ok(beyond, false, false, false)) << beyond;
+    EXPECT_FALSE(is_ok(beyond, true, false, false)) << beyond;
+    EXPECT_FALSE(is_ok(beyond, false, true, false)) << beyond;
+    EXPECT_TRUE(is_ok(beyond, true, true, false)) << beyond;
+    EXPECT_TRUE(is_ok(beyond, false, false, true)) << beyond;
+    EXPECT_TRUE(is_ok(beyond, true, false, true)) << beyond;
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg
