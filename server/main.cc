@@ -9,6 +9,7 @@
 #include "absl/time/clock.h"
 #include "core/io/atomic_file.h"
 #include "server/flags.h"
+#include "server/log.h"
 
 namespace {
 
@@ -42,10 +43,14 @@ int Serve(const pepeseg::Flags& flags, const sigset_t& stop_signals) {
   if (!flags.server.admin.empty()) {
     spdlog::info("serving admin calls on {}, port {}", flags.server.admin, (*server)->admin_port());
   }
+  if (!flags.server.metrics.empty()) {
+    spdlog::info("metrics on {}, port {}", flags.server.metrics, (*server)->metrics_port());
+  }
   int signal = 0;
   sigwait(&stop_signals, &signal);
-  spdlog::info("signal {}: stopping, within {} s", signal, flags.grace_seconds);
-  (*server)->Shutdown(absl::Now() + absl::Seconds(flags.grace_seconds));
+  const absl::Duration within = flags.server.drain + absl::Seconds(flags.grace_seconds);
+  spdlog::info("signal {}: stopping, within {} s", signal, absl::ToInt64Seconds(within));
+  (*server)->Shutdown(absl::Now() + within);
   spdlog::info("stopped");
   return EXIT_SUCCESS;
 }
@@ -58,6 +63,7 @@ int main(int argc, char** argv) {
   CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");
   pepeseg::AddFlags(app, flags);
   CLI11_PARSE(app, argc, argv);
+  pepeseg::ConfigureLog(*pepeseg::LogFormatOf(flags.server.log_format));
   spdlog::set_level(spdlog::level::from_str(flags.log_level));
   const sigset_t stop_signals = BlockStopSignals();
   pepeseg::MakePathsAbsolute(flags);

@@ -50,6 +50,8 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddEvaluate(app, shell);
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddResidents(app, shell);
+  pepeseg::cli::AddTop(app, shell);
+  pepeseg::cli::AddDrain(app, shell);
   pepeseg::cli::AddDemo(app, shell);
 }
 

@@ -46,6 +46,8 @@ void AddDecompose(CLI::App& app, Shell& shell);
 void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
+void AddTop(CLI::App& app, Shell& shell);
+void AddDrain(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli

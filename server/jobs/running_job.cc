@@ -61,7 +61,8 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   RETURN_IF_ERROR(running->WriteSpec());
   std::vector<std::string> arguments = {absl::StrCat("--job=", folder.path().string()),
                                         absl::StrCat("--parent=", getpid()),
-                                        absl::StrCat("--colmap=", context.options.colmap)};
+                                        absl::StrCat("--colmap=", context.options.colmap),
+                                        absl::StrCat("--log-format=", context.options.log_format)};
   if (const std::filesystem::path& weights = context.options.lpips_weights; !weights.empty()) {
     arguments.push_back(absl::StrCat("--lpips-weights=", weights.string()));
   }
@@ -83,6 +84,7 @@ absl::Status RunningJob::WriteSpec() const {
   spec.device = context_.options.device;
   spec.num_threads = context_.options.num_threads;
   spec.memory_limit = context_.options.memory_limit;
+  spec.traceparent = job_.traceparent;
   if (!spec.options.ParseFromString(job_.effective_options)) {
     return absl::DataLossError("the job's stored options are no training options");
   }
@@ -102,6 +104,8 @@ bool RunningJob::FollowLog() {
     sequence_ = event.sequence();
     if (event.has_progress()) progress_ = event.progress();
     if (event.has_stage_started()) stage_ = event.stage_started().stage();
+    // What stands there before the worker is launched is of earlier attempts.
+    if (process_ != nullptr && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
   if (stage_ == job_.stage) return true;
   const absl::Status noted = context_.store.SetJobStage(job_.id, job_.fence, stage_);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,6 +25,14 @@ class Store {
   // "sqlite:PATH" (made when it is not there) or "sqlite::memory:".
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& url);
   ~Store();
+
+  // Whether the database answers.
+  absl::Status Ping();
+  struct Counts {
+    std::map<JobState, int64_t> jobs;  // of each state that any is in
+    int64_t num_scenes = 0, num_models = 0;
+  };
+  absl::StatusOr<Counts> CountAll();
 
   // INVALID_ARGUMENT: id is not an RFC 1034 label; ALREADY_EXISTS. Reads id, display_name and
   // request_id.

@@ -68,10 +68,10 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
   const int64_t now = absl::ToUnixMicros(absl::Now());
   sql << "INSERT INTO jobs (number, scene, dataset, state, stage, options, effective_options,"
          " request_id, fence, cancel_requested, error_code, error_message, model, create_time,"
-         " start_time, end_time) VALUES (:number, :scene, :dataset, 0, '', :options, :effective,"
-         " :request, 0, 0, 0, '', 0, :now, 0, 0)",
+         " start_time, end_time, traceparent) VALUES (:number, :scene, :dataset, 0, '', :options,"
+         " :effective, :request, 0, 0, 0, '', 0, :now, 0, 0, :traceparent)",
       soci::use(number), soci::use(job.scene), soci::use(job.dataset), soci::use(options),
-      soci::use(effective), soci::use(job.request_id), soci::use(now);
+      soci::use(effective), soci::use(job.request_id), soci::use(now), soci::use(job.traceparent);
   return SelectJob(sql, absl::StrCat("j", number));
 }
 
@@ -100,14 +100,14 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
       (sql.prepare
            << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
               " request_id, fence, cancel_requested, error_code, error_message, model,"
-              " create_time, start_time, end_time FROM jobs WHERE "
+              " create_time, start_time, end_time, traceparent FROM jobs WHERE "
            << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
        soci::into(row.request_id), soci::into(row.fence), soci::into(cancel_requested),
        soci::into(row.error_code), soci::into(row.error_message), soci::into(row.model),
-       soci::into(create_time), soci::into(start_time), soci::into(end_time), soci::use(key),
-       soci::use(limit));
+       soci::into(create_time), soci::into(start_time), soci::into(end_time),
+       soci::into(row.traceparent), soci::use(key), soci::use(limit));
   select.execute();
   std::vector<JobRow> rows;
   while (select.fetch()) {

@@ -23,14 +23,18 @@ struct SupervisorOptions {
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
   // That the workers run for masks and depth (worker_priors_command.h); empty: none.
   std::filesystem::path priors_command;
-  int64_t priors_seconds = 3600;  // its time limit
-  int num_slots = 1;              // jobs at a time
-  std::string device = "cpu";     // of the workers, Device::id
-  std::string device_name;        // Backend::name() of it, for the store
-  int num_threads = 0;            // of one job; 0: as many as the machine has
-  int64_t memory_limit = 0;       // host memory of a worker, bytes; 0: what the machine has
-  int max_attempts = 3;           // a job that a stop of the server broke off so often has FAILED
-  std::string colmap = "colmap";  // for the workers: a path, or a name in PATH
+  int64_t priors_seconds = 3600;    // its time limit
+  int num_slots = 1;                // jobs at a time
+  std::string device = "cpu";       // of the workers, Device::id
+  std::string device_name;          // Backend::name() of it, for the store
+  int num_threads = 0;              // of one job; 0: as many as the machine has
+  int64_t memory_limit = 0;         // host memory of a worker, bytes; 0: what the machine has
+  int max_attempts = 3;             // a job that a stop of the server broke off so often has FAILED
+  std::string colmap = "colmap";    // for the workers: a path, or a name in PATH
+  std::string log_format = "text";  // of the workers' lines
+  // Sees each event that a job that runs here writes, once, from the supervisor's thread: it must
+  // not block. May be empty.
+  std::function<void(const std::string& job, const v1::JobEvent&)> on_event;
   absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
   absl::Duration poll = absl::Milliseconds(50);     // of workers and their event logs
 };
@@ -54,6 +58,8 @@ class Supervisor {
 
   // No new job is started from now on. Does not block.
   void StopClaiming();
+  // Takes that back.
+  void ResumeClaiming();
   // Ends the running workers (SIGTERM; SIGKILL at `deadline`) and queues their jobs again, for the
   // next start of the server. The supervisor does nothing afterwards.
   void Stop(absl::Time deadline);
@@ -68,6 +74,8 @@ class Supervisor {
     std::optional<v1::JobProgress> progress;
   };
   absl::StatusOr<Newest> FindNewest(const std::string& job) const;
+  // The same of a job that runs here, else none; reads nothing, does not block.
+  std::optional<Newest> FindRunning(const std::string& job) const;
 
   // While the watch lives, `changed` is called when a job may have new events, from the
   // supervisor's thread: it must not block, and not call the supervisor. At least once after the

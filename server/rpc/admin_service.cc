@@ -9,6 +9,7 @@
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/rpc/status_answer.h"
 #include "server/rpc/unary.h"
 
 namespace pepeseg {
@@ -117,6 +118,22 @@ grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerCont
     response->set_num_loads(models.counts().num_loads);
     response->set_num_evictions(models.counts().num_evictions);
     return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
+                                                     const v1::GetStatusRequest* /*request*/,
+                                                     v1::ServerStatus* response) {
+  return RunOnPool(call, *context_.pool, [this, response](const UnaryCall&) {
+    return AnswerStatus(operations_, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
+                                                 const v1::DrainRequest* request,
+                                                 v1::ServerStatus* response) {
+  return RunOnPool(call, *context_.pool, [this, request, response](const UnaryCall&) {
+    return AnswerDrain(operations_, *request, response);
   });
 }
 

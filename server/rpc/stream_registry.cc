@@ -2,11 +2,13 @@
 
 #include <vector>
 
+#include "server/rpc/error.h"
 #include "server/rpc/stream.h"
 
 namespace pepeseg {
 
-StreamRegistry::StreamRegistry(absl::Duration tick) : tick_(tick), thread_([this] { Tick(); }) {}
+StreamRegistry::StreamRegistry(absl::Duration tick, size_t max_streams)
+    : tick_(tick), max_streams_(max_streams), thread_([this] { Tick(); }) {}
 
 StreamRegistry::~StreamRegistry() {
   {
@@ -21,10 +23,27 @@ void StreamRegistry::Add(const std::shared_ptr<Stream>& stream) {
   absl::Status status;
   {
     const std::lock_guard lock(mutex_);
+    status = AdmitLocked();
     streams_[stream.get()] = stream;
-    status = end_status_;
+    if (!status.ok()) ++num_refused_;
   }
   if (!status.ok()) stream->End(status);
+}
+
+absl::Status StreamRegistry::AdmitLocked() const {
+  if (!end_status_.ok()) return end_status_;
+  if (draining_) return DrainingError();
+  return streams_.size() < max_streams_ ? absl::OkStatus() : TooManyStreamsError(max_streams_);
+}
+
+void StreamRegistry::SetDraining(bool draining) {
+  const std::lock_guard lock(mutex_);
+  draining_ = draining;
+}
+
+int64_t StreamRegistry::num_refused() const {
+  const std::lock_guard lock(mutex_);
+  return num_refused_;
 }
 
 void StreamRegistry::Remove(Stream* stream) {
