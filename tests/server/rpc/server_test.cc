@@ -1,6 +1,5 @@
 #include "server/rpc/server.h"
 
-#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
@@ -8,10 +7,10 @@
 
 #include <csignal>
 #include <fstream>
-#include <future>
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "tests/server/rpc/health_check.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {
@@ -105,35 +104,9 @@ TEST(ServerStart, RefusesATakenPort) {
   EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
 }
 
-// A connection of its own: channels to one address would share theirs.
-std::shared_ptr<grpc::Channel> Connect(int port) {
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel("127.0.0.1:" + std::to_string(port),
-                                   grpc::InsecureChannelCredentials(), arguments);
-}
-
-// Answer of grpc.health.v1.Health/Check, by hand: no package brings its stubs. The request has the
-// service's name as field 1, the answer an enum as field 1, where 1 is SERVING; -1: it failed.
-int CheckHealth(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
-  const std::string bytes = "\x0a" + std::string(1, static_cast<char>(service.size())) + service;
-  const grpc::Slice slice(bytes);
-  const grpc::ByteBuffer request(&slice, 1);
-  grpc::ByteBuffer response;
-  grpc::ClientContext context;
-  grpc::GenericStub stub(channel);
-  std::promise<grpc::Status> done;
-  stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
-                 [&](grpc::Status status) { done.set_value(std::move(status)); });
-  if (!done.get_future().get().ok()) return -1;
-  std::vector<grpc::Slice> slices;
-  if (!response.Dump(&slices).ok() || slices.empty() || slices[0].size() != 2) return -1;
-  return slices[0].begin()[1];
-}
-
 TEST(ServerHealth, IsToldForEachService) {
   RunningServer running(PEPESEG_FAKE_WORKER);
-  const auto channel = Connect(running.server->port());
+  const auto channel = ConnectTo(running.server->port());
   EXPECT_EQ(CheckHealth(channel, ""), 1);
   for (const char* service :
        {"SceneService", "DatasetService", "JobService", "SegmentationService"}) {
@@ -156,11 +129,11 @@ TEST(ServerLimits, HoldOnTheSocket) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const int port = running.server->port();
   const std::string large(size_t{9} << 20, 'x');
-  EXPECT_EQ(CreateScene(Connect(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(CreateScene(ConnectTo(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
   // gRPC gives the whole connection up for that; others do not notice.
-  const auto other = Connect(port);
+  const auto other = ConnectTo(port);
   EXPECT_TRUE(CreateScene(other, "a", 10'000).ok());
-  EXPECT_FALSE(CreateScene(Connect(port), "b", 20'000).ok());
+  EXPECT_FALSE(CreateScene(ConnectTo(port), "b", 20'000).ok());
   EXPECT_TRUE(CreateScene(other, "c", 0).ok());
 }
 
@@ -242,7 +215,7 @@ TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder);
   ASSERT_GT(program.port, 0);
-  const auto channel = Connect(program.port);
+  const auto channel = ConnectTo(program.port);
   const auto scenes = v1::SceneService::NewStub(channel);
   grpc::ClientContext context;
   v1::CreateSceneRequest request;
@@ -260,7 +233,7 @@ TEST(ServerProgram, LosesNothingWhenKilled) {
   {
     Program program(folder);
     ASSERT_GT(program.port, 0);
-    const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+    const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
     grpc::ClientContext context;
     v1::CreateSceneRequest request;
     request.set_scene_id("shelf");
@@ -271,7 +244,7 @@ TEST(ServerProgram, LosesNothingWhenKilled) {
   }
   std::filesystem::remove(folder / "port");
   Program program(folder);
-  const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+  const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
   grpc::ClientContext context;
   v1::GetSceneRequest request;
   request.set_name("scenes/shelf");
