@@ -47,8 +47,7 @@ v1::SegmentRequest Question() {
 v1::ProposeScalesRequest LongQuestion() {
   v1::ProposeScalesRequest request;
   request.set_model(kModel);
-  *request.mutable_view() = Question().prompt().view();
-  *request.add_points() = Question().prompt().points().points(0);
+  *request.mutable_prompt() = Question().prompt();
   return request;
 }
 

@@ -2,9 +2,11 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <future>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -114,6 +116,41 @@ TEST_F(ObserveTest, MetricsTellOfModelsInMemoryAndTheirMaps) {
   absl::SleepFor(absl::Seconds(1.1));  // only whole seconds count
   EXPECT_NEAR(Status().queries_per_second(), 0.2, 1e-9);
   EXPECT_GT(Status().query_p99().nanos(), 0);
+}
+
+TEST_F(ObserveTest, ACallWhoseDeadlinePassesInTheQueueIsNotComputed) {
+  running.CreateScene("shelf");
+  ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
+  v1::ProposeScalesRequest slow;
+  slow.set_model("scenes/shelf/models/live");
+  slow.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *slow.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  std::vector<std::future<grpc::Status>> before;
+  for (int i = 0; i < 90; ++i) {
+    before.push_back(std::async(std::launch::async, [&] {
+      grpc::ClientContext context;
+      v1::ProposeScalesResponse response;
+      return running.segmentation->ProposeScales(&context, slow, &response);
+    }));
+  }
+  while (Status().pools(1).num_queued() < 40) {
+  }
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(5));
+  v1::RenderRequest request;
+  request.set_model(slow.model());
+  request.mutable_viewpoint()->set_view("middle.jpg");
+  v1::RenderResponse response;
+  EXPECT_EQ(running.segmentation->Render(&context, request, &response).error_code(),
+            grpc::DEADLINE_EXCEEDED);
+  for (auto& call : before) EXPECT_TRUE(call.get().ok());
+  const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
+  EXPECT_EQ(metrics.find("method=\"SegmentationService/Render\",code=\"OK\""), std::string::npos);
+  EXPECT_EQ(metrics.find("code=\"OK\",method=\"SegmentationService/Render\""), std::string::npos);
+  EXPECT_TRUE(
+      Exposes("pepeseg_rpc_duration_seconds_count{method=\"SegmentationService/Render\"} 1"));
 }
 
 TEST_F(ObserveTest, MetricsBeyondThisMachineNeedInsecure) {

@@ -179,11 +179,14 @@ TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
 
 // The program itself, until its port file is there.
 struct Program {
-  explicit Program(const testing::TempFolder& folder) {
+  explicit Program(const testing::TempFolder& folder,
+                   const std::string& worker = PEPESEG_FAKE_WORKER,
+                   const std::vector<std::string>& more = {}) {
     const std::string port_file = (folder / "port").string();
-    std::vector<std::string> words = {
-        PEPESEG_SERVER, "--data=" + (folder / "data").string(), "--port-file=" + port_file,
-        std::string("--worker=") + PEPESEG_FAKE_WORKER, "--reflection"};
+    std::vector<std::string> words = {PEPESEG_SERVER, "--data=" + (folder / "data").string(),
+                                      "--port-file=" + port_file, "--worker=" + worker,
+                                      "--reflection"};
+    words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> arguments;
     arguments.reserve(words.size() + 1);
     for (std::string& word : words) arguments.push_back(word.data());
@@ -223,6 +226,88 @@ TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
   v1::Scene scene;
   ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
   kill(program.pid, SIGTERM);
+  const int state = program.Await();
+  EXPECT_TRUE(WIFEXITED(state));
+  EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
+                const std::string& file) {
+  EXPECT_TRUE(CreateScene(channel, scene, 0).ok());
+  const auto datasets = v1::DatasetService::NewStub(channel);
+  v1::CreateUploadRequest create;
+  create.set_parent("scenes/" + scene);
+  const TestFile bytes = {file, "bytes"};
+  *create.add_files() = Declare(bytes);
+  v1::Upload upload;
+  grpc::ClientContext creating, writing, sealing, training;
+  EXPECT_TRUE(datasets->CreateUpload(&creating, create, &upload).ok());
+  v1::WriteFilesResponse written;
+  const auto stream = datasets->WriteFiles(&writing, &written);
+  for (const v1::WriteFilesRequest& part : FileParts(upload.name(), bytes)) stream->Write(part);
+  stream->WritesDone();
+  EXPECT_TRUE(stream->Finish().ok());
+  v1::SealUploadRequest seal;
+  seal.set_name(upload.name());
+  v1::Dataset dataset;
+  EXPECT_TRUE(datasets->SealUpload(&sealing, seal, &dataset).ok());
+  v1::TrainSceneRequest request;
+  request.set_scene("scenes/" + scene);
+  request.set_dataset(dataset.name());
+  v1::Job job;
+  EXPECT_TRUE(v1::JobService::NewStub(channel)->TrainScene(&training, request, &job).ok());
+  return job;
+}
+
+// NOT_SERVING, a while in which it still answers, streams end, what is under way is answered, exit.
+TEST(ServerProgram, StopsInOrderOnSigterm) {
+  const testing::TempFolder folder;
+  Program program(folder, PEPESEG_MODEL_WORKER, {"--drain-seconds=2", "--grace=20"});
+  ASSERT_GT(program.port, 0);
+  const auto channel = ConnectTo(program.port);
+  const auto jobs = v1::JobService::NewStub(channel);
+  const v1::Job made = TrainOn(channel, "shelf", "file");
+  v1::WatchJobRequest watch;
+  v1::JobEvent event;
+  {
+    grpc::ClientContext context;
+    watch.set_name(made.name());
+    const auto until_made = jobs->WatchJob(&context, watch);
+    while (until_made->Read(&event)) {
+    }
+    EXPECT_TRUE(until_made->Finish().ok());
+  }
+  watch.set_name(TrainOn(channel, "idle", "hang").name());
+  grpc::ClientContext watch_context;
+  const auto watcher = jobs->WatchJob(&watch_context, watch);
+  ASSERT_TRUE(watcher->Read(&event));
+
+  kill(program.pid, SIGTERM);
+  while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
+  // The first question loads the model: it is under way when the streams end.
+  v1::ProposeScalesRequest question;
+  question.set_model("scenes/shelf/models/live");
+  question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *question.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  const auto segmentation = v1::SegmentationService::NewStub(channel);
+  int num_answered = 0;
+  grpc::Status last;
+  do {
+    grpc::ClientContext context;
+    v1::ProposeScalesResponse response;
+    last = segmentation->ProposeScales(&context, question, &response);
+    num_answered += last.ok() ? 1 : 0;
+  } while (last.ok());
+  EXPECT_GT(num_answered, 0);
+  // Never cut off in the middle: refused, or the connection is gone.
+  EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
+  while (watcher->Read(&event)) {
+  }
+  const grpc::Status watched = watcher->Finish();
+  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
+  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
   const int state = program.Await();
   EXPECT_TRUE(WIFEXITED(state));
   EXPECT_EQ(WEXITSTATUS(state), 0);
