@@ -30,10 +30,10 @@ absl::StatusOr<std::unique_ptr<Exposition>> Exposition::Start(const std::string&
     return absl::InvalidArgumentError(
         absl::StrCat("metrics on ", listen, ": must be HOST:PORT, as 127.0.0.1:9464"));
   }
-  // One thread asks the database at a time; a client that reads slowly leaves the other one. Idle
-  // connections are closed soon, else a few would keep Prometheus out.
+  // Scrapes are answered one after the other. A client that does not read is dropped soon, else it
+  // would keep Prometheus out.
   const std::vector<std::string> options = {"listening_ports",    AddressOf(listen),
-                                            "num_threads",        "2",
+                                            "num_threads",        "1",
                                             "request_timeout_ms", "5000",
                                             "enable_keep_alive",  "no"};
   try {

@@ -36,6 +36,7 @@ void HealthMonitor::Start(Publish publish) {
     publish_(service, serving);
   }
   for (const auto& watched : probes_) {
+    if (!watched->probe.blocks) continue;
     threads_.emplace_back([this, &watched = *watched] { RunProbe(watched); });
   }
   threads_.emplace_back([this] { Judge(); });
@@ -72,23 +73,32 @@ bool HealthMonitor::WaitLocked(std::unique_lock<std::mutex>& lock, absl::Duratio
   return !wake_.wait_for(lock, absl::ToChronoMilliseconds(time), [this] { return stopping_; });
 }
 
+void HealthMonitor::ProbeLocked(Watched& watched, std::unique_lock<std::mutex>& lock) {
+  watched.running_since = absl::Now();
+  lock.unlock();
+  const absl::Status status = watched.probe.check();
+  lock.lock();
+  watched.running_since = absl::InfiniteFuture();
+  watched.status = status;
+  JudgeLocked();
+}
+
 void HealthMonitor::RunProbe(Watched& watched) {
   std::unique_lock lock(mutex_);
   do {
-    watched.running_since = absl::Now();
-    lock.unlock();
-    const absl::Status status = watched.probe.check();
-    lock.lock();
-    watched.running_since = absl::InfiniteFuture();
-    watched.status = status;
-    JudgeLocked();
+    ProbeLocked(watched, lock);
   } while (WaitLocked(lock, pace_.interval));
 }
 
 // For probes that hang: the others judge when they have ended.
 void HealthMonitor::Judge() {
   std::unique_lock lock(mutex_);
-  while (WaitLocked(lock, pace_.patience / 5)) JudgeLocked();
+  while (WaitLocked(lock, std::min(pace_.interval, pace_.patience / 5))) {
+    for (const auto& watched : probes_) {
+      if (!watched->probe.blocks) ProbeLocked(*watched, lock);
+    }
+    JudgeLocked();
+  }
 }
 
 bool HealthMonitor::Works(const Watched& watched, absl::Time now) const {

@@ -15,8 +15,8 @@
 namespace pepeseg {
 
 // Finds out, again and again, whether what the services stand on works, and publishes of each
-// service whether it serves. Each probe has a thread of its own, so that one that hangs is seen to
-// by the others' and by the monitor's own. Thread safe.
+// service whether it serves. Each probe that may hang has a thread of its own, so that the
+// monitor's sees that it does. Thread safe.
 class HealthMonitor {
  public:
   struct Probe {
@@ -24,6 +24,7 @@ class HealthMonitor {
     // May block; must end in the end.
     std::function<absl::Status()> check;
     std::vector<std::string> services;  // that do not serve while it fails
+    bool blocks = true;                 // false: it cannot hang, and needs no thread of its own
   };
   struct Pace {
     absl::Duration interval = absl::Seconds(2);  // between the end of a probe and the next
@@ -55,6 +56,7 @@ class HealthMonitor {
   struct Watched;  // a probe and what it said
 
   void RunProbe(Watched& watched);
+  void ProbeLocked(Watched& watched, std::unique_lock<std::mutex>& lock);
   void Judge();
   void JudgeLocked();
   bool Works(const Watched& watched, absl::Time now) const;

@@ -23,7 +23,8 @@ std::unique_ptr<HealthMonitor> MakeHealthMonitor(const ServiceContext& context) 
        {v1::DatasetService::service_full_name(), v1::JobService::service_full_name()}});
   probes.push_back({"device",
                     [backend = context.backend] { return ProbeDevice(*backend); },
-                    {v1::SegmentationService::service_full_name(), ""}});
+                    {v1::SegmentationService::service_full_name(), ""},
+                    /*blocks=*/false});
   return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));
 }
 

@@ -68,11 +68,20 @@ size_t StreamRegistry::size() const {
   return streams_.size();
 }
 
+// A part of them at a time: all at once would keep questions waiting.
 void StreamRegistry::Tick() {
+  constexpr uintptr_t kParts = 16;
+  constexpr uintptr_t kSpread = 64;  // bytes, less than any stream takes
+  uintptr_t part = 0;
   std::unique_lock lock(mutex_);
-  while (!stop_.wait_for(lock, absl::ToChronoMilliseconds(tick_), [this] { return stopping_; })) {
+  while (!stop_.wait_for(lock, absl::ToChronoMicroseconds(tick_ / kParts),
+                         [this] { return stopping_; })) {
+    part = (part + 1) % kParts;
     std::vector<std::shared_ptr<Stream>> streams;
-    for (const auto& [address, weak] : streams_) streams.push_back(weak.lock());
+    for (const auto& [address, weak] : streams_) {
+      const auto place = reinterpret_cast<uintptr_t>(address) / kSpread;
+      if (place % kParts == part) streams.push_back(weak.lock());
+    }
     lock.unlock();
     for (const auto& stream : streams) {
       if (stream != nullptr) stream->Wake();

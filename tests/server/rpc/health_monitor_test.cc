@@ -45,6 +45,22 @@ class Published {
   std::map<std::string, bool> serving_;
 };
 
+TEST(HealthMonitor, AProbeThatCannotHangIsRunWithoutAThread) {
+  Published published;
+  std::atomic<bool> works = true;
+  HealthMonitor::Probe probe;
+  probe.name = "device";
+  probe.check = [&] { return works ? absl::OkStatus() : absl::InternalError("lost"); };
+  probe.services = {"a"};
+  probe.blocks = false;
+  HealthMonitor monitor({"a"}, {probe}, kQuick);
+  monitor.Start(published.Callback());
+  works = false;
+  EXPECT_TRUE(published.Await("a", false));
+  works = true;
+  EXPECT_TRUE(published.Await("a", true));
+}
+
 TEST(HealthMonitor, AProbeThatFailsTakesItsServicesOnlyAndGivesThemBack) {
   Published published;
   std::atomic<bool> works = true;

@@ -19,7 +19,9 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
   EXPECT_EQ(report.num_streams, 800);
   EXPECT_EQ(report.num_failed, 0);
   EXPECT_GT(report.num_queries, 100);
-  EXPECT_LE(report.num_threads, report.pool_threads + 20);
+  // The admin service's pool, and the thread that computes.
+  constexpr int kOtherPools = 2 + 1;
+  EXPECT_LE(report.num_threads, report.pool_threads + kOtherPools + 20);
   EXPECT_LT(report.p99_with, 2 * report.p99_without + absl::Milliseconds(20));
 }
 
@@ -39,7 +41,7 @@ TEST(Load, OverloadIsRefusedFastAndTheRestAnswered) {
 
 TEST(Load, CancelledCallsLeaveNothing) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
-  const CancelsReport report = RunCancels(server, 10'000);
+  const CancelsReport report = RunCancels(server, getenv("RSS") ? 40000 : 10'000);
   printf("%ld cancelled, RSS %ld -> %ld MiB\n", report.num_cancelled, report.rss_before >> 20,
          report.rss_after >> 20);
   EXPECT_EQ(report.num_streams, 0);
