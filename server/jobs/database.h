@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -15,11 +16,17 @@ namespace pepeseg {
 // queue here and never meet "database is locked").
 class Database {
  public:
-  // "sqlite:PATH"; brings the schema up to this program's version.
+  // "sqlite:PATH", or "postgresql:" and what libpq takes: "host=db dbname=pepeseg", or the rest of
+  // a "postgresql://" URI. Brings the schema up to this program's version. UNAVAILABLE: no
+  // connection.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& url);
 
-  // Runs `body` in a write transaction: commits when it answers OK, rolls back otherwise. A broken
-  // constraint is ABORTED, any other database error INTERNAL.
+  // Runs `body` in a transaction that is as if no other ran beside it: commits when it answers OK,
+  // rolls back otherwise. Where PostgreSQL finds that two got in each other's way, or a connection
+  // is gone, it runs again: so `body` changes nothing but the database and its answer. A broken
+  // constraint is ABORTED; UNAVAILABLE: the database cannot be reached, or too many others change
+  // the same; when a connection broke during the commit, nobody knows whether it happened. Any
+  // other error is INTERNAL.
   absl::Status Transact(const std::function<absl::Status(soci::session&)>& body);
 
   // Likewise, for a body that answers a value.
@@ -34,12 +41,29 @@ class Database {
     return answer;
   }
 
- private:
-  explicit Database(size_t num_connections) : pool_(num_connections) {}
-  absl::Status Connect(const std::string& path);
-  absl::Status Upgrade();
+  // Other processes may use it at the same time.
+  bool shared() const { return backend_ == &soci::postgresql; }
 
+ private:
+  // What became of one run of a body.
+  enum class Fate { kDone, kCollided, kConnectionLost };
+  struct Run {
+    Fate fate = Fate::kDone;
+    absl::Status status;
+  };
+
+  Database(const soci::backend_factory& backend, std::string connection, size_t num_connections)
+      : backend_(&backend), connection_(std::move(connection)), pool_(num_connections) {}
+  absl::Status Connect(size_t num_connections);
+  absl::Status Upgrade();
+  Run RunOnce(const std::function<absl::Status(soci::session&)>& body);
+
+  const soci::backend_factory* const backend_;
+  const std::string connection_;
   soci::connection_pool pool_;
 };
+
+// Microseconds since 1970 by the clock of the database, which is one for all servers on it.
+int64_t DatabaseMicros(soci::session& sql);
 
 }  // namespace pepeseg

@@ -8,8 +8,11 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
+#include <istream>
 #include <string>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
@@ -29,24 +32,86 @@ static_assert(sizeof(RecordHeader) == 8);
 // No event comes near it: more is a broken length, not a reason to allocate.
 constexpr uint32_t kMaxPayload = 1 << 20;
 
-}  // namespace
+std::filesystem::path FileOf(const std::filesystem::path& path, int64_t fence) {
+  if (fence == 0) return path;
+  const std::string name =
+      absl::StrCat(path.stem().string(), "-", fence, path.extension().string());
+  return path.parent_path() / name;
+}
 
-absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
-    const std::filesystem::path& path) {
-  EventLogReader reader(path);
-  int64_t last_sequence = 0;
+// The attempt in "events-7.log"; 0: another file.
+int64_t FenceOf(const std::filesystem::path& path, const std::filesystem::path& file) {
+  const std::string stem = file.stem().string();
+  const std::string prefix = path.stem().string() + "-";
+  int64_t fence = 0;
+  if (!stem.starts_with(prefix) || !absl::SimpleAtoi(stem.substr(prefix.size()), &fence)) return 0;
+  return fence > 0 && FileOf(path, fence) == file ? fence : 0;
+}
+
+// The next record of `stream`, told as `where`. false: it is not there yet; DATA_LOSS: it is
+// broken.
+absl::StatusOr<bool> ReadRecord(std::istream& stream, const std::string& where,
+                                v1::JobEvent* event) {
+  std::array<char, sizeof(RecordHeader)> bytes{};
+  if (!stream.read(bytes.data(), bytes.size())) return false;
+  RecordHeader header;
+  std::memcpy(&header, bytes.data(), sizeof(header));
+  const auto broken = [&](const std::string& what) {
+    return absl::DataLossError(absl::StrCat(where, ": ", what));
+  };
+  if (header.length > kMaxPayload) return broken(absl::StrCat("length ", header.length));
+  std::string payload(header.length, '\0');
+  if (!stream.read(payload.data(), header.length)) return false;
+  if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
+  if (!event->ParseFromString(payload)) return broken("it is no event");
+  return true;
+}
+
+int64_t RecordBytes(const v1::JobEvent& event) {
+  return static_cast<int64_t>(sizeof(RecordHeader) + event.ByteSizeLong());
+}
+
+bool IsFirstRecord(const v1::JobEvent& event) {
+  return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
+}
+
+// The first record of an attempt's file; none: it has none yet.
+std::optional<v1::JobEvent> ReadFirstRecord(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  v1::JobEvent event;
+  const absl::StatusOr<bool> whole = ReadRecord(stream, file.string(), &event);
+  if (!whole.ok() || !*whole || !IsFirstRecord(event)) return std::nullopt;
+  return event;
+}
+
+// A reader that has read all that there is of the attempts before `end_fence`.
+EventLogReader ReadToEnd(const std::filesystem::path& path, int64_t end_fence) {
+  EventLogReader reader(path, 0, end_fence);
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = reader.Read();
     // Behind a broken record nothing can be found: it is cut off like a torn one.
-    if (!events.ok() || events->empty()) break;
-    last_sequence = events->back().sequence();
+    if (!events.ok() || events->empty()) return reader;
   }
-  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor < 0) return FileError(path, "open", errno);
-  auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(path, descriptor));
-  writer->last_sequence_ = last_sequence;
-  writer->size_ = reader.offset();
-  if (ftruncate(descriptor, writer->size_) != 0) return FileError(path, "truncate", errno);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
+    const std::filesystem::path& path, int64_t fence) {
+  const std::filesystem::path file = FileOf(path, fence);
+  const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (descriptor < 0) return FileError(file, "open", errno);
+  auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(file, descriptor));
+  const EventLogReader read = ReadToEnd(path, fence + 1);
+  writer->last_sequence_ = read.last_sequence();
+  // Of a file without a first record the reader knows nothing.
+  writer->size_ = read.fence() == fence ? read.offset() : 0;
+  if (ftruncate(descriptor, writer->size_) != 0) return FileError(file, "truncate", errno);
+  if (fence > 0 && writer->size_ == 0) {
+    v1::JobEvent first;
+    first.set_sequence(writer->last_sequence_);
+    RETURN_IF_ERROR(writer->Write(first));
+  }
   return writer;
 }
 
@@ -57,6 +122,12 @@ absl::Status EventLogWriter::Append(v1::JobEvent event) {
   if (!event.has_time()) {
     *event.mutable_time() = google::protobuf::util::TimeUtil::GetCurrentTime();
   }
+  RETURN_IF_ERROR(Write(event));
+  ++last_sequence_;
+  return absl::OkStatus();
+}
+
+absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   std::string record(sizeof(RecordHeader), '\0');
   const std::string payload = event.SerializeAsString();
   const RecordHeader header = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
@@ -73,41 +144,53 @@ absl::Status EventLogWriter::Append(v1::JobEvent event) {
     return status;
   }
   size_ += wrote;
-  ++last_sequence_;
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> EventLogReader::ReadRecord(std::ifstream& stream, v1::JobEvent* event) {
-  std::array<char, sizeof(RecordHeader)> bytes{};
-  if (!stream.read(bytes.data(), bytes.size())) return false;
-  RecordHeader header;
-  std::memcpy(&header, bytes.data(), sizeof(header));
-  const auto broken = [&](const std::string& what) {
-    return absl::DataLossError(
-        absl::StrCat(path_.string(), ": record at byte ", offset_, ": ", what));
-  };
-  if (header.length > kMaxPayload) return broken(absl::StrCat("length ", header.length));
-  std::string payload(header.length, '\0');
-  if (!stream.read(payload.data(), header.length)) return false;
-  if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
-  if (!event->ParseFromString(payload)) return broken("it is no event");
-  offset_ += static_cast<int64_t>(sizeof(header)) + header.length;
-  return true;
+std::optional<EventLogReader::Successor> EventLogReader::FindSuccessor() const {
+  std::optional<Successor> next;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(path_.parent_path(), error), end;
+       !error && entry != end; entry.increment(error)) {
+    const int64_t fence = FenceOf(path_, entry->path());
+    if (fence <= fence_ || fence >= end_fence_ || (next && fence >= next->fence)) continue;
+    if (const std::optional<v1::JobEvent> first = ReadFirstRecord(entry->path())) {
+      next = Successor{fence, first->sequence(), RecordBytes(*first)};
+    }
+  }
+  return next;
+}
+
+// Up to `last_sequence`, from the file of fence_.
+absl::Status EventLogReader::ReadFile(int64_t last_sequence, size_t max_events,
+                                      std::vector<v1::JobEvent>& events) {
+  const std::filesystem::path file = FileOf(path_, fence_);
+  std::ifstream stream(file, std::ios::binary);
+  stream.seekg(offset_);
+  while (stream && events.size() < max_events) {
+    v1::JobEvent event;
+    const std::string where = absl::StrCat(file.string(), ": record at byte ", offset_);
+    ASSIGN_OR_RETURN(const bool whole, ReadRecord(stream, where, &event));
+    if (!whole || event.sequence() > last_sequence) break;
+    offset_ = static_cast<int64_t>(stream.tellg());
+    last_sequence_ = event.sequence();
+    if (event.sequence() > after_sequence_) events.push_back(std::move(event));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events) {
   std::vector<v1::JobEvent> events;
-  std::ifstream stream(path_, std::ios::binary);
-  stream.seekg(offset_);
-  if (!stream) return events;
-  while (events.size() < max_events) {
-    v1::JobEvent event;
-    const absl::StatusOr<bool> whole = ReadRecord(stream, &event);
-    if (!whole.ok() && events.empty()) return whole.status();
-    if (!whole.ok() || !*whole) break;
-    if (event.sequence() > after_sequence_) events.push_back(std::move(event));
+  while (true) {
+    // Looked for first: what an attempt has written by the time another takes over is all of it.
+    const std::optional<Successor> next = FindSuccessor();
+    const absl::Status read =
+        ReadFile(next ? next->last_sequence : Successor().last_sequence, max_events, events);
+    if (!read.ok() && !next && events.empty()) return read;
+    if (!next || events.size() >= max_events) return events;
+    fence_ = next->fence;
+    offset_ = next->offset;
   }
-  return events;
 }
 
 }  // namespace pepeseg

@@ -2,12 +2,15 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/io/atomic_file.h"
 #include "core/io/file_bytes.h"
+#include "core/io/manifest.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -51,6 +54,7 @@ JobSpec DecodeSpec(const Json& json) {
   spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
   spec.memory_limit = json.at("memory_limit").get<int64_t>();
   spec.traceparent = json.value("traceparent", "");
+  spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
   for (const Json& file : json.at("files")) {
     spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
                           file.at("path").get<std::string>(),
@@ -78,7 +82,9 @@ Json FiniteMetrics(const std::map<std::string, double>& metrics) {
   return json;
 }
 
-std::filesystem::path SpecPath(const std::filesystem::path& folder) { return folder / "spec.json"; }
+std::filesystem::path SpecPath(const std::filesystem::path& folder, int64_t fence) {
+  return folder / absl::StrCat("spec-", fence, ".json");
+}
 
 std::filesystem::path ResultPath(const std::filesystem::path& folder, int64_t fence) {
   return folder / absl::StrCat("result-", fence, ".json");
@@ -110,6 +116,40 @@ std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
   return attempt(fence) / "checkpoints";
 }
 
+std::filesystem::path JobFolder::pulse(int64_t fence) const {
+  return path_ / absl::StrCat("pulse-", fence);
+}
+
+std::filesystem::path JobFolder::lease(int64_t fence) const {
+  return path_ / absl::StrCat("lease-", fence);
+}
+
+bool JobFolder::HasSaved(int64_t fence) const {
+  std::error_code error;
+  for (const std::filesystem::path& stage : {frames(fence), poses(fence), reconstruction(fence)}) {
+    if (std::filesystem::exists(stage / kManifestName, error)) return true;
+  }
+  for (std::filesystem::directory_iterator entry(checkpoints(fence), error), end;
+       !error && entry != end; entry.increment(error)) {
+    if (entry->path().extension() == ".ckpt") return true;
+  }
+  return false;
+}
+
+int64_t JobFolder::NewestFence() const {
+  int64_t newest = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(path_, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::string name = entry->path().filename().string();
+    int64_t fence = 0;
+    if (!name.starts_with("spec-") || entry->path().extension() != ".json") continue;
+    name = entry->path().stem().string().substr(5);
+    if (absl::SimpleAtoi(name, &fence)) newest = std::max(newest, fence);
+  }
+  return newest;
+}
+
 absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
   std::string options;
   if (!google::protobuf::util::MessageToJsonString(spec.options, &options).ok()) {
@@ -123,17 +163,18 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
                {"checkpoint_steps", spec.checkpoint_steps},
                {"memory_limit", spec.memory_limit},
                {"traceparent", spec.traceparent},
+               {"lease_seconds", spec.lease_seconds},
                {"options", Json::parse(options, nullptr, false)},
                {"files", Json::array()}};
   for (const JobSpecFile& file : spec.files) {
     json["files"].push_back(
         {{"name", file.name}, {"kind", file.kind}, {"path", file.path}, {"sha256", file.sha256}});
   }
-  return WriteFileAtomically(SpecPath(path_), Dump(json));
+  return WriteFileAtomically(SpecPath(path_, spec.fence), Dump(json));
 }
 
-absl::StatusOr<JobSpec> JobFolder::ReadSpec() const {
-  const std::filesystem::path path = SpecPath(path_);
+absl::StatusOr<JobSpec> JobFolder::ReadSpec(int64_t fence) const {
+  const std::filesystem::path path = SpecPath(path_, fence);
   ASSIGN_OR_RETURN(const Json json, ReadJson(path));
   ASSIGN_OR_RETURN(JobSpec spec, Decode(path, json, &DecodeSpec));
   const std::string options = json.value("options", Json::object()).dump();

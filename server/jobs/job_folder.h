@@ -11,8 +11,10 @@
 #include "pepeseg/v1/training_options.pb.h"
 
 // What server and worker tell each other through the folder of a job:
-//   spec.json            server -> worker: what to do
-//   events.log           progress (event_log.h)
+//   spec-FENCE.json      server -> worker: what to do
+//   events.log           what happened before the first attempt; events-FENCE.log: its progress
+//                        (event_log.h)
+//   pulse-FENCE          touched by the worker, lease-FENCE by the server (pulse.h)
 //   worker.log           the worker's standard output and error
 //   sfm.log              what COLMAP said, where it estimated poses
 //   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result;
@@ -42,6 +44,8 @@ struct JobSpec {
   int64_t memory_limit = 0;  // bytes of host memory; 0: what the machine has
   // W3C trace context of the call that made the job; empty: none is known. Not in every spec.json.
   std::string traceparent;
+  // The worker ends when lease-FENCE was not touched for so long; 0: it has the job for itself.
+  int64_t lease_seconds = 0;
 };
 
 struct JobResult {
@@ -55,7 +59,7 @@ struct JobResult {
 
 // How the worker program ends. kFailed and kCancelled come with a result, unless it could not be
 // written; anything else is a crash.
-enum class WorkerExit { kSucceeded = 0, kFailed = 1, kBadSpec = 2, kCancelled = 3 };
+enum class WorkerExit { kSucceeded = 0, kFailed = 1, kBadSpec = 2, kCancelled = 3, kLeaseLost = 4 };
 
 // Numbers a JSON reader cannot know, as NaN, are left out of the metrics.
 std::string MetricsToJson(const std::map<std::string, double>& metrics);
@@ -70,17 +74,23 @@ class JobFolder {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path events() const { return path_ / "events.log"; }
   std::filesystem::path worker_log() const { return path_ / "worker.log"; }
+  std::filesystem::path pulse(int64_t fence) const;
+  std::filesystem::path lease(int64_t fence) const;
   std::filesystem::path sfm_log() const { return path_ / "sfm.log"; }
   std::filesystem::path attempt(int64_t fence) const;
   std::filesystem::path frames(int64_t fence) const;
   std::filesystem::path poses(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
   std::filesystem::path checkpoints(int64_t fence) const;
+  // Whether an attempt has left anything that a later one goes on from.
+  bool HasSaved(int64_t fence) const;
   // What the priors command was given and made; of all attempts.
   std::filesystem::path priors() const { return path_ / "priors"; }
 
   absl::Status WriteSpec(const JobSpec& spec) const;
-  absl::StatusOr<JobSpec> ReadSpec() const;
+  absl::StatusOr<JobSpec> ReadSpec(int64_t fence) const;
+  // Of the newest spec; 0: there is none.
+  int64_t NewestFence() const;
   absl::Status WriteResult(int64_t fence, const JobResult& result) const;
   absl::StatusOr<JobResult> ReadResult(int64_t fence) const;
 

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <spawn.h>
+#include <spdlog/spdlog.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,7 +10,11 @@
 #include <cerrno>
 #include <csignal>
 #include <fstream>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "core/child_process.h"
+#include "core/status_macros.h"
 #include "server/jobs/file_error.h"
 
 namespace pepeseg {
@@ -49,20 +54,45 @@ void Isolate(SpawnSettings& settings, const std::filesystem::path& log) {
                            POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
 }
 
+// As exec wants them; the strings must outlive it.
+std::vector<char*> Pointers(std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+class ProcessLauncher final : public Launcher {
+ public:
+  absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
+    WorkerCommand child = command;
+    child.arguments.push_back(absl::StrCat("--parent=", getpid()));
+    ASSIGN_OR_RETURN(std::unique_ptr<WorkerProcess> process, WorkerProcess::Launch(child));
+    spdlog::info("jobs/{}: runs as process {}", command.job, process->pid());
+    return process;
+  }
+  absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) override {
+    return absl::NotFoundError(absl::StrCat("'", launch, "' is run by another launcher"));
+  }
+};
+
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Command& command) {
+std::unique_ptr<Launcher> MakeProcessLauncher() { return std::make_unique<ProcessLauncher>(); }
+
+absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const WorkerCommand& command) {
   SpawnSettings settings;
   Isolate(settings, command.log);
   std::vector<std::string> words = {command.program.string()};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
+  // The first of a name counts.
+  std::vector<std::string> variables = command.environment;
+  for (char** variable = environ; *variable != nullptr; ++variable) variables.push_back(*variable);
   pid_t pid = 0;
-  const int error = posix_spawn(&pid, command.program.c_str(), &settings.files,
-                                &settings.attributes, argv.data(), environ);
+  const int error =
+      posix_spawn(&pid, command.program.c_str(), &settings.files, &settings.attributes,
+                  Pointers(words).data(), Pointers(variables).data());
   if (error != 0) return FileError(command.program, "launch", error);
   return std::unique_ptr<WorkerProcess>(new WorkerProcess(pid));
 }
@@ -75,10 +105,13 @@ WorkerProcess::~WorkerProcess() {
   }
 }
 
-std::optional<WorkerProcess::End> WorkerProcess::Poll() {
+std::optional<WorkerEnd> WorkerProcess::Poll() {
   int status = 0;
   if (!end_ && waitpid(pid_, &status, WNOHANG) == pid_) {
-    end_ = WIFSIGNALED(status) ? End{0, WTERMSIG(status)} : End{WEXITSTATUS(status), 0};
+    const bool killed = WIFSIGNALED(status);
+    const ChildEnd end = killed ? ChildEnd{0, WTERMSIG(status)} : ChildEnd{WEXITSTATUS(status), 0};
+    end_ = WorkerEnd{killed ? WorkerEnd::Kind::kKilled : WorkerEnd::Kind::kExited, end.exit_code,
+                     end.signal, Describe(end)};
   }
   return end_;
 }

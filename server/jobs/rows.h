@@ -60,6 +60,14 @@ struct JobRow {
   std::string effective_options;  // likewise, every field filled in
   std::string request_id;
   int64_t fence = 0;  // attempt: rises by one with each claim
+  // Of a RUNNING job. The owner is a server's name for itself; from lease_end (of the database's
+  // clock; InfiniteFuture: never) on another may claim the job.
+  std::string lease_owner;
+  absl::Time lease_end;
+  std::string launch;  // what the launcher calls it, as "slurm:17"; empty: the server's own process
+  int fruitless = 0;   // attempts in a row, broken off, that left nothing to go on from
+  // Estimated when it was queued: host memory in bytes, time in seconds; 0: not known.
+  int64_t host_bytes = 0, seconds = 0;
   bool cancel_requested = false;
   int error_code = 0;  // absl::StatusCode, of a FAILED job
   std::string error_message;

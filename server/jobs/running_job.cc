@@ -1,7 +1,6 @@
 #include "server/jobs/running_job.h"
 
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -10,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/process.h"
 
 namespace pepeseg {
 namespace {
@@ -24,20 +24,27 @@ v1::JobState ToProto(JobState state) {
 static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
 static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) + 1);
 
-// A limit of the worker broke, or the kernel ran out of memory: asking for less may help.
-absl::StatusCode CodeOf(const WorkerProcess::End& end) {
-  const bool limit = end.signal == SIGXCPU || end.signal == SIGXFSZ;
-  return limit ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal;
+// A limit of the worker broke: asking for less may help, trying again does not.
+bool BrokeLimit(const WorkerEnd& end) { return end.signal == SIGXCPU || end.signal == SIGXFSZ; }
+
+absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEvent event) {
+  std::error_code error;
+  std::filesystem::create_directories(folder.path(), error);
+  if (error) return FileError(folder.path(), "create", error.value());
+  ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
+                   EventLogWriter::Open(folder.events(), job.fence));
+  return log->Append(std::move(event));
+}
+
+absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
+  v1::JobEvent event;
+  event.mutable_warning()->set_message(message);
+  return AppendEvent(folder, job, std::move(event));
 }
 
 }  // namespace
 
 absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
-  std::error_code error;
-  std::filesystem::create_directories(folder.path(), error);
-  if (error) return FileError(folder.path(), "create", error.value());
-  ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
-                   EventLogWriter::Open(folder.events()));
   v1::JobEvent event;
   v1::JobEvent::StateChanged& change = *event.mutable_state_changed();
   change.set_state(ToProto(job.state));
@@ -46,11 +53,15 @@ absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
     change.mutable_error()->set_message(job.error_message);
   }
   if (job.model != 0) change.set_model(absl::StrCat("scenes/", job.scene, "/models/", job.model));
-  return log->Append(std::move(event));
+  return AppendEvent(folder, job, std::move(event));
 }
 
 RunningJob::RunningJob(const Context& context, JobRow job, JobFolder folder)
-    : context_(context), job_(std::move(job)), folder_(std::move(folder)), log_(folder_.events()) {}
+    : context_(context),
+      job_(std::move(job)),
+      folder_(std::move(folder)),
+      log_(folder_.events()),
+      pulse_(folder_.pulse(job_.fence)) {}
 
 absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& context,
                                                               const JobRow& job) {
@@ -58,22 +69,30 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
   RETURN_IF_ERROR(AppendState(folder, job));
   running->FollowLog();
+  // Those before it are history.
+  running->stage_.clear();
+  running->progress_.reset();
   RETURN_IF_ERROR(running->WriteSpec());
-  std::vector<std::string> arguments = {absl::StrCat("--job=", folder.path().string()),
-                                        absl::StrCat("--parent=", getpid()),
-                                        absl::StrCat("--colmap=", context.options.colmap),
-                                        absl::StrCat("--log-format=", context.options.log_format)};
-  if (const std::filesystem::path& weights = context.options.lpips_weights; !weights.empty()) {
-    arguments.push_back(absl::StrCat("--lpips-weights=", weights.string()));
+  Touch(folder.lease(job.fence));
+  ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
+  if (const std::string launch = running->worker_->launch(); !launch.empty()) {
+    running->job_.launch = launch;
+    RETURN_IF_ERROR(context.store.SetJobLaunch(job.id, job.fence, launch));
   }
-  if (const std::filesystem::path& command = context.options.priors_command; !command.empty()) {
-    arguments.push_back(absl::StrCat("--priors-command=", command.string()));
-    arguments.push_back(absl::StrCat("--priors-seconds=", context.options.priors_seconds));
-  }
-  ASSIGN_OR_RETURN(running->process_,
-                   WorkerProcess::Launch({context.options.worker, arguments, folder.worker_log()}));
-  spdlog::info("jobs/{}: attempt {} runs as process {}", job.id, job.fence,
-               running->process_->pid());
+  running->follows_live_ = true;
+  spdlog::info("jobs/{}: attempt {} is launched", job.id, job.fence);
+  return running;
+}
+
+absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Context& context,
+                                                              const JobRow& job) {
+  const JobFolder folder(context.options.data_folder / "jobs" / job.id);
+  auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
+  ASSIGN_OR_RETURN(running->worker_, context.launcher.Attach(job.launch));
+  running->FollowLog();
+  running->follows_live_ = true;
+  Touch(folder.lease(job.fence));
+  spdlog::info("jobs/{}: attempt {} goes on as {}", job.id, job.fence, job.launch);
   return running;
 }
 
@@ -85,6 +104,13 @@ absl::Status RunningJob::WriteSpec() const {
   spec.num_threads = context_.options.num_threads;
   spec.memory_limit = context_.options.memory_limit;
   spec.traceparent = job_.traceparent;
+  // What a cluster runs is followed by the next holder, and need not end with this one.
+  const bool ends_with_holder =
+      context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
+  const absl::Duration lease = context_.store.holder().lease;
+  if (ends_with_holder && lease != absl::InfiniteDuration()) {
+    spec.lease_seconds = absl::ToInt64Seconds(lease);
+  }
   if (!spec.options.ParseFromString(job_.effective_options)) {
     return absl::DataLossError("the job's stored options are no training options");
   }
@@ -97,6 +123,26 @@ absl::Status RunningJob::WriteSpec() const {
   return folder_.WriteSpec(spec);
 }
 
+WorkerCommand RunningJob::Command() const {
+  const SupervisorOptions& options = context_.options;
+  WorkerCommand command;
+  command.job = job_.id;
+  command.program = options.worker;
+  command.log = folder_.worker_log();
+  command.needs = {options.num_threads, job_.host_bytes, job_.seconds};
+  command.arguments = {
+      absl::StrCat("--job=", folder_.path().string()), absl::StrCat("--fence=", job_.fence),
+      absl::StrCat("--colmap=", options.colmap), absl::StrCat("--log-format=", options.log_format)};
+  if (!options.lpips_weights.empty()) {
+    command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
+  }
+  if (!options.priors_command.empty()) {
+    command.arguments.push_back(absl::StrCat("--priors-command=", options.priors_command.string()));
+    command.arguments.push_back(absl::StrCat("--priors-seconds=", options.priors_seconds));
+  }
+  return command;
+}
+
 bool RunningJob::FollowLog() {
   const absl::StatusOr<std::vector<v1::JobEvent>> events = log_.Read();
   if (!events.ok() || events->empty()) return false;
@@ -104,25 +150,48 @@ bool RunningJob::FollowLog() {
     sequence_ = event.sequence();
     if (event.has_progress()) progress_ = event.progress();
     if (event.has_stage_started()) stage_ = event.stage_started().stage();
-    // What stands there before the worker is launched is of earlier attempts.
-    if (process_ != nullptr && context_.options.on_event) context_.options.on_event(job_.id, event);
+    if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
-  if (stage_ == job_.stage) return true;
+  if (stage_ == job_.stage || worker_ == nullptr) return true;
   const absl::Status noted = context_.store.SetJobStage(job_.id, job_.fence, stage_);
   if (noted.ok()) job_.stage = stage_;
   return true;
 }
 
+void RunningJob::Held(const JobRow& row) {
+  if (row.fence != job_.fence) {
+    spdlog::info("jobs/{}: {} was started again, as attempt {}", job_.id, job_.launch, row.fence);
+    pulse_ = PulseWatch(folder_.pulse(row.fence));
+  }
+  job_ = row;
+  Touch(folder_.lease(job_.fence));
+}
+
+void RunningJob::KillIfSilent() {
+  // What a cluster runs, it watches itself.
+  if (silent_ || !worker_->launch().empty()) return;
+  if (absl::FromChrono(pulse_.Silence()) < context_.options.silence) return;
+  spdlog::warn("jobs/{}: attempt {} gave no sign for {}: killed", job_.id, job_.fence,
+               absl::FormatDuration(context_.options.silence));
+  silent_ = true;
+  worker_->Kill();
+}
+
 void RunningJob::Terminate(absl::Duration grace) {
   const absl::Time now = absl::Now();
   kill_at_ = std::min(kill_at_, now + grace);
-  if (!terminated_) process_->Signal(SIGTERM);
+  if (!terminated_) worker_->Stop();
   terminated_ = true;
-  if (now >= kill_at_) process_->Signal(SIGKILL);
+  if (now >= kill_at_) worker_->Kill();
 }
 
-std::string RunningJob::DescribeCrash(const WorkerProcess::End& end) const {
-  std::string text = absl::StrCat("the worker ", Describe(end));
+void RunningJob::Abandon() {
+  spdlog::warn("jobs/{}: attempt {} is no longer this server's", job_.id, job_.fence);
+  if (worker_->launch().empty()) worker_->Kill();
+}
+
+std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
+  std::string text = absl::StrCat("the worker ", end.description);
   if (stage_.empty()) {
     absl::StrAppend(&text, " before its first stage");
   } else {
@@ -131,7 +200,10 @@ std::string RunningJob::DescribeCrash(const WorkerProcess::End& end) const {
   if (progress_ && progress_->stage() == stage_) {
     absl::StrAppend(&text, " at step ", progress_->step(), " of ", progress_->num_steps());
   }
-  if (end.signal == SIGKILL) {
+  if (silent_) {
+    absl::StrAppend(&text, ", because it gave no sign for ",
+                    absl::FormatDuration(context_.options.silence));
+  } else if (end.signal == SIGKILL) {
     absl::StrAppend(&text, "; nobody here did it: an operator, or the kernel out of memory");
   }
   const std::string tail = ReadFileTail(folder_.worker_log(), kLogTail);
@@ -140,15 +212,29 @@ std::string RunningJob::DescribeCrash(const WorkerProcess::End& end) const {
 }
 
 absl::Status RunningJob::Outcome(JobResult* result) {
-  const WorkerProcess::End end = *process_->Poll();
-  const bool told = end.signal == 0 && end.exit_code != static_cast<int>(WorkerExit::kBadSpec);
+  const WorkerEnd end = *worker_->Poll();
+  const bool told = end.kind == WorkerEnd::Kind::kUnknown ||
+                    (end.kind == WorkerEnd::Kind::kExited &&
+                     end.exit_code != static_cast<int>(WorkerExit::kBadSpec));
   const absl::StatusOr<JobResult> read = folder_.ReadResult(job_.fence);
-  if (told && read.ok() && read->status.ok() == (end.exit_code == 0)) {
+  if (told && read.ok() &&
+      (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
     return read->status;
   }
   if (terminated_) return absl::CancelledError("the worker was stopped");
-  return absl::Status(CodeOf(end), DescribeCrash(end));
+  lease_lost_ = end.kind == WorkerEnd::Kind::kExited &&
+                end.exit_code == static_cast<int>(WorkerExit::kLeaseLost);
+  crashed_ = !BrokeLimit(end);
+  return absl::Status(
+      BrokeLimit(end) ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
+      DescribeCrash(end));
+}
+
+bool RunningJob::MayTryAgain() const {
+  if (!crashed_) return false;
+  return lease_lost_ || folder_.HasSaved(job_.fence) ||
+         job_.fruitless + 1 < context_.options.max_fruitless;
 }
 
 absl::Status RunningJob::CommitModel(const JobResult& result) {
@@ -164,25 +250,47 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   return absl::OkStatus();
 }
 
+absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResult& result,
+                                      bool requeue) {
+  Store& store = context_.store;
+  if (outcome.ok()) {
+    RETURN_IF_ERROR(CommitModel(result));
+    ASSIGN_OR_RETURN(job_, store.GetJob(job_.id));
+  } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
+    // A stop that was asked for, or a database that was away, is not the job's failure.
+    const bool saved = terminated_ || lease_lost_ || folder_.HasSaved(job_.fence);
+    ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, saved));
+  } else {
+    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, outcome));
+  }
+  return absl::OkStatus();
+}
+
+void RunningJob::RemoveLeftovers() const {
+  std::error_code ignored;  // what is left is collected with the job
+  for (int64_t fence = 1; fence <= job_.fence; ++fence) {
+    std::filesystem::remove_all(folder_.attempt(fence), ignored);
+  }
+  std::filesystem::remove_all(folder_.priors(), ignored);
+}
+
 absl::Status RunningJob::Finish(bool requeue) {
   FollowLog();
   JobResult result;
   const absl::Status outcome = Outcome(&result);
-  if (outcome.ok()) {
-    RETURN_IF_ERROR(CommitModel(result));
-    ASSIGN_OR_RETURN(job_, context_.store.GetJob(job_.id));
-  } else if (requeue && absl::IsCancelled(outcome)) {
-    ASSIGN_OR_RETURN(job_, context_.store.RequeueJob(job_.id, job_.fence));
-  } else {
-    ASSIGN_OR_RETURN(job_, context_.store.EndJob(job_.id, job_.fence, outcome));
+  if (absl::Status written = WriteOutcome(outcome, result, requeue); !written.ok()) {
+    if (!absl::IsAborted(written)) return written;
+    // A commit whose answer was lost has happened all the same.
+    ASSIGN_OR_RETURN(const JobRow row, context_.store.GetJob(job_.id));
+    if (row.fence != job_.fence || row.state == JobState::kRunning) return written;
+    job_ = row;
   }
   if (job_.state != JobState::kSucceeded) {
     spdlog::warn("jobs/{}: attempt {} ended: {}", job_.id, job_.fence, outcome.ToString());
   }
-  if (job_.state == JobState::kFailed || job_.state == JobState::kCancelled) {
-    std::error_code ignored;  // what is left is collected with the job
-    std::filesystem::remove_all(folder_.attempt(job_.fence), ignored);
-    std::filesystem::remove_all(folder_.priors(), ignored);
+  if (job_.state == JobState::kFailed || job_.state == JobState::kCancelled) RemoveLeftovers();
+  if (job_.state == JobState::kQueued && crashed_) {
+    RETURN_IF_ERROR(AppendWarning(folder_, job_, std::string(outcome.message())));
   }
   absl::Status told = AppendState(folder_, job_);
   FollowLog();

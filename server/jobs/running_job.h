@@ -11,22 +11,27 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
-#include "server/jobs/process.h"
+#include "server/jobs/launcher.h"
+#include "server/jobs/pulse.h"
 #include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 
 namespace pepeseg {
 
-// One attempt of a job: its worker process, what its log has told so far, and how it ends. Belongs
-// to the supervisor's thread.
+// One attempt of a job: its worker, what its log has told so far, and how it ends. Belongs to the
+// supervisor's thread.
 class RunningJob {
  public:
   struct Context {
     Store& store;
     const SupervisorOptions& options;
+    Launcher& launcher;
   };
   // Writes the spec and launches the worker. On an error the job is still RUNNING in the store.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Context& context,
+                                                           const JobRow& job);
+  // Follows the worker that job.launch names.
+  static absl::StatusOr<std::unique_ptr<RunningJob>> Adopt(const Context& context,
                                                            const JobRow& job);
 
   const JobRow& job() const { return job_; }
@@ -36,35 +41,55 @@ class RunningJob {
   // Reads what the log has gained and notes a new stage in the store. True when there was anything.
   bool FollowLog();
 
-  // SIGTERM at the first call; SIGKILL at the first one after the shortest grace asked for is over.
+  // What the store says of a job that this server holds: its worker is told so. A worker that its
+  // launcher has started again has taken another fence.
+  void Held(const JobRow& row);
+  // A worker that gives no sign is killed: it is stuck, or stopped.
+  void KillIfSilent();
+
+  // Stops the worker at the first call; kills it at the first one after the shortest grace asked
+  // for is over.
   void Terminate(absl::Duration grace);
+  // Another server has the job now. What runs in this server's name is killed; nothing is written.
+  void Abandon();
 
   // Whether the worker has ended.
-  bool Ended() { return process_->Poll().has_value(); }
+  bool Ended() { return worker_->Poll().has_value(); }
   // Writes the outcome of a worker that has ended: first the store, then the log's last event.
-  // `requeue`: an end that was asked for by Terminate() puts the job back into the queue.
+  // `requeue`: an end that was asked for by Terminate() puts the job back into the queue. A crash
+  // does so, too, unless it has happened too often in a row with nothing saved.
   absl::Status Finish(bool requeue);
 
  private:
   RunningJob(const Context& context, JobRow job, JobFolder folder);
   absl::Status WriteSpec() const;
+  WorkerCommand Command() const;
   absl::Status Outcome(JobResult* result);  // OK: there is a model
-  std::string DescribeCrash(const WorkerProcess::End& end) const;
+  bool MayTryAgain() const;
+  std::string DescribeCrash(const WorkerEnd& end) const;
+  absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);
   absl::Status CommitModel(const JobResult& result);
+  void RemoveLeftovers() const;
 
   Context context_;
   JobRow job_;
   JobFolder folder_;
   EventLogReader log_;
-  std::unique_ptr<WorkerProcess> process_;
+  PulseWatch pulse_;
+  std::unique_ptr<LaunchedWorker> worker_;
   std::string stage_;
   std::optional<v1::JobProgress> progress_;
+  bool follows_live_ = false;  // what its log held at the start is told to nobody
   int64_t sequence_ = 0;
   bool terminated_ = false;
+  bool crashed_ = false;  // it did not end by itself, or not with a result
+  bool silent_ = false;
+  bool lease_lost_ = false;
   absl::Time kill_at_ = absl::InfiniteFuture();
 };
 
-// Appends the event that tells of a job's new state. The job must have no worker.
+// Appends the event that tells of a job's new state to the log of its attempt, which must have no
+// worker.
 absl::Status AppendState(const JobFolder& folder, const JobRow& job);
 
 }  // namespace pepeseg

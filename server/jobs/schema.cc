@@ -181,6 +181,13 @@ constexpr const char* kJobLeaseEnd =
 constexpr const char* kJobTraces =
     "ALTER TABLE jobs ADD COLUMN traceparent VARCHAR(55) NOT NULL DEFAULT ''";
 constexpr const char* kJobLaunch = "ALTER TABLE jobs ADD COLUMN launch TEXT NOT NULL DEFAULT ''";
+// Attempts in a row that left nothing to go on from.
+constexpr const char* kJobFruitless =
+    "ALTER TABLE jobs ADD COLUMN fruitless INTEGER NOT NULL DEFAULT 0";
+// What it is estimated to need of a host, bytes, and of time, seconds; 0: not known.
+constexpr const char* kJobHostBytes =
+    "ALTER TABLE jobs ADD COLUMN host_bytes BIGINT NOT NULL DEFAULT 0";
+constexpr const char* kJobSeconds = "ALTER TABLE jobs ADD COLUMN seconds BIGINT NOT NULL DEFAULT 0";
 
 }  // namespace
 
@@ -193,9 +200,13 @@ std::vector<const char*> SchemaStep(int to) {
   }
   if (to == 4) return {kModelSources};
   if (to == 5) {
-    return {kSceneProjects, kScenesByProject, kDropSceneRequests, kProjectSceneRequests, kProjects,
-            kKeys,          kKeysByProject,   kJobLeaseOwner,     kJobLeaseEnd,          kJobLaunch,
-            kJobTraces};
+    return {kSceneProjects,     kScenesByProject,
+            kDropSceneRequests, kProjectSceneRequests,
+            kProjects,          kKeys,
+            kKeysByProject,     kJobLeaseOwner,
+            kJobLeaseEnd,       kJobLaunch,
+            kJobFruitless,      kJobHostBytes,
+            kJobSeconds,        kJobTraces};
   }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};

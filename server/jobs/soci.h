@@ -7,5 +7,6 @@
 #define SOCI_HAVE_CXX11
 #define SOCI_HAVE_VISIBILITY_SUPPORT
 
+#include <soci/postgresql/soci-postgresql.h>
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>

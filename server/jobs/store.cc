@@ -5,12 +5,19 @@
 
 namespace pepeseg {
 
-Store::Store(std::unique_ptr<Database> database) : database_(std::move(database)) {}
+Store::Store(std::unique_ptr<Database> database, Holder holder)
+    : database_(std::move(database)), holder_(std::move(holder)) {}
 Store::~Store() = default;
 
-absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& url) {
+absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& url, Holder holder) {
   ASSIGN_OR_RETURN(std::unique_ptr<Database> database, Database::Open(url));
-  return std::unique_ptr<Store>(new Store(std::move(database)));
+  return std::unique_ptr<Store>(new Store(std::move(database), std::move(holder)));
 }
+
+absl::StatusOr<std::unique_ptr<Store>> Store::Open(const std::string& url) {
+  return Open(url, Holder());
+}
+
+bool Store::shared() const { return database_->shared(); }
 
 }  // namespace pepeseg

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "server/jobs/rows.h"
 
 namespace pepeseg {
@@ -22,7 +23,13 @@ class Database;
 // ALREADY_EXISTS when the two asked for different things.
 class Store {
  public:
-  // "sqlite:PATH" (made when it is not there) or "sqlite::memory:".
+  // Whose the claims of this store are.
+  struct Holder {
+    std::string name = "server";  // no two that are open at a time have the same
+    absl::Duration lease = absl::InfiniteDuration();
+  };
+  // `url`: Database::Open's.
+  static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& url, Holder holder);
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& url);
   ~Store();
 
@@ -33,6 +40,9 @@ class Store {
     int64_t num_scenes = 0, num_models = 0;
   };
   absl::StatusOr<Counts> CountAll();
+  const Holder& holder() const { return holder_; }
+  // Other servers may be on the same database: what this one did not do may have happened.
+  bool shared() const;
 
   // INVALID_ARGUMENT: id is not an RFC 1034 label; ALREADY_EXISTS. Reads id, display_name and
   // request_id.
@@ -59,8 +69,8 @@ class Store {
   // sealed dataset changes nothing.
   absl::StatusOr<DatasetRow> SealDataset(const std::string& scene, int64_t number);
 
-  // Reads scene, dataset, options, effective_options and request_id. ABORTED names the scene's
-  // active job when there is one; FAILED_PRECONDITION on an open dataset.
+  // Reads scene, dataset, options, effective_options, request_id, host_bytes and seconds. ABORTED
+  // names the scene's active job when there is one; FAILED_PRECONDITION on an open dataset.
   absl::StatusOr<JobRow> CreateJob(const JobRow& job);
   absl::StatusOr<JobRow> GetJob(const std::string& id);
   struct JobFilter {
@@ -71,15 +81,30 @@ class Store {
                                         const PageRequest& page);  // newest first
   absl::StatusOr<std::optional<JobRow>> FindActiveJob(const std::string& scene);
 
-  // The queue. Writes of an attempt carry its fence: ABORTED when the job is not RUNNING under it.
-  // Takes the oldest QUEUED job and makes it RUNNING on `device` with the next fence.
+  // The queue. Writes of an attempt carry its fence: ABORTED when the job is not RUNNING under it,
+  // or not held by this store.
+  // Takes the oldest job that is QUEUED, or RUNNING with a lease that is over, and makes it RUNNING
+  // on `device` with the next fence, for the length of a lease. One that a launcher still runs for
+  // a holder whose lease is over keeps its fence and launch: it changes its holder only.
   absl::StatusOr<std::optional<JobRow>> ClaimJob(const std::string& device);
+  // Prolongs the leases of what this store holds, and answers those jobs.
+  absl::StatusOr<std::vector<JobRow>> RenewLeases();
+  // RUNNING ones of this store, unchanged.
+  absl::StatusOr<std::vector<JobRow>> ListHeldJobs();
+  // RUNNING ones of all.
   absl::StatusOr<std::vector<JobRow>> ListRunningJobs();
+  // Makes a RUNNING job of another holder, which is known to be gone, this store's.
+  absl::StatusOr<JobRow> TakeOverJob(const std::string& id, const std::string& gone);
+  absl::Status SetJobLaunch(const std::string& id, int64_t fence, const std::string& launch);
+  // The next fence of a RUNNING job for the worker that its launcher has started again; whoever
+  // holds it. ABORTED: the job does not run under this launch any more.
+  absl::StatusOr<int64_t> TakeNextFence(const std::string& id, const std::string& launch);
   absl::Status SetJobStage(const std::string& id, int64_t fence, const std::string& stage);
   // A QUEUED job is CANCELLED at once; of a RUNNING one the wish is noted; else nothing changes.
   absl::StatusOr<JobRow> RequestCancel(const std::string& id);
-  // RUNNING -> QUEUED, or CANCELLED when that was asked for.
-  absl::StatusOr<JobRow> RequeueJob(const std::string& id, int64_t fence);
+  // RUNNING -> QUEUED, or CANCELLED when that was asked for. `saved`: the attempt has left
+  // something to go on from; else it counts as fruitless.
+  absl::StatusOr<JobRow> RequeueJob(const std::string& id, int64_t fence, bool saved);
   // RUNNING -> FAILED (with the code and message of `error`), or CANCELLED when that is its code.
   absl::StatusOr<JobRow> EndJob(const std::string& id, int64_t fence, const absl::Status& error);
   // RUNNING -> SUCCEEDED and its model live, in one transaction. Reads folder, metrics,
@@ -119,8 +144,9 @@ class Store {
   absl::Status DeleteSelection(const std::string& scene, int64_t number);
 
  private:
-  explicit Store(std::unique_ptr<Database> database);
+  Store(std::unique_ptr<Database> database, Holder holder);
   std::unique_ptr<Database> database_;
+  const Holder holder_;
 };
 
 }  // namespace pepeseg

@@ -61,17 +61,20 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
   if (!earlier.id.empty()) return earlier;
   RETURN_IF_ERROR(CheckStartable(sql, job));
   int64_t number = 0;
-  sql << "SELECT next_job FROM job_numbers", soci::into(number);
   sql << "UPDATE job_numbers SET next_job = next_job + 1";
+  sql << "SELECT next_job - 1 FROM job_numbers", soci::into(number);
   const std::string options = absl::Base64Escape(job.options);
   const std::string effective = absl::Base64Escape(job.effective_options);
   const int64_t now = absl::ToUnixMicros(absl::Now());
   sql << "INSERT INTO jobs (number, scene, dataset, state, stage, options, effective_options,"
-         " request_id, fence, cancel_requested, error_code, error_message, model, create_time,"
-         " start_time, end_time, traceparent) VALUES (:number, :scene, :dataset, 0, '', :options,"
-         " :effective, :request, 0, 0, 0, '', 0, :now, 0, 0, :traceparent)",
+         " request_id, fence, host_bytes, seconds, cancel_requested, error_code, error_message,"
+         " model, create_time, start_time, end_time, traceparent) VALUES (:number, :scene, "
+         ":dataset,"
+         " 0, '', :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0,"
+         " :traceparent)",
       soci::use(number), soci::use(job.scene), soci::use(job.dataset), soci::use(options),
-      soci::use(effective), soci::use(job.request_id), soci::use(now), soci::use(job.traceparent);
+      soci::use(effective), soci::use(job.request_id), soci::use(job.host_bytes),
+      soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
   return SelectJob(sql, absl::StrCat("j", number));
 }
 
@@ -91,6 +94,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   JobRow row;
   int state = 0;
   int cancel_requested = 0;
+  int64_t lease_end = 0;
   int64_t create_time = 0;
   int64_t start_time = 0;
   int64_t end_time = 0;
@@ -99,12 +103,15 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   soci::statement select =
       (sql.prepare
            << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
-              " request_id, fence, cancel_requested, error_code, error_message, model,"
-              " create_time, start_time, end_time, traceparent FROM jobs WHERE "
+              " request_id, fence, lease_owner, lease_end, launch, fruitless, host_bytes, seconds,"
+              " cancel_requested, error_code, error_message, model, create_time, start_time, "
+              "end_time, traceparent FROM jobs WHERE "
            << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
-       soci::into(row.request_id), soci::into(row.fence), soci::into(cancel_requested),
+       soci::into(row.request_id), soci::into(row.fence), soci::into(row.lease_owner),
+       soci::into(lease_end), soci::into(row.launch), soci::into(row.fruitless),
+       soci::into(row.host_bytes), soci::into(row.seconds), soci::into(cancel_requested),
        soci::into(row.error_code), soci::into(row.error_message), soci::into(row.model),
        soci::into(create_time), soci::into(start_time), soci::into(end_time),
        soci::into(row.traceparent), soci::use(key), soci::use(limit));
@@ -116,6 +123,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
     row.cancel_requested = cancel_requested != 0;
     row.options = FromColumn(options);
     row.effective_options = FromColumn(effective);
+    row.lease_end = FromMicros(lease_end);
     row.create_time = FromMicros(create_time);
     row.start_time = FromMicros(start_time);
     row.end_time = FromMicros(end_time);

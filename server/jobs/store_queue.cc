@@ -1,4 +1,6 @@
 // The queue's side of the store: claims, and writes of an attempt under its fence.
+#include <limits>
+
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
@@ -8,26 +10,37 @@
 namespace pepeseg {
 namespace {
 
+constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
+constexpr int64_t kAll = int64_t{1} << 40;
+
 // An attempt that lost its claim must change nothing.
-absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence) {
+absl::StatusOr<JobRow> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
+                                     const Store::Holder& holder) {
   ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
-  if (job.state == JobState::kRunning && job.fence == fence) return job;
-  return absl::AbortedError(absl::StrCat("jobs/", id, " is no longer run as attempt ", fence));
+  if (job.state == JobState::kRunning && job.fence == fence && job.lease_owner == holder.name) {
+    return job;
+  }
+  return absl::AbortedError(
+      absl::StrCat("jobs/", id, " is no longer run as attempt ", fence, " by this server"));
 }
 
 // Writes what the queue may change of a job.
 void UpdateJob(soci::session& sql, const JobRow& job) {
   const int state = static_cast<int>(job.state);
   const int cancel_requested = job.cancel_requested ? 1 : 0;
+  const int64_t lease_end = ToMicros(job.lease_end);
   const int64_t start_time = ToMicros(job.start_time);
   const int64_t end_time = ToMicros(job.end_time);
   sql << "UPDATE jobs SET state = :state, stage = :stage, device = :device, fence = :fence,"
+         " lease_owner = :owner, lease_end = :lease, launch = :launch, fruitless = :fruitless,"
          " cancel_requested = :c,"
          " error_code = :code, error_message = :message, model = :model, start_time = :start,"
          " end_time = :end WHERE number = :number",
       soci::use(state), soci::use(job.stage), soci::use(job.device), soci::use(job.fence),
-      soci::use(cancel_requested), soci::use(job.error_code), soci::use(job.error_message),
-      soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
+      soci::use(job.lease_owner), soci::use(lease_end), soci::use(job.launch),
+      soci::use(job.fruitless), soci::use(cancel_requested), soci::use(job.error_code),
+      soci::use(job.error_message), soci::use(job.model), soci::use(start_time),
+      soci::use(end_time), soci::use(job.number);
 }
 
 void MarkCancelled(JobRow& job) {
@@ -37,37 +50,127 @@ void MarkCancelled(JobRow& job) {
   job.end_time = absl::Now();
 }
 
+// What a holder knows of a job goes with its claim.
+void EndClaim(JobRow& job) {
+  job.lease_owner.clear();
+  job.lease_end = absl::InfinitePast();
+  job.launch.clear();
+}
+
+void BeginClaim(JobRow& job, const std::string& device) {
+  job.state = JobState::kRunning;
+  job.stage.clear();
+  job.device = device;
+  job.fence += 1;
+  job.start_time = absl::Now();
+}
+
+int64_t LeaseEnd(soci::session& sql, const Store::Holder& holder) {
+  if (holder.lease == absl::InfiniteDuration()) return kNever;
+  return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
+}
+
+// The oldest that may be claimed; number 0: there is none. PostgreSQL: without waiting for those
+// that others are claiming just now.
+int64_t SelectClaimable(soci::session& sql) {
+  const std::string unlocked =
+      sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
+  const int64_t now = DatabaseMicros(sql);
+  int64_t number = 0;
+  sql << "SELECT number FROM jobs WHERE state = 0 OR (state = 1 AND lease_end < :now)"
+         " ORDER BY number LIMIT 1"
+      << unlocked,
+      soci::use(now), soci::into(number);
+  return sql.got_data() ? number : 0;
+}
+
+std::vector<JobRow> SelectRunning(soci::session& sql) {
+  return SelectJobs(sql, "state = :running ORDER BY number", static_cast<int>(JobState::kRunning),
+                    kAll);
+}
+
+std::vector<JobRow> SelectHeld(soci::session& sql, const Store::Holder& holder) {
+  std::vector<JobRow> jobs = SelectRunning(sql);
+  std::erase_if(jobs, [&](const JobRow& job) { return job.lease_owner != holder.name; });
+  return jobs;
+}
+
 }  // namespace
 
 absl::StatusOr<std::optional<JobRow>> Store::ClaimJob(const std::string& device) {
   using Claimed = std::optional<JobRow>;
   return database_->Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
-    std::vector<JobRow> queued =
-        SelectJobs(sql, "state = :queued ORDER BY number", static_cast<int>(JobState::kQueued), 1);
-    if (queued.empty()) return Claimed();
-    JobRow job = queued[0];
-    job.state = JobState::kRunning;
-    job.stage.clear();
-    job.device = device;
-    job.fence += 1;
-    job.start_time = absl::Now();
+    const int64_t number = SelectClaimable(sql);
+    if (number == 0) return Claimed();
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
+    if (job.launch.empty()) BeginClaim(job, device);
+    job.lease_owner = holder_.name;
+    job.lease_end = FromMicros(LeaseEnd(sql, holder_));
     UpdateJob(sql, job);
     return Claimed(std::move(job));
   });
 }
 
+absl::StatusOr<std::vector<JobRow>> Store::RenewLeases() {
+  using Jobs = std::vector<JobRow>;
+  return database_->Query<Jobs>([this](soci::session& sql) -> absl::StatusOr<Jobs> {
+    const int64_t lease_end = LeaseEnd(sql, holder_);
+    sql << "UPDATE jobs SET lease_end = :lease WHERE state = 1 AND lease_owner = :owner",
+        soci::use(lease_end), soci::use(holder_.name);
+    return SelectHeld(sql, holder_);
+  });
+}
+
+absl::StatusOr<std::vector<JobRow>> Store::ListHeldJobs() {
+  using Jobs = std::vector<JobRow>;
+  return database_->Query<Jobs>(
+      [this](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectHeld(sql, holder_); });
+}
+
 absl::StatusOr<std::vector<JobRow>> Store::ListRunningJobs() {
   using Jobs = std::vector<JobRow>;
-  return database_->Query<Jobs>([](soci::session& sql) -> absl::StatusOr<Jobs> {
-    constexpr int64_t kAll = int64_t{1} << 40;
-    return SelectJobs(sql, "state = :running ORDER BY number", static_cast<int>(JobState::kRunning),
-                      kAll);
+  return database_->Query<Jobs>(
+      [](soci::session& sql) -> absl::StatusOr<Jobs> { return SelectRunning(sql); });
+}
+
+absl::StatusOr<JobRow> Store::TakeOverJob(const std::string& id, const std::string& gone) {
+  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    if (job.state != JobState::kRunning || job.lease_owner != gone) {
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is not held by ", gone, " any more"));
+    }
+    job.lease_owner = holder_.name;
+    job.lease_end = FromMicros(LeaseEnd(sql, holder_));
+    UpdateJob(sql, job);
+    return job;
+  });
+}
+
+absl::Status Store::SetJobLaunch(const std::string& id, int64_t fence, const std::string& launch) {
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
+    job.launch = launch;
+    UpdateJob(sql, job);
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<int64_t> Store::TakeNextFence(const std::string& id, const std::string& launch) {
+  return database_->Query<int64_t>([&](soci::session& sql) -> absl::StatusOr<int64_t> {
+    ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, id));
+    if (job.state != JobState::kRunning || job.launch != launch) {
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is not run by ", launch, " any more"));
+    }
+    job.fence += 1;
+    job.stage.clear();
+    UpdateJob(sql, job);
+    return job.fence;
   });
 }
 
 absl::Status Store::SetJobStage(const std::string& id, int64_t fence, const std::string& stage) {
   return database_->Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence));
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.stage = stage;
     UpdateJob(sql, job);
     return absl::OkStatus();
@@ -85,12 +188,14 @@ absl::StatusOr<JobRow> Store::RequestCancel(const std::string& id) {
   });
 }
 
-absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence) {
+absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence, bool saved) {
   return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence));
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.state = JobState::kQueued;
     job.stage.clear();
     job.start_time = absl::InfinitePast();
+    job.fruitless = saved ? 0 : job.fruitless + 1;
+    EndClaim(job);
     if (job.cancel_requested) MarkCancelled(job);
     UpdateJob(sql, job);
     return job;
@@ -100,11 +205,12 @@ absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence) {
 absl::StatusOr<JobRow> Store::EndJob(const std::string& id, int64_t fence,
                                      const absl::Status& error) {
   return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence));
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     job.state = JobState::kFailed;
     job.error_code = static_cast<int>(error.code());
     job.error_message = std::string(error.message());
     job.end_time = absl::Now();
+    EndClaim(job);
     if (absl::IsCancelled(error)) MarkCancelled(job);
     UpdateJob(sql, job);
     return job;
@@ -114,7 +220,7 @@ absl::StatusOr<JobRow> Store::EndJob(const std::string& id, int64_t fence,
 absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence,
                                             const ModelRow& model) {
   return database_->Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
-    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence));
+    ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     ModelRow row = model;
     row.scene = job.scene;
     row.job = job.id;
@@ -132,6 +238,7 @@ absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence
     job.state = JobState::kSucceeded;
     job.model = row.number;
     job.end_time = row.create_time;
+    EndClaim(job);
     UpdateJob(sql, job);
     return row;
   });

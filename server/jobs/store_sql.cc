@@ -1,6 +1,7 @@
 #include "server/jobs/store_sql.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
@@ -33,19 +34,21 @@ absl::Status CheckScene(soci::session& sql, const std::string& scene) {
 }
 
 int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column) {
-  int64_t number = 0;
-  sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene), soci::into(number);
+  int64_t next = 0;
   sql << "UPDATE scenes SET " << column << " = " << column << " + 1 WHERE id = :id",
       soci::use(scene);
-  return number;
+  sql << "SELECT " << column << " FROM scenes WHERE id = :id", soci::use(scene), soci::into(next);
+  return next - 1;
 }
 
 int64_t ToMicros(absl::Time time) {
-  return time == absl::InfinitePast() ? 0 : absl::ToUnixMicros(time);
+  return time == absl::InfinitePast() ? 0 : absl::ToUnixMicros(time);  // saturates
 }
 
 absl::Time FromMicros(int64_t micros) {
-  return micros == 0 ? absl::InfinitePast() : absl::FromUnixMicros(micros);
+  if (micros == 0) return absl::InfinitePast();
+  constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
+  return micros == kNever ? absl::InfiniteFuture() : absl::FromUnixMicros(micros);
 }
 
 absl::StatusOr<PageStart> StartPage(const std::string& list, const PageRequest& page) {

@@ -31,7 +31,8 @@ JobRow SelectActiveJob(soci::session& sql, const std::string& scene);
 // Takes the next number out of a counter column of a scene.
 int64_t TakeNumber(soci::session& sql, const std::string& scene, const std::string& column);
 
-// Microseconds since 1970; 0 and InfinitePast stand for "not yet".
+// Microseconds since 1970; 0 and InfinitePast stand for "not yet", the largest number and
+// InfiniteFuture for "never".
 int64_t ToMicros(absl::Time time);
 absl::Time FromMicros(int64_t micros);
 

@@ -11,6 +11,7 @@
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
+#include "server/jobs/launch_options.h"
 #include "server/jobs/store.h"
 
 namespace pepeseg {
@@ -23,14 +24,18 @@ struct SupervisorOptions {
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
   // That the workers run for masks and depth (worker_priors_command.h); empty: none.
   std::filesystem::path priors_command;
-  int64_t priors_seconds = 3600;    // its time limit
-  int num_slots = 1;                // jobs at a time
-  std::string device = "cpu";       // of the workers, Device::id
-  std::string device_name;          // Backend::name() of it, for the store
-  int num_threads = 0;              // of one job; 0: as many as the machine has
-  int64_t memory_limit = 0;         // host memory of a worker, bytes; 0: what the machine has
-  int max_attempts = 3;             // a job that a stop of the server broke off so often has FAILED
-  std::string colmap = "colmap";    // for the workers: a path, or a name in PATH
+  int64_t priors_seconds = 3600;  // its time limit
+  int num_slots = 1;              // jobs at a time
+  std::string device = "cpu";     // of the workers, Device::id
+  std::string device_name;        // Backend::name() of it, for the store
+  int num_threads = 0;            // of one job; 0: as many as the machine has
+  int64_t memory_limit = 0;       // host memory of a worker, bytes; 0: what the machine has
+  // A job whose attempts were broken off so often in a row, with nothing left to go on from,
+  // FAILED: by a crash of the worker, and by the end of a server.
+  int max_fruitless = 3, max_fruitless_by_server = 20;
+  absl::Duration silence = absl::Seconds(30);  // a worker that gives no sign for so long is killed
+  std::string colmap = "colmap";               // for the workers: a path, or a name in PATH
+  LaunchOptions launch;
   std::string log_format = "text";  // of the workers' lines
   // Sees each event that a job that runs here writes, once, from the supervisor's thread: it must
   // not block. May be empty.
@@ -40,14 +45,19 @@ struct SupervisorOptions {
 };
 
 // Takes queued jobs, runs each in a worker process, and follows it to its end: the model is
-// committed, or the job FAILED with the reason. A dying worker never takes the server along, and a
-// dying server takes its workers along.
+// committed, or the job FAILED with the reason. A worker that crashes is started again, and goes on
+// from what it has saved. A dying worker never takes the server along, and a dying server takes its
+// workers along, unless they run on a cluster.
+//
+// On a shared database a job is held by a lease: this server prolongs it while it is well, and who
+// finds it over takes the job.
 //
 // Thread safe. Calls block on the store unless they say otherwise.
 class Supervisor {
  public:
-  // Jobs found RUNNING were broken off by a stop of the server: they are queued again, with the
-  // next fence. `store` must outlive the supervisor.
+  // Jobs found RUNNING in a database of its own, or held by a server that is known to be gone, were
+  // broken off: they are queued again, or followed where a cluster still runs them. `store` must
+  // outlive the supervisor.
   static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
   ~Supervisor();  // Stop(), with no grace left
 

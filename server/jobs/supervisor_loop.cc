@@ -7,11 +7,26 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/holder_name.h"
+#include "server/jobs/slurm.h"
 
 namespace pepeseg {
+namespace {
+
+// How often a shared database is asked what others did.
+constexpr absl::Duration kLook = absl::Milliseconds(500);
+
+std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
+  if (options.launch.launcher == LaunchOptions::Launcher::kSlurm) {
+    return MakeSlurmLauncher(options.launch);
+  }
+  return MakeProcessLauncher();
+}
+
+}  // namespace
 
 Supervisor::Loop::Loop(Store& store, SupervisorOptions options)
-    : store_(store), options_(std::move(options)) {}
+    : store_(store), options_(std::move(options)), launcher_(MakeLauncher(options_)) {}
 
 Supervisor::Loop::~Loop() { StopThread(absl::Now()); }
 
@@ -20,20 +35,38 @@ JobFolder Supervisor::Loop::FolderOf(const std::string& job) const {
 }
 
 absl::Status Supervisor::Loop::Recover() {
-  ASSIGN_OR_RETURN(const std::vector<JobRow> broken_off, store_.ListRunningJobs());
-  for (JobRow job : broken_off) {
-    if (job.fence >= options_.max_attempts) {
-      ASSIGN_OR_RETURN(job, store_.EndJob(job.id, job.fence,
-                                          absl::AbortedError(absl::StrCat(
-                                              "the server stopped during each of the job's ",
-                                              job.fence, " attempts"))));
-    } else {
-      ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, job.fence));
-    }
-    spdlog::warn("jobs/{}: attempt {} was broken off by a stop of the server", job.id, job.fence);
-    RETURN_IF_ERROR(AppendState(FolderOf(job.id), job));
+  ASSIGN_OR_RETURN(const std::vector<JobRow> jobs, store_.ListRunningJobs());
+  for (const JobRow& job : jobs) {
+    if (store_.shared() && !IsKnownGone(job.lease_owner)) continue;
+    ASSIGN_OR_RETURN(JobRow mine, store_.TakeOverJob(job.id, job.lease_owner));
+    RETURN_IF_ERROR(RecoverJob(std::move(mine)));
   }
   return absl::OkStatus();
+}
+
+// One that is this server's now, and has no worker of it.
+absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
+  if (!job.launch.empty()) {
+    auto adopted = RunningJob::Adopt({store_, options_, *launcher_}, job);
+    if (adopted.ok()) {
+      Publish(**adopted);
+      running_.push_back(*std::move(adopted));
+      return absl::OkStatus();
+    }
+    spdlog::error("jobs/{}: following {}: {}", job.id, job.launch, adopted.status().ToString());
+  }
+  const int64_t fence = job.fence;
+  const bool saved = FolderOf(job.id).HasSaved(fence);
+  if (saved || job.fruitless + 1 < options_.max_fruitless_by_server) {
+    ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, fence, saved));
+  } else {
+    ASSIGN_OR_RETURN(job, store_.EndJob(job.id, fence,
+                                        absl::AbortedError(absl::StrCat(
+                                            "the server ended during each of ", job.fruitless + 1,
+                                            " attempts that left nothing to go on from"))));
+  }
+  spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
+  return AppendState(FolderOf(job.id), job);
 }
 
 void Supervisor::Loop::StartThread() {
@@ -81,6 +114,7 @@ std::optional<Supervisor::Newest> Supervisor::Loop::FindRunning(const std::strin
 void Supervisor::Loop::Run() {
   do {
     FollowJobs();
+    KeepLeases();
     ApplyCancels();
     FinishJobs(/*requeue=*/false);
     Claim();
@@ -102,16 +136,62 @@ void Supervisor::Loop::Claim() {
 }
 
 void Supervisor::Loop::StartJob(const JobRow& job) {
-  absl::StatusOr<std::unique_ptr<RunningJob>> started = RunningJob::Start({store_, options_}, job);
+  const RunningJob::Context context{store_, options_, *launcher_};
+  absl::StatusOr<std::unique_ptr<RunningJob>> started =
+      job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
   if (started.ok()) {
     Publish(**started);
     running_.push_back(std::move(started).value());
   } else {
-    spdlog::error("jobs/{}: did not start: {}", job.id, started.status().ToString());
-    const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, started.status());
-    if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
+    EndUnstarted(job, started.status());
   }
   watches_.Notify(job.id);
+}
+
+void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
+  spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
+  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, error);
+  if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
+}
+
+// Only where others share the database: they may claim what is not prolonged, cancel what runs
+// here, and a cluster may have started a worker again.
+void Supervisor::Loop::KeepLeases() {
+  const absl::Time now = absl::Now();
+  if (!store_.shared() || running_.empty() || now < next_look_) return;
+  next_look_ = now + kLook;
+  const bool renew = now >= next_renewal_;
+  const absl::StatusOr<std::vector<JobRow>> held =
+      renew ? store_.RenewLeases() : store_.ListHeldJobs();
+  if (!held.ok()) {
+    // The workers end by themselves when their leases are not prolonged in time.
+    spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
+    return;
+  }
+  if (renew) next_renewal_ = now + store_.holder().lease / 4;
+  LoseJobs(*held);
+  for (const auto& running : running_) {
+    for (const JobRow& row : *held) {
+      if (row.id != running->job().id) continue;
+      if (renew || row.fence != running->job().fence) running->Held(row);
+      if (row.cancel_requested) running->Terminate(options_.cancel_grace);
+    }
+  }
+}
+
+// Forgets the jobs that are not among `held`.
+void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
+  std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
+    const JobRow& job = running->job();
+    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
+      return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
+    });
+    if (mine) return false;
+    running->Abandon();
+    const std::lock_guard lock(mutex_);
+    newest_.erase(job.id);
+    return true;
+  });
 }
 
 void Supervisor::Loop::Publish(const RunningJob& running) {
@@ -121,6 +201,7 @@ void Supervisor::Loop::Publish(const RunningJob& running) {
 
 void Supervisor::Loop::FollowJobs() {
   for (const auto& running : running_) {
+    running->KillIfSilent();
     if (!running->FollowLog()) continue;
     Publish(*running);
     watches_.Notify(running->job().id);
@@ -187,7 +268,10 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
 bool Supervisor::Loop::WaitForWork() {
   std::unique_lock lock(mutex_);
   const auto woken = [this] { return woken_ || stopping_; };
-  if (running_.empty()) {
+  if (running_.empty() && store_.shared()) {
+    // Others queue jobs, and lose them.
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(kLook), woken);
+  } else if (running_.empty()) {
     wake_.wait(lock, woken);
   } else {
     wake_.wait_for(lock, absl::ToChronoMilliseconds(options_.poll), woken);

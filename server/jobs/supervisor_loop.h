@@ -29,7 +29,7 @@ class Supervisor::Loop {
   JobFolder FolderOf(const std::string& job) const;
   WatchList& watches() { return watches_; }
 
-  // Queues again what a stop of the server broke off.
+  // Queues again, or adopts, what the end of a server broke off.
   absl::Status Recover();
   void StartThread();
 
@@ -43,8 +43,12 @@ class Supervisor::Loop {
 
  private:
   void Run();
+  absl::Status RecoverJob(JobRow job);
   void Claim();
   void StartJob(const JobRow& job);
+  void EndUnstarted(const JobRow& job, const absl::Status& error);
+  void KeepLeases();
+  void LoseJobs(const std::vector<JobRow>& held);
   void FollowJobs();
   void ApplyCancels();
   void TellCancelled(const std::string& job);
@@ -56,7 +60,10 @@ class Supervisor::Loop {
   Store& store_;
   const SupervisorOptions options_;
   WatchList watches_;
-  std::list<std::unique_ptr<RunningJob>> running_;  // the thread's own
+  const std::unique_ptr<Launcher> launcher_;
+  // The thread's own.
+  std::list<std::unique_ptr<RunningJob>> running_;
+  absl::Time next_look_ = absl::InfinitePast(), next_renewal_ = absl::InfinitePast();
 
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable wake_;

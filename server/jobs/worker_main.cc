@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -13,6 +14,9 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/pulse.h"
+#include "server/jobs/store.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
 #include "server/log.h"
@@ -35,14 +39,16 @@ struct Arguments {
   std::string lpips_weights;
   PriorsCommand priors;
   std::string colmap = "colmap";
+  int64_t fence = 0;
   pid_t parent = 0;
+  std::string database;  // of a worker that Slurm may have started again
   LogFormat log_format = LogFormat::kText;
 };
 
 constexpr char kUsage[] =
-    "usage: pepeseg-worker --job=FOLDER [--parent=PID] [--lpips-weights=FILE.onnx] "
-    "[--colmap=PROGRAM] [--priors-command=PROGRAM] [--priors-seconds=N] "
-    "[--log-format=text|json]";
+    "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] [--slurm-database=URL] "
+    "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
+    "[--priors-seconds=N] [--log-format=text|json]";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -58,7 +64,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     int64_t seconds = 0;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
         TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
-        TakeFlag(word, "--colmap=", &arguments->colmap)) {
+        TakeFlag(word, "--colmap=", &arguments->colmap) ||
+        TakeFlag(word, "--slurm-database=", &arguments->database)) {
       continue;
     }
     if (TakeFlag(word, "--priors-command=", &text)) {
@@ -70,6 +77,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
       const auto format = LogFormatOf(text);
       if (!format) return false;
       arguments->log_format = *format;
+    } else if (TakeFlag(word, "--fence=", &text)) {
+      if (!absl::SimpleAtoi(text, &arguments->fence) || arguments->fence < 1) return false;
     } else if (!TakeFlag(word, "--parent=", &text) || !absl::SimpleAtoi(text, &arguments->parent)) {
       return false;
     }
@@ -94,7 +103,8 @@ WorkerExit ExitOf(const absl::Status& status) {
 }
 
 WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments) {
-  absl::StatusOr<std::unique_ptr<EventLogWriter>> log = EventLogWriter::Open(folder.events());
+  absl::StatusOr<std::unique_ptr<EventLogWriter>> log =
+      EventLogWriter::Open(folder.events(), spec.fence);
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
@@ -125,11 +135,27 @@ void FollowTrace(const JobSpec& spec, LogFormat format) {
   ConfigureLog(format, fields);
 }
 
+// Slurm starts a worker again whose node was lost: that is an attempt of its own, since the one
+// before may still write.
+absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder& folder,
+                                   JobSpec& spec) {
+  const char* restarts = std::getenv("SLURM_RESTART_COUNT");
+  const char* number = std::getenv("SLURM_JOB_ID");
+  if (database.empty() || number == nullptr) return absl::OkStatus();
+  if (restarts == nullptr || std::strcmp(restarts, "0") == 0) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const std::unique_ptr<Store> store, Store::Open(database));
+  ASSIGN_OR_RETURN(spec.fence, store->TakeNextFence(spec.job, absl::StrCat("slurm:", number)));
+  spdlog::info("started again by Slurm: attempt {}", spec.fence);
+  return folder.WriteSpec(spec);
+}
+
 WorkerExit Run(const Arguments& arguments) {
   const JobFolder folder(arguments.folder);
-  const absl::StatusOr<JobSpec> spec = folder.ReadSpec();
+  absl::StatusOr<JobSpec> spec =
+      folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
   absl::Status ready = spec.status();
   if (ready.ok()) FollowTrace(*spec, arguments.log_format);
+  if (ready.ok()) ready = TakeFenceAfterRestart(arguments.database, folder, *spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (!ready.ok()) {
@@ -137,6 +163,9 @@ WorkerExit Run(const Arguments& arguments) {
     return WorkerExit::kBadSpec;
   }
   YieldToServer();
+  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
+                          std::chrono::seconds(spec->lease_seconds),
+                          [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   return RunJob(folder, *spec, arguments);
 }
 

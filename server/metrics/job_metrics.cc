@@ -45,6 +45,8 @@ std::vector<prometheus::MetricFamily> JobMetrics::Collect() const {
   std::map<std::string, v1::JobProgress> running;
   {
     const std::lock_guard lock(mutex_);
+    std::erase_if(progress_,
+                  [&](const auto& entry) { return is_running_ && !is_running_(entry.first); });
     running = progress_;
   }
   Samples samples(families);

@@ -14,7 +14,7 @@
 namespace pepeseg {
 
 absl::StatusOr<std::unique_ptr<DirectoryLock>> DirectoryLock::Take(
-    const std::filesystem::path& data) {
+    const std::filesystem::path& data, bool shared) {
   std::error_code error;
   std::filesystem::create_directories(data, error);
   if (error) return FileError(data, "cannot make the folder", error.value());
@@ -22,9 +22,10 @@ absl::StatusOr<std::unique_ptr<DirectoryLock>> DirectoryLock::Take(
   const int descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (descriptor < 0) return FileError(path, "cannot open", errno);
   auto lock = std::unique_ptr<DirectoryLock>(new DirectoryLock(descriptor));
-  if (flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+  if (flock(descriptor, (shared ? LOCK_SH : LOCK_EX) | LOCK_NB) != 0) {
     return absl::FailedPreconditionError(
-        absl::StrCat(data.string(), ": another server uses this data directory"));
+        absl::StrCat(data.string(), ": another server uses this data directory",
+                     shared ? " with a SQLite database of its own" : ""));
   }
   return lock;
 }

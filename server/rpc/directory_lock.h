@@ -7,12 +7,14 @@
 
 namespace pepeseg {
 
-// Holds a data directory for this process, as long as it lives; the system lets it go with the
-// process, however that ends.
+// Holds a data directory for this process, or shares it with others that do, as long as it lives;
+// the system lets it go with the process, however that ends.
 class DirectoryLock {
  public:
-  // Makes the directory. FAILED_PRECONDITION: another process holds it.
-  static absl::StatusOr<std::unique_ptr<DirectoryLock>> Take(const std::filesystem::path& data);
+  // Makes the directory. FAILED_PRECONDITION: another process holds it for itself, or at all when
+  // it is not to be `shared`.
+  static absl::StatusOr<std::unique_ptr<DirectoryLock>> Take(const std::filesystem::path& data,
+                                                             bool shared);
   ~DirectoryLock();
   DirectoryLock(const DirectoryLock&) = delete;
   DirectoryLock& operator=(const DirectoryLock&) = delete;

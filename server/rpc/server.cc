@@ -15,6 +15,7 @@
 #include "core/io/lpips.h"
 #include "core/status_macros.h"
 #include "server/device.h"
+#include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
 #include "server/rpc/call_interceptor.h"
@@ -74,6 +75,11 @@ absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name)
       absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
 }
 
+std::string DatabaseUrl(const ServerOptions& options) {
+  if (!options.database.empty()) return options.database;
+  return "sqlite:" + DatabasePath(options.data).string();
+}
+
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
@@ -85,7 +91,17 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;
+  job_options.launch = options.launch;
+  job_options.launch.database = DatabaseUrl(options);
+  job_options.silence = absl::Seconds(options.launch.lease_seconds);
   return job_options;
+}
+
+// Whoever has a SQLite database has it for itself, and so its jobs.
+absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
+  const std::string url = DatabaseUrl(options);
+  if (!url.starts_with("postgresql:")) return Store::Open(url);
+  return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
 }
 
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
@@ -139,8 +155,9 @@ struct Server::Parts {
 };
 
 absl::Status Server::Parts::OpenState(const ServerOptions& options) {
-  ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data));
-  ASSIGN_OR_RETURN(store, Store::Open("sqlite:" + DatabasePath(options.data).string()));
+  const bool shared = options.database.starts_with("postgresql:");
+  ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, shared));
+  ASSIGN_OR_RETURN(store, OpenStore(options));
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());

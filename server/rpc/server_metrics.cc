@@ -33,6 +33,9 @@ ServerMetrics::ServerMetrics()
 absl::Status ServerMetrics::Expose(const std::string& listen, const Operations& operations) {
   ASSIGN_OR_RETURN(exposition_, Exposition::Start(listen));
   gauges_ = std::make_shared<ServerGauges>(operations);
+  jobs_->SetRunning([supervisor = operations.context().supervisor](const std::string& job) {
+    return supervisor->FindRunning(job).has_value();
+  });
   exposition_->Add(rpc_);
   exposition_->Add(jobs_);
   exposition_->Add(gauges_);

@@ -19,21 +19,21 @@ constexpr absl::Duration kPause = absl::Milliseconds(10);
 
 }  // namespace
 
-PepesegdProcess::PepesegdProcess(const std::filesystem::path& data,
-                                 const std::vector<std::string>& more)
+PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const PepesegdOptions& options)
     : log_(data) {
-  log_ += ".log";
+  log_ += options.name + ".log";
   std::filesystem::path port_file = data;
-  port_file += ".port";
+  port_file += options.name + ".port";
   std::filesystem::remove(port_file);
-  std::vector<std::string> arguments = {absl::StrCat("--data=", data.string()),
-                                        "--listen=127.0.0.1:0",
-                                        "--threads=2",
-                                        "--grace=5",
-                                        absl::StrCat("--worker=", PEPESEG_WORKER),
-                                        absl::StrCat("--port-file=", port_file.string())};
-  arguments.insert(arguments.end(), more.begin(), more.end());
-  auto process = WorkerProcess::Launch({PEPESEG_PEPESEGD, arguments, log_});
+  std::vector<std::string> arguments = {
+      absl::StrCat("--data=", data.string()),
+      "--listen=127.0.0.1:0",
+      "--threads=2",
+      "--grace=5",
+      absl::StrCat("--worker=", options.worker.empty() ? PEPESEG_WORKER : options.worker.string()),
+      absl::StrCat("--port-file=", port_file.string())};
+  arguments.insert(arguments.end(), options.arguments.begin(), options.arguments.end());
+  auto process = WorkerProcess::Launch({PEPESEG_PEPESEGD, arguments, log_, options.environment});
   EXPECT_TRUE(process.ok()) << process.status();
   if (!process.ok()) return;
   process_ = std::move(process).value();
@@ -45,6 +45,7 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data,
   std::ifstream(port_file) >> port;
   channel_ =
       grpc::CreateChannel(absl::StrCat("127.0.0.1:", port), grpc::InsecureChannelCredentials());
+  if (options.may_end && !alive()) return;
   EXPECT_TRUE(
       channel_->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(10)))
       << Log();
@@ -52,7 +53,7 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data,
 
 std::string PepesegdProcess::Log() const { return ReadFileTail(log_, 5000); }
 
-std::optional<WorkerProcess::End> PepesegdProcess::Terminate() {
+std::optional<WorkerEnd> PepesegdProcess::Terminate() {
   process_->Signal(SIGTERM);
   const absl::Time deadline = absl::Now() + kPatience;
   while (absl::Now() < deadline) {

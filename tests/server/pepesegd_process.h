@@ -12,13 +12,22 @@
 
 namespace pepeseg::testing {
 
+struct PepesegdOptions {
+  std::vector<std::string> arguments;    // beside the usual ones
+  std::vector<std::string> environment;  // "NAME=VALUE"
+  std::filesystem::path worker;          // empty: pepeseg-worker
+  std::string name;                      // tells servers on one data directory apart
+  bool may_end = false;                  // before it answers: that is what is tried
+};
+
 // The server program itself, on a free port of this machine. Killed with the object.
 class PepesegdProcess {
  public:
   // Waits until it answers. The data directory may be one that an earlier server left.
-  // `more`: further arguments.
+  PepesegdProcess(const std::filesystem::path& data, const PepesegdOptions& options);
   explicit PepesegdProcess(const std::filesystem::path& data,
-                           const std::vector<std::string>& more = {});
+                           const std::vector<std::string>& more = {})
+      : PepesegdProcess(data, PepesegdOptions{more, {}, {}, {}, false}) {}
 
   std::shared_ptr<grpc::Channel> channel() const { return channel_; }
   bool alive() { return process_ != nullptr && !process_->Poll().has_value(); }
@@ -26,8 +35,9 @@ class PepesegdProcess {
   std::string Log() const;
 
   // SIGTERM, and its exit status; none: it did not end within 30 s.
-  std::optional<WorkerProcess::End> Terminate();
+  std::optional<WorkerEnd> Terminate();
   void Kill();
+  void Signal(int signal) const { process_->Signal(signal); }
 
  private:
   std::filesystem::path log_;

@@ -292,7 +292,6 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
     while (num_open > 0) absl::SleepFor(absl::Microseconds(100));
     calls.AwaitAll();
     report.num_cancelled += kAtATime;
-    if (getenv("RSS") && report.num_cancelled % 2000 == 0) printf("%ld: %ld\n", report.num_cancelled, MeasureProcess().resident_bytes >> 20);
   }
   report.num_streams = AwaitStreams(server, 0);
   const absl::Time deadline = absl::Now() + absl::Seconds(30);

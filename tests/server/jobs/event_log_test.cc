@@ -127,5 +127,65 @@ TEST_F(EventLogTest, AbsurdLengthAllocatesNothing) {
   EXPECT_EQ(reader.Read().status().code(), absl::StatusCode::kDataLoss);
 }
 
+// Attempts: each goes on where the one before it was when it took over.
+class AttemptLogTest : public EventLogTest {
+ protected:
+  std::unique_ptr<EventLogWriter> Open(int64_t fence) {
+    auto writer = EventLogWriter::Open(path_, fence);
+    EXPECT_TRUE(writer.ok()) << writer.status();
+    return std::move(writer).value();
+  }
+};
+
+TEST_F(AttemptLogTest, NumbersGoOnFromAttemptToAttempt) {
+  Append({"queued"});
+  ASSERT_TRUE(Open(1)->Append(Warning("first")).ok());
+  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second never wrote
+  ASSERT_TRUE(Open(3)->Append(Warning("third again")).ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:queued", "2:first", "3:third", "4:third again"));
+  EXPECT_THAT(ReadAll(2), ElementsAre("3:third", "4:third again"));
+}
+
+TEST_F(AttemptLogTest, WhatAnAttemptWritesAfterItLostItsClaimIsReadByNobody) {
+  const auto stale = Open(1);
+  ASSERT_TRUE(stale->Append(Warning("mine")).ok());
+  const auto next = Open(2);
+  ASSERT_TRUE(stale->Append(Warning("stale")).ok());
+  ASSERT_TRUE(next->Append(Warning("next")).ok());
+  ASSERT_TRUE(stale->Append(Warning("stale, too")).ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:mine", "2:next"));
+  EXPECT_EQ(Open(2)->last_sequence(), 2);
+  EXPECT_EQ(Open(3)->last_sequence(), 2);
+}
+
+TEST_F(AttemptLogTest, ReaderGoesOnToTheNextAttempt) {
+  EventLogReader reader(path_);
+  ASSERT_TRUE(Open(1)->Append(Warning("a")).ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  EXPECT_TRUE(reader.Read()->empty());
+  ASSERT_TRUE(Open(2)->Append(Warning("b")).ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
+  EXPECT_EQ(reader.fence(), 2);
+}
+
+TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
+  Append({"a", "b"});
+  Flip(static_cast<int64_t>(std::filesystem::file_size(path_)) - 1);
+  EventLogReader alone(path_);
+  EXPECT_THAT(Told(*alone.Read()), ElementsAre("1:a"));
+  EXPECT_EQ(alone.Read().status().code(), absl::StatusCode::kDataLoss);
+  ASSERT_TRUE(Open(1)->Append(Warning("c")).ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
+}
+
+// A machine that died while a file was begun.
+TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
+  Append({"a"});
+  std::ofstream(folder_.path() / "events-1.log") << "torn";
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
+  ASSERT_TRUE(Open(1)->Append(Warning("b")).ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
+}
+
 }  // namespace
 }  // namespace pepeseg

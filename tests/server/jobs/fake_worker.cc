@@ -3,6 +3,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -12,6 +13,7 @@
 
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
+#include "server/jobs/pulse.h"
 
 namespace pepeseg {
 namespace {
@@ -45,6 +47,14 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
     std::signal(SIGTERM, SIG_IGN);
     while (true) usleep(1000);
   }
+  if (act == "crash once" && fence == 1) std::abort();
+  if (act == "save and crash twice" && fence <= 2) {
+    std::filesystem::create_directories(folder.checkpoints(fence));
+    std::ofstream(folder.checkpoints(fence) / "reconstruct-000000100.ckpt") << "state";
+    std::abort();
+  }
+  if (act == "stop once" && fence == 1) raise(SIGSTOP);
+  if (act == "work a while") sleep(1);
   if (act == "hang once" && fence == 1) return HangUntilTerminated(folder, fence);
   JobResult result;
   result.metrics["psnr"] = 20.5;
@@ -59,9 +69,12 @@ int Run(const std::string& path) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   std::signal(SIGTERM, OnTerminate);
   const JobFolder folder(path);
-  const auto spec = folder.ReadSpec();
-  auto log = EventLogWriter::Open(folder.events());
+  const auto spec = folder.ReadSpec(folder.NewestFence());
+  auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0);
   if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
+  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
+                          std::chrono::seconds(spec->lease_seconds),
+                          [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
   event.mutable_stage_started()->set_stage("reconstruct");

@@ -35,7 +35,7 @@ TEST_F(JobFolderTest, SpecComesBackAsWritten) {
   spec.checkpoint_seconds = 7;
   spec.checkpoint_steps = 8;
   ASSERT_TRUE(job_.WriteSpec(spec).ok());
-  const auto read = job_.ReadSpec();
+  const auto read = job_.ReadSpec(job_.NewestFence());
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->job, spec.job);
   EXPECT_EQ(read->fence, spec.fence);
@@ -75,10 +75,10 @@ TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
       R"({"job":"j1","fence":1,"num_threads":1,"memory_limit":0,"files":[],"options":{"no":1}})";
   for (const std::string& text : {std::string(), std::string("[]"), std::string("{"),
                                   std::string(R"({"job": 3})"), unknown_option}) {
-    std::ofstream(folder_.path() / "spec.json") << text;
-    const auto status = job_.ReadSpec().status();
+    std::ofstream(folder_.path() / "spec-1.json") << text;
+    const auto status = job_.ReadSpec(job_.NewestFence()).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << text;
-    EXPECT_THAT(std::string(status.message()), HasSubstr("spec.json")) << text;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("spec-1.json")) << text;
   }
 }
 

@@ -26,7 +26,7 @@ class WorkerProcessTest : public ::testing::Test {
     return std::move(process).value();
   }
 
-  WorkerProcess::End WaitFor(WorkerProcess& process) {
+  WorkerEnd WaitFor(WorkerProcess& process) {
     for (int i = 0; i < 1000; ++i) {
       if (const auto end = process.Poll()) return *end;
       absl::SleepFor(absl::Milliseconds(10));
@@ -35,7 +35,7 @@ class WorkerProcessTest : public ::testing::Test {
     return {};
   }
 
-  WorkerProcess::End Run(const std::string& script) { return WaitFor(*Shell(script)); }
+  WorkerEnd Run(const std::string& script) { return WaitFor(*Shell(script)); }
 
   std::string Log() { return ReadFileTail(log_, 100000); }
 
@@ -45,9 +45,9 @@ class WorkerProcessTest : public ::testing::Test {
 
 TEST_F(WorkerProcessTest, TellsHowItEnded) {
   EXPECT_EQ(Run("exit 7").exit_code, 7);
-  EXPECT_EQ(Describe(Run("exit 7")), "exited with code 7");
+  EXPECT_EQ(Run("exit 7").description, "exited with code 7");
   EXPECT_EQ(Run("kill -9 $$").signal, SIGKILL);
-  EXPECT_EQ(Describe(Run("kill -9 $$")), "was killed by signal 9 (Killed)");
+  EXPECT_EQ(Run("kill -9 $$").description, "was killed by signal 9 (Killed)");
 }
 
 TEST_F(WorkerProcessTest, AppendsBothOutputsToTheLog) {

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -16,7 +17,7 @@ using ::testing::HasSubstr;
 
 class StoreTest : public ::testing::Test {
  protected:
-  StoreTest() : url_("sqlite:" + (folder_.path() / "store.db").string()) { Reopen(); }
+  StoreTest() : url_(testing::NewTestDatabase(folder_.path())) { Reopen(); }
 
   void Reopen() {
     store_.reset();
@@ -210,7 +211,7 @@ TEST_F(StoreTest, ClaimsOldestFirstWithARisingFence) {
   EXPECT_EQ((*claimed)->device, "cpu");
   EXPECT_EQ((*store_->ClaimJob("cpu"))->id, "j2");
   EXPECT_FALSE(store_->ClaimJob("cpu")->has_value());
-  ASSERT_TRUE(store_->RequeueJob("j1", 1).ok());
+  ASSERT_TRUE(store_->RequeueJob("j1", 1, false).ok());
   EXPECT_EQ((*store_->ClaimJob("cuda"))->fence, 2);
   EXPECT_EQ(store_->GetJob("j1")->device, "cuda");
   // The first attempt lost its claim: it changes nothing any more.
@@ -282,7 +283,7 @@ TEST_F(StoreTest, CancelOfARunningJobSurvivesItsRequeue) {
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->RequestCancel("j1")->state, JobState::kRunning);
   EXPECT_TRUE(store_->GetJob("j1")->cancel_requested);
-  EXPECT_EQ(store_->RequeueJob("j1", 1)->state, JobState::kCancelled);
+  EXPECT_EQ(store_->RequeueJob("j1", 1, false)->state, JobState::kCancelled);
 }
 
 TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {

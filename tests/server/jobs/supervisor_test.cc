@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/job_folder.h"
+#include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -21,7 +22,7 @@ using ::testing::HasSubstr;
 class SupervisorTest : public ::testing::Test {
  protected:
   SupervisorTest() {
-    store_ = Store::Open("sqlite:" + (folder_.path() / "store.db").string()).value();
+    store_ = Store::Open(testing::NewTestDatabase(folder_.path())).value();
     Restart();
   }
 
@@ -32,7 +33,9 @@ class SupervisorTest : public ::testing::Test {
     options.worker = PEPESEG_FAKE_WORKER;
     options.file_path = [](const DatasetFileRow& file) { return "/blobs/" + file.sha256; };
     options.cancel_grace = absl::Milliseconds(300);
-    options.max_attempts = 2;
+    options.silence = absl::Seconds(3);
+    options.max_fruitless = 2;
+    options.max_fruitless_by_server = 2;
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_TRUE(supervisor.ok()) << supervisor.status();
     supervisor_ = std::move(supervisor).value();
@@ -176,13 +179,16 @@ pid_t FindWorker(const std::string& folder) {
   return 0;
 }
 
-TEST_F(SupervisorTest, KilledWorkerFailsItsJobAndTheNextOneRuns) {
+// Twice with nothing saved: that is too often here.
+TEST_F(SupervisorTest, WorkerThatIsKilledAgainAndAgainFailsItsJobAndTheNextOneRuns) {
   const std::string job = Submit("hang");
   const std::string next = Submit("succeed");
-  WaitForStage(job);
-  const pid_t worker = FindWorker((folder_.path() / "jobs" / job).string());
-  ASSERT_GT(worker, 0);
-  ASSERT_EQ(kill(worker, SIGKILL), 0);
+  for (int64_t fence = 1; fence <= 2; ++fence) {
+    WaitFor(job, [&](const JobRow& row) { return row.fence == fence && !row.stage.empty(); });
+    const pid_t worker = FindWorker((folder_.path() / "jobs" / job).string());
+    ASSERT_GT(worker, 0);
+    ASSERT_EQ(kill(worker, SIGKILL), 0);
+  }
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("signal 9"));
@@ -255,12 +261,39 @@ TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-  ASSERT_TRUE(store_->RequeueJob(job, 1).ok());
+  ASSERT_TRUE(store_->RequeueJob(job, 1, false).ok());
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   Restart();  // the second of two attempts is over
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
-  EXPECT_THAT(end.error_message, HasSubstr("server stopped"));
+  EXPECT_THAT(end.error_message, HasSubstr("server ended during each of 2"));
+}
+
+TEST_F(SupervisorTest, WorkerThatCrashesRunsAgain) {
+  const std::string job = Submit("crash once");
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 2);
+  bool warned = false;
+  for (const v1::JobEvent& event : EventsOf(job)) {
+    warned |= event.warning().message().find("was killed by signal 6") != std::string::npos;
+  }
+  EXPECT_TRUE(warned);
+}
+
+// Two crashes with something saved each, where two without are too many.
+TEST_F(SupervisorTest, CrashThatLeftSomethingToGoOnFromIsNotCounted) {
+  const JobRow end = WaitForEnd(Submit("save and crash twice"));
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 3);
+}
+
+TEST_F(SupervisorTest, WorkerThatIsStoppedIsKilledAndRunsAgain) {
+  const std::string job = Submit("stop once");
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded);
+  EXPECT_EQ(end.fence, 2);
+  EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no sign"));
 }
 
 TEST(Supervisor, NeedsItsWorker) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/jobs/store.h"
+#include "tests/server/jobs/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -35,10 +36,11 @@ class TrainedStoreTest : public ::testing::Test {
   }
   void Reopen() {
     store_.reset();
-    ASSERT_OK_AND_ASSIGN(store_, Store::Open("sqlite:" + (folder_ / "store.db").string()));
+    ASSERT_OK_AND_ASSIGN(store_, Store::Open(url_));
   }
 
   const TempFolder folder_;
+  const std::string url_ = NewTestDatabase(folder_.path());
   std::unique_ptr<Store> store_;
 };
 

@@ -57,7 +57,7 @@ class WorkerTest : public ::testing::Test {
     return std::move(worker).value();
   }
 
-  WorkerProcess::End WaitFor(WorkerProcess& worker) {
+  WorkerEnd WaitFor(WorkerProcess& worker) {
     for (int i = 0; i < 12000; ++i) {
       if (const auto end = worker.Poll()) return *end;
       absl::SleepFor(absl::Milliseconds(10));
@@ -66,9 +66,9 @@ class WorkerTest : public ::testing::Test {
     return {};
   }
 
-  WorkerProcess::End Run() { return WaitFor(*Launch(getpid())); }
+  WorkerEnd Run() { return WaitFor(*Launch(getpid())); }
 
-  void ExpectExit(const WorkerProcess::End& end, WorkerExit exit) {
+  void ExpectExit(const WorkerEnd& end, WorkerExit exit) {
     EXPECT_EQ(end.signal, 0) << ReadFileTail(job_.worker_log(), 2000);
     EXPECT_EQ(end.exit_code, static_cast<int>(exit)) << ReadFileTail(job_.worker_log(), 2000);
   }

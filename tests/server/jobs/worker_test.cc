@@ -130,9 +130,9 @@ TEST_F(WorkerTest, RefusesABrokenSpec) {
     return WaitFor(**worker);
   };
   ExpectExit(launch(), WorkerExit::kBadSpec);  // none
-  std::ofstream(job_.path() / "spec.json") << R"({"job": 3})";
+  std::ofstream(job_.path() / "spec-1.json") << R"({"job": 3})";
   ExpectExit(launch(), WorkerExit::kBadSpec);
-  EXPECT_THAT(ReadFileTail(job_.worker_log(), 2000), HasSubstr("spec.json"));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 2000), HasSubstr("spec-1.json"));
 }
 
 TEST_F(WorkerTest, DoesNotOutliveItsServer) {

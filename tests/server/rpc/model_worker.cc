@@ -64,7 +64,7 @@ Model MakeModel(float shift) {
 
 int Run(const std::string& path) {
   const JobFolder folder(path);
-  const auto spec = folder.ReadSpec();
+  const auto spec = folder.ReadSpec(folder.NewestFence());
   if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
   while (name == "hang") pause();  // until a signal ends it

@@ -186,7 +186,7 @@ TEST_F(ObserveTest, AJobKeepsTheTraceOfTheCallThatMadeIt) {
   context.AddMetadata("traceparent", absl::StrCat("00-", kTrace, "-00f067aa0ba902b7-01"));
   ASSERT_TRUE(running.jobs->TrainScene(&context, request, &job).ok());
   running.Await(job.name());
-  const auto spec = JobFolder(running.options.data / job.name()).ReadSpec();
+  const auto spec = JobFolder(running.options.data / job.name()).ReadSpec(1);
   ASSERT_TRUE(spec.ok()) << spec.status();
   const auto trace = ParseTraceparent(spec->traceparent);
   ASSERT_TRUE(trace.has_value()) << spec->traceparent;

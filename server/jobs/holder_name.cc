@@ -1,0 +1,57 @@
+#include "server/jobs/holder_name.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+
+namespace pepeseg {
+namespace {
+
+// The same for all processes that see each other's numbers; empty: not known.
+std::string ProcessSpace() {
+  std::string boot;
+  std::ifstream("/proc/sys/kernel/random/boot_id") >> boot;
+  std::error_code error;
+  const auto names = std::filesystem::read_symlink("/proc/self/ns/pid", error);  // "pid:[4026..]"
+  if (boot.empty() || error) return "";
+  return absl::StrCat(boot, "/", names.string());
+}
+
+// In clock ticks since boot; empty: there is no such process.
+std::string StartTime(int64_t pid) {
+  std::ifstream file(absl::StrCat("/proc/", pid, "/stat"));
+  std::string text;
+  std::getline(file, text);
+  const size_t name_end = text.rfind(')');  // a name may hold anything before it
+  if (name_end == std::string::npos) return "";
+  constexpr size_t kStartTime = 20;  // of the fields behind the name, counted from one
+  const std::vector<std::string> fields =
+      absl::StrSplit(text.substr(name_end + 1), ' ', absl::SkipEmpty());
+  return fields.size() < kStartTime ? "" : fields[kStartTime - 1];
+}
+
+}  // namespace
+
+std::string HolderName() {
+  const int64_t pid = getpid();
+  return absl::StrCat(ProcessSpace(), "/", pid, "/", StartTime(pid));
+}
+
+bool IsKnownGone(const std::string& holder) {
+  const std::string space = ProcessSpace();
+  if (space.empty() || !holder.starts_with(space + "/")) return false;
+  const std::vector<std::string> parts = absl::StrSplit(holder.substr(space.size() + 1), '/');
+  int64_t pid = 0;
+  if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &pid)) return false;
+  return StartTime(pid) != parts[1];
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,66 @@
+#include "server/jobs/pulse.h"
+
+#include <fcntl.h>
+#include <pthread.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+
+namespace pepeseg {
+
+bool Touch(const std::filesystem::path& path) {
+  if (utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0) return true;
+  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+  if (descriptor < 0) return false;
+  const bool touched = futimens(descriptor, nullptr) == 0;
+  close(descriptor);
+  return touched;
+}
+
+std::chrono::steady_clock::duration PulseWatch::Silence() {
+  const auto now = std::chrono::steady_clock::now();
+  struct stat status {};
+  if (stat(path_.c_str(), &status) == 0) {
+    const timespec& time = status.st_mtim;
+    if (!seen_ || time.tv_sec != newest_.tv_sec || time.tv_nsec != newest_.tv_nsec) change_ = now;
+    seen_ = true;
+    newest_ = time;
+  }
+  return seen_ ? now - change_ : std::chrono::steady_clock::duration::zero();
+}
+
+WorkerPulse::WorkerPulse(const std::filesystem::path& pulse, const std::filesystem::path& lease,
+                         std::chrono::seconds length, std::function<void()> lost)
+    : pulse_(pulse), length_(length), lost_(std::move(lost)), lease_(lease) {
+  // Signals are for the thread that does the work.
+  sigset_t all;
+  sigset_t before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, &before);
+  thread_ = std::thread([this] { Run(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+WorkerPulse::~WorkerPulse() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  stop_.notify_all();
+  thread_.join();
+}
+
+void WorkerPulse::Run() {
+  using std::chrono::milliseconds;
+  milliseconds period(1000);
+  if (length_.count() > 0) period = std::min(period, milliseconds(length_) / 20);
+  std::unique_lock lock(mutex_);
+  do {
+    Touch(pulse_);
+    if (length_.count() > 0 && lease_.Silence() > milliseconds(length_) * 7 / 10) lost_();
+  } while (!stop_.wait_for(lock, period, [this] { return stopping_; }));
+}
+
+}  // namespace pepeseg

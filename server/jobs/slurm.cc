@@ -1,0 +1,267 @@
+#include "server/jobs/slurm.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "core/child_process.h"
+#include "core/io/atomic_file.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr char kLaunchPrefix[] = "slurm:";
+constexpr absl::Duration kAnswerLimit = absl::Seconds(10);
+constexpr std::chrono::seconds kPollInterval{2};
+// A job that Slurm does not list any more, so many times in a row, is over.
+constexpr int kMaxMissed = 3;
+
+// Lines that one of Slurm's programs wrote.
+absl::StatusOr<std::vector<std::string>> Ask(const std::string& name,
+                                             std::vector<std::string> arguments) {
+  ASSIGN_OR_RETURN(const std::filesystem::path program, FindProgram(name));
+  ChildCommand command;
+  command.program = program;
+  command.arguments = std::move(arguments);
+  command.log = "/dev/null";
+  command.time_limit = kAnswerLimit;
+  std::vector<std::string> answer;
+  ASSIGN_OR_RETURN(const ChildEnd end, RunChild(command, [&](std::span<const std::string> lines) {
+                     answer.insert(answer.end(), lines.begin(), lines.end());
+                     return absl::OkStatus();
+                   }));
+  if (end.exit_code == 0 && end.signal == 0) return answer;
+  return absl::UnavailableError(
+      absl::StrCat(name, " ", Describe(end), ": ", absl::StrJoin(answer, "; ")));
+}
+
+// What squeue says of a job.
+struct QueueEntry {
+  std::string state;  // "PENDING", "RUNNING" ...
+  int missed = 0;     // times in a row that it was not listed
+};
+
+// What became of a job in a state that Slurm does not leave any more; none: it goes on.
+std::optional<WorkerEnd> EndOf(const std::string& state) {
+  using Kind = WorkerEnd::Kind;
+  if (state == "COMPLETED") return WorkerEnd{Kind::kExited, 0, 0, "ended"};
+  if (state == "FAILED" || state == "CANCELLED") {
+    // By itself or not: its result, written last, knows.
+    return WorkerEnd{Kind::kUnknown, 1, 0, absl::StrCat("is ", state, ", says Slurm")};
+  }
+  for (const char* killed :
+       {"TIMEOUT", "OUT_OF_MEMORY", "NODE_FAIL", "BOOT_FAIL", "DEADLINE", "PREEMPTED"}) {
+    if (state == killed) {
+      return WorkerEnd{Kind::kKilled, 0, 0, absl::StrCat("was ended by Slurm: ", state)};
+    }
+  }
+  return std::nullopt;
+}
+
+// The states of this user's jobs, asked for again and again. Thread safe.
+class SlurmQueue {
+ public:
+  SlurmQueue() : thread_([this] { Run(); }) {}
+  ~SlurmQueue() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    stop_.notify_all();
+    thread_.join();
+  }
+  SlurmQueue(const SlurmQueue&) = delete;
+  SlurmQueue& operator=(const SlurmQueue&) = delete;
+
+  void Follow(int64_t number) {
+    const std::lock_guard lock(mutex_);
+    entries_[number];
+  }
+  void Forget(int64_t number) {
+    const std::lock_guard lock(mutex_);
+    entries_.erase(number);
+  }
+  std::optional<WorkerEnd> FindEnd(int64_t number) {
+    const std::lock_guard lock(mutex_);
+    const auto found = entries_.find(number);
+    if (found == entries_.end()) return std::nullopt;
+    if (found->second.missed >= kMaxMissed) {
+      return WorkerEnd{WorkerEnd::Kind::kUnknown, 1, 0, "is not known to Slurm any more"};
+    }
+    return EndOf(found->second.state);
+  }
+
+ private:
+  void Run() {
+    std::unique_lock lock(mutex_);
+    while (!stop_.wait_for(lock, kPollInterval, [this] { return stopping_; })) {
+      if (entries_.empty()) continue;
+      lock.unlock();
+      const auto lines = Ask("squeue", {"--noheader", "--states=all", "--format=%i %T"});
+      if (!lines.ok()) spdlog::error("{}", lines.status().ToString());
+      lock.lock();
+      if (lines.ok()) Take(*lines);
+    }
+  }
+
+  void Take(const std::vector<std::string>& lines) {
+    std::set<int64_t> listed;
+    for (const std::string& line : lines) {
+      const std::pair<std::string, std::string> words =
+          absl::StrSplit(line, absl::MaxSplits(' ', 1));
+      int64_t number = 0;
+      if (!absl::SimpleAtoi(words.first, &number)) continue;
+      const auto found = entries_.find(number);
+      if (found == entries_.end()) continue;
+      found->second = {words.second, 0};
+      listed.insert(number);
+    }
+    for (auto& [number, entry] : entries_) {
+      if (!listed.contains(number)) ++entry.missed;
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable stop_;
+  bool stopping_ = false;
+  std::map<int64_t, QueueEntry> entries_;
+  std::thread thread_;
+};
+
+class SlurmWorker final : public LaunchedWorker {
+ public:
+  SlurmWorker(std::shared_ptr<SlurmQueue> queue, int64_t number)
+      : queue_(std::move(queue)), number_(number) {
+    queue_->Follow(number_);
+  }
+  ~SlurmWorker() override { queue_->Forget(number_); }
+
+  std::string launch() const override { return absl::StrCat(kLaunchPrefix, number_); }
+  std::optional<WorkerEnd> Poll() override { return queue_->FindEnd(number_); }
+  void Stop() override {
+    if (stopped_) return;
+    stopped_ = true;
+    // One that still waits has nothing to save, and no process to be told.
+    Cancel({"--state=PENDING"});
+    Cancel({"--signal=TERM", "--batch"});
+  }
+  void Kill() override {
+    if (killed_) return;
+    killed_ = true;
+    Cancel({});
+  }
+
+ private:
+  void Cancel(std::vector<std::string> arguments) const {
+    arguments.push_back(absl::StrCat(number_));
+    const auto told = Ask("scancel", std::move(arguments));
+    if (!told.ok()) spdlog::error("slurm:{}: {}", number_, told.status().ToString());
+  }
+
+  std::shared_ptr<SlurmQueue> queue_;
+  const int64_t number_;
+  bool stopped_ = false;
+  bool killed_ = false;
+};
+
+// One word of a shell.
+std::string Quote(const std::string& word) {
+  return absl::StrCat("'", absl::StrJoin(absl::StrSplit(word, '\''), "'\\''"), "'");
+}
+
+class SlurmLauncher final : public Launcher {
+ public:
+  explicit SlurmLauncher(LaunchOptions options)
+      : options_(std::move(options)), queue_(std::make_shared<SlurmQueue>()) {}
+
+  absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
+    // Beside the log, which is in the job's folder: nodes see it, too.
+    const std::filesystem::path script = command.log.parent_path() / "slurm.sh";
+    RETURN_IF_ERROR(WriteFileAtomically(script, Script(command)));
+    std::vector<std::string> arguments = Flags(command);
+    arguments.push_back(script.string());
+    ASSIGN_OR_RETURN(const std::vector<std::string> answer, Ask("sbatch", std::move(arguments)));
+    int64_t number = 0;  // "17" or "17;cluster"
+    if (answer.empty() ||
+        !absl::SimpleAtoi(std::vector<std::string>(absl::StrSplit(answer.back(), ';'))[0],
+                          &number)) {
+      return absl::InternalError(
+          absl::StrCat("sbatch answered '", absl::StrJoin(answer, "; "), "', no number"));
+    }
+    spdlog::info("jobs/{}: is Slurm's job {}", command.job, number);
+    return std::make_unique<SlurmWorker>(queue_, number);
+  }
+
+  absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) override {
+    int64_t number = 0;
+    if (!launch.starts_with(kLaunchPrefix) ||
+        !absl::SimpleAtoi(launch.substr(sizeof(kLaunchPrefix) - 1), &number)) {
+      return absl::NotFoundError(absl::StrCat("'", launch, "' is run by another launcher"));
+    }
+    return std::make_unique<SlurmWorker>(queue_, number);
+  }
+
+ private:
+  std::string Script(const WorkerCommand& command) const {
+    std::string script = "#!/bin/sh\n";
+    for (const std::string& variable : command.environment) {
+      const std::pair<std::string, std::string> parts =
+          absl::StrSplit(variable, absl::MaxSplits('=', 1));
+      absl::StrAppend(&script, "export ", parts.first, "=", Quote(parts.second), "\n");
+    }
+    absl::StrAppend(&script, "exec ", Quote(command.program.string()));
+    for (const std::string& argument : command.arguments) {
+      absl::StrAppend(&script, " ", Quote(argument));
+    }
+    if (!options_.database.empty()) {
+      absl::StrAppend(&script, " ", Quote("--slurm-database=" + options_.database));
+    }
+    return script + "\n";
+  }
+
+  std::vector<std::string> Flags(const WorkerCommand& command) const {
+    std::vector<std::string> flags = {"--parsable", "--requeue", "--open-mode=append",
+                                      // Before a time limit or another job ends it.
+                                      "--signal=B:TERM@60", "--input=none",
+                                      absl::StrCat("--job-name=pepeseg-", command.job),
+                                      absl::StrCat("--output=", command.log.string()),
+                                      absl::StrCat("--chdir=", command.log.parent_path().string())};
+    const WorkerNeeds& needs = command.needs;
+    if (needs.num_threads > 0) flags.push_back(absl::StrCat("--cpus-per-task=", needs.num_threads));
+    if (needs.memory_bytes > 0) {
+      flags.push_back(absl::StrCat("--mem=", (needs.memory_bytes >> 20) + 1, "M"));
+    }
+    if (needs.seconds > 0) flags.push_back(absl::StrCat("--time=", (needs.seconds + 59) / 60));
+    if (!options_.slurm_partition.empty()) {
+      flags.push_back(absl::StrCat("--partition=", options_.slurm_partition));
+    }
+    if (!options_.slurm_gres.empty()) flags.push_back(absl::StrCat("--gres=", options_.slurm_gres));
+    return flags;
+  }
+
+  const LaunchOptions options_;
+  const std::shared_ptr<SlurmQueue> queue_;
+};
+
+}  // namespace
+
+std::unique_ptr<Launcher> MakeSlurmLauncher(const LaunchOptions& options) {
+  return std::make_unique<SlurmLauncher>(options);
+}
+
+}  // namespace pepeseg
