@@ -153,22 +153,33 @@ std::string SlurmCluster::NodeOf(const std::string& job_name) const {
 }
 
 void SlurmCluster::KillNode(const std::string& node) {
-  // What a node runs: its step daemons, with the node's spool or name on their command line, and
-  // their children, the jobs.
-  const std::string spool = (folder_ / "spool" / node).string();
   for (const auto& [name, pid] : nodes_) {
     if (name == node) kill(-pid, SIGKILL);
   }
+  // What runs on it: jobs, which have its name in their environment, and the daemons of their
+  // steps, their parents. Those first, or they would tell how the jobs ended.
+  std::vector<pid_t> daemons, jobs;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator("/proc", error)) {
     const std::string pid = entry.path().filename();
     if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
     std::ifstream file(entry.path() / "environ", std::ios::binary);
     const std::string variables((std::istreambuf_iterator<char>(file)), {});
-    const bool of_node =
-        variables.find("SLURMD_NODENAME=" + node + std::string(1, '\0')) != std::string::npos;
-    if (of_node) kill(std::stoi(pid), SIGKILL);
+    if (variables.find("SLURMD_NODENAME=" + node + std::string(1, '\0')) == std::string::npos) {
+      continue;
+    }
+    jobs.push_back(std::stoi(pid));
+    pid_t parent = 0;
+    std::ifstream status(entry.path() / "status");
+    for (std::string word; status >> word;) {
+      if (word == "PPid:") status >> parent;
+    }
+    std::string name;
+    std::getline(std::ifstream(absl::StrCat("/proc/", parent, "/comm")) >> std::ws, name);
+    if (name.starts_with("slurmstepd")) daemons.push_back(parent);
   }
+  for (const pid_t pid : daemons) kill(pid, SIGKILL);
+  for (const pid_t pid : jobs) kill(pid, SIGKILL);
 }
 
 }  // namespace pepeseg::testing
