@@ -10,6 +10,7 @@
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/rpc/status_answer.h"
 #include "server/rpc/unary.h"
 
 namespace pepeseg {
@@ -142,6 +143,22 @@ grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext
                                                      v1::ApiKey* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerRevokeKey(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
+                                                     const v1::GetStatusRequest* request,
+                                                     v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
+    return AnswerStatus(operations_, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
+                                                 const v1::DrainRequest* request,
+                                                 v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerDrain(operations_, *request, response);
   });
 }
 
