@@ -6,10 +6,10 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 #include <system_error>
 
 #include "absl/cleanup/cleanup.h"
@@ -123,10 +123,12 @@ absl::Status LimitWrites(const SandboxNeeds& needs) {
   }
   if (needs.has_device) {
     std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator("/dev", error)) {
-      const std::string name = entry.path().filename().string();
-      if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry.path()));
+    for (std::filesystem::directory_iterator entry("/dev", error), end; !error && entry != end;
+         entry.increment(error)) {
+      const std::string name = entry->path().filename().string();
+      if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry->path()));
     }
+    std::filesystem::create_directories(CudaCache(), error);  // without it CUDA compiles each time
     RETURN_IF_ERROR(rules.Allow(CudaCache()));
   }
   return rules.Enter();

@@ -121,6 +121,18 @@ bool IsServersOwn(grpc::StatusCode code) {
   return code == grpc::UNKNOWN || code == grpc::INTERNAL || code == grpc::DATA_LOSS;
 }
 
+void AskServer(absl::string_view bytes) {
+  const Call call = ReadCall(bytes);
+  if (call.request == nullptr) return;
+  OnlyValidate(*call.request);
+  static ServerToAsk server;
+  const grpc::Status status = server.Ask(call);
+  if (!IsServersOwn(status.error_code())) return;
+  const std::string what = absl::StrCat("no error of the server's own from ", call.method->name(),
+                                        ": ", status.error_message());
+  Expect(false, what.c_str());
+}
+
 }  // namespace
 }  // namespace pepeseg::fuzz
 
@@ -140,16 +152,4 @@ extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max
 }
 #endif
 
-PEPESEG_FUZZ_TARGET(rpc_calls) {
-  using namespace pepeseg::fuzz;
-  const Call call = ReadCall(bytes);
-  if (call.request == nullptr) return;
-  OnlyValidate(*call.request);
-  // Before the first call: its descriptors are the server's.
-  static ServerToAsk server;
-  const grpc::Status status = server.Ask(call);
-  if (!IsServersOwn(status.error_code())) return;
-  const std::string what = absl::StrCat("no error of the server's own from ", call.method->name(),
-                                        ": ", status.error_message());
-  Expect(false, what.c_str());
-}
+PEPESEG_FUZZ_TARGET(rpc_calls) { pepeseg::fuzz::AskServer(bytes); }
