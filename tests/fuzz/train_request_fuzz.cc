@@ -1,5 +1,6 @@
 #include "core/features/estimate_features.h"
 #include "core/reconstruct/estimate.h"
+#include "pepeseg/v1/job_service.pb.h"
 #include "server/convert.h"
 #include "server/rpc/resource_name.h"
 #include "tests/fuzz/fuzz_message.h"
