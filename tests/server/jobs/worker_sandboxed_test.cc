@@ -22,20 +22,20 @@ class WorkerSandboxedTest : public WorkerTest {
     });
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     const std::filesystem::path path = folder_ / "tries";
-    std::ofstream(path) << "#!/usr/bin/python3\n"
-                           "import pathlib, socket, sys\n"
-                           "out = pathlib.Path(sys.argv[4])\n"
-                           "said = []\n"
-                           "for attempt in (lambda: socket.socket(socket.AF_INET),\n"
-                           "                lambda: open('"
-                        << (folder_ / "beside").string()
-                        << "', 'w')):\n"
-                           "  try:\n"
-                           "    attempt()\n"
-                           "    said.append('done')\n"
-                           "  except PermissionError:\n"
-                           "    said.append('refused')\n"
-                           "(out.parent / 'tried').write_text(' '.join(said))\n";
+    std::ofstream(path)
+        << "#!/usr/bin/python3\n"
+           "import os, pathlib, socket\n"
+           "said = []\n"
+           "for attempt in (lambda: socket.socket(socket.AF_INET),\n"
+           "                lambda: open('"
+        << (folder_ / "beside").string()
+        << "', 'w')):\n"
+           "  try:\n"
+           "    attempt()\n"
+           "    said.append('done')\n"
+           "  except PermissionError:\n"
+           "    said.append('refused')\n"
+           "(pathlib.Path(os.environ['TMPDIR']) / 'tried').write_text(' '.join(said))\n";
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
     flags_ = {"--priors-command=" + path.string()};
     // /tmp, where the job stands in this test, is not written to then.
@@ -44,7 +44,7 @@ class WorkerSandboxedTest : public WorkerTest {
   }
   ~WorkerSandboxedTest() override { unsetenv("TMPDIR"); }
 
-  std::string Tried() { return ReadFile(job_.priors() / "tried", "tried", 100).value_or(""); }
+  std::string Tried() { return ReadFile(job_.path() / "tmp" / "tried", "tried", 100).value_or(""); }
 };
 
 TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
