@@ -4,12 +4,13 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress lint asan
+.PHONY: help packages build demo test bench stress lint asan fuzz
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
 CMAKE_ARGS ?=
 STRESS_SECONDS ?= 600
+FUZZ_SECONDS ?= 10
 SOAK_SECONDS ?= 3600
 GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
 CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
@@ -22,6 +23,7 @@ help:
 	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make lint      clang-format, clang-tidy     make asan     the tests under ASan and UBSan'
+	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -71,3 +73,11 @@ asan:
 	ASAN_OPTIONS=detect_container_overflow=0 UBSAN_OPTIONS=print_stacktrace=1 \
 	  $(MAKE) --no-print-directory test BUILD=$(BUILD)-asan \
 	  CMAKE_ARGS='-DPEPESEG_SANITIZE=address,undefined -DPEPESEG_CUDA_ARCHITECTURES=OFF'
+
+# Targets and their corpora: tests/fuzz.
+fuzz:
+	@deploy/packages.sh deploy/packages.txt deploy/packages-fuzz.txt
+	$(MAKE) --no-print-directory $(BUILD)-fuzz/CMakeCache.txt BUILD=$(BUILD)-fuzz \
+	  CMAKE_ARGS='-DPEPESEG_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++ -DPEPESEG_CUDA_ARCHITECTURES=OFF'
+	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
+	tests/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)

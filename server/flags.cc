@@ -86,6 +86,13 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
                  "The COLMAP program, which estimates the poses of photographs that come without")
       ->type_name("PROGRAM")
       ->capture_default_str();
+  const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
+  app.add_option(
+         "--sandbox", server.launch.sandbox,
+         "on: workers, which read what clients upload, have no network and write only below "
+         "their job's folder; off: for a machine where that hinders them")
+      ->transform(CLI::CheckedTransformer(on_off))
+      ->type_name("on|off");
   const std::map<std::string, LaunchOptions::Launcher> launchers = {
       {"process", LaunchOptions::Launcher::kProcess}, {"slurm", LaunchOptions::Launcher::kSlurm}};
   app.add_option("--launcher", server.launch.launcher,

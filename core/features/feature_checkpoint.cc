@@ -61,10 +61,11 @@ absl::Status Validate(const FeatureCheckpoint& checkpoint) {
                                             count, " Gaussians: out of range"));
   }
   const FeatureRowsState& rows = checkpoint.rows;
+  // First: then the count is one of numbers that are there, and no product of it overflows.
+  RETURN_IF_ERROR(CheckSize("last_step", rows.last_step.size(), count));
   RETURN_IF_ERROR(CheckNumbers("features", rows.features, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment1", rows.moment1, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment2", rows.moment2, count * kFeatureSize));
-  RETURN_IF_ERROR(CheckSize("last_step", rows.last_step.size(), count));
   RETURN_IF_ERROR(CheckNumbers("gate", rows.gate, kGateSize));
   RETURN_IF_ERROR(CheckNumbers("gate_moment1", rows.gate_moment1, kGateSize));
   RETURN_IF_ERROR(CheckNumbers("gate_moment2", rows.gate_moment2, kGateSize));

@@ -96,8 +96,10 @@ class Reader {
     cv::Mat frame;
     RETURN_IF_ERROR(Try([&] {
       const bool decoded = video_.retrieve(frame) && !frame.empty() && frame.type() == CV_8UC3;
-      return decoded ? absl::OkStatus()
-                     : Refused(task_, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
+      if (!decoded) {
+        return Refused(task_, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
+      }
+      return CheckPixels(frame.cols, frame.rows);  // it may be of another size than the file says
     }));
     return frame;
   }
@@ -120,14 +122,19 @@ class Reader {
     video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
     const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
     const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
-    if (!(width >= 1 && height >= 1 && width * height <= static_cast<double>(kMaxVideoPixels))) {
-      return Refused(task_, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
-                                         kMaxVideoPixels, " in all"));
-    }
+    RETURN_IF_ERROR(CheckPixels(width, height));
     const double declared = video_.get(cv::CAP_PROP_FRAME_COUNT);
     if (declared > static_cast<double>(kMaxVideoFrames)) return TooLong();
     if (declared > 0) num_declared_ = static_cast<int64_t>(declared);
     return absl::OkStatus();
+  }
+
+  absl::Status CheckPixels(double width, double height) const {
+    if (width >= 1 && height >= 1 && width * height <= static_cast<double>(kMaxVideoPixels)) {
+      return absl::OkStatus();
+    }
+    return Refused(task_, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
+                                       kMaxVideoPixels, " in all"));
   }
 
   absl::Status TooLong() const {

@@ -30,10 +30,11 @@ absl::Status ValidateRows(const GaussianRows& rows) {
         absl::StrCat("has ", count, " Gaussians of degree ", sh_degree, ": out of range"));
   }
   const int64_t num_planes = NumPlanes(static_cast<int>(sh_degree));
+  // First: then the count is one of numbers that are there, and no product of it overflows.
+  RETURN_IF_ERROR(CheckSize("num_steps", rows.num_steps.size(), count));
   RETURN_IF_ERROR(CheckSize("parameters", rows.parameters.size(), num_planes * count));
   RETURN_IF_ERROR(CheckSize("moment1", rows.moment1.size(), num_planes * count));
   RETURN_IF_ERROR(CheckSize("moment2", rows.moment2.size(), num_planes * count));
-  RETURN_IF_ERROR(CheckSize("num_steps", rows.num_steps.size(), count));
   RETURN_IF_ERROR(CheckSize("grad_sum", rows.grad_sum.size(), count));
   RETURN_IF_ERROR(CheckSize("num_visible", rows.num_visible.size(), count));
   if (!rows.refinable.empty()) {

@@ -31,6 +31,8 @@ static_assert(sizeof(RecordHeader) == 8);
 
 // No event comes near it: more is a broken length, not a reason to allocate.
 constexpr uint32_t kMaxPayload = 1 << 20;
+// Nor has a log so many: what comes after it still has a number.
+constexpr int64_t kMaxSequence = int64_t{1} << 62;
 
 std::filesystem::path FileOf(const std::filesystem::path& path, int64_t fence) {
   if (fence == 0) return path;
@@ -64,24 +66,29 @@ absl::StatusOr<bool> ReadRecord(std::istream& stream, const std::string& where,
   if (!stream.read(payload.data(), header.length)) return false;
   if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
   if (!event->ParseFromString(payload)) return broken("it is no event");
+  if (event->sequence() < 0 || event->sequence() > kMaxSequence) {
+    return broken(absl::StrCat("sequence ", event->sequence()));
+  }
   return true;
-}
-
-int64_t RecordBytes(const v1::JobEvent& event) {
-  return static_cast<int64_t>(sizeof(RecordHeader) + event.ByteSizeLong());
 }
 
 bool IsFirstRecord(const v1::JobEvent& event) {
   return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
 }
 
-// The first record of an attempt's file; none: it has none yet.
-std::optional<v1::JobEvent> ReadFirstRecord(const std::filesystem::path& file) {
+// The first record of an attempt's file.
+struct FirstRecord {
+  int64_t sequence = 0;
+  int64_t num_bytes = 0;  // as it stands there: written anew it may have others
+};
+
+// None: it has none yet.
+std::optional<FirstRecord> ReadFirstRecord(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   v1::JobEvent event;
   const absl::StatusOr<bool> whole = ReadRecord(stream, file.string(), &event);
   if (!whole.ok() || !*whole || !IsFirstRecord(event)) return std::nullopt;
-  return event;
+  return FirstRecord{event.sequence(), static_cast<int64_t>(stream.tellg())};
 }
 
 // A reader that has read all that there is of the attempts before `end_fence`.
@@ -154,8 +161,8 @@ std::optional<EventLogReader::Successor> EventLogReader::FindSuccessor() const {
        !error && entry != end; entry.increment(error)) {
     const int64_t fence = FenceOf(path_, entry->path());
     if (fence <= fence_ || fence >= end_fence_ || (next && fence >= next->fence)) continue;
-    if (const std::optional<v1::JobEvent> first = ReadFirstRecord(entry->path())) {
-      next = Successor{fence, first->sequence(), RecordBytes(*first)};
+    if (const std::optional<FirstRecord> first = ReadFirstRecord(entry->path())) {
+      next = Successor{fence, first->sequence, first->num_bytes};
     }
   }
   return next;

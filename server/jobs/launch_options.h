@@ -11,6 +11,8 @@ struct LaunchOptions {
   std::string slurm_partition;  // empty: Slurm's default
   std::string slurm_gres;       // of a job on a GPU, as "gpu:1"; empty: none
   std::string slurm_device;     // of the nodes, as OpenDevice takes it; empty: the server's
+  // Workers limit themselves to what a job needs (worker_sandbox.h).
+  bool sandbox = true;
   // For workers that Slurm starts again: they take their next fence there. Store::Open's.
   std::string database;
   // A server that is not heard of for so long has lost its jobs to whoever claims them next.

@@ -138,6 +138,7 @@ WorkerCommand RunningJob::Command() const {
   command.arguments = {
       absl::StrCat("--job=", folder_.path().string()), absl::StrCat("--fence=", job_.fence),
       absl::StrCat("--colmap=", options.colmap), absl::StrCat("--log-format=", options.log_format)};
+  if (!options.launch.sandbox) command.arguments.emplace_back("--sandbox=off");
   if (!options.lpips_weights.empty()) {
     command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
   }

@@ -217,6 +217,19 @@ absl::Status InputStages::MakePriors() {
 
 }  // namespace
 
+bool RunsPrograms(const JobSpec& spec, const PriorsCommand& priors) {
+  const auto has = [&spec](v1::FileKind kind) {
+    return std::any_of(spec.files.begin(), spec.files.end(),
+                       [kind](const JobSpecFile& file) { return file.kind == kind; });
+  };
+  if (!has(v1::FILE_KIND_POSES)) return true;
+  const absl::StatusOr<TrainingSettings> settings = TrainingSettingsFromProto(spec.options);
+  if (priors.program.empty() || !settings.ok()) return false;
+  const bool has_depth = has(v1::FILE_KIND_DEPTH) || has(v1::FILE_KIND_DISPARITY);
+  return (!has(v1::FILE_KIND_MASK) && ByCommand(settings->priors.masks)) ||
+         (!has_depth && ByCommand(settings->priors.depth));
+}
+
 absl::StatusOr<SceneInputs> MakeSceneInputs(const WorkerJob& job, const TrainingSettings& settings,
                                             StageLog& stages) {
   InputStages inputs(job, settings, stages);

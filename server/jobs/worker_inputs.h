@@ -30,4 +30,7 @@ struct SceneInputs {
 absl::StatusOr<SceneInputs> MakeSceneInputs(const WorkerJob& job, const TrainingSettings& settings,
                                             StageLog& stages);
 
+// Whether those stages have to run a program for the job: COLMAP, or the priors command.
+bool RunsPrograms(const JobSpec& spec, const PriorsCommand& priors);
+
 }  // namespace pepeseg

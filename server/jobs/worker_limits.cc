@@ -12,15 +12,10 @@
 #include <system_error>
 
 #include "core/status_macros.h"
+#include "server/jobs/sanitizers.h"
 
 namespace pepeseg {
 namespace {
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
 
 // The largest file of a model: 50 M Gaussians of 62 floats.
 constexpr rlim_t kMaxFileBytes = rlim_t{16} << 30;

@@ -17,8 +17,10 @@
 #include "core/status_macros.h"
 #include "server/jobs/pulse.h"
 #include "server/jobs/store.h"
+#include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
+#include "server/jobs/worker_sandbox.h"
 #include "server/log.h"
 #include "server/trace_context.h"
 
@@ -42,13 +44,14 @@ struct Arguments {
   int64_t fence = 0;
   pid_t parent = 0;
   std::string database;  // of a worker that Slurm may have started again
+  bool sandbox = true;
   LogFormat log_format = LogFormat::kText;
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] [--slurm-database=URL] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N] [--log-format=text|json]";
+    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off]";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -73,6 +76,9 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     } else if (TakeFlag(word, "--priors-seconds=", &text)) {
       if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
       arguments->priors.time_limit = absl::Seconds(seconds);
+    } else if (TakeFlag(word, "--sandbox=", &text)) {
+      if (text != "on" && text != "off") return false;
+      arguments->sandbox = text == "on";
     } else if (TakeFlag(word, "--log-format=", &text)) {
       const auto format = LogFormatOf(text);
       if (!format) return false;
@@ -149,6 +155,10 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
   return folder.WriteSpec(spec);
 }
 
+SandboxNeeds NeedsOf(const JobSpec& spec, const JobFolder& folder, const Arguments& arguments) {
+  return {folder.path(), RunsPrograms(spec, arguments.priors), spec.device != "cpu"};
+}
+
 WorkerExit Run(const Arguments& arguments) {
   const JobFolder folder(arguments.folder);
   absl::StatusOr<JobSpec> spec =
@@ -158,11 +168,13 @@ WorkerExit Run(const Arguments& arguments) {
   if (ready.ok()) ready = TakeFenceAfterRestart(arguments.database, folder, *spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
+  if (ready.ok()) YieldToServer();
+  // After the database, and before the first byte of a dataset.
+  if (ready.ok() && arguments.sandbox) ready = EnterSandbox(NeedsOf(*spec, folder, arguments));
   if (!ready.ok()) {
     spdlog::error("{}", ready.ToString());
     return WorkerExit::kBadSpec;
   }
-  YieldToServer();
   const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });

@@ -111,7 +111,7 @@ TEST(FeatureCheckpoint, WhatDoesNotFitIsRefused) {
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "step 41");
   bad = good;
   bad.counters.num_gaussians = 3;
-  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "features has");
+  EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "last_step has");
   bad = good;
   bad.drawer.views_left = {77};
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "view 77");

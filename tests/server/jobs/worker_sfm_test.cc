@@ -110,7 +110,7 @@ TEST_F(WorkerSfmTest, TakesPosesThatAnEarlierAttemptFound) {
   // As a server leaves it that stops during the stage after.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
-  for (int i = 0; i < 3000 && !HasBegun(Events(), "reconstruct"); ++i) {
+  for (int i = 0; i < 12000 && !HasBegun(Events(), "reconstruct"); ++i) {
     absl::SleepFor(absl::Milliseconds(10));
   }
   first->Signal(SIGTERM);

@@ -1,0 +1,173 @@
+#include "server/jobs/worker_sandbox.h"
+
+#include <sched.h>
+#include <seccomp.h>
+#include <spdlog/spdlog.h>
+#include <sys/ioctl.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <termios.h>
+
+#include <cerrno>
+#include <initializer_list>
+#include <string>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/status_macros.h"
+#include "server/jobs/sanitizers.h"
+#include "server/jobs/worker_landlock.h"
+#include "server/jobs/worker_system_calls.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr uint64_t kLowerHalf = 0xffffffff;
+
+// Rules of libseccomp, whose first error is kept.
+class Filter {
+ public:
+  // `otherwise`: what becomes of calls without a rule.
+  explicit Filter(uint32_t otherwise) : context_(seccomp_init(otherwise)) {
+    if (context_ == nullptr) error_ = ENOMEM;
+  }
+  ~Filter() {
+    if (context_ != nullptr) seccomp_release(context_);
+  }
+  Filter(const Filter&) = delete;
+  Filter& operator=(const Filter&) = delete;
+
+  void Allow(absl::string_view calls) { AddEach(SCMP_ACT_ALLOW, calls); }
+  void Kill(absl::string_view calls) { AddEach(SCMP_ACT_KILL_PROCESS, calls); }
+  // Programs that know an older call use that one instead.
+  void SayUnknown(const char* call) { Add(SCMP_ACT_ERRNO(ENOSYS), call, {}); }
+  // The kernel's log names what was refused.
+  void Log() { Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_LOG, 1)); }
+  // All of `conditions` must hold, no two of one argument; rules of one call are alternatives.
+  void AllowIf(const char* call, std::initializer_list<scmp_arg_cmp> conditions) {
+    Add(SCMP_ACT_ALLOW, call, conditions);
+  }
+
+  absl::Status Enter() {
+    // All threads, should there be more than one; calls are found by a tree of comparisons.
+    Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_TSYNC, 1));
+    Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_OPTIMIZE, 2));
+    if (error_ == 0) Keep(seccomp_load(context_));
+    if (error_ == 0) return absl::OkStatus();
+    return absl::InternalError(
+        absl::StrCat("sandbox: seccomp", where_, ": ", std::generic_category().message(error_),
+                     "; where it cannot be had, pepesegd --sandbox=off runs jobs without any"));
+  }
+
+ private:
+  void AddEach(uint32_t action, absl::string_view calls) {
+    for (const absl::string_view call : absl::StrSplit(calls, ' ')) {
+      Add(action, std::string(call), {});
+    }
+  }
+  void Add(uint32_t action, const std::string& call,
+           std::initializer_list<scmp_arg_cmp> conditions) {
+    if (error_ != 0) return;
+    const int number = seccomp_syscall_resolve_name(call.c_str());
+    // Newer than this libseccomp: refused, like all that is not listed.
+    if (number == __NR_SCMP_ERROR) return;
+    Keep(seccomp_rule_add_array(context_, action, number, static_cast<unsigned>(conditions.size()),
+                                conditions.begin()));
+    if (error_ != 0) where_ = absl::StrCat(" (", call, ")");
+  }
+  void Keep(int result) {
+    if (error_ == 0 && result < 0) error_ = -result;
+  }
+
+  scmp_filter_ctx context_;
+  int error_ = 0;
+  std::string where_;
+};
+
+// A terminal is only asked what it is: TIOCSTI would type into the shell of the operator. Only the
+// lower half of the request counts for the kernel, so only that is compared.
+void AllowDeviceControl(Filter& filter) {
+  for (const unsigned long request : {TCGETS, TIOCGWINSZ, FIONREAD, FIONBIO, FIONCLEX, FIOCLEX}) {
+    filter.AllowIf("ioctl", {SCMP_A1(SCMP_CMP_MASKED_EQ, kLowerHalf, request)});
+  }
+  // Any request whose type, its second byte, is not that of terminals: one of the bits differs.
+  constexpr uint64_t kTerminal = uint64_t{'T'} << 8;
+  for (uint64_t bit = 1 << 8; bit <= 1 << 15; bit <<= 1) {
+    filter.AllowIf("ioctl", {SCMP_A1(SCMP_CMP_MASKED_EQ, bit, ~kTerminal & bit)});
+  }
+}
+
+void AllowThreads(Filter& filter, bool processes) {
+  constexpr uint64_t kNamespaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC |
+                                   CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
+  if (processes) {
+    filter.AllowIf("clone", {SCMP_A0(SCMP_CMP_MASKED_EQ, kNamespaces, 0)});
+  } else {
+    filter.AllowIf("clone",
+                   {SCMP_A0(SCMP_CMP_MASKED_EQ, kNamespaces | CLONE_THREAD, CLONE_THREAD)});
+  }
+}
+
+void AllowSockets(Filter& filter, bool named) {
+  filter.AllowIf("socketpair", {SCMP_A0(SCMP_CMP_MASKED_EQ, kLowerHalf, AF_UNIX)});
+  if (named) filter.AllowIf("socket", {SCMP_A0(SCMP_CMP_MASKED_EQ, kLowerHalf, AF_UNIX)});
+}
+
+// The flags of clone3 lie in memory, where a filter cannot look: the C library falls back to clone.
+// A filter of its own, as every new thread asks and the kernel's log need not say so. The strictest
+// filter counts.
+absl::Status HideClone3() {
+  Filter filter(SCMP_ACT_ALLOW);
+  filter.SayUnknown("clone3");
+  return filter.Enter();
+}
+
+absl::Status LimitSystemCalls(const SandboxNeeds& needs) {
+  Filter filter(SCMP_ACT_ERRNO(EPERM));
+  filter.Log();
+  filter.Allow("clone3");  // HideClone3's
+  filter.Allow(kFileCalls);
+  filter.Allow(kMemoryCalls);
+  filter.Allow(kThreadCalls);
+  filter.Allow(kTimeCalls);
+  filter.Allow(kSignalCalls);
+  filter.Allow(kSocketCalls);
+  filter.Allow(kAboutItselfCalls);
+  AllowDeviceControl(filter);
+  AllowThreads(filter, needs.runs_programs || kSanitized);
+  AllowSockets(filter, needs.runs_programs || needs.has_device);
+  if (needs.has_device || needs.runs_programs) filter.Allow(kDeviceCalls);
+  if (needs.runs_programs) filter.Allow(kProgramCalls);
+  // A sanitizer looks for leaks from a process of its own, which stops all threads.
+  if (kSanitized) filter.Allow(kSanitizerCalls);
+  // Limits are asked for, and stay; a driver may lower its own.
+  if (needs.has_device) {
+    filter.AllowIf("prlimit64", {SCMP_A0(SCMP_CMP_EQ, 0)});
+  } else {
+    filter.AllowIf("prlimit64", {SCMP_A0(SCMP_CMP_EQ, 0), SCMP_A2(SCMP_CMP_EQ, 0)});
+  }
+  filter.Kill(kAttackCalls);
+  if (!kSanitized) filter.Kill(kDebuggerCalls);
+  return filter.Enter();
+}
+
+}  // namespace
+
+absl::Status EnterSandbox(const SandboxNeeds& needs) {
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
+    return absl::InternalError(
+        absl::StrCat("sandbox: no_new_privs: ", std::generic_category().message(errno)));
+  }
+  const absl::Status writes = LimitWrites(needs);
+  if (absl::IsFailedPrecondition(writes)) {
+    spdlog::warn("sandbox: writing is not limited to the job's folder: {}",
+                 std::string(writes.message()));
+  } else {
+    RETURN_IF_ERROR(writes);
+  }
+  RETURN_IF_ERROR(HideClone3());
+  return LimitSystemCalls(needs);
+}
+
+}  // namespace pepeseg

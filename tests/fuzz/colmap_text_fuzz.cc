@@ -1,0 +1,12 @@
+#include "core/io/colmap.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/memory_file.h"
+
+// Each of the three readers sees the others' files too.
+PEPESEG_FUZZ_TARGET(colmap_text) {
+  static pepeseg::fuzz::MemoryFile file;
+  const std::string& path = file.Put(bytes);
+  (void)pepeseg::ReadColmapCameras(path, "cameras.txt");
+  (void)pepeseg::ReadColmapImages(path, "images.txt");
+  (void)pepeseg::ReadColmapPoints(path, "points3D.txt");
+}

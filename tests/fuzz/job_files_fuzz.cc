@@ -1,0 +1,19 @@
+#include <fstream>
+
+#include "server/jobs/job_folder.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/testing/temp_folder.h"
+
+// spec.json and result.json.
+PEPESEG_FUZZ_TARGET(job_files) {
+  static const pepeseg::testing::TempFolder folder;
+  for (const char* name : {"spec-1.json", "result-1.json"}) {
+    std::ofstream(folder / name, std::ios::binary) << bytes;
+  }
+  const pepeseg::JobFolder job(folder.path());
+  (void)job.ReadSpec(1);
+  const auto result = job.ReadResult(1);
+  if (!result.ok()) return;
+  (void)pepeseg::MetricsToJson(result->metrics);
+  (void)pepeseg::SourcesToJson(result->sources);
+}

@@ -1,0 +1,17 @@
+#include "core/io/file_name.h"
+#include "server/rpc/resource_name.h"
+#include "server/rpc/rows_to_proto.h"
+#include "server/rpc/upload_rules.h"
+#include "tests/fuzz/fuzz_message.h"
+
+PEPESEG_FUZZ_MESSAGE(upload_request, pepeseg::v1::CreateUploadRequest) {
+  (void)pepeseg::ParseSceneName(message.parent(), "parent");
+  (void)pepeseg::CheckRequestId(message.request_id());
+  const auto files = pepeseg::CheckUploadFiles(message);
+  if (!files.ok()) return;
+  pepeseg::fuzz::Expect(!files->empty(), "a file");
+  for (const pepeseg::DatasetFileRow& file : *files) {
+    pepeseg::fuzz::Expect(pepeseg::ValidateName(file.path).ok(), "a name for the worker");
+    pepeseg::fuzz::Expect(file.size > 0 && file.sha256.size() == 64, "a size and a digest");
+  }
+}
