@@ -16,7 +16,9 @@
 #include "server/access/audit_log.h"
 #include "server/access/authorizer.h"
 #include "server/access/credentials.h"
+#include "server/access/project_quotas.h"
 #include "server/device.h"
+#include "server/jobs/collector.h"
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
@@ -130,8 +132,10 @@ struct Server::Parts {
   std::unique_ptr<Store> store;
   std::unique_ptr<AuditLog> audit;
   std::unique_ptr<Authorizer> authorizer;
+  std::unique_ptr<ProjectQuotas> quotas;
   std::unique_ptr<ListenerCredentials> credentials;
   std::unique_ptr<BlobStore> blobs;
+  std::unique_ptr<Collector> collector;
   Device device;  // of queries; a worker opens its own by the same id
   std::unique_ptr<ModelCache> models;
   std::unique_ptr<Supervisor> supervisor;
@@ -165,6 +169,8 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, shared));
   ASSIGN_OR_RETURN(store, OpenStore(options));
   RETURN_IF_ERROR(OpenAccess(options));
+  store->SetDefaultQuota(options.quota);
+  quotas = std::make_unique<ProjectQuotas>(store.get());
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
@@ -175,10 +181,12 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   models = MakeModelCache(options, *device.backend);
   SupervisorOptions job_options = JobOptions(options, device);
   ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
-  job_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
-    return store->Path(file.sha256);
+  job_options.file_path = [store = blobs.get()](const std::string& project,
+                                                const DatasetFileRow& file) {
+    return store->Path({project, file.sha256});
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
+  collector = std::make_unique<Collector>(*store, CollectorOptions{options.data});
   const ServiceContext context{options.data,
                                store.get(),
                                supervisor.get(),
@@ -190,6 +198,7 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
                                &evaluation_pool,
                                &streams,
                                authorizer.get(),
+                               quotas.get(),
                                device_memory,
                                !options.priors_command.empty()};
   scenes = std::make_unique<SceneServiceRpc>(context);
@@ -217,6 +226,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen));
   }
   SetHealth(true);
+  collector->Start();
   return absl::OkStatus();
 }
 
@@ -267,6 +277,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->pool.Stop();
   parts_->query_pool.Stop();
   parts_->evaluation_pool.Stop();
+  parts_->collector->Stop();
   parts_->server.reset();
 }
 

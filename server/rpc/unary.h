@@ -34,7 +34,7 @@ struct UnaryCall {
 
 // Answers a unary call with what `handler`, an absl::Status(const UnaryCall&), says on a thread of
 // the pool; it fills the response before it returns, and is not asked about a call that the
-// context's authorizer refuses. UNAVAILABLE when the pool's queue is full.
+// context's authorizer or quotas refuse. UNAVAILABLE when the pool's queue is full.
 template <typename Handler>
 grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContext& services,
                                 WorkerPool& pool, Handler handler) {
@@ -42,14 +42,16 @@ grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContex
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   const absl::Time start = absl::Now();
   const bool taken = pool.Submit([context, message = request.message,
-                                  authorizer = services.authorizer, reactor, start,
-                                  handler = std::move(handler)]() mutable {
+                                  authorizer = services.authorizer, quotas = services.quotas,
+                                  reactor, start, handler = std::move(handler)]() mutable {
     if (context->IsCancelled()) {
       reactor->Finish(ToGrpc(absl::CancelledError("the client is gone")));
       return;
     }
     const absl::Duration queued = absl::Now() - start;
     reactor->Finish(ToGrpc(authorizer->Run(OriginOf(*context), *message, [&](const Caller& caller) {
+      absl::Status admitted = quotas->Admit(caller.project, *message);
+      if (!admitted.ok()) return admitted;
       return handler(UnaryCall{context, queued, caller});
     })));
   });
