@@ -121,6 +121,15 @@ void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
       ->capture_default_str();
 }
 
+void AddDrainFlag(CLI::App& app, ServerOptions& server) {
+  app.add_option_function<int>(
+         "--drain-seconds", [&server](int seconds) { server.drain = absl::Seconds(seconds); },
+         "From SIGTERM, how long health says NOT_SERVING before calls are turned away: time for a "
+         "gateway to see it; --grace counts from then")
+      ->check(CLI::Range(0, 3600))
+      ->default_str("0");
+}
+
 }  // namespace
 
 void AddFlags(CLI::App& app, Flags& flags) {
@@ -134,10 +143,12 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--grace", flags.grace_seconds, "Seconds from SIGTERM until calls are cut off")
       ->check(CLI::Range(0, 3600))
       ->capture_default_str();
+  AddDrainFlag(app, flags.server);
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, err, critical or off")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "err", "critical", "off"}))
       ->capture_default_str();
-  app.add_option("--log-format", flags.log_format, "text, or json: an object a line")
+  app.add_option("--log-format", flags.server.log_format,
+                 "Of the server's and the workers' lines: text, or json: an object a line")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
 }

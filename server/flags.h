@@ -17,7 +17,6 @@ struct Flags {
   std::filesystem::path port_file;
   int grace_seconds = 10;
   std::string log_level = "info";
-  std::string log_format = "text";
 };
 
 void AddFlags(CLI::App& app, Flags& flags);

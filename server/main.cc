@@ -12,6 +12,7 @@
 #include "core/io/atomic_file.h"
 #include "server/flags.h"
 #include "server/keys_command.h"
+#include "server/log.h"
 
 namespace {
 
@@ -45,10 +46,14 @@ int Serve(const pepeseg::Flags& flags, const sigset_t& stop_signals) {
   if (!flags.server.admin.empty()) {
     spdlog::info("serving admin calls on {}, port {}", flags.server.admin, (*server)->admin_port());
   }
+  if (!flags.server.metrics.empty()) {
+    spdlog::info("metrics on {}, port {}", flags.server.metrics, (*server)->metrics_port());
+  }
   int signal = 0;
   sigwait(&stop_signals, &signal);
-  spdlog::info("signal {}: stopping, within {} s", signal, flags.grace_seconds);
-  (*server)->Shutdown(absl::Now() + absl::Seconds(flags.grace_seconds));
+  const absl::Duration within = flags.server.drain + absl::Seconds(flags.grace_seconds);
+  spdlog::info("signal {}: stopping, within {} s", signal, absl::ToInt64Seconds(within));
+  (*server)->Shutdown(absl::Now() + within);
   spdlog::info("stopped");
   return EXIT_SUCCESS;
 }
@@ -70,6 +75,7 @@ int main(int argc, char** argv) {
   std::function<absl::Status()> command;  // in place of serving
   pepeseg::AddKeysCommand(app, flags.server, command);
   CLI11_PARSE(app, argc, argv);
+  pepeseg::ConfigureLog(*pepeseg::LogFormatOf(flags.server.log_format));
   spdlog::set_level(spdlog::level::from_str(flags.log_level));
   const sigset_t stop_signals = BlockStopSignals();
   pepeseg::MakePathsAbsolute(flags);

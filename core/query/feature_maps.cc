@@ -27,8 +27,8 @@ int64_t MapReserve(int64_t max_view_pixels) {
                   std::min(4 * MapBytes(max_view_pixels), kMostBytes));
 }
 
-FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes)
-    : renderer_(renderer), max_bytes_(max_bytes) {}
+FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts)
+    : renderer_(renderer), max_bytes_(max_bytes), counts_(counts) {}
 
 absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   const std::string key = KeyOf(view);
@@ -36,6 +36,7 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
       std::find_if(maps_.begin(), maps_.end(), [&](const Map& map) { return map.key == key; });
   if (found != maps_.end()) {
     maps_.splice(maps_.begin(), maps_, found);
+    if (counts_ != nullptr) ++counts_->num_hits;
     return std::as_const(maps_.front()).pixels.span();
   }
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
@@ -58,6 +59,7 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   }
   RETURN_IF_ERROR(renderer_.Features(view, map.pixels.span()));
   ++num_renders_;
+  if (counts_ != nullptr) ++counts_->num_renders;
   ++num_maps_;
   bytes_ += num_bytes;
   maps_.push_front(std::move(map));

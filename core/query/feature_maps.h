@@ -15,11 +15,17 @@ namespace pepeseg {
 // 512 MiB, four of two megapixels; and always one map of MostPixels.
 int64_t MapReserve(int64_t max_view_pixels);
 
+// What models' feature maps were asked for, all of them together; outlives them.
+struct MapCounts {
+  std::atomic<int64_t> num_hits = 0, num_renders = 0;
+};
+
 // Feature maps of a model's views: keeps the last ones asked for, the least recently used go before
 // they would be more than `max_bytes` together. Not thread safe, but for the counts.
 class FeatureMaps {
  public:
-  FeatureMaps(ModelRenderer& renderer, int64_t max_bytes);
+  // `counts`: null, or where to count, too.
+  FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts = nullptr);
 
   // The features of each pixel, [height * width, 32]. Valid until the next call. A view is
   // recognised by its camera and pose, whatever its name. RESOURCE_EXHAUSTED: no memory, or, with
@@ -38,6 +44,7 @@ class FeatureMaps {
 
   ModelRenderer& renderer_;
   int64_t max_bytes_;
+  MapCounts* counts_;
   std::atomic<int64_t> bytes_ = 0, num_maps_ = 0, num_renders_ = 0;
   std::list<Map> maps_;  // the last used first
 };

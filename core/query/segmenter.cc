@@ -25,11 +25,12 @@ absl::Status CheckModel(const Model& model) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model) {
+absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model,
+                                                             MapCounts* counts) {
   RETURN_IF_ERROR(CheckModel(model));
   return InTurn(backend, [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
     return std::unique_ptr<Segmenter>(
-        new Segmenter(std::make_unique<State>(backend, std::move(model))));
+        new Segmenter(std::make_unique<State>(backend, std::move(model), counts)));
   });
 }
 

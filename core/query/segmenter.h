@@ -8,6 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "core/query/decompose.h"
+#include "core/query/feature_maps.h"
 #include "core/query/mask_grid.h"
 #include "core/query/model_renderer.h"
 #include "core/query/prompt.h"
@@ -35,8 +36,9 @@ struct SegmentResult {
 // for it, which leaves the others unharmed; INTERNAL when the device can be used no more.
 class Segmenter {
  public:
-  // INVALID_ARGUMENT: not one feature a Gaussian.
-  static absl::StatusOr<std::unique_ptr<Segmenter>> Create(Backend& backend, Model model);
+  // INVALID_ARGUMENT: not one feature a Gaussian. `counts`: null, or where its maps are counted.
+  static absl::StatusOr<std::unique_ptr<Segmenter>> Create(Backend& backend, Model model,
+                                                           MapCounts* counts = nullptr);
   ~Segmenter();
 
   const Model& model() const;

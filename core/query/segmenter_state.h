@@ -18,11 +18,11 @@ namespace pepeseg {
 
 // All but the model and the decompositions is used in a turn of the backend.
 struct Segmenter::State {
-  State(Backend& b, Model m)
+  State(Backend& b, Model m, MapCounts* counts)
       : backend(b),
         model(std::move(m)),
         renderer(b, model),
-        maps(renderer, MapReserve(LargestView(model.views))),
+        maps(renderer, MapReserve(LargestView(model.views)), counts),
         sums(b, kNumSegmentSums) {}
 
   // InTurn, and what a view larger than memory is set aside for took is given back.

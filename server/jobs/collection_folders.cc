@@ -4,6 +4,7 @@
 #include <system_error>
 
 #include "absl/strings/match.h"
+#include "server/layout.h"
 
 namespace pepeseg {
 
@@ -59,18 +60,25 @@ Collected MeasureFolder(const fs::path& folder) {
 }
 
 void CollectTemporaries(Collection& collection) {
-  std::vector<fs::path> old;
+  const CollectorOptions& options = collection.options;
+  // Files get the time of a clock that goes a little behind.
+  constexpr absl::Duration kCoarse = absl::Milliseconds(20);
+  const absl::Duration since_start = absl::Now() - collection.collector_made + kCoarse;
+  const absl::Duration age =
+      options.alone ? std::min(since_start, options.file_age) : options.file_age;
+  const std::string jobs = (JobsFolder(options.data) / "").string();
+  std::vector<fs::path> dead;
   std::error_code error;
-  for (fs::recursive_directory_iterator entry(collection.options.data, error), end;
-       !error && entry != end; entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
+  for (fs::recursive_directory_iterator entry(options.data, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path& path = entry->path();
     std::error_code ignored;
-    if (absl::StrContains(name, ".tmp-") && entry->is_regular_file(ignored) &&
-        AgeOf(entry->path()) >= collection.options.file_age) {
-      old.push_back(entry->path());
-    }
+    if (!absl::StrContains(path.filename().string(), ".tmp-")) continue;
+    const bool of_job = absl::StartsWith(path.string(), jobs);
+    if (AgeOf(path) < (of_job ? options.file_age : age)) continue;
+    if (entry->is_regular_file(ignored)) dead.push_back(path);
   }
-  for (const fs::path& path : old) collection.Remove(path);
+  for (const fs::path& path : dead) collection.Remove(path);
 }
 
 }  // namespace pepeseg

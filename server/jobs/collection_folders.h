@@ -12,6 +12,7 @@ namespace pepeseg {
 struct Collection {
   Store& store;
   const CollectorOptions& options;
+  absl::Time collector_made;
   Collected collected;
 
   // Both count what has gone; that something stays is no error.

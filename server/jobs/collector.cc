@@ -130,7 +130,7 @@ void Collector::Stop() {
 
 absl::StatusOr<Collected> Collector::Run() {
   ASSIGN_OR_RETURN(const LockedFile alone, LockedFile::TryAlone(CollectorLockPath(options_.data)));
-  Collection collection{store_, options_, {}};
+  Collection collection{store_, options_, made_, {}};
   RETURN_IF_ERROR(CollectAll(collection));
   return collection.collected;
 }

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/jobs/store.h"
 
@@ -18,6 +19,9 @@ struct CollectorOptions {
   absl::Duration interval = absl::Hours(1);
   // What has no row may be about to get one, or be on its way, for so long.
   absl::Duration file_age = absl::Hours(24);
+  // No other server uses the directory: temporary files of before the collector was made are
+  // nobody's, but for those of jobs, which may run on a cluster.
+  bool alone = false;
   // Of an open upload without a write.
   absl::Duration upload_age = absl::Hours(7 * 24);
 };
@@ -53,6 +57,7 @@ class Collector {
 
   Store& store_;
   const CollectorOptions options_;
+  const absl::Time made_ = absl::Now();
   std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;

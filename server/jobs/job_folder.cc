@@ -53,6 +53,7 @@ JobSpec DecodeSpec(const Json& json) {
   spec.checkpoint_seconds = json.at("checkpoint_seconds").get<int64_t>();
   spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
   spec.memory_limit = json.at("memory_limit").get<int64_t>();
+  spec.traceparent = json.value("traceparent", "");
   spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
   for (const Json& file : json.at("files")) {
     spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
@@ -172,6 +173,7 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
                {"checkpoint_seconds", spec.checkpoint_seconds},
                {"checkpoint_steps", spec.checkpoint_steps},
                {"memory_limit", spec.memory_limit},
+               {"traceparent", spec.traceparent},
                {"lease_seconds", spec.lease_seconds},
                {"options", Json::parse(options, nullptr, false)},
                {"files", Json::array()}};

@@ -42,6 +42,8 @@ struct JobSpec {
   int64_t checkpoint_seconds = 60;
   int64_t checkpoint_steps = 1000;
   int64_t memory_limit = 0;  // bytes of host memory; 0: what the machine has
+  // W3C trace context of the call that made the job; empty: none is known. Not in every spec.json.
+  std::string traceparent;
   // The worker ends when lease-FENCE was not touched for so long; 0: it has the job for itself.
   int64_t lease_seconds = 0;
 };

@@ -96,8 +96,9 @@ struct JobRow {
   std::string error_message;
   int64_t model = 0;  // number of the model that it made; 0: none
   absl::Time create_time;
-  absl::Time start_time;  // of the newest attempt; InfinitePast before
-  absl::Time end_time;    // InfinitePast before
+  absl::Time start_time;    // of the newest attempt; InfinitePast before
+  absl::Time end_time;      // InfinitePast before
+  std::string traceparent;  // W3C, of the call that made it; empty in old rows
 };
 
 // The immutable result of a job; the one with the highest number is the scene's live model.

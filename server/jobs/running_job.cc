@@ -80,6 +80,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
     running->job_.launch = launch;
     RETURN_IF_ERROR(context.store.SetJobLaunch(job.id, job.fence, launch));
   }
+  running->follows_live_ = true;
   spdlog::info("jobs/{}: attempt {} is launched", job.id, job.fence);
   return running;
 }
@@ -90,6 +91,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Context& con
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Attach(job.launch));
   running->FollowLog();
+  running->follows_live_ = true;
   Touch(folder.lease(job.fence));
   spdlog::info("jobs/{}: attempt {} goes on as {}", job.id, job.fence, job.launch);
   return running;
@@ -103,6 +105,7 @@ absl::Status RunningJob::WriteSpec() const {
   spec.num_threads = context_.options.num_threads;
   spec.memory_limit = context_.options.memory_limit;
   spec.checkpoint_seconds = context_.options.launch.checkpoint_seconds;
+  spec.traceparent = job_.traceparent;
   // What a cluster runs is followed by the next holder, and need not end with this one.
   const bool ends_with_holder =
       context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
@@ -130,9 +133,9 @@ WorkerCommand RunningJob::Command() const {
   command.program = options.worker;
   command.log = folder_.worker_log();
   command.needs = {options.num_threads, job_.host_bytes, job_.seconds};
-  command.arguments = {absl::StrCat("--job=", folder_.path().string()),
-                       absl::StrCat("--fence=", job_.fence),
-                       absl::StrCat("--colmap=", options.colmap)};
+  command.arguments = {
+      absl::StrCat("--job=", folder_.path().string()), absl::StrCat("--fence=", job_.fence),
+      absl::StrCat("--colmap=", options.colmap), absl::StrCat("--log-format=", options.log_format)};
   if (!options.lpips_weights.empty()) {
     command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
   }
@@ -150,6 +153,7 @@ bool RunningJob::FollowLog() {
     sequence_ = event.sequence();
     if (event.has_progress()) progress_ = event.progress();
     if (event.has_stage_started()) stage_ = event.stage_started().stage();
+    if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
   if (stage_ == job_.stage || worker_ == nullptr) return true;
   const absl::Status noted = context_.store.SetJobStage(job_.id, job_.fence, stage_);

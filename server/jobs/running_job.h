@@ -79,6 +79,7 @@ class RunningJob {
   std::unique_ptr<LaunchedWorker> worker_;
   std::string stage_;
   std::optional<v1::JobProgress> progress_;
+  bool follows_live_ = false;  // what its log held at the start is told to nobody
   int64_t sequence_ = 0;
   bool terminated_ = false;
   bool crashed_ = false;  // it did not end by itself, or not with a result

@@ -178,6 +178,8 @@ constexpr const char* kJobLeaseOwner =
     "ALTER TABLE jobs ADD COLUMN lease_owner TEXT NOT NULL DEFAULT ''";
 constexpr const char* kJobLeaseEnd =
     "ALTER TABLE jobs ADD COLUMN lease_end BIGINT NOT NULL DEFAULT 0";
+constexpr const char* kJobTraces =
+    "ALTER TABLE jobs ADD COLUMN traceparent VARCHAR(55) NOT NULL DEFAULT ''";
 constexpr const char* kJobLaunch = "ALTER TABLE jobs ADD COLUMN launch TEXT NOT NULL DEFAULT ''";
 // Attempts in a row that left nothing to go on from.
 constexpr const char* kJobFruitless =
@@ -198,9 +200,13 @@ std::vector<const char*> SchemaStep(int to) {
   }
   if (to == 4) return {kModelSources};
   if (to == 5) {
-    return {kSceneProjects, kScenesByProject, kDropSceneRequests, kProjectSceneRequests, kProjects,
-            kKeys,          kKeysByProject,   kJobLeaseOwner,     kJobLeaseEnd,          kJobLaunch,
-            kJobFruitless,  kJobHostBytes,    kJobSeconds};
+    return {kSceneProjects,     kScenesByProject,
+            kDropSceneRequests, kProjectSceneRequests,
+            kProjects,          kKeys,
+            kKeysByProject,     kJobLeaseOwner,
+            kJobLeaseEnd,       kJobLaunch,
+            kJobFruitless,      kJobHostBytes,
+            kJobSeconds,        kJobTraces};
   }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -34,6 +35,13 @@ class Store {
   static absl::StatusOr<std::unique_ptr<Store>> Open(const std::string& url);
   ~Store();
 
+  // Whether the database answers.
+  absl::Status Ping();
+  struct Counts {
+    std::map<JobState, int64_t> jobs;  // of each state that any is in
+    int64_t num_scenes = 0, num_models = 0;
+  };
+  absl::StatusOr<Counts> CountAll();
   const Holder& holder() const { return holder_; }
   // Other servers may be on the same database: what this one did not do may have happened.
   bool shared() const;

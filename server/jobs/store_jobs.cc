@@ -65,11 +65,13 @@ absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
   const int64_t now = absl::ToUnixMicros(absl::Now());
   sql << "INSERT INTO jobs (number, scene, dataset, state, stage, options, effective_options,"
          " request_id, fence, host_bytes, seconds, cancel_requested, error_code, error_message,"
-         " model, create_time, start_time, end_time) VALUES (:number, :scene, :dataset, 0, '',"
-         " :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0)",
+         " model, create_time, start_time, end_time, traceparent) VALUES (:number, :scene, "
+         ":dataset,"
+         " 0, '', :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0,"
+         " :traceparent)",
       soci::use(number), soci::use(job.scene), soci::use(job.dataset), soci::use(options),
       soci::use(effective), soci::use(job.request_id), soci::use(job.host_bytes),
-      soci::use(job.seconds), soci::use(now);
+      soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
   return SelectJob(sql, absl::StrCat("j", number));
 }
 
@@ -103,7 +105,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
            << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
               " request_id, fence, lease_owner, lease_end, launch, fruitless, host_bytes, seconds,"
               " cancel_requested, error_code, error_message, model, create_time, start_time, "
-              "end_time FROM jobs WHERE "
+              "end_time, traceparent FROM jobs WHERE "
            << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
@@ -111,8 +113,8 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
        soci::into(lease_end), soci::into(row.launch), soci::into(row.fruitless),
        soci::into(row.host_bytes), soci::into(row.seconds), soci::into(cancel_requested),
        soci::into(row.error_code), soci::into(row.error_message), soci::into(row.model),
-       soci::into(create_time), soci::into(start_time), soci::into(end_time), soci::use(key),
-       soci::use(limit));
+       soci::into(create_time), soci::into(start_time), soci::into(end_time),
+       soci::into(row.traceparent), soci::use(key), soci::use(limit));
   select.execute();
   std::vector<JobRow> rows;
   while (select.fetch()) {

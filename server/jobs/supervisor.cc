@@ -33,7 +33,9 @@ absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
   return row;
 }
 
-void Supervisor::StopClaiming() { loop_->WishNoClaims(); }
+void Supervisor::StopClaiming() { loop_->WishClaims(false); }
+
+void Supervisor::ResumeClaiming() { loop_->WishClaims(true); }
 
 void Supervisor::Stop(absl::Time deadline) { loop_->StopThread(deadline); }
 
@@ -53,6 +55,10 @@ absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job
       if (event.has_progress()) newest.progress = event.progress();
     }
   }
+}
+
+std::optional<Supervisor::Newest> Supervisor::FindRunning(const std::string& job) const {
+  return loop_->FindRunning(job);
 }
 
 std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,

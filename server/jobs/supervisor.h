@@ -36,6 +36,10 @@ struct SupervisorOptions {
   absl::Duration silence = absl::Seconds(30);  // a worker that gives no sign for so long is killed
   std::string colmap = "colmap";               // for the workers: a path, or a name in PATH
   LaunchOptions launch;
+  std::string log_format = "text";  // of the workers' lines
+  // Sees each event that a job that runs here writes, once, from the supervisor's thread: it must
+  // not block. May be empty.
+  std::function<void(const std::string& job, const v1::JobEvent&)> on_event;
   absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
   absl::Duration poll = absl::Milliseconds(50);     // of workers and their event logs
 };
@@ -64,6 +68,8 @@ class Supervisor {
 
   // No new job is started from now on. Does not block.
   void StopClaiming();
+  // Takes that back.
+  void ResumeClaiming();
   // Ends the running workers (SIGTERM; SIGKILL at `deadline`) and queues their jobs again, for the
   // next start of the server. The supervisor does nothing afterwards.
   void Stop(absl::Time deadline);
@@ -78,6 +84,8 @@ class Supervisor {
     std::optional<v1::JobProgress> progress;
   };
   absl::StatusOr<Newest> FindNewest(const std::string& job) const;
+  // The same of a job that runs here, else none; reads nothing, does not block.
+  std::optional<Newest> FindRunning(const std::string& job) const;
 
   // While the watch lives, `changed` is called when a job may have new events, from the
   // supervisor's thread: it must not block, and not call the supervisor. At least once after the

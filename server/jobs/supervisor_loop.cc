@@ -87,9 +87,12 @@ void Supervisor::Loop::WishCancel(const std::string& job) {
   Wake();
 }
 
-void Supervisor::Loop::WishNoClaims() {
-  const std::lock_guard lock(mutex_);
-  claiming_ = false;
+void Supervisor::Loop::WishClaims(bool claim) {
+  {
+    const std::lock_guard lock(mutex_);
+    claiming_ = claim;
+  }
+  Wake();
 }
 
 void Supervisor::Loop::StopThread(absl::Time deadline) {

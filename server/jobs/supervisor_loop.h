@@ -36,7 +36,7 @@ class Supervisor::Loop {
   void Wake();
   // Of a job for which the store has noted the cancellation.
   void WishCancel(const std::string& job);
-  void WishNoClaims();
+  void WishClaims(bool claim);
   void StopThread(absl::Time deadline);
   // Of a job that runs here.
   std::optional<Newest> FindRunning(const std::string& job) const;

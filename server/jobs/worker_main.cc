@@ -1,7 +1,6 @@
 // pepeseg-worker: runs one job in a process of its own, so that a crash, or a file that was made to
 // cause one, ends the job and never the service. Started by the supervisor; by hand, without
 // --parent, it runs the job of a folder to its end.
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -20,6 +19,8 @@
 #include "server/jobs/store.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
+#include "server/log.h"
+#include "server/trace_context.h"
 
 namespace pepeseg {
 namespace {
@@ -41,12 +42,13 @@ struct Arguments {
   int64_t fence = 0;
   pid_t parent = 0;
   std::string database;  // of a worker that Slurm may have started again
+  LogFormat log_format = LogFormat::kText;
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] [--slurm-database=URL] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N]";
+    "[--priors-seconds=N] [--log-format=text|json]";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -71,6 +73,10 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     } else if (TakeFlag(word, "--priors-seconds=", &text)) {
       if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
       arguments->priors.time_limit = absl::Seconds(seconds);
+    } else if (TakeFlag(word, "--log-format=", &text)) {
+      const auto format = LogFormatOf(text);
+      if (!format) return false;
+      arguments->log_format = *format;
     } else if (TakeFlag(word, "--fence=", &text)) {
       if (!absl::SimpleAtoi(text, &arguments->fence) || arguments->fence < 1) return false;
     } else if (!TakeFlag(word, "--parent=", &text) || !absl::SimpleAtoi(text, &arguments->parent)) {
@@ -118,6 +124,17 @@ WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments&
   return WorkerExit::kFailed;
 }
 
+// The job's trace goes on in its log, and in the programs that it runs.
+void FollowTrace(const JobSpec& spec, LogFormat format) {
+  LogFields fields;
+  fields.job = spec.job;
+  if (const auto trace = ParseTraceparent(spec.traceparent)) {
+    fields.trace_id = trace->trace_id;
+    setenv("TRACEPARENT", ChildOf(*trace).ToString().c_str(), /*overwrite=*/1);
+  }
+  ConfigureLog(format, fields);
+}
+
 // Slurm starts a worker again whose node was lost: that is an attempt of its own, since the one
 // before may still write.
 absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder& folder,
@@ -137,6 +154,7 @@ WorkerExit Run(const Arguments& arguments) {
   absl::StatusOr<JobSpec> spec =
       folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
   absl::Status ready = spec.status();
+  if (ready.ok()) FollowTrace(*spec, arguments.log_format);
   if (ready.ok()) ready = TakeFenceAfterRestart(arguments.database, folder, *spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
@@ -155,9 +173,10 @@ WorkerExit Run(const Arguments& arguments) {
 }  // namespace pepeseg
 
 int main(int argc, char** argv) {
-  spdlog::set_default_logger(spdlog::stderr_logger_st("worker"));
   pepeseg::Arguments arguments;
-  if (!pepeseg::Parse(argc, argv, &arguments)) {
+  const bool parsed = pepeseg::Parse(argc, argv, &arguments);
+  pepeseg::ConfigureLog(arguments.log_format);
+  if (!parsed) {
     spdlog::error("{}", pepeseg::kUsage);
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }

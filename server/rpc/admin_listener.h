@@ -7,12 +7,14 @@
 #include "absl/time/time.h"
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
+#include "server/metrics/rpc_metrics.h"
 #include "server/rpc/admin_service.h"
 
 namespace pepeseg {
 
 // AdminService on an address of its own, apart from the other services: who may reach them may not
-// reach this. The context must outlive it.
+// reach this. It has threads of its own, so that operators get through when the others are busy.
+// Context, operations and metrics must outlive it.
 class AdminListener {
  public:
   struct Listener {
@@ -20,8 +22,10 @@ class AdminListener {
     std::shared_ptr<grpc::ServerCredentials> credentials;
   };
   // UNAVAILABLE: the address is taken.
-  static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& listener,
-                                                              const ServiceContext& context);
+  static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& where,
+                                                              const ServiceContext& context,
+                                                              Operations& operations,
+                                                              RpcMetrics& metrics);
 
   int port() const { return port_; }  // 0 for a unix socket
   std::shared_ptr<grpc::Channel> InProcessChannel();
@@ -30,8 +34,9 @@ class AdminListener {
   void Shutdown(absl::Time deadline);
 
  private:
-  explicit AdminListener(const ServiceContext& context) : service_(context) {}
+  AdminListener(const ServiceContext& context, Operations& operations);
 
+  std::unique_ptr<WorkerPool> pool_;
   AdminServiceRpc service_;
   std::unique_ptr<grpc::Server> server_;
   int port_ = 0;

@@ -11,6 +11,7 @@
 #include "server/rpc/quota_answers.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/rpc/status_answer.h"
 #include "server/rpc/unary.h"
 
 namespace pepeseg {
@@ -159,6 +160,22 @@ grpc::ServerUnaryReactor* AdminServiceRpc::SetQuota(grpc::CallbackServerContext*
                                                     v1::ProjectUsage* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerSetQuota(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
+                                                     const v1::GetStatusRequest* request,
+                                                     v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
+    return AnswerStatus(operations_, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
+                                                 const v1::DrainRequest* request,
+                                                 v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerDrain(operations_, *request, response);
   });
 }
 

@@ -1,13 +1,16 @@
 #pragma once
 
 #include "pepeseg/v1/admin_service.grpc.pb.h"
+#include "server/rpc/operations.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
 
 class AdminServiceRpc final : public v1::AdminService::CallbackService {
  public:
-  explicit AdminServiceRpc(const ServiceContext& context) : context_(context) {}
+  // `context.pool`: for the calls of this service. `operations` outlives it.
+  AdminServiceRpc(const ServiceContext& context, Operations& operations)
+      : context_(context), operations_(operations) {}
 
   grpc::ServerUnaryReactor* LoadModel(grpc::CallbackServerContext* call,
                                       const v1::LoadModelRequest* request,
@@ -36,9 +39,16 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
   grpc::ServerUnaryReactor* SetQuota(grpc::CallbackServerContext* call,
                                      const v1::SetQuotaRequest* request,
                                      v1::ProjectUsage* response) override;
+  grpc::ServerUnaryReactor* GetStatus(grpc::CallbackServerContext* call,
+                                      const v1::GetStatusRequest* request,
+                                      v1::ServerStatus* response) override;
+  grpc::ServerUnaryReactor* Drain(grpc::CallbackServerContext* call,
+                                  const v1::DrainRequest* request,
+                                  v1::ServerStatus* response) override;
 
  private:
   const ServiceContext context_;
+  Operations& operations_;
 };
 
 }  // namespace pepeseg

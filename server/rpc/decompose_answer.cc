@@ -37,6 +37,8 @@ absl::Status AnswerDecompose(const UnaryCall& call, const ServiceContext& contex
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
+  // Once begun it is made to its end: whoever asks again finds it.
+  RETURN_IF_ERROR(call.CheckWanted());
   RETURN_IF_ERROR(model.segmenter->WithDecomposition(scales, [&](const Decomposition& whole) {
     *timing.mutable_compute() = ToProto(stopwatch.Lap());
     for (const Decomposition::Level& level : whole.levels) {

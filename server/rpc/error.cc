@@ -91,6 +91,16 @@ absl::Status BusyError() {
   return WithDetail(absl::UnavailableError("too many calls are waiting"), detail);
 }
 
+absl::Status TooManyStreamsError(size_t limit) {
+  v1::ErrorDetail detail;
+  detail.set_reason("TOO_MANY_STREAMS");
+  detail.set_limit(absl::StrCat(limit));
+  detail.mutable_retry_after()->set_seconds(5);
+  return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
+                        "the server has ", limit, " streams open, which is all that it takes")),
+                    detail);
+}
+
 absl::Status DrainingError() {
   v1::ErrorDetail detail;
   detail.set_reason("DRAINING");

@@ -23,6 +23,8 @@ absl::Status WithResource(const absl::Status& status, const std::string& reason,
 // UNAVAILABLE, to be asked again in a second.
 absl::Status BusyError();
 absl::Status DrainingError();
+// RESOURCE_EXHAUSTED, likewise.
+absl::Status TooManyStreamsError(size_t limit);
 
 // The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
 // that WithDetail left, or one that holds the code's name only.

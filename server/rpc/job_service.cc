@@ -82,9 +82,11 @@ absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t datase
                       "NOT_SEALED", name);
 }
 
-absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job* response) const {
+absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request,
+                                  const std::string& traceparent, v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
+  wanted.traceparent = traceparent;
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
   ASSIGN_OR_RETURN(const WorkerShare share, CheckFits(context_, training));
@@ -110,8 +112,8 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, v1::Job*
 grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext* call,
                                                     const v1::TrainSceneRequest* request,
                                                     v1::Job* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    return Train(*request, response);
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
+    return Train(*request, TraceparentOf(*unary.context), response);
   });
 }
 

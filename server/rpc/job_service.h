@@ -28,7 +28,9 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
 
  private:
   absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
-  absl::Status Train(const v1::TrainSceneRequest& request, v1::Job* response) const;
+  // `traceparent`: of the call.
+  absl::Status Train(const v1::TrainSceneRequest& request, const std::string& traceparent,
+                     v1::Job* response) const;
 
   const ServiceContext context_;
 };

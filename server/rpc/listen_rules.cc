@@ -20,6 +20,12 @@ bool IsLoopback(const std::string& listen) {
 
 absl::Status CheckListeners(const ServerOptions& options) {
   RETURN_IF_ERROR(CheckCertificateOptions(options.access));
+  if (!options.metrics.empty() && !options.insecure && !IsLoopback(options.metrics)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("metrics on ", options.metrics,
+                     " go over plain HTTP: use a loopback address, or --insecure if the network is "
+                     "trusted"));
+  }
   for (const std::string& listen : {options.listen, options.admin}) {
     if (listen.empty() || options.insecure || IsLoopback(listen)) continue;
     if (options.access.tls_certificate.empty()) {

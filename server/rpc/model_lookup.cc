@@ -76,7 +76,7 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
   };
   source.load = [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
-    return Segmenter::Create(*context.backend, std::move(model));
+    return Segmenter::Create(*context.backend, std::move(model), context.map_counts);
   };
   source.share = [&] { return ShareOf(context, row.scene); };
   auto segmenter = context.models->Acquire(ResidentKey(row), source);

@@ -165,7 +165,7 @@ absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(const Question question, ReadQuestion(context, model, request));
-  if (call.cancelled()) return absl::CancelledError("the client is gone");
+  RETURN_IF_ERROR(call.CheckWanted());
   ASSIGN_OR_RETURN(const Picture picture, Render(*model.segmenter, question, request.content()));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(

@@ -55,6 +55,7 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
+  RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
   ASSIGN_OR_RETURN(const ProposalQuestion question, ReadQuestion(context, model, request));
   ASSIGN_OR_RETURN(
       const std::vector<ScaleProposal> proposals,

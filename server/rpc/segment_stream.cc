@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "absl/time/clock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/segment_answer.h"
 
@@ -20,6 +21,7 @@ Stream::Step SegmentStreamCall::Work(bool) {
   const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};
   message_.Clear();
   message_.set_sequence(request->sequence());
+  const absl::Time start = absl::Now();
   absl::Status status = context_.quotas->Admit(project_, *request);
   if (status.ok()) {
     status = AnswerSegment(call, context_, request->segment(), message_.mutable_segment());
@@ -28,6 +30,8 @@ Stream::Step SegmentStreamCall::Work(bool) {
     Wake();  // for the newer one
     return {Next::kIdle, absl::OkStatus()};
   }
+  const absl::Time end = absl::Now();
+  context_.query_pool->latencies().Record(end - start, end);
   if (!status.ok()) *message_.mutable_error() = ToProto(status);
   return {Next::kIo, absl::OkStatus()};
 }

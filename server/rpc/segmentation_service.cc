@@ -20,13 +20,13 @@ absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context
                             const v1::EvaluateRequest& request, v1::EvaluateResponse* response) {
   ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
   ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  RETURN_IF_ERROR(call.CheckWanted());
   ASSIGN_OR_RETURN(const std::vector<LabeledView> views,
                    ReadLabels(request, model.segmenter->model()));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(
-      const OneClickScores scores, EvaluateOneClick(*model.segmenter, views, options, [&] {
-        return call.cancelled() ? absl::CancelledError("the client is gone") : absl::OkStatus();
-      }));
+      const OneClickScores scores,
+      EvaluateOneClick(*model.segmenter, views, options, [&] { return call.CheckWanted(); }));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
   FillAnswer(scores, request, response);
   *response->mutable_options() = ToProto(options);

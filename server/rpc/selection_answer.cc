@@ -65,9 +65,7 @@ absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ServiceC
   ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));
   if (request.num_views() != 0) task.num_views = request.num_views();
   task.keep_disconnected = request.keep_disconnected();
-  return SelectGaussians(*model.segmenter, task, [&] {
-    return call.cancelled() ? absl::CancelledError("the client is gone") : absl::OkStatus();
-  });
+  return SelectGaussians(*model.segmenter, task, [&] { return call.CheckWanted(); });
 }
 
 absl::StatusOr<GaussianSet> SelectSource(const UnaryCall& call, const ServiceContext& context,
@@ -98,6 +96,7 @@ absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {
     ASSIGN_OR_RETURN(base, FindSelection(context, request.base(), model.name, "base"));

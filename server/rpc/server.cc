@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -22,20 +23,22 @@
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
+#include "server/rpc/call_interceptor.h"
 #include "server/rpc/dataset_service.h"
 #include "server/rpc/directory_lock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/job_service.h"
 #include "server/rpc/listen_rules.h"
+#include "server/rpc/listener_limits.h"
 #include "server/rpc/scene_service.h"
 #include "server/rpc/segmentation_service.h"
+#include "server/rpc/server_health.h"
+#include "server/rpc/server_metrics.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr int kMaxMessageBytes = 8 << 20;
-constexpr int kMaxMetadataBytes = 16 << 10;
-constexpr int kMaxStreamsPerConnection = 256;
 constexpr int kNumIoThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
@@ -43,24 +46,10 @@ constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
 constexpr absl::Duration kTick = absl::Seconds(2);
-constexpr int kKeepaliveMs = 30'000;
-constexpr int kMinPingIntervalMs = 10'000;
+constexpr size_t kMaxStreams = 4096;  // each costs memory, and a look at its job every tick
 
 int64_t HalfOfMemory() {
   return static_cast<int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE) / 2;
-}
-
-void SetLimits(grpc::ServerBuilder& builder) {
-  builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  builder.SetMaxSendMessageSize(kMaxMessageBytes);
-  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);
-  // Else a second server on the port would silently take half of the calls.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  // Finds watchers whose machine is gone, and lets theirs find us.
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
-                             kMinPingIntervalMs);
 }
 
 absl::Status CheckOptions(const ServerOptions& options) {
@@ -105,6 +94,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.lpips_weights = options.lpips_weights;
   job_options.priors_seconds = options.priors_seconds;
   job_options.colmap = options.colmap;
+  job_options.log_format = options.log_format;
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;
@@ -137,12 +127,16 @@ struct Server::Parts {
   std::unique_ptr<BlobStore> blobs;
   std::unique_ptr<Collector> collector;
   Device device;  // of queries; a worker opens its own by the same id
+  MapCounts map_counts;
   std::unique_ptr<ModelCache> models;
+  ServerMetrics metrics;
   std::unique_ptr<Supervisor> supervisor;
-  StreamRegistry streams{kTick};
+  StreamRegistry streams{kTick, kMaxStreams};
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
   WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
   WorkerPool evaluation_pool{kNumEvaluationThreads, kMaxQueuedEvaluations};
+  std::unique_ptr<HealthMonitor> health;
+  std::unique_ptr<Operations> operations;
   std::unique_ptr<SceneServiceRpc> scenes;
   std::unique_ptr<DatasetServiceRpc> datasets;
   std::unique_ptr<JobServiceRpc> jobs;
@@ -150,11 +144,11 @@ struct Server::Parts {
   std::unique_ptr<AdminListener> admin;
   std::unique_ptr<grpc::Server> server;
   int port = 0;
+  absl::Duration drain;
 
   absl::Status OpenAccess(const ServerOptions& options);
   absl::Status OpenState(const ServerOptions& options);
   absl::Status Listen(const ServerOptions& options);
-  void SetHealth(bool serving);
 };
 
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
@@ -185,8 +179,14 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
                                                 const DatasetFileRow& file) {
     return store->Path({project, file.sha256});
   };
+  job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
+    metrics.jobs().Observe(job, event);
+  };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
-  collector = std::make_unique<Collector>(*store, CollectorOptions{options.data});
+  CollectorOptions collection;
+  collection.data = options.data;
+  collection.alone = !shared;
+  collector = std::make_unique<Collector>(*store, std::move(collection));
   const ServiceContext context{options.data,
                                store.get(),
                                supervisor.get(),
@@ -200,13 +200,20 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
                                authorizer.get(),
                                quotas.get(),
                                device_memory,
-                               !options.priors_command.empty()};
+                               !options.priors_command.empty(),
+                               &map_counts};
+  health = MakeHealthMonitor(context);
+  operations = std::make_unique<Operations>(context, *health);
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(context);
   jobs = std::make_unique<JobServiceRpc>(context);
   segmentation = std::make_unique<SegmentationServiceRpc>(context);
   if (!options.admin.empty()) {
-    ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, context));
+    ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, context,
+                                                 *operations, metrics.rpc()));
+  }
+  if (!options.metrics.empty()) {
+    RETURN_IF_ERROR(metrics.Expose(options.metrics, *operations));
   }
   return absl::OkStatus();
 }
@@ -215,7 +222,10 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  SetLimits(builder);
+  SetLimits(builder, kMaxMessageBytes);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(MakeCallInterceptors(metrics.rpc()));
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   builder.AddListeningPort(options.listen, credentials->Make(), &port);
   builder.RegisterService(scenes.get());
   builder.RegisterService(datasets.get());
@@ -225,19 +235,11 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   if (server == nullptr) {
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen));
   }
-  SetHealth(true);
+  health->Start([service = server->GetHealthCheckService()](const std::string& name, bool serving) {
+    name.empty() ? service->SetServingStatus(serving) : service->SetServingStatus(name, serving);
+  });
   collector->Start();
   return absl::OkStatus();
-}
-
-void Server::Parts::SetHealth(bool serving) {
-  grpc::HealthCheckServiceInterface* health = server->GetHealthCheckService();
-  for (const char* name :
-       {v1::SceneService::service_full_name(), v1::DatasetService::service_full_name(),
-        v1::JobService::service_full_name(), v1::SegmentationService::service_full_name()}) {
-    health->SetServingStatus(name, serving);
-  }
-  health->SetServingStatus(serving);
 }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
@@ -245,6 +247,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   auto parts = std::make_unique<Parts>();
   RETURN_IF_ERROR(parts->OpenState(options));
   RETURN_IF_ERROR(parts->Listen(options));
+  parts->drain = options.drain;
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
@@ -256,6 +259,8 @@ int Server::port() const { return parts_->port; }
 
 int Server::admin_port() const { return parts_->admin == nullptr ? 0 : parts_->admin->port(); }
 
+int Server::metrics_port() const { return parts_->metrics.port(); }
+
 std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
   return parts_->server->InProcessChannel(grpc::ChannelArguments());
 }
@@ -266,13 +271,18 @@ std::shared_ptr<grpc::Channel> Server::InProcessAdminChannel() {
 
 void Server::Shutdown(absl::Time deadline) {
   if (parts_->server == nullptr) return;
-  parts_->SetHealth(false);
-  parts_->supervisor->StopClaiming();
+  parts_->health->SetDraining(true);
+  // What comes meanwhile is answered: a gateway has not seen it yet.
+  const absl::Duration left = std::max(deadline - absl::Now(), absl::ZeroDuration());
+  absl::SleepFor(std::min(parts_->drain, left));
+  parts_->operations->SetDraining(true);
   parts_->streams.EndAll(DrainingError());
   parts_->supervisor->Stop(deadline);
   parts_->server->Shutdown(absl::ToChronoTime(deadline));
   parts_->server->Wait();
   if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);
+  parts_->metrics.Stop();
+  parts_->health->Stop();
   // No call is left, so none of these tasks has anything to answer.
   parts_->pool.Stop();
   parts_->query_pool.Stop();

@@ -29,6 +29,9 @@ struct ServerOptions {
   LaunchOptions launch;  // how workers are started
   // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
   std::string metrics;
+  std::string log_format = "text";  // of the workers' lines: LogFormatOf's
+  // When it stops, health says so for so long before it turns anybody away.
+  absl::Duration drain = absl::ZeroDuration();
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
   std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
@@ -61,13 +64,15 @@ class Server {
 
   int port() const;        // 0 for a unix socket
   int admin_port() const;  // likewise, and where there is none
+  int metrics_port() const;
   // To the services without a socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
   // To AdminService; null where it is not served.
   std::shared_ptr<grpc::Channel> InProcessAdminChannel();
 
-  // Health says NOT_SERVING, streams end with UNAVAILABLE, running jobs are stopped and queued for
-  // the next start, calls under way get until `deadline`. Blocks; once.
+  // Health says NOT_SERVING; ServerOptions::drain later, or at `deadline` if that is sooner,
+  // streams end with UNAVAILABLE, running jobs are stopped and queued for the next start, calls
+  // under way get until `deadline`. Blocks; once.
   void Shutdown(absl::Time deadline);
 
  private:

@@ -33,6 +33,7 @@ struct ServiceContext {
   ProjectQuotas* quotas;
   int64_t device_memory;    // that a training may take of the device's memory, bytes
   bool has_priors_command;  // a program that makes masks and depth maps
+  MapCounts* map_counts;    // of all models
 };
 
 }  // namespace pepeseg

@@ -2,14 +2,18 @@
 
 #include <google/protobuf/message.h>
 
+#include <chrono>
+#include <string>
 #include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "grpcpp/server_context.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/access/authorizer.h"
+#include "server/log.h"
 #include "server/rpc/error.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/worker_pool.h"
@@ -20,41 +24,55 @@ namespace pepeseg {
 struct UnaryRequest {
   grpc::CallbackServerContext* context;
   const google::protobuf::Message* message;
+
+  // By the client or by its deadline: the answer is of no use any more.
+  bool cancelled() const { return context->IsCancelled() || past_deadline(); }
+  bool past_deadline() const { return context->deadline() < std::chrono::system_clock::now(); }
+  // CANCELLED or DEADLINE_EXCEEDED then.
+  absl::Status CheckWanted() const;
 };
 
 // A unary call on its pool thread, authorised.
-struct UnaryCall {
-  grpc::CallbackServerContext* context;
+struct UnaryCall : UnaryRequest {
   absl::Duration queued;  // how long it waited for the thread
   const Caller& caller;
-
-  // By the client or by its deadline: the answer is of no use any more.
-  bool cancelled() const { return context->IsCancelled(); }
 };
+
+// Fields of lines about a call: the interceptor has seen to it that each has such metadata.
+LogFields FieldsOf(const grpc::CallbackServerContext& context);
+
+// Its W3C trace context, likewise.
+std::string TraceparentOf(const grpc::CallbackServerContext& context);
+
+// Runs the handler of a call that is still wanted and that the authorizer lets through; the status
+// that it shall end with.
+absl::Status AnswerCall(const UnaryRequest& request, Authorizer& authorizer, WorkerPool& pool,
+                        absl::FunctionRef<absl::Status(const Caller&)> handler);
 
 // Answers a unary call with what `handler`, an absl::Status(const UnaryCall&), says on a thread of
 // the pool; it fills the response before it returns, and is not asked about a call that the
-// context's authorizer or quotas refuse. UNAVAILABLE when the pool's queue is full.
+// context's authorizer or quotas refuse. UNAVAILABLE when the pool's queue is full or it drains. A
+// call that is cancelled, or whose deadline passes, in the queue is not computed.
 template <typename Handler>
 grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContext& services,
                                 WorkerPool& pool, Handler handler) {
-  grpc::CallbackServerContext* const context = request.context;
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  grpc::ServerUnaryReactor* reactor = request.context->DefaultReactor();
   const absl::Time start = absl::Now();
-  const bool taken = pool.Submit([context, message = request.message,
-                                  authorizer = services.authorizer, quotas = services.quotas,
-                                  reactor, start, handler = std::move(handler)]() mutable {
-    if (context->IsCancelled()) {
-      reactor->Finish(ToGrpc(absl::CancelledError("the client is gone")));
-      return;
-    }
-    const absl::Duration queued = absl::Now() - start;
-    reactor->Finish(ToGrpc(authorizer->Run(OriginOf(*context), *message, [&](const Caller& caller) {
-      absl::Status admitted = quotas->Admit(caller.project, *message);
-      if (!admitted.ok()) return admitted;
-      return handler(UnaryCall{context, queued, caller});
-    })));
-  });
+  if (pool.draining()) {
+    reactor->Finish(ToGrpc(DrainingError()));
+    return reactor;
+  }
+  const bool taken =
+      pool.Submit([request, authorizer = services.authorizer, quotas = services.quotas, reactor,
+                   start, &pool, handler = std::move(handler)]() mutable {
+        const absl::Duration queued = absl::Now() - start;
+        reactor->Finish(ToGrpc(
+            AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
+              absl::Status admitted = quotas->Admit(caller.project, *request.message);
+              if (!admitted.ok()) return admitted;
+              return handler(UnaryCall{request, queued, caller});
+            })));
+      });
   if (!taken) reactor->Finish(ToGrpc(BusyError()));
   return reactor;
 }

@@ -5,7 +5,8 @@
 
 namespace pepeseg {
 
-WorkerPool::WorkerPool(int num_threads, size_t max_queued) : max_queued_(max_queued) {
+WorkerPool::WorkerPool(int num_threads, size_t max_queued)
+    : num_threads_(num_threads), max_queued_(max_queued) {
   for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Run(); });
 }
 
@@ -22,11 +23,19 @@ bool WorkerPool::SubmitAlways(std::function<void()> task) {
 bool WorkerPool::Enqueue(std::function<void()> task, size_t max_queued) {
   {
     const std::lock_guard lock(mutex_);
-    if (stopping_ || queue_.size() >= max_queued) return false;
+    if (stopping_ || queue_.size() >= max_queued) {
+      ++num_refused_;
+      return false;
+    }
     queue_.push_back(std::move(task));
   }
   wake_.notify_one();
   return true;
+}
+
+WorkerPool::Use WorkerPool::use() const {
+  const std::lock_guard lock(mutex_);
+  return {num_threads_, num_busy_, queue_.size(), max_queued_, num_refused_};
 }
 
 void WorkerPool::Stop() {
@@ -49,8 +58,12 @@ void WorkerPool::Run() {
       if (queue_.empty()) return;
       task = std::move(queue_.front());
       queue_.pop_front();
+      ++num_busy_;
     }
     task();
+    task = nullptr;  // what it held may take a while to go
+    const std::lock_guard lock(mutex_);
+    --num_busy_;
   }
 }
 

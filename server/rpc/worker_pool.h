@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -7,6 +8,8 @@
 #include <mutex>
 #include <thread>
 #include <vector>
+
+#include "server/metrics/latency_window.h"
 
 namespace pepeseg {
 
@@ -28,12 +31,31 @@ class WorkerPool {
   // Runs what is queued, then joins. Not from a task.
   void Stop();
 
+  // While it drains, calls should be refused; what is queued runs.
+  void SetDraining(bool draining) { draining_ = draining; }
+  bool draining() const { return draining_; }
+
+  struct Use {
+    int num_threads = 0, num_busy = 0;
+    size_t num_queued = 0, max_queued = 0;
+    int64_t num_refused = 0;  // by Submit, since the start
+  };
+  Use use() const;
+  // Of calls, from a thread's taking them to the answer; whoever answers them records it.
+  LatencyWindow& latencies() { return latencies_; }
+  const LatencyWindow& latencies() const { return latencies_; }
+
  private:
   bool Enqueue(std::function<void()> task, size_t max_queued);
   void Run();
 
+  const int num_threads_;
   const size_t max_queued_;
-  std::mutex mutex_;
+  std::atomic<bool> draining_ = false;
+  LatencyWindow latencies_;
+  mutable std::mutex mutex_;  // guards all below
+  int num_busy_ = 0;
+  int64_t num_refused_ = 0;
   std::condition_variable wake_;
   std::deque<std::function<void()>> queue_;
   bool stopping_ = false;

@@ -77,7 +77,7 @@ class KillWorkerTest : public ::testing::Test {
     int num_kills = 0;
     const std::string word = absl::StrCat("--job=", (folder_ / "data" / job).string());
     while (!Ended(job)) {
-      absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(1500, 5000)(random)));
+      absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(800, 3000)(random)));
       const pid_t worker = testing::FindProcess(word);
       if (num_kills == most || worker == 0) continue;
       kill(worker, SIGKILL);
@@ -98,7 +98,7 @@ TEST_F(KillWorkerTest, TrainingGoesOnToTheSameBytes) {
   ASSERT_FALSE(unbroken.empty());
   std::mt19937 random(7);
   int num_kills = 0;
-  for (int i = 0; num_kills < wanted && i < wanted; ++i) {
+  for (int i = 0; num_kills < wanted && i < 10 * wanted; ++i) {
     const std::string job = Train(absl::StrCat("broken", i));
     num_kills += KillUntilEnd(job, wanted - num_kills, random);
     EXPECT_TRUE(ModelBytes(job) == unbroken) << job << " is another model";

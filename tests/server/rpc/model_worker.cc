@@ -1,7 +1,9 @@
 // Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
 // A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
-// the pixels of the views.
+// the pixels of the views; one named "hang" is never ready.
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -65,6 +67,7 @@ int Run(const std::string& path) {
   const auto spec = folder.ReadSpec(folder.NewestFence());
   if (!spec.ok()) return static_cast<int>(WorkerExit::kBadSpec);
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
+  while (name == "hang") pause();  // until a signal ends it
   const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
   const Model model = MakeModel(shift);
   const std::filesystem::path attempt = folder.attempt(spec->fence);

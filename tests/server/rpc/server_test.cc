@@ -1,6 +1,5 @@
 #include "server/rpc/server.h"
 
-#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
@@ -8,10 +7,10 @@
 
 #include <csignal>
 #include <fstream>
-#include <future>
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "tests/server/rpc/health_check.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {
@@ -105,35 +104,9 @@ TEST(ServerStart, RefusesATakenPort) {
   EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
 }
 
-// A connection of its own: channels to one address would share theirs.
-std::shared_ptr<grpc::Channel> Connect(int port) {
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel("127.0.0.1:" + std::to_string(port),
-                                   grpc::InsecureChannelCredentials(), arguments);
-}
-
-// Answer of grpc.health.v1.Health/Check, by hand: no package brings its stubs. The request has the
-// service's name as field 1, the answer an enum as field 1, where 1 is SERVING; -1: it failed.
-int CheckHealth(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
-  const std::string bytes = "\x0a" + std::string(1, static_cast<char>(service.size())) + service;
-  const grpc::Slice slice(bytes);
-  const grpc::ByteBuffer request(&slice, 1);
-  grpc::ByteBuffer response;
-  grpc::ClientContext context;
-  grpc::GenericStub stub(channel);
-  std::promise<grpc::Status> done;
-  stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
-                 [&](grpc::Status status) { done.set_value(std::move(status)); });
-  if (!done.get_future().get().ok()) return -1;
-  std::vector<grpc::Slice> slices;
-  if (!response.Dump(&slices).ok() || slices.empty() || slices[0].size() != 2) return -1;
-  return slices[0].begin()[1];
-}
-
 TEST(ServerHealth, IsToldForEachService) {
   RunningServer running(PEPESEG_FAKE_WORKER);
-  const auto channel = Connect(running.server->port());
+  const auto channel = ConnectTo(running.server->port());
   EXPECT_EQ(CheckHealth(channel, ""), 1);
   for (const char* service :
        {"SceneService", "DatasetService", "JobService", "SegmentationService"}) {
@@ -156,11 +129,11 @@ TEST(ServerLimits, HoldOnTheSocket) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const int port = running.server->port();
   const std::string large(size_t{9} << 20, 'x');
-  EXPECT_EQ(CreateScene(Connect(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(CreateScene(ConnectTo(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
   // gRPC gives the whole connection up for that; others do not notice.
-  const auto other = Connect(port);
+  const auto other = ConnectTo(port);
   EXPECT_TRUE(CreateScene(other, "a", 10'000).ok());
-  EXPECT_FALSE(CreateScene(Connect(port), "b", 20'000).ok());
+  EXPECT_FALSE(CreateScene(ConnectTo(port), "b", 20'000).ok());
   EXPECT_TRUE(CreateScene(other, "c", 0).ok());
 }
 
@@ -206,11 +179,14 @@ TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
 
 // The program itself, until its port file is there.
 struct Program {
-  explicit Program(const testing::TempFolder& folder) {
+  explicit Program(const testing::TempFolder& folder,
+                   const std::string& worker = PEPESEG_FAKE_WORKER,
+                   const std::vector<std::string>& more = {}) {
     const std::string port_file = (folder / "port").string();
-    std::vector<std::string> words = {
-        PEPESEG_SERVER, "--data=" + (folder / "data").string(), "--port-file=" + port_file,
-        std::string("--worker=") + PEPESEG_FAKE_WORKER, "--reflection"};
+    std::vector<std::string> words = {PEPESEG_SERVER, "--data=" + (folder / "data").string(),
+                                      "--port-file=" + port_file, "--worker=" + worker,
+                                      "--reflection"};
+    words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> arguments;
     arguments.reserve(words.size() + 1);
     for (std::string& word : words) arguments.push_back(word.data());
@@ -242,7 +218,7 @@ TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder);
   ASSERT_GT(program.port, 0);
-  const auto channel = Connect(program.port);
+  const auto channel = ConnectTo(program.port);
   const auto scenes = v1::SceneService::NewStub(channel);
   grpc::ClientContext context;
   v1::CreateSceneRequest request;
@@ -255,12 +231,94 @@ TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
   EXPECT_EQ(WEXITSTATUS(state), 0);
 }
 
+v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
+                const std::string& file) {
+  EXPECT_TRUE(CreateScene(channel, scene, 0).ok());
+  const auto datasets = v1::DatasetService::NewStub(channel);
+  v1::CreateUploadRequest create;
+  create.set_parent("scenes/" + scene);
+  const TestFile bytes = {file, "bytes"};
+  *create.add_files() = Declare(bytes);
+  v1::Upload upload;
+  grpc::ClientContext creating, writing, sealing, training;
+  EXPECT_TRUE(datasets->CreateUpload(&creating, create, &upload).ok());
+  v1::WriteFilesResponse written;
+  const auto stream = datasets->WriteFiles(&writing, &written);
+  for (const v1::WriteFilesRequest& part : FileParts(upload.name(), bytes)) stream->Write(part);
+  stream->WritesDone();
+  EXPECT_TRUE(stream->Finish().ok());
+  v1::SealUploadRequest seal;
+  seal.set_name(upload.name());
+  v1::Dataset dataset;
+  EXPECT_TRUE(datasets->SealUpload(&sealing, seal, &dataset).ok());
+  v1::TrainSceneRequest request;
+  request.set_scene("scenes/" + scene);
+  request.set_dataset(dataset.name());
+  v1::Job job;
+  EXPECT_TRUE(v1::JobService::NewStub(channel)->TrainScene(&training, request, &job).ok());
+  return job;
+}
+
+// NOT_SERVING, a while in which it still answers, streams end, what is under way is answered, exit.
+TEST(ServerProgram, StopsInOrderOnSigterm) {
+  const testing::TempFolder folder;
+  Program program(folder, PEPESEG_MODEL_WORKER, {"--drain-seconds=2", "--grace=20"});
+  ASSERT_GT(program.port, 0);
+  const auto channel = ConnectTo(program.port);
+  const auto jobs = v1::JobService::NewStub(channel);
+  const v1::Job made = TrainOn(channel, "shelf", "file");
+  v1::WatchJobRequest watch;
+  v1::JobEvent event;
+  {
+    grpc::ClientContext context;
+    watch.set_name(made.name());
+    const auto until_made = jobs->WatchJob(&context, watch);
+    while (until_made->Read(&event)) {
+    }
+    EXPECT_TRUE(until_made->Finish().ok());
+  }
+  watch.set_name(TrainOn(channel, "idle", "hang").name());
+  grpc::ClientContext watch_context;
+  const auto watcher = jobs->WatchJob(&watch_context, watch);
+  ASSERT_TRUE(watcher->Read(&event));
+
+  kill(program.pid, SIGTERM);
+  while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
+  // The first question loads the model: it is under way when the streams end.
+  v1::ProposeScalesRequest question;
+  question.set_model("scenes/shelf/models/live");
+  question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *question.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  const auto segmentation = v1::SegmentationService::NewStub(channel);
+  int num_answered = 0;
+  grpc::Status last;
+  do {
+    grpc::ClientContext context;
+    v1::ProposeScalesResponse response;
+    last = segmentation->ProposeScales(&context, question, &response);
+    num_answered += last.ok() ? 1 : 0;
+  } while (last.ok());
+  EXPECT_GT(num_answered, 0);
+  // Never cut off in the middle: refused, or the connection is gone.
+  EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
+  while (watcher->Read(&event)) {
+  }
+  const grpc::Status watched = watcher->Finish();
+  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
+  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
+  const int state = program.Await();
+  EXPECT_TRUE(WIFEXITED(state));
+  EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
 TEST(ServerProgram, LosesNothingWhenKilled) {
   const testing::TempFolder folder;
   {
     Program program(folder);
     ASSERT_GT(program.port, 0);
-    const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+    const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
     grpc::ClientContext context;
     v1::CreateSceneRequest request;
     request.set_scene_id("shelf");
@@ -271,7 +329,7 @@ TEST(ServerProgram, LosesNothingWhenKilled) {
   }
   std::filesystem::remove(folder / "port");
   Program program(folder);
-  const auto scenes = v1::SceneService::NewStub(Connect(program.port));
+  const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
   grpc::ClientContext context;
   v1::GetSceneRequest request;
   request.set_name("scenes/shelf");

@@ -1,0 +1,131 @@
+#include "server/rpc/call_interceptor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "absl/strings/escaping.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "server/log.h"
+#include "server/trace_context.h"
+
+namespace pepeseg {
+namespace {
+
+using grpc::experimental::InterceptionHookPoints;
+using grpc::experimental::InterceptorBatchMethods;
+using grpc::experimental::ServerRpcInfo;
+
+// A unary call that took longer is worth a line that operators see.
+constexpr absl::Duration kSlow = absl::Seconds(10);
+
+class CallInterceptor final : public grpc::experimental::Interceptor {
+ public:
+  CallInterceptor(RpcMetrics& metrics, const ServerRpcInfo& info)
+      : metrics_(metrics),
+        method_(metrics.Find(info.method())),
+        unary_(info.type() == ServerRpcInfo::Type::UNARY) {
+    metrics_.Begin();
+  }
+  ~CallInterceptor() override {
+    // gRPC itself has dropped it: what its client saw was no status of ours.
+    if (!answered_) Answered(grpc::Status(grpc::StatusCode::CANCELLED, "dropped"));
+    metrics_.End();
+  }
+
+  void Intercept(InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
+      Identify(methods->GetRecvInitialMetadata());
+    }
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
+      auto* metadata = methods->GetSendInitialMetadata();
+      if (metadata != nullptr && !request_id_.empty()) {
+        metadata->emplace(kRequestIdKey, request_id_);
+      }
+    }
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
+      Answered(methods->GetSendStatus());
+    }
+    methods->Proceed();
+  }
+
+ private:
+  using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
+
+  // Replaces what is malformed by ids of this object's, which lives as long as the call.
+  void Identify(Metadata* metadata) {
+    if (metadata == nullptr) return;
+    request_id_ = TextOf(*metadata, kRequestIdKey);
+    if (!IsRequestId(request_id_)) request_id_ = NewRequestId();
+    const auto trace = ParseTraceparent(TextOf(*metadata, kTraceparentKey));
+    const TraceContext own = trace ? ChildOf(*trace) : NewTrace();
+    trace_id_ = own.trace_id;
+    traceparent_ = own.ToString();
+    Put(*metadata, kRequestIdKey, request_id_);
+    Put(*metadata, kTraceparentKey, traceparent_);
+  }
+
+  // Empty: there is none, or more than one.
+  static std::string TextOf(const Metadata& metadata, const char* key) {
+    const auto found = metadata.find(key);
+    if (found == metadata.end() || metadata.count(key) != 1) return "";
+    return {found->second.data(), found->second.size()};
+  }
+
+  static void Put(Metadata& metadata, const char* key, const std::string& value) {
+    metadata.erase(key);
+    metadata.emplace(key, value);
+  }
+
+  void Answered(const grpc::Status& status) {
+    if (answered_) return;
+    answered_ = true;
+    const absl::Duration took = absl::Now() - start_;
+    metrics_.Answer(method_, status.error_code(), took);
+    const auto level = LevelOf(status.error_code(), took);
+    if (!spdlog::should_log(level)) return;
+    const std::string code = CodeName(status.error_code());
+    const LogFields fields = {request_id_, trace_id_, "", RpcMetrics::NameOf(method_), code, took};
+    const LogScope scope(fields);
+    spdlog::log(level, "{}: {} after {:.6f} s, request {}{}{}", fields.method, code,
+                absl::ToDoubleSeconds(took), request_id_, status.ok() ? "" : ": ",
+                absl::Utf8SafeCEscape(status.error_message()));
+  }
+
+  // A stream lasts as long as it is wanted: that is not slow.
+  spdlog::level::level_enum LevelOf(int code, absl::Duration took) const {
+    const bool fault = code == grpc::StatusCode::INTERNAL || code == grpc::StatusCode::UNKNOWN ||
+                       code == grpc::StatusCode::DATA_LOSS;
+    return fault || (unary_ && took > kSlow) ? spdlog::level::info : spdlog::level::debug;
+  }
+
+  RpcMetrics& metrics_;
+  RpcMetrics::Method& method_;
+  const bool unary_;
+  const absl::Time start_ = absl::Now();
+  bool answered_ = false;
+  std::string request_id_, trace_id_, traceparent_;
+};
+
+class CallInterceptors final : public grpc::experimental::ServerInterceptorFactoryInterface {
+ public:
+  explicit CallInterceptors(RpcMetrics& metrics) : metrics_(metrics) {}
+  grpc::experimental::Interceptor* CreateServerInterceptor(ServerRpcInfo* info) override {
+    return new CallInterceptor(metrics_, *info);  // gRPC deletes it
+  }
+
+ private:
+  RpcMetrics& metrics_;
+};
+
+}  // namespace
+
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeCallInterceptors(
+    RpcMetrics& metrics) {
+  return std::make_unique<CallInterceptors>(metrics);
+}
+
+}  // namespace pepeseg

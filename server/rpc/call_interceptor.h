@@ -1,0 +1,20 @@
+#pragma once
+
+#include <memory>
+
+#include "grpcpp/support/server_interceptor.h"
+#include "server/metrics/rpc_metrics.h"
+
+namespace pepeseg {
+
+// Metadata of every call, its client's own where it is well-formed, else made here. The request id
+// is sent back with the initial metadata.
+inline constexpr char kRequestIdKey[] = "x-request-id";
+inline constexpr char kTraceparentKey[] = "traceparent";
+
+// Sees every call of a listener, its in-process channel's too: gives it a request id and a trace,
+// counts it in `metrics` and writes a line when it has ended. So no handler has to.
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeCallInterceptors(
+    RpcMetrics& metrics);
+
+}  // namespace pepeseg

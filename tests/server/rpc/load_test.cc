@@ -1,0 +1,66 @@
+// Short forms of the runs in tests/stress/load.h. What they bound here must hold on a machine that
+// builds something else meanwhile.
+#include "tests/stress/load.h"
+
+#include <gtest/gtest.h>
+
+namespace pepeseg {
+namespace {
+
+TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const WatchersReport report = RunWatchers(server, 800, absl::Seconds(4));
+  RecordProperty("p99_without_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_without)));
+  RecordProperty("p99_with_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_with)));
+  printf("%ld questions, p99 %s without, %s with %d watchers, %d threads, %d in pools\n",
+         report.num_queries, absl::FormatDuration(report.p99_without).c_str(),
+         absl::FormatDuration(report.p99_with).c_str(), report.num_streams, report.num_threads,
+         report.pool_threads);
+  EXPECT_EQ(report.num_streams, 800);
+  EXPECT_EQ(report.num_failed, 0);
+  EXPECT_GT(report.num_queries, 100);
+  // The admin service's pool and the thread that computes; of gRPC, what the client in this process
+  // has beside the server.
+  constexpr int kOtherPools = 2 + 1 + 2;
+  EXPECT_LE(report.num_threads, report.pool_threads + kOtherPools + 20);
+  EXPECT_LT(report.p99_with, 2 * report.p99_without + absl::Milliseconds(20));
+}
+
+TEST(Load, OverloadIsRefusedFastAndTheRestAnswered) {
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const OverloadReport report = RunOverload(server, 5, absl::Seconds(4));
+  printf("peak %.0f/s, offered %.0f/s, answered %.0f/s, %ld refused, p50 %s\n",
+         report.peak_per_second, report.offered_per_second, report.goodput_per_second,
+         report.num_refused, absl::FormatDuration(report.refusal_p50).c_str());
+  EXPECT_GT(report.offered_per_second, 3 * report.peak_per_second);
+  EXPECT_GT(report.num_refused, 0);
+  EXPECT_EQ(report.num_failed, 0);
+  EXPECT_GE(report.goodput_per_second, 0.7 * report.peak_per_second);
+  EXPECT_LT(report.refusal_p50, absl::Milliseconds(20));
+  EXPECT_TRUE(report.all_told_when_to_retry);
+}
+
+TEST(Load, CancelledCallsLeaveNoStreamAndNoCall) {
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const CancelsReport report = RunCancels(server, 10'000);
+  printf("%ld cancelled, RSS %ld -> %ld MiB\n", report.num_cancelled, report.rss_before >> 20,
+         report.rss_after >> 20);
+  EXPECT_EQ(report.num_streams, 0);
+  EXPECT_EQ(report.calls_in_flight, 0);
+  // Memory is told, not bounded: it grew by 9 KB a cancelled call when this was written, without
+  // any interceptor too, and why is not known yet.
+}
+
+TEST(Load, StreamsThatNobodyReadsAreBounded) {
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const UnreadReport report = RunUnread(server, 100);
+  printf("%d streams, RSS %ld -> %ld MiB\n", report.num_streams, report.rss_before >> 20,
+         report.rss_with >> 20);
+  EXPECT_EQ(report.num_streams, 100);
+  EXPECT_EQ(report.num_streams_after, 0);
+  // A chunk in the server and one on its way, of each export.
+  EXPECT_LT(report.rss_with - report.rss_before, 50 * (int64_t{3} << 20));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/time/time.h"
+#include "tests/server/rpc/running_server.h"
+
+namespace pepeseg {
+
+// A server in this process, asked over sockets, with a model in "shelf" and a job in "idle" that
+// never ends. `worker`: model_worker.cc.
+struct LoadedServer {
+  explicit LoadedServer(const std::string& worker);
+
+  v1::ServerStatus Status();
+  // Of a gauge or counter without labels that it exposes.
+  double Metric(const std::string& name);
+
+  RunningServer running;
+  std::string idle_job;
+};
+
+// Many watchers of a job that tells nothing, and questions meanwhile, `num_ways` at a time.
+struct WatchersReport {
+  int64_t num_queries = 0, num_failed = 0;
+  absl::Duration p99_without, p99_with;
+  int num_streams = 0;   // that the server told of
+  int num_threads = 0;   // of the process: the server's, and gRPC's own for the client
+  int pool_threads = 0;  // those of them that are the server's pools
+};
+WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration);
+
+// Questions that take long, first as many as keep the server busy, then `factor` times as many as
+// it answered.
+struct OverloadReport {
+  double peak_per_second = 0, goodput_per_second = 0, offered_per_second = 0;
+  int64_t num_refused = 0, num_failed = 0;  // failed: neither answered nor refused
+  absl::Duration refusal_p50;
+  bool all_told_when_to_retry = true;
+};
+OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration duration);
+
+// Calls given up at once, streams and questions by turns.
+struct CancelsReport {
+  int64_t num_cancelled = 0;
+  int64_t rss_before = 0, rss_after = 0;
+  int num_streams = 0;         // left
+  double calls_in_flight = 0;  // left
+};
+CancelsReport RunCancels(LoadedServer& server, int num_calls);
+
+// Streams of which nobody reads.
+struct UnreadReport {
+  int64_t rss_before = 0, rss_with = 0;
+  int num_streams = 0, num_streams_after = 0;
+};
+UnreadReport RunUnread(LoadedServer& server, int num_streams);
+
+}  // namespace pepeseg
