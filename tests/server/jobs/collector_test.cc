@@ -45,7 +45,8 @@ struct CollectorTest : ::testing::Test {
   void Upload(const std::string& scene, int number, bool seal = false) {
     const auto made = store->CreateDataset(scene, "", {{"f", 1, 5, Digest(number), true}});
     ASSERT_OK(made);
-    if (seal) ASSERT_OK(store->SealDataset(scene, made->number));
+    if (!seal) return;
+    ASSERT_OK(store->SealDataset(scene, made->number));
   }
   // "j1" with a model.
   void MakeModel() {
@@ -223,7 +224,6 @@ TEST_F(CollectorTest, BlobsThatUploadsCountOnStay) {
     }
     num_kept += there ? 1 : 0;
     num_collected += there ? 0 : 1;
-    if (there) EXPECT_TRUE(fs::exists(blob));
   }
   done = true;
   collecting.join();
