@@ -10,6 +10,7 @@ BUILD ?= build
 JOBS ?= $(shell nproc)
 CMAKE_ARGS ?=
 STRESS_SECONDS ?= 600
+SOAK_SECONDS ?= 3600
 GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
 CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -18,7 +19,8 @@ help:
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make bench     measure the kernels'
-	@echo 'make stress    ten minutes (STRESS_SECONDS=600) of questions to more models than fit'
+	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
+	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make lint      clang-format, clang-tidy     make asan     the tests under ASan and UBSan'
 	@echo 'make packages  only install the Debian packages that are needed'
 
@@ -43,9 +45,19 @@ bench: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench
 	$(BUILD)/bin/pepeseg_step_bench
 
-# STRESS_SECONDS of random questions to more models than fit in the budget.
-stress: $(BUILD)/CMakeCache.txt packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run
+# Each bounded in count and time; the short forms are part of `make test`.
+stress: $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages.txt deploy/packages-stress.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
+	  stress_kill_server_test stress_kill_worker_test stress_flipped_bits_test \
+	  stress_http2_abuse_test stress_soak_test rpc_residency_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test
+	cd $(BUILD) && bin/rpc_residency_test --gtest_filter='Load.*'
+	cd $(BUILD) && bin/stress_http2_abuse_test
+	$(BUILD)/bin/pepeseg_slurm_stress
+	PEPESEG_SOAK_SECONDS=$(SOAK_SECONDS) $(BUILD)/bin/stress_soak_test
 	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)
 
 lint:

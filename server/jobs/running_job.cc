@@ -29,7 +29,10 @@ bool BrokeLimit(const WorkerEnd& end) { return end.signal == SIGXCPU || end.sign
 
 absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEvent event) {
   std::error_code error;
-  std::filesystem::create_directories(folder.path(), error);
+  // Of a job that has ended the folder is there, or was deleted with its scene.
+  if (!IsTerminal(job.state) || job.fence == 0) {
+    std::filesystem::create_directories(folder.path(), error);
+  }
   if (error) return FileError(folder.path(), "create", error.value());
   ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
                    EventLogWriter::Open(folder.events(), job.fence));

@@ -110,7 +110,7 @@ TEST_F(FlippedBitsTest, OfACheckpoint) {
     if (!found.ok()) return found.status();
     std::string all = absl::StrCat(found->header.stage, found->header.identity, found->header.step);
     for (const CheckpointSection& section : found->sections) {
-      absl::StrAppend(&all, section.name, section.version, section.bytes);
+      absl::StrAppend(&all, section.name, section.version, std::string(section.bytes));
     }
     return all;
   });

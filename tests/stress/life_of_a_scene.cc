@@ -243,6 +243,14 @@ absl::Status LifeOfAScene::Keep(Stubs& stubs) {
   return absl::OkStatus();
 }
 
+absl::Status LifeOfAScene::Delete(const std::shared_ptr<grpc::Channel>& channel) {
+  Stubs stubs(channel);
+  v1::DeleteSceneRequest request;
+  request.set_name(scene_);
+  google::protobuf::Empty nothing;
+  return Stubs::Call(*stubs.scenes, &v1::SceneService::Stub::DeleteScene, request, &nothing);
+}
+
 absl::Status LifeOfAScene::Check(const std::shared_ptr<grpc::Channel>& channel) {
   Stubs stubs(channel);
   v1::GetSceneRequest get;

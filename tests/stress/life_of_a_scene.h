@@ -28,6 +28,8 @@ class LifeOfAScene {
   absl::Status Run(const std::shared_ptr<grpc::Channel>& channel);
   // Whether what was answered so far is there.
   absl::Status Check(const std::shared_ptr<grpc::Channel>& channel);
+  // The scene with all that belongs to it.
+  absl::Status Delete(const std::shared_ptr<grpc::Channel>& channel);
   bool done() const { return done_; }
 
  private:

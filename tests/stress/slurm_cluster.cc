@@ -109,7 +109,7 @@ void SlurmCluster::WriteConfiguration(int num_nodes) {
        << "JobAcctGatherType=jobacct_gather/none\nMpiDefault=none\n"
        << "SlurmdTimeout=5\nInactiveLimit=0\nKillWait=5\nReturnToService=2\n"
        << "SchedulerParameters=sched_interval=1,bf_interval=1,batch_sched_delay=0\n"
-       << "SlurmdParameters=config_overrides\nRequeueExit=\nMinJobAge=300\n";
+       << "SlurmdParameters=config_overrides\nMinJobAge=300\n";
   for (int i = 0; i < num_nodes; ++i) {
     conf << "NodeName=n" << i + 1 << " NodeHostname=" << host
          << " NodeAddr=127.0.0.1 Port=" << FreePort() << " CPUs=2 RealMemory=16000\n";
