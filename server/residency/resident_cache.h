@@ -105,9 +105,9 @@ class ResidentCache {
       const std::lock_guard lock(state->mutex);
       const MemoryBytes counted = state->budget.Counted(bytes);
       state->used -= counted;
-      const auto theirs = state->used_by.find(owner);
-      theirs->second -= counted;
-      if (theirs->second.host == 0 && theirs->second.device == 0) state->used_by.erase(theirs);
+      MemoryBytes& theirs = state->used_by[owner];
+      theirs -= counted;
+      if (theirs.host == 0 && theirs.device == 0) state->used_by.erase(owner);
     }
     std::shared_ptr<State> state;
     MemoryBytes bytes;
