@@ -11,7 +11,11 @@
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the store
 //   audit.log                 who did what (server/access/audit_log.h)
-//   blobs/ab/abcdef...        bytes of uploaded files, by SHA-256
+//   collector.lock            held by the one server that collects what nothing refers to
+//   locks/PROJECT             shared by who counts on a blob that is there, held by who removes one
+//   blobs/PROJECT/ab/abcd...  bytes of uploaded files, by SHA-256
+//   partial/PROJECT/SCENE-N/  beginnings of the files of an upload, by SHA-256, and DIGEST.length:
+//                             how many of their bytes are committed
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/io/selection_file.h)
 //   jobs/JOB/...              of server/jobs
@@ -31,9 +35,59 @@ inline std::filesystem::path BlobFolder(const std::filesystem::path& data) {
   return data / "blobs";
 }
 
-// `sha256`: 64 lower-case hex digits, checked by the caller.
-inline std::filesystem::path BlobPath(const std::filesystem::path& data, std::string_view sha256) {
-  return BlobFolder(data) / std::string(sha256.substr(0, 2)) / std::string(sha256);
+inline std::filesystem::path BlobFolderOf(const std::filesystem::path& data,
+                                          std::string_view project) {
+  return BlobFolder(data) / std::string(project);
+}
+
+inline std::filesystem::path BlobLockPath(const std::filesystem::path& data,
+                                          std::string_view project) {
+  return data / "locks" / std::string(project);
+}
+
+// A file's bytes, as a project has them.
+struct BlobName {
+  std::string project;
+  std::string sha256;  // 64 lower-case hex digits, checked by who makes it
+};
+
+inline std::filesystem::path BlobPath(const std::filesystem::path& data, const BlobName& blob) {
+  return BlobFolderOf(data, blob.project) / blob.sha256.substr(0, 2) / blob.sha256;
+}
+
+inline std::filesystem::path PartialFolder(const std::filesystem::path& data) {
+  return data / "partial";
+}
+
+struct UploadName {
+  std::string project;
+  std::string scene;
+  int64_t number = 0;
+};
+
+inline std::filesystem::path PartialFolderOf(const std::filesystem::path& data,
+                                             const UploadName& upload) {
+  return PartialFolder(data) / upload.project /
+         (upload.scene + "-" + std::to_string(upload.number));
+}
+
+// Of the beginning of a file: how many bytes of it are committed.
+inline std::filesystem::path LengthPath(const std::filesystem::path& partial) {
+  return partial.string() + ".length";
+}
+
+inline std::filesystem::path CollectorLockPath(const std::filesystem::path& data) {
+  return data / "collector.lock";
+}
+
+inline std::filesystem::path JobsFolder(const std::filesystem::path& data) { return data / "jobs"; }
+
+inline std::filesystem::path DatasetsFolder(const std::filesystem::path& data) {
+  return data / "datasets";
+}
+
+inline std::filesystem::path SelectionsFolder(const std::filesystem::path& data) {
+  return data / "selections";
 }
 
 inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,

@@ -52,6 +52,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddExport(app, shell);
   pepeseg::cli::AddResidents(app, shell);
   pepeseg::cli::AddKeys(app, shell);
+  pepeseg::cli::AddQuota(app, shell);
   pepeseg::cli::AddTop(app, shell);
   pepeseg::cli::AddDrain(app, shell);
   pepeseg::cli::AddDemo(app, shell);

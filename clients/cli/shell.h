@@ -51,6 +51,7 @@ void AddEvaluate(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
 void AddKeys(CLI::App& app, Shell& shell);       // key-create, key-list, key-revoke
+void AddQuota(CLI::App& app, Shell& shell);
 void AddTop(CLI::App& app, Shell& shell);
 void AddDrain(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);

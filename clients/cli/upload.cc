@@ -1,8 +1,8 @@
 #include "clients/cli/upload.h"
 
-#include <fstream>
+#include <algorithm>
 #include <memory>
-#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -10,24 +10,19 @@
 #include "absl/strings/str_format.h"
 #include "clients/cli/checksums.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/progress_line.h"
+#include "clients/cli/send_files.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
 
 namespace pepeseg::cli {
 namespace {
 
-constexpr size_t kChunkBytes = size_t{1} << 20;
 constexpr size_t kNamesShown = 10;
 
-using FileStream = std::unique_ptr<grpc::ClientWriter<v1::WriteFilesRequest>>;
-using FilesByName = std::unordered_map<std::string, const FolderFile*>;
-
-absl::StatusOr<v1::Upload> Declare(const Connection& connection, const std::string& scene,
-                                   const DatasetFolder& folder) {
+absl::StatusOr<v1::CreateUploadRequest> Declare(const std::string& scene,
+                                                const DatasetFolder& folder) {
   v1::CreateUploadRequest request;
   request.set_parent(scene);
-  request.set_request_id(NewRequestId());
   for (const FolderFile& file : folder.files) {
     ASSIGN_OR_RETURN(const FileDigest digest, DigestFile(file.path));
     v1::FileDeclaration* declaration = request.add_files();
@@ -36,68 +31,36 @@ absl::StatusOr<v1::Upload> Declare(const Connection& connection, const std::stri
     declaration->set_size(digest.size);
     declaration->set_sha256(digest.sha256);
   }
+  return request;
+}
+
+// The same for the same files, so that the program finds an upload again that it has begun before.
+std::string RequestIdOf(const v1::CreateUploadRequest& request) {
+  Sha256 digest;
+  for (const v1::FileDeclaration& file : request.files()) {
+    digest.Add(absl::StrCat(file.path(), "\n", static_cast<int>(file.kind()), " ", file.size(), " ",
+                            file.sha256(), "\n"));
+  }
+  return absl::StrCat("files-", digest.Finish());
+}
+
+absl::StatusOr<v1::Upload> Create(const Connection& connection,
+                                  const v1::CreateUploadRequest& request) {
   v1::Upload upload;
-  Call call(scene, kCallSeconds);
+  Call call(request.parent(), kCallSeconds);
   RETURN_IF_ERROR(FromGrpc(connection.datasets->CreateUpload(call, request, &upload)));
   return upload;
 }
 
-// False when the server ended the stream; its Finish tells why.
-absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, const FolderFile& file,
-                              absl::FunctionRef<void(int64_t)> sent) {
-  std::ifstream bytes(file.path, std::ios::binary);
-  if (!bytes) return absl::NotFoundError(absl::StrCat("cannot open ", file.path.string()));
-  v1::WriteFilesRequest request;
-  request.mutable_header()->set_upload(upload);
-  request.mutable_header()->set_path(file.name);
-  if (!stream->Write(request)) return false;
-  std::string piece(kChunkBytes, '\0');
-  while (bytes) {
-    bytes.read(piece.data(), static_cast<std::streamsize>(piece.size()));
-    const auto size = static_cast<size_t>(bytes.gcount());
-    if (size == 0) break;
-    v1::WriteFilesRequest::Chunk* chunk = request.mutable_chunk();
-    chunk->set_data(piece.data(), size);
-    chunk->set_crc32c(Crc32c(chunk->data()));
-    if (!stream->Write(request)) return false;
-    sent(static_cast<int64_t>(size));
-  }
-  request.mutable_end();
-  return stream->Write(request);
-}
-
-absl::Status SendMissing(const Connection& connection, const v1::Upload& upload,
-                         const DatasetFolder& folder, ProgressLine& line) {
-  FilesByName files;
-  for (const FolderFile& file : folder.files) files[file.name] = &file;
-  int64_t num_bytes = 0;
-  for (const std::string& name : upload.missing_files()) {
-    std::error_code error;
-    if (files.count(name) == 0) {
-      return absl::InternalError(absl::StrCat("the server asks for an unknown file: ", name));
-    }
-    num_bytes += static_cast<int64_t>(std::filesystem::file_size(files[name]->path, error));
-  }
-  v1::WriteFilesResponse response;
-  Call call(SceneOf(upload.name()), 0);
-  FileStream stream = connection.datasets->WriteFiles(call, &response);
-  int64_t bytes = 0;
-  for (const std::string& name : upload.missing_files()) {
-    auto went = SendFile(stream, upload.name(), *files[name], [&](int64_t size) {
-      bytes += size;
-      line.Show(UploadText(bytes, num_bytes, line.columns()));
-    });
-    if (!went.ok()) {
-      static_cast<grpc::ClientContext*>(call)->TryCancel();
-      (void)stream->Finish();
-      return went.status();
-    }
-    if (!*went) break;
-  }
-  stream->WritesDone();
-  RETURN_IF_ERROR(FromGrpc(stream->Finish()));
-  line.Show(UploadText(bytes, num_bytes, line.columns()), /*is_last=*/true);
-  return absl::OkStatus();
+// One that goes on, or a new one where that was sealed.
+absl::StatusOr<v1::Upload> Open(const Connection& connection, const std::string& scene,
+                                const DatasetFolder& folder) {
+  ASSIGN_OR_RETURN(v1::CreateUploadRequest request, Declare(scene, folder));
+  request.set_request_id(RequestIdOf(request));
+  ASSIGN_OR_RETURN(v1::Upload upload, Create(connection, request));
+  if (!upload.sealed()) return upload;
+  request.set_request_id(NewRequestId());
+  return Create(connection, request);
 }
 
 void NoteLeftOut(const std::vector<std::string>& names) {
@@ -148,19 +111,8 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
 
 absl::StatusOr<v1::Dataset> UploadFolder(const Connection& connection, const std::string& scene,
                                          const DatasetFolder& folder) {
-  ASSIGN_OR_RETURN(const v1::Upload upload, Declare(connection, scene, folder));
-  ProgressLine line;
-  if (upload.missing_files_size() > 0) {
-    RETURN_IF_ERROR(SendMissing(connection, upload, folder, line));
-  } else {
-    line.Say("the server has every file already");
-  }
-  v1::SealUploadRequest request;
-  request.set_name(upload.name());
-  v1::Dataset dataset;
-  Call call(scene, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.datasets->SealUpload(call, request, &dataset)));
-  return dataset;
+  ASSIGN_OR_RETURN(v1::Upload upload, Open(connection, scene, folder));
+  return FinishUpload(connection, std::move(upload), folder);
 }
 
 absl::Status EnsureScene(const Connection& connection, const std::string& scene) {

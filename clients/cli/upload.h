@@ -9,8 +9,9 @@
 
 namespace pepeseg::cli {
 
-// Declares the files, sends those that the server does not have, seals. Shows its progress. Errors:
-// the server's, naming the file; DATA_LOSS when a file changed under the upload.
+// Declares the files, sends what the server does not have of them, seals. Shows its progress. Goes
+// on with an upload of the same files that was broken off. Errors: the server's, naming the file;
+// DATA_LOSS when a file changed under the upload.
 absl::StatusOr<v1::Dataset> UploadFolder(const Connection& connection, const std::string& scene,
                                          const DatasetFolder& folder);
 

@@ -15,4 +15,17 @@ struct Quota {
   int64_t resident_bytes = 0;
 };
 
+// What holds for a project: its own value of each, else the server's.
+inline Quota InForce(const Quota& own, const Quota& server) {
+  const auto pick = [](int64_t of_project, int64_t of_server) {
+    return of_project > 0 ? of_project : of_server;
+  };
+  return {pick(own.stored_bytes, server.stored_bytes),
+          pick(own.open_uploads, server.open_uploads),
+          pick(own.queued_jobs, server.queued_jobs),
+          pick(own.running_jobs, server.running_jobs),
+          pick(own.queries_per_second, server.queries_per_second),
+          pick(own.resident_bytes, server.resident_bytes)};
+}
+
 }  // namespace pepeseg

@@ -121,9 +121,10 @@ absl::Status RunningJob::WriteSpec() const {
   }
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    context_.store.ListDatasetFiles(job_.scene, job_.dataset));
+  ASSIGN_OR_RETURN(const std::string project, context_.store.ProjectOfScene(job_.scene));
   for (const DatasetFileRow& file : files) {
     spec.files.push_back(
-        {file.path, file.kind, context_.options.file_path(file).string(), file.sha256});
+        {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
   }
   return folder_.WriteSpec(spec);
 }

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -56,8 +58,11 @@ class Store {
   absl::Status DeleteScene(const std::string& id);
 
   // `files`: with distinct paths; `stored` is kept as given. Checks nothing else of them.
+  // RESOURCE_EXHAUSTED: the project's quota of stored bytes or open uploads. `admit`, which may be
+  // asked more than once, decides over a new one, not over one that the request_id made earlier.
   absl::StatusOr<DatasetRow> CreateDataset(const std::string& scene, const std::string& request_id,
-                                           const std::vector<DatasetFileRow>& files);
+                                           const std::vector<DatasetFileRow>& files,
+                                           const std::function<absl::Status()>& admit = {});
   absl::StatusOr<DatasetRow> GetDataset(const std::string& scene, int64_t number);
   // Sealed ones, by number.
   absl::StatusOr<Page<DatasetRow>> ListDatasets(const std::string& scene, const PageRequest& page);
@@ -72,8 +77,16 @@ class Store {
   // sealed dataset changes nothing.
   absl::StatusOr<DatasetRow> SealDataset(const std::string& scene, int64_t number);
 
+  // Those that are open and older than that.
+  absl::StatusOr<std::vector<DatasetRow>> ListOpenUploads(absl::Time created_before);
+  // With its files. FAILED_PRECONDITION: it is sealed.
+  absl::Status DeleteUpload(const std::string& scene, int64_t number);
+  // Of all files that datasets and uploads of the project name.
+  absl::StatusOr<std::set<std::string>> ListDigests(const std::string& project);
+
   // Reads scene, dataset, options, effective_options, request_id, host_bytes and seconds. ABORTED
-  // names the scene's active job when there is one; FAILED_PRECONDITION on an open dataset.
+  // names the scene's active job when there is one; FAILED_PRECONDITION on an open dataset;
+  // RESOURCE_EXHAUSTED: the project's quota of queued jobs.
   absl::StatusOr<JobRow> CreateJob(const JobRow& job);
   absl::StatusOr<JobRow> GetJob(const std::string& id);
   struct JobFilter {
@@ -84,12 +97,15 @@ class Store {
   absl::StatusOr<Page<JobRow>> ListJobs(const JobFilter& filter,
                                         const PageRequest& page);  // newest first
   absl::StatusOr<std::optional<JobRow>> FindActiveJob(const std::string& scene);
+  // No job of this database has had this number, or a higher one.
+  absl::StatusOr<int64_t> NextJobNumber();
 
   // The queue. Writes of an attempt carry its fence: ABORTED when the job is not RUNNING under it,
   // or not held by this store.
   // Takes the oldest job that is QUEUED, or RUNNING with a lease that is over, and makes it RUNNING
   // on `device` with the next fence, for the length of a lease. One that a launcher still runs for
   // a holder whose lease is over keeps its fence and launch: it changes its holder only.
+  // Queued jobs of a project that runs as many as its quota allows are passed over.
   absl::StatusOr<std::optional<JobRow>> ClaimJob(const std::string& device);
   // Prolongs the leases of what this store holds, and answers those jobs.
   absl::StatusOr<std::vector<JobRow>> RenewLeases();
@@ -165,11 +181,17 @@ class Store {
   absl::StatusOr<ProjectRow> GetProject(const std::string& id);
   // Makes the project when it is not there. INVALID_ARGUMENT: id is not an RFC 1034 label.
   absl::StatusOr<ProjectRow> SetProjectQuota(const std::string& id, const Quota& quota);
+  // stored_bytes, open_uploads, queued_jobs and running_jobs as they count against the quota.
+  absl::StatusOr<Quota> GetUsage(const std::string& project);
+  // Of projects without a value of their own. Before any other call, or while there is none.
+  void SetDefaultQuota(const Quota& quota) { default_quota_ = quota; }
+  const Quota& default_quota() const { return default_quota_; }
 
  private:
   Store(std::unique_ptr<Database> database, Holder holder);
   std::unique_ptr<Database> database_;
   const Holder holder_;
+  Quota default_quota_;
 };
 
 }  // namespace pepeseg

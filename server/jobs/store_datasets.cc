@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/quota_sql.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 
@@ -111,11 +112,8 @@ absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wan
   return SelectDataset(sql, wanted.scene, number);
 }
 
-absl::StatusOr<DatasetRow> InsertDataset(soci::session& sql, DatasetRow row,
-                                         const std::vector<DatasetFileRow>& files) {
-  RETURN_IF_ERROR(CheckScene(sql, row.scene));
-  ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
-  if (earlier.number != 0) return earlier;
+DatasetRow InsertDataset(soci::session& sql, DatasetRow row,
+                         const std::vector<DatasetFileRow>& files) {
   row.number = TakeNumber(sql, row.scene, "next_dataset");
   row.num_files = static_cast<int64_t>(files.size());
   for (const DatasetFileRow& file : files) row.num_bytes += file.size;
@@ -162,12 +160,21 @@ absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& 
 
 absl::StatusOr<DatasetRow> Store::CreateDataset(const std::string& scene,
                                                 const std::string& request_id,
-                                                const std::vector<DatasetFileRow>& files) {
+                                                const std::vector<DatasetFileRow>& files,
+                                                const std::function<absl::Status()>& admit) {
   DatasetRow row;
   row.scene = scene;
   row.request_id = request_id;
-  return database_->Query<DatasetRow>(
-      [&](soci::session& sql) { return InsertDataset(sql, row, files); });
+  return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
+    RETURN_IF_ERROR(CheckScene(sql, scene));
+    ASSIGN_OR_RETURN(const DatasetRow earlier, FindEarlier(sql, row, files));
+    if (earlier.number != 0) return earlier;
+    if (admit) RETURN_IF_ERROR(admit());
+    const DatasetRow made = InsertDataset(sql, row, files);
+    // After it, so that it counts too: when that is too much, all of it is undone.
+    RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, default_quota_));
+    return made;
+  });
 }
 
 absl::StatusOr<DatasetRow> Store::GetDataset(const std::string& scene, int64_t number) {

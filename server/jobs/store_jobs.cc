@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/quota_sql.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 
@@ -56,10 +57,6 @@ absl::Status CheckStartable(soci::session& sql, const JobRow& job) {
 }
 
 absl::StatusOr<JobRow> InsertJob(soci::session& sql, const JobRow& job) {
-  RETURN_IF_ERROR(CheckScene(sql, job.scene));
-  ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
-  if (!earlier.id.empty()) return earlier;
-  RETURN_IF_ERROR(CheckStartable(sql, job));
   int64_t number = 0;
   sql << "UPDATE job_numbers SET next_job = next_job + 1";
   sql << "SELECT next_job - 1 FROM job_numbers", soci::into(number);
@@ -150,7 +147,16 @@ JobRow SelectActiveJob(soci::session& sql, const std::string& scene) {
 }
 
 absl::StatusOr<JobRow> Store::CreateJob(const JobRow& job) {
-  return database_->Query<JobRow>([&](soci::session& sql) { return InsertJob(sql, job); });
+  return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
+    RETURN_IF_ERROR(CheckScene(sql, job.scene));
+    ASSIGN_OR_RETURN(JobRow earlier, FindEarlier(sql, job));
+    if (!earlier.id.empty()) return earlier;
+    RETURN_IF_ERROR(CheckStartable(sql, job));
+    ASSIGN_OR_RETURN(JobRow made, InsertJob(sql, job));
+    // After it, so that it counts too: when that is too much, it is undone.
+    RETURN_IF_ERROR(CheckQueueQuota(sql, job.scene, default_quota_));
+    return made;
+  });
 }
 
 absl::StatusOr<JobRow> Store::GetJob(const std::string& id) {
@@ -183,6 +189,14 @@ absl::StatusOr<std::optional<JobRow>> Store::FindActiveJob(const std::string& sc
     RETURN_IF_ERROR(CheckScene(sql, scene));
     JobRow active = SelectActiveJob(sql, scene);
     return active.id.empty() ? Found() : Found(std::move(active));
+  });
+}
+
+absl::StatusOr<int64_t> Store::NextJobNumber() {
+  return database_->Query<int64_t>([](soci::session& sql) -> absl::StatusOr<int64_t> {
+    int64_t next = 0;
+    sql << "SELECT next_job FROM job_numbers", soci::into(next);
+    return next;
   });
 }
 

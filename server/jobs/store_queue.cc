@@ -71,16 +71,21 @@ int64_t LeaseEnd(soci::session& sql, const Store::Holder& holder) {
 }
 
 // The oldest that may be claimed; number 0: there is none. PostgreSQL: without waiting for those
-// that others are claiming just now.
-int64_t SelectClaimable(soci::session& sql) {
+// that others are claiming just now. A RUNNING one counts already among those of its project.
+int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
   const std::string unlocked =
       sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
   const int64_t now = DatabaseMicros(sql);
+  const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
   int64_t number = 0;
-  sql << "SELECT number FROM jobs WHERE state = 0 OR (state = 1 AND lease_end < :now)"
+  sql << "SELECT number FROM jobs WHERE (state = 1 AND lease_end < :now) OR (state = 0 AND"
+         " scene NOT IN (SELECT id FROM scenes WHERE project IN ("
+         "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
+         " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
+         " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most))))"
          " ORDER BY number LIMIT 1"
       << unlocked,
-      soci::use(now), soci::into(number);
+      soci::use(now), soci::use(most), soci::into(number);
   return sql.got_data() ? number : 0;
 }
 
@@ -100,7 +105,7 @@ std::vector<JobRow> SelectHeld(soci::session& sql, const Store::Holder& holder) 
 absl::StatusOr<std::optional<JobRow>> Store::ClaimJob(const std::string& device) {
   using Claimed = std::optional<JobRow>;
   return database_->Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
-    const int64_t number = SelectClaimable(sql);
+    const int64_t number = SelectClaimable(sql, default_quota_);
     if (number == 0) return Claimed();
     ASSIGN_OR_RETURN(JobRow job, SelectJob(sql, absl::StrCat("j", number)));
     if (job.launch.empty()) BeginClaim(job, device);

@@ -19,8 +19,8 @@ namespace pepeseg {
 struct SupervisorOptions {
   std::filesystem::path data_folder;  // jobs/ID below it: everything of a job
   std::filesystem::path worker;       // the pepeseg-worker program
-  // Where the bytes of a stored file are.
-  std::function<std::filesystem::path(const DatasetFileRow&)> file_path;
+  // Where the bytes of a project's stored file are.
+  std::function<std::filesystem::path(const std::string& project, const DatasetFileRow&)> file_path;
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
   // That the workers run for masks and depth (worker_priors_command.h); empty: none.
   std::filesystem::path priors_command;

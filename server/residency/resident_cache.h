@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -28,12 +29,21 @@ template <typename Value>
 class ResidentCache {
  public:
   using Handle = std::shared_ptr<const Value>;
-  // Where a value comes from. Both calls are made without a lock, only when it is not resident.
+  // Whose a value is, and what all of theirs may take together, in the memory of which they take
+  // more; 0: no limit.
+  struct Share {
+    std::string owner;
+    int64_t limit = 0;
+    // What is told when they would take `need`.
+    std::function<absl::Status(int64_t need)> error;
+  };
+  // Where a value comes from. The calls are made without a lock, only when it is not resident.
   struct Source {
     std::string name;  // for Visit
     // What the value will take at most: reserved before the load.
     std::function<absl::StatusOr<MemoryBytes>()> need;
     std::function<absl::StatusOr<std::unique_ptr<Value>>()> load;
+    std::function<absl::StatusOr<Share>()> share = {};  // without it: nobody's
   };
   struct Info {
     const std::string& name;
@@ -50,9 +60,9 @@ class ResidentCache {
   explicit ResidentCache(const MemoryBudget& budget, std::function<void()> release_freed = {})
       : state_(std::make_shared<State>(budget, std::move(release_freed))) {}
 
-  // RESOURCE_EXHAUSTED, with need and have, when that much does not come free; then nothing was
-  // evicted. An error of the source is told to all who waited for it, and the next one who asks
-  // tries again.
+  // An owner over its share evicts its own first. RESOURCE_EXHAUSTED, with need and have, when that
+  // much does not come free, or the share's error; then nothing was evicted. An error of the source
+  // is told to all who waited for it, and the next one who asks tries again.
   absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
   // For a value that is no more: the next Acquire loads anew, also where it was pinned.
   void Drop(const std::string& key);
@@ -66,6 +76,8 @@ class ResidentCache {
   // Of values alive and loads under way: those of the device with the host's, where the budget has
   // one memory.
   MemoryBytes bytes_in_use() const;
+  // Of an owner, as they count against its share.
+  int64_t BytesOf(const std::string& owner) const;
   Counts counts() const;
   const MemoryBudget& budget() const { return state_->budget; }
 
@@ -77,23 +89,29 @@ class ResidentCache {
     const std::function<void()> release_freed;
     std::mutex mutex;
     MemoryBytes used;
+    std::map<std::string, MemoryBytes> used_by;  // owners
     int64_t clock = 0;
     Counts counts;
   };
   // A value and its bytes: given back when the last handle and the cache have let it go.
   struct Resident {
-    Resident(std::shared_ptr<State> owner, const MemoryBytes& num_bytes)
-        : state(std::move(owner)), bytes(num_bytes) {}
+    Resident(std::shared_ptr<State> of, const MemoryBytes& num_bytes, std::string whose)
+        : state(std::move(of)), bytes(num_bytes), owner(std::move(whose)) {}
     Resident(const Resident&) = delete;
     Resident& operator=(const Resident&) = delete;
     ~Resident() {
       value.reset();
       if (state->release_freed) state->release_freed();
       const std::lock_guard lock(state->mutex);
-      state->used -= state->budget.Counted(bytes);
+      const MemoryBytes counted = state->budget.Counted(bytes);
+      state->used -= counted;
+      MemoryBytes& theirs = state->used_by[owner];
+      theirs -= counted;
+      if (theirs.host == 0 && theirs.device == 0) state->used_by.erase(owner);
     }
     std::shared_ptr<State> state;
     MemoryBytes bytes;
+    std::string owner;
     std::unique_ptr<Value> value;
   };
   // One for each key that is loaded or being loaded.
@@ -111,8 +129,13 @@ class ResidentCache {
   static bool IsEvictable(const Entry& entry) {
     return !entry.loading && !entry.pinned && entry.resident.use_count() == 1;
   }
-  typename Entries::iterator Oldest();
-  absl::Status Reserve(const MemoryBytes& need);
+  // What an owner's values take with `need` more; if so asked, once those that can be are evicted.
+  int64_t TakenWith(const MemoryBytes& need, const Share& share, bool without_evictable) const;
+  // Nobody's in particular: of any owner.
+  typename Entries::iterator Oldest(const std::string* owner);
+  // What must go for `need`, where it can; its end: nothing must.
+  absl::StatusOr<typename Entries::iterator> NextToGo(const MemoryBytes& need, const Share& share);
+  absl::Status Reserve(const MemoryBytes& need, const Share& share);
   absl::StatusOr<std::shared_ptr<Resident>> Load(const Source& source);
   absl::StatusOr<typename Entries::iterator> FindLoaded(const std::string& key);
   Handle Use(Entry& entry) {
@@ -130,32 +153,66 @@ class ResidentCache {
 
 // The least recently used entry that can be evicted.
 template <typename Value>
-typename ResidentCache<Value>::Entries::iterator ResidentCache<Value>::Oldest() {
+typename ResidentCache<Value>::Entries::iterator ResidentCache<Value>::Oldest(
+    const std::string* owner) {
   auto oldest = entries_.end();
   for (auto at = entries_.begin(); at != entries_.end(); ++at) {
     if (!IsEvictable(*at->second)) continue;
+    if (owner != nullptr && at->second->resident->owner != *owner) continue;
     if (oldest == entries_.end() || at->second->last_use < oldest->second->last_use) oldest = at;
   }
   return oldest;
 }
 
 template <typename Value>
-absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need) {
-  std::unique_lock lock(state_->mutex);
-  while (!state_->budget.Fits(state_->used, need)) {
+int64_t ResidentCache<Value>::TakenWith(const MemoryBytes& need, const Share& share,
+                                        bool without_evictable) const {
+  MemoryBytes taken = state_->budget.Counted(need);
+  const auto theirs = state_->used_by.find(share.owner);
+  if (theirs != state_->used_by.end()) taken += theirs->second;
+  for (const auto& [key, entry] : entries_) {
+    if (!without_evictable || !IsEvictable(*entry)) continue;
+    if (entry->resident->owner == share.owner) {
+      taken -= state_->budget.Counted(entry->resident->bytes);
+    }
+  }
+  return std::max(taken.host, taken.device);
+}
+
+template <typename Value>
+absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<Value>::NextToGo(
+    const MemoryBytes& need, const Share& share) {
+  const bool in_share = share.limit == 0 || TakenWith(need, share, false) <= share.limit;
+  const bool fits = state_->budget.Fits(state_->used, need);
+  if (in_share && fits) return entries_.end();
+  // Both are looked at before anything goes.
+  if (!in_share) {
+    const int64_t least = TakenWith(need, share, true);
+    if (least > share.limit) return share.error(least);
+  }
+  if (!fits) {
     MemoryBytes kept = state_->used;
     for (const auto& [key, entry] : entries_) {
       if (IsEvictable(*entry)) kept -= state_->budget.Counted(entry->resident->bytes);
     }
-    const absl::Status fits = state_->budget.Check(kept, need);
-    if (!fits.ok() && num_leaving_ > 0) {  // their bytes come free
+    RETURN_IF_ERROR(state_->budget.Check(kept, need));
+  }
+  return Oldest(in_share ? nullptr : &share.owner);
+}
+
+template <typename Value>
+absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need, const Share& share) {
+  std::unique_lock lock(state_->mutex);
+  while (true) {
+    const auto next = NextToGo(need, share);
+    if (!next.ok() && num_leaving_ > 0) {  // their bytes come free
       left_.wait(lock);
       continue;
     }
-    RETURN_IF_ERROR(fits);
-    const auto oldest = Oldest();
-    std::shared_ptr<Resident> evicted = std::move(oldest->second->resident);
-    entries_.erase(oldest);
+    RETURN_IF_ERROR(next.status());
+    if (*next == entries_.end()) break;
+    std::shared_ptr<Resident> evicted = std::move((*next)->second->resident);
+    entries_.erase(*next);
     ++state_->counts.num_evictions;
     ++num_leaving_;
     lock.unlock();  // its destructor gives the bytes back
@@ -164,7 +221,9 @@ absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need) {
     --num_leaving_;
     left_.notify_all();
   }
-  state_->used += state_->budget.Counted(need);
+  const MemoryBytes counted = state_->budget.Counted(need);
+  state_->used += counted;
+  state_->used_by[share.owner] += counted;
   return absl::OkStatus();
 }
 
@@ -172,8 +231,12 @@ template <typename Value>
 absl::StatusOr<std::shared_ptr<typename ResidentCache<Value>::Resident>> ResidentCache<Value>::Load(
     const Source& source) {
   ASSIGN_OR_RETURN(const MemoryBytes need, source.need());
-  RETURN_IF_ERROR(Reserve(need));
-  const auto resident = std::make_shared<Resident>(state_, need);
+  Share share;
+  if (source.share) {
+    ASSIGN_OR_RETURN(share, source.share());
+  }
+  RETURN_IF_ERROR(Reserve(need, share));
+  const auto resident = std::make_shared<Resident>(state_, need, share.owner);
   ASSIGN_OR_RETURN(resident->value, source.load());
   return resident;
 }
@@ -263,6 +326,12 @@ template <typename Value>
 MemoryBytes ResidentCache<Value>::bytes_in_use() const {
   const std::lock_guard lock(state_->mutex);
   return state_->used;
+}
+
+template <typename Value>
+int64_t ResidentCache<Value>::BytesOf(const std::string& owner) const {
+  const std::lock_guard lock(state_->mutex);
+  return TakenWith({}, {owner, 0, {}}, false);
 }
 
 template <typename Value>

@@ -8,6 +8,7 @@
 #include "server/rpc/error.h"
 #include "server/rpc/key_answers.h"
 #include "server/rpc/model_lookup.h"
+#include "server/rpc/quota_answers.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/status_answer.h"
@@ -143,6 +144,22 @@ grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext
                                                      v1::ApiKey* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return AnswerRevokeKey(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetProjectUsage(
+    grpc::CallbackServerContext* call, const v1::GetProjectUsageRequest* request,
+    v1::ProjectUsage* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerGetProjectUsage(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::SetQuota(grpc::CallbackServerContext* call,
+                                                    const v1::SetQuotaRequest* request,
+                                                    v1::ProjectUsage* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerSetQuota(context_, *request, response);
   });
 }
 

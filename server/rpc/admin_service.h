@@ -33,6 +33,12 @@ class AdminServiceRpc final : public v1::AdminService::CallbackService {
   grpc::ServerUnaryReactor* RevokeKey(grpc::CallbackServerContext* call,
                                       const v1::RevokeKeyRequest* request,
                                       v1::ApiKey* response) override;
+  grpc::ServerUnaryReactor* GetProjectUsage(grpc::CallbackServerContext* call,
+                                            const v1::GetProjectUsageRequest* request,
+                                            v1::ProjectUsage* response) override;
+  grpc::ServerUnaryReactor* SetQuota(grpc::CallbackServerContext* call,
+                                     const v1::SetQuotaRequest* request,
+                                     v1::ProjectUsage* response) override;
   grpc::ServerUnaryReactor* GetStatus(grpc::CallbackServerContext* call,
                                       const v1::GetStatusRequest* request,
                                       v1::ServerStatus* response) override;

@@ -1,12 +1,16 @@
 #include "server/rpc/blob_store.h"
 
+#include <algorithm>
 #include <system_error>
 #include <vector>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/io/atomic_file.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
-#include "server/layout.h"
+#include "server/jobs/rows.h"
 
 namespace pepeseg {
 namespace {
@@ -14,74 +18,125 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kDigestLength = 64;
+constexpr char kLengthSuffix[] = ".length";
 
-// Files of other names than a digest's were never finished.
-absl::Status ClearUnfinished(const fs::path& blobs) {
+// Makes the folder and those above it that are not there, so that a power cut leaves them. Others
+// may do so, or remove empty ones, at the same time.
+absl::Status MakeFolders(const fs::path& folder) {
   std::error_code error;
-  std::vector<fs::path> unfinished;
-  for (auto entry = fs::recursive_directory_iterator(blobs, error);
-       !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+  if (fs::is_directory(folder, error)) return absl::OkStatus();
+  RETURN_IF_ERROR(MakeFolders(folder.parent_path()));
+  fs::create_directory(folder, error);
+  if (error) return FileError(folder, "cannot make the folder", error.value());
+  return SyncFolder(folder.parent_path());
+}
+
+// Of two hex digits, as the folders of blobs are named in a project's, and were in the store's.
+bool IsPrefix(const std::string& name) {
+  return name.size() == 2 && std::all_of(name.begin(), name.end(), [](char c) {
+           return absl::ascii_isdigit(c) || (c >= 'a' && c <= 'f');
+         });
+}
+
+// Blobs right in a folder: in that of a project there is none, whatever the project's name.
+std::vector<fs::path> BlobsIn(const fs::path& folder) {
+  std::vector<fs::path> blobs;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
     const bool whole = entry->path().filename().string().size() == kDigestLength;
-    if (!whole && entry->is_regular_file(error)) unfinished.push_back(entry->path());
+    if (whole && entry->is_regular_file(ignored)) blobs.push_back(entry->path());
   }
-  for (const fs::path& path : unfinished) {
-    if (!error) fs::remove(path, error);
+  return blobs;
+}
+
+absl::Status MoveToDefaultProject(const fs::path& data, const fs::path& folder) {
+  const std::vector<fs::path> blobs = BlobsIn(folder);
+  if (blobs.empty()) return absl::OkStatus();
+  const fs::path target = BlobFolderOf(data, kDefaultProject) / folder.filename();
+  RETURN_IF_ERROR(MakeFolders(target));
+  std::error_code error;
+  for (const fs::path& blob : blobs) {
+    fs::rename(blob, target / blob.filename(), error);
+    // Another server on the directory does the same.
+    const bool gone = error == std::errc::no_such_file_or_directory;
+    if (error && !gone) return FileError(blob, "cannot move to its project", error.value());
   }
-  return error ? FileError(blobs, "cannot clear the folder", error.value()) : absl::OkStatus();
+  RETURN_IF_ERROR(SyncFolder(target));
+  fs::remove(folder, error);  // unless there is more in it
+  return absl::OkStatus();
 }
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const fs::path& data) {
-  const fs::path blobs = BlobFolder(data);
+  RETURN_IF_ERROR(MakeFolders(BlobFolder(data)));
+  RETURN_IF_ERROR(MakeFolders(PartialFolder(data)));
+  RETURN_IF_ERROR(MakeFolders(BlobLockPath(data, "").parent_path()));
+  std::vector<fs::path> folders;
   std::error_code error;
-  fs::create_directories(blobs, error);
-  if (error) return FileError(blobs, "cannot make the folder", error.value());
-  RETURN_IF_ERROR(ClearUnfinished(blobs));
+  for (fs::directory_iterator entry(BlobFolder(data), error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (IsPrefix(entry->path().filename().string())) folders.push_back(entry->path());
+  }
+  if (error) return FileError(BlobFolder(data), "cannot list the folder", error.value());
+  for (const fs::path& folder : folders) RETURN_IF_ERROR(MoveToDefaultProject(data, folder));
   return std::unique_ptr<BlobStore>(new BlobStore(data));
 }
 
-bool BlobStore::Has(const std::string& sha256, int64_t size) const {
+bool BlobStore::Has(const BlobName& blob, int64_t size) const {
   std::error_code error;
-  const auto found = fs::file_size(Path(sha256), error);
+  const auto found = fs::file_size(Path(blob), error);
   return !error && static_cast<int64_t>(found) == size;
 }
 
-fs::path BlobStore::Path(const std::string& sha256) const { return BlobPath(data_, sha256); }
+absl::StatusOr<LockedFile> BlobStore::Hold(const std::string& project) const {
+  return LockedFile::WaitShared(BlobLockPath(data_, project));
+}
 
-absl::StatusOr<std::unique_ptr<BlobStore::Writer>> BlobStore::Begin(const std::string& sha256,
-                                                                    int64_t size) {
-  const fs::path target = Path(sha256);
+std::map<std::string, int64_t> BlobStore::ListPartial(const UploadName& upload) const {
+  std::map<std::string, int64_t> partial;
   std::error_code error;
-  if (fs::create_directory(target.parent_path(), error)) {
-    RETURN_IF_ERROR(SyncFolder(BlobFolder(data_)));
+  for (fs::directory_iterator entry(PartialFolderOf(data_, upload), error), end;
+       !error && entry != end; entry.increment(error)) {
+    fs::path path = entry->path();
+    if (path.extension() != kLengthSuffix) continue;
+    path.replace_extension();
+    const int64_t committed = CommittedBytes(path);
+    if (committed > 0) partial[path.filename().string()] = committed;
   }
-  if (error) return FileError(target.parent_path(), "cannot make the folder", error.value());
-  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(target));
-  return std::unique_ptr<Writer>(new Writer(std::move(file), sha256, size));
+  return partial;
 }
 
-absl::Status BlobStore::Writer::Append(std::string_view bytes) {
-  written_ += static_cast<int64_t>(bytes.size());
-  if (written_ > size_) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("more bytes than the ", size_, " declared: at least ", written_));
+absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& upload,
+                                                             const std::string& sha256,
+                                                             int64_t size) {
+  const BlobName blob{upload.project, sha256};
+  if (Has(blob, size)) return nullptr;
+  const fs::path folder = PartialFolderOf(data_, upload);
+  RETURN_IF_ERROR(MakeFolders(folder));
+  RETURN_IF_ERROR(MakeFolders(Path(blob).parent_path()));
+  absl::StatusOr<LockedFile> file = LockedFile::TryAlone(folder / sha256);
+  if (absl::IsNotFound(file.status())) {  // the folder was empty, and collected
+    RETURN_IF_ERROR(MakeFolders(folder));
+    file = LockedFile::TryAlone(folder / sha256);
   }
-  digest_.Add(bytes);
-  return file_.Append(bytes);
+  RETURN_IF_ERROR(file.status());
+  if (Has(blob, size)) {  // the one before has just ended it
+    std::error_code ignored;
+    fs::remove(folder / sha256, ignored);
+    return nullptr;
+  }
+  return std::make_shared<BlobWriter>(
+      *std::move(file), BlobWriter::Target{folder / sha256, Path(blob), sha256, size});
 }
 
-absl::Status BlobStore::Writer::Commit() {
-  if (written_ != size_) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("ended after ", written_, " of the ", size_, " bytes declared"));
-  }
-  const std::string found = digest_.Hex();
-  if (found != sha256_) {
-    return absl::DataLossError(
-        absl::StrCat("the bytes have the SHA-256 ", found, ", declared was ", sha256_));
-  }
-  return file_.Commit();
+absl::StatusOr<int64_t> BlobStore::FreeBytes() const {
+  std::error_code error;
+  const fs::space_info space = fs::space(data_, error);
+  if (error) return FileError(data_, "cannot tell its free space", error.value());
+  return static_cast<int64_t>(space.available);
 }
 
 }  // namespace pepeseg

@@ -2,49 +2,44 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
-#include <string_view>
-#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/atomic_file.h"
-#include "core/io/digest.h"
+#include "server/jobs/locked_file.h"
+#include "server/layout.h"
+#include "server/rpc/blob_writer.h"
 
 namespace pepeseg {
 
-// The bytes of uploaded files, by digest: a blob is there as a whole or not at all, also after a
-// power cut, and never changes. Thread safe; a Writer is for one thread at a time. Calls block.
+// The bytes of uploaded files, by project and digest: a blob is there as a whole or not at all,
+// also after a power cut, and never changes. Of one on its way the beginning is kept, for the
+// upload that brings it. Several servers may be on the directory. Thread safe. Calls block.
 class BlobStore {
  public:
-  // Makes the folder, and clears what writers of an earlier process left behind.
+  // Makes the folders. Blobs of before there were projects become the default project's; when that
+  // is cut off, the next start goes on with it.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(const std::filesystem::path& data);
 
-  // `sha256`: 64 lower-case hex digits.
-  bool Has(const std::string& sha256, int64_t size) const;
-  std::filesystem::path Path(const std::string& sha256) const;
+  bool Has(const BlobName& blob, int64_t size) const;
+  std::filesystem::path Path(const BlobName& blob) const { return BlobPath(data_, blob); }
 
-  // A blob on its way. Destroyed without Commit() it leaves nothing.
-  class Writer {
-   public:
-    // INVALID_ARGUMENT when it is more than was declared; RESOURCE_EXHAUSTED: the disk is full.
-    absl::Status Append(std::string_view bytes);
-    // INVALID_ARGUMENT when it is less than declared; DATA_LOSS when the digest is another.
-    absl::Status Commit();
+  // While it lives, no blob of the project is removed: from before an upload names a digest until
+  // its client was told that the blob is there.
+  absl::StatusOr<LockedFile> Hold(const std::string& project) const;
 
-   private:
-    friend class BlobStore;
-    Writer(AtomicFile file, std::string sha256, int64_t size)
-        : file_(std::move(file)), sha256_(std::move(sha256)), size_(size) {}
+  // Committed bytes of the upload's files that are on their way, by digest; more than 0.
+  std::map<std::string, int64_t> ListPartial(const UploadName& upload) const;
 
-    AtomicFile file_;
-    Sha256 digest_;
-    std::string sha256_;
-    int64_t size_;
-    int64_t written_ = 0;
-  };
-  absl::StatusOr<std::unique_ptr<Writer>> Begin(const std::string& sha256, int64_t size);
+  // Of a file of an upload, which declared its digest and size; to be started at an offset first.
+  // Null: the blob is there. ABORTED: another stream, or another server, writes it.
+  absl::StatusOr<std::shared_ptr<BlobWriter>> Begin(const UploadName& upload,
+                                                    const std::string& sha256, int64_t size);
+
+  // That can be written now, bytes.
+  absl::StatusOr<int64_t> FreeBytes() const;
 
  private:
   explicit BlobStore(std::filesystem::path data) : data_(std::move(data)) {}

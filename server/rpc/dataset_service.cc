@@ -1,5 +1,7 @@
 #include "server/rpc/dataset_service.h"
 
+#include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "core/io/atomic_file.h"
@@ -34,6 +36,30 @@ absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRo
   return WriteFileAtomically(path, manifest.dump(1));
 }
 
+// What the file system must take in for a new upload, and whether it can. Others may fill it
+// meanwhile: then the upload waits for space where it is.
+absl::StatusOr<std::function<absl::Status()>> CheckRoom(const ServiceContext& context,
+                                                        const std::string& project,
+                                                        const std::vector<DatasetFileRow>& files) {
+  std::map<std::string, int64_t> missing;
+  for (const DatasetFileRow& file : files) {
+    if (!context.blobs->Has({project, file.sha256}, file.size)) missing[file.sha256] = file.size;
+  }
+  int64_t need = 0;
+  for (const auto& [digest, size] : missing) need += size;
+  ASSIGN_OR_RETURN(const int64_t have, context.blobs->FreeBytes());
+  return [need, have] {
+    if (need <= have) return absl::OkStatus();
+    v1::ErrorDetail detail;
+    detail.set_reason("DISK_FULL");
+    detail.set_value(absl::StrCat(need));
+    detail.set_limit(absl::StrCat(have));
+    return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
+                          "the upload needs ", need, " bytes, the server's disk has ", have)),
+                      detail);
+  };
+}
+
 }  // namespace
 
 absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* upload) const {
@@ -44,22 +70,40 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   upload->set_sealed(row.state == DatasetState::kSealed);
   if (upload->sealed()) return absl::OkStatus();
   ASSIGN_OR_RETURN(const auto files, context_.store->ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(row.scene));
+  const auto partial = context_.blobs->ListPartial({project, row.scene, row.number});
   for (const DatasetFileRow& file : files) {
-    if (!context_.blobs->Has(file.sha256, file.size)) upload->add_missing_files(file.path);
+    if (context_.blobs->Has({project, file.sha256}, file.size)) continue;
+    upload->add_missing_files(file.path);
+    const auto found = partial.find(file.sha256);
+    if (found == partial.end()) continue;
+    auto& beginning = *upload->add_partial_files();
+    beginning.set_path(file.path);
+    beginning.set_committed_bytes(found->second);
   }
   return absl::OkStatus();
+}
+
+absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
+                                       v1::Upload* response) const {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  RETURN_IF_ERROR(CheckRequestId(request.request_id()));
+  ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(request));
+  const auto project = context_.store->ProjectOfScene(scene);
+  if (!project.ok()) return WithResource(project.status(), "", request.parent());
+  // A blob of nobody's that this upload names, and so need not be sent, must not go meanwhile.
+  ASSIGN_OR_RETURN(const LockedFile hold, context_.blobs->Hold(*project));
+  ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, *project, files));
+  const auto row = context_.store->CreateDataset(scene, request.request_id(), files, admit);
+  if (!row.ok()) return WithResource(row.status(), "", request.parent());
+  return FillUpload(*row, response);
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
-    RETURN_IF_ERROR(CheckRequestId(request->request_id()));
-    ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(*request));
-    const auto row = context_.store->CreateDataset(scene, request->request_id(), files);
-    if (!row.ok()) return WithResource(row.status(), "", request->parent());
-    return FillUpload(*row, response);
+    return Create(*request, response);
   });
 }
 
@@ -88,9 +132,10 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
   ASSIGN_OR_RETURN(DatasetRow row, store.GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kOpen) {
     ASSIGN_OR_RETURN(const auto files, store.ListDatasetFiles(upload.scene, upload.number));
+    ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
     bool complete = true;
     for (const DatasetFileRow& file : files) {
-      const bool there = context_.blobs->Has(file.sha256, file.size);
+      const bool there = context_.blobs->Has({project, file.sha256}, file.size);
       complete &= there;
       // The same bytes may have come under another path, or for another dataset.
       if (there && !file.stored) {

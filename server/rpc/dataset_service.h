@@ -25,6 +25,7 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
                                          v1::ListDatasetsResponse* response) override;
 
  private:
+  absl::Status Create(const v1::CreateUploadRequest& request, v1::Upload* response) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
   absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
 

@@ -25,7 +25,16 @@ constexpr int64_t kVideoFramePixels = 1600 * 1200;
 constexpr int64_t kPointsOfPhoto = 250;
 constexpr int64_t kMaxPoints = 50'000'000;
 
-absl::StatusOr<int64_t> PixelsOf(const BlobStore& blobs, const DatasetFileRow& file) {
+// Where the files' bytes are.
+struct Blobs {
+  const BlobStore& store;
+  std::string project;
+  std::filesystem::path Path(const std::string& sha256) const {
+    return store.Path({project, sha256});
+  }
+};
+
+absl::StatusOr<int64_t> PixelsOf(const Blobs& blobs, const DatasetFileRow& file) {
   ASSIGN_OR_RETURN(const std::string bytes,
                    ReadFile(blobs.Path(file.sha256), file.path, kMaxPhotoBytes));
   const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
@@ -55,12 +64,12 @@ int64_t CountTextPoints(const std::filesystem::path& path) {
 }
 
 // 0 where the file cannot be read: the job says why.
-int64_t CountPly(const BlobStore& blobs, const DatasetFileRow& file) {
+int64_t CountPly(const Blobs& blobs, const DatasetFileRow& file) {
   const auto ply = OpenPly(blobs.Path(file.sha256), file.path, kMaxPoints);
   return ply.ok() ? ply->count : 0;
 }
 
-int64_t CountPoints(const BlobStore& blobs, const DatasetFileRow& file) {
+int64_t CountPoints(const Blobs& blobs, const DatasetFileRow& file) {
   const std::filesystem::path path = blobs.Path(file.sha256);
   if (file.kind == v1::FILE_KIND_POINTS) return CountPly(blobs, file);
   if (absl::EndsWith(file.path, "points3D.bin")) return CountBinaryPoints(path, file.size);
@@ -77,7 +86,7 @@ struct PhotoRules {
   int64_t num_video_frames;  // of all videos together
 };
 
-absl::Status MeasurePhotos(const BlobStore& blobs, const std::vector<DatasetFileRow>& files,
+absl::Status MeasurePhotos(const Blobs& blobs, const std::vector<DatasetFileRow>& files,
                            const PhotoRules& rules, DatasetSize& size) {
   std::vector<const DatasetFileRow*> photos;
   for (const DatasetFileRow& file : files) {
@@ -114,11 +123,13 @@ absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
                                            const WantedTraining& training) {
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    context.store->ListDatasetFiles(training.scene, training.dataset));
+  ASSIGN_OR_RETURN(const std::string project, context.store->ProjectOfScene(training.scene));
+  const Blobs blobs{*context.blobs, project};
   const ImportOptions& import = training.settings.import;
   DatasetSize size;
   const PhotoRules rules{import.image_scale, CountKind(files, v1::FILE_KIND_VIDEO) *
                                                  training.settings.sfm.max_video_frames};
-  RETURN_IF_ERROR(MeasurePhotos(*context.blobs, files, rules, size));
+  RETURN_IF_ERROR(MeasurePhotos(blobs, files, rules, size));
   size.has_poses = CountKind(files, v1::FILE_KIND_POSES) > 0;
   TrainingSize& counts = size.training;
   const int64_t every = import.held_out_every;
@@ -131,9 +142,8 @@ absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
       std::min(counts.num_views,
                CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
   for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_GAUSSIANS)
-      size.num_given_gaussians = CountPly(*context.blobs, file);
-    counts.num_points = std::max(counts.num_points, CountPoints(*context.blobs, file));
+    if (file.kind == v1::FILE_KIND_GAUSSIANS) size.num_given_gaussians = CountPly(blobs, file);
+    counts.num_points = std::max(counts.num_points, CountPoints(blobs, file));
   }
   if (!size.has_poses) counts.num_points = kPointsOfPhoto * counts.num_views;
   return size;

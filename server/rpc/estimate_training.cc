@@ -130,8 +130,8 @@ void SetDurations(const std::optional<Measured>& measured, const TrainingSetting
   }
 }
 
-// A quarter more memory than the largest stage takes on the CPU, which is where a cluster counts it,
-// and three times as long as all stages would take together: their limits end a job.
+// A quarter more memory than the largest stage takes on the CPU, which is where a cluster counts
+// it, and three times as long as all stages would take together: their limits end a job.
 WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
   constexpr int64_t kProgramBytes = int64_t{512} << 20;
   constexpr int64_t kStartSeconds = 600;

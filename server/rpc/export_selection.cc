@@ -26,7 +26,8 @@ constexpr char kPlyName[] = "gaussians.ply";
 
 absl::Status ExportSelectionStream::Open() {
   opened_ = true;
-  RETURN_IF_ERROR(context_.authorizer->Authorize(origin_, request_).status());
+  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(origin_, request_));
+  RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
   ASSIGN_OR_RETURN(const bool is_subset, MakeSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
 }

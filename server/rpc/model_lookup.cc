@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/model_file.h"
 #include "core/status_macros.h"
+#include "server/jobs/quota_error.h"
 #include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
@@ -26,6 +27,18 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
   if (need.host > 0) detail.set_value(words(budget.Counted(need)));
   detail.set_limit(words(budget.usable()));
   return WithDetail(status, detail);
+}
+
+// The project's that the scene belongs to.
+absl::StatusOr<ModelCache::Share> ShareOf(const ServiceContext& context, const std::string& scene) {
+  ModelCache::Share share;
+  ASSIGN_OR_RETURN(share.owner, context.store->ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const Quota quota, context.quotas->Get(share.owner));
+  share.limit = quota.resident_bytes;
+  share.error = [limit = share.limit](int64_t need) {
+    return QuotaError("resident_bytes", need, limit);
+  };
+  return share;
 }
 
 absl::StatusOr<ModelRow> FindLiveModel(const ServiceContext& context, const std::string& scene) {
@@ -65,10 +78,14 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
     ASSIGN_OR_RETURN(Model model, ReadModel(folder));
     return Segmenter::Create(*context.backend, std::move(model), context.map_counts);
   };
+  source.share = [&] { return ShareOf(context, row.scene); };
   auto segmenter = context.models->Acquire(ResidentKey(row), source);
   if (absl::IsResourceExhausted(segmenter.status())) {
-    const absl::Status named(segmenter.status().code(),
-                             absl::StrCat(source.name, ": ", segmenter.status().message()));
+    absl::Status named(segmenter.status().code(),
+                       absl::StrCat(source.name, ": ", segmenter.status().message()));
+    // A quota's error tells its own need and limit.
+    segmenter.status().ForEachPayload(
+        [&](absl::string_view url, const absl::Cord& payload) { named.SetPayload(url, payload); });
     return WithBytes(named, need, context.models->budget());
   }
   RETURN_IF_ERROR(segmenter.status());

@@ -74,6 +74,16 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
   return absl::OkStatus();
 }
 
+// Selections' files are collected later.
+absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::string& name) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, "name"));
+  RETURN_IF_ERROR(context.store->DeleteModel(row.scene, row.number));
+  context.models->Drop(ResidentKey(row));  // questions under way hold it
+  std::error_code ignored;  // the model is gone already: its folder would be collected
+  std::filesystem::remove_all(context.data_folder / row.folder, ignored);
+  return absl::OkStatus();
+}
+
 // A page token is the index of the page's first view.
 absl::Status FillViews(const std::vector<ModelView>& views, const PageRequest& page,
                        v1::ListViewsResponse* response) {
@@ -183,6 +193,14 @@ grpc::ServerUnaryReactor* SceneServiceRpc::GetModel(grpc::CallbackServerContext*
     RETURN_IF_ERROR(row.status());
     *response = ToProto(*row);
     return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* SceneServiceRpc::DeleteModel(grpc::CallbackServerContext* call,
+                                                       const v1::DeleteModelRequest* request,
+                                                       google::protobuf::Empty*) {
+  return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
+    return DeleteModelWithFiles(context_, request->name());
   });
 }
 

@@ -27,6 +27,9 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
   grpc::ServerUnaryReactor* GetModel(grpc::CallbackServerContext* call,
                                      const v1::GetModelRequest* request,
                                      v1::Model* response) override;
+  grpc::ServerUnaryReactor* DeleteModel(grpc::CallbackServerContext* call,
+                                        const v1::DeleteModelRequest* request,
+                                        google::protobuf::Empty* response) override;
   grpc::ServerUnaryReactor* ListModels(grpc::CallbackServerContext* call,
                                        const v1::ListModelsRequest* request,
                                        v1::ListModelsResponse* response) override;

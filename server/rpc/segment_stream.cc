@@ -14,6 +14,7 @@ Stream::Step SegmentStreamCall::Work(bool) {
     const auto caller = context_.authorizer->Authorize(
         origin_, request ? *request : v1::SegmentStreamRequest::default_instance());
     if (!caller.ok()) return {Next::kEnd, caller.status()};
+    project_ = caller->project;
     admitted_ = true;
   }
   if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
@@ -21,8 +22,10 @@ Stream::Step SegmentStreamCall::Work(bool) {
   message_.Clear();
   message_.set_sequence(request->sequence());
   const absl::Time start = absl::Now();
-  const absl::Status status =
-      AnswerSegment(call, context_, request->segment(), message_.mutable_segment());
+  absl::Status status = context_.quotas->Admit(project_, *request);
+  if (status.ok()) {
+    status = AnswerSegment(call, context_, request->segment(), message_.mutable_segment());
+  }
   if (absl::IsCancelled(status)) {
     Wake();  // for the newer one
     return {Next::kIdle, absl::OkStatus()};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <utility>
 
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -25,6 +26,7 @@ class SegmentStreamCall final
   const ServiceContext context_;
   const CallOrigin origin_;
   bool admitted_ = false;  // the caller may ask at all
+  std::string project_;    // the caller's
 };
 
 }  // namespace pepeseg

@@ -17,7 +17,9 @@
 #include "server/access/audit_log.h"
 #include "server/access/authorizer.h"
 #include "server/access/credentials.h"
+#include "server/access/project_quotas.h"
 #include "server/device.h"
+#include "server/jobs/collector.h"
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
@@ -120,8 +122,10 @@ struct Server::Parts {
   std::unique_ptr<Store> store;
   std::unique_ptr<AuditLog> audit;
   std::unique_ptr<Authorizer> authorizer;
+  std::unique_ptr<ProjectQuotas> quotas;
   std::unique_ptr<ListenerCredentials> credentials;
   std::unique_ptr<BlobStore> blobs;
+  std::unique_ptr<Collector> collector;
   Device device;  // of queries; a worker opens its own by the same id
   MapCounts map_counts;
   std::unique_ptr<ModelCache> models;
@@ -159,6 +163,8 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, shared));
   ASSIGN_OR_RETURN(store, OpenStore(options));
   RETURN_IF_ERROR(OpenAccess(options));
+  store->SetDefaultQuota(options.quota);
+  quotas = std::make_unique<ProjectQuotas>(store.get());
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
@@ -169,13 +175,18 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
   models = MakeModelCache(options, *device.backend);
   SupervisorOptions job_options = JobOptions(options, device);
   ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
-  job_options.file_path = [store = blobs.get()](const DatasetFileRow& file) {
-    return store->Path(file.sha256);
+  job_options.file_path = [store = blobs.get()](const std::string& project,
+                                                const DatasetFileRow& file) {
+    return store->Path({project, file.sha256});
   };
   job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
     metrics.jobs().Observe(job, event);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
+  CollectorOptions collection;
+  collection.data = options.data;
+  collection.alone = !shared;
+  collector = std::make_unique<Collector>(*store, std::move(collection));
   const ServiceContext context{options.data,
                                store.get(),
                                supervisor.get(),
@@ -187,6 +198,7 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
                                &evaluation_pool,
                                &streams,
                                authorizer.get(),
+                               quotas.get(),
                                device_memory,
                                !options.priors_command.empty(),
                                &map_counts};
@@ -226,6 +238,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   health->Start([service = server->GetHealthCheckService()](const std::string& name, bool serving) {
     name.empty() ? service->SetServingStatus(serving) : service->SetServingStatus(name, serving);
   });
+  collector->Start();
   return absl::OkStatus();
 }
 
@@ -274,6 +287,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->pool.Stop();
   parts_->query_pool.Stop();
   parts_->evaluation_pool.Stop();
+  parts_->collector->Stop();
   parts_->server.reset();
 }
 

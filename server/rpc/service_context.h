@@ -5,6 +5,7 @@
 
 #include "core/query/segmenter.h"
 #include "server/access/authorizer.h"
+#include "server/access/project_quotas.h"
 #include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 #include "server/residency/resident_cache.h"
@@ -28,7 +29,8 @@ struct ServiceContext {
   WorkerPool* query_pool;       // for what computes
   WorkerPool* evaluation_pool;  // for what does so at length: questions do not wait behind it
   StreamRegistry* streams;
-  Authorizer* authorizer;   // of every call, before anything else is done
+  Authorizer* authorizer;  // of every call, before anything else is done
+  ProjectQuotas* quotas;
   int64_t device_memory;    // that a training may take of the device's memory, bytes
   bool has_priors_command;  // a program that makes masks and depth maps
   MapCounts* map_counts;    // of all models

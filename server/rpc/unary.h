@@ -51,8 +51,8 @@ absl::Status AnswerCall(const UnaryRequest& request, Authorizer& authorizer, Wor
 
 // Answers a unary call with what `handler`, an absl::Status(const UnaryCall&), says on a thread of
 // the pool; it fills the response before it returns, and is not asked about a call that the
-// context's authorizer refuses. UNAVAILABLE when the pool's queue is full or it drains. A call that
-// is cancelled, or whose deadline passes, in the queue is not computed.
+// context's authorizer or quotas refuse. UNAVAILABLE when the pool's queue is full or it drains. A
+// call that is cancelled, or whose deadline passes, in the queue is not computed.
 template <typename Handler>
 grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContext& services,
                                 WorkerPool& pool, Handler handler) {
@@ -62,14 +62,17 @@ grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContex
     reactor->Finish(ToGrpc(DrainingError()));
     return reactor;
   }
-  const bool taken = pool.Submit([request, authorizer = services.authorizer, reactor, start, &pool,
-                                  handler = std::move(handler)]() mutable {
-    const absl::Duration queued = absl::Now() - start;
-    reactor->Finish(
-        ToGrpc(AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
-          return handler(UnaryCall{request, queued, caller});
-        })));
-  });
+  const bool taken =
+      pool.Submit([request, authorizer = services.authorizer, quotas = services.quotas, reactor,
+                   start, &pool, handler = std::move(handler)]() mutable {
+        const absl::Duration queued = absl::Now() - start;
+        reactor->Finish(ToGrpc(
+            AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
+              absl::Status admitted = quotas->Admit(caller.project, *request.message);
+              if (!admitted.ok()) return admitted;
+              return handler(UnaryCall{request, queued, caller});
+            })));
+      });
   if (!taken) reactor->Finish(ToGrpc(BusyError()));
   return reactor;
 }

@@ -22,15 +22,27 @@ absl::Status OutOfOrder(const std::string& what) {
 absl::Status OfFile(const std::string& path, const absl::Status& status) {
   if (status.ok()) return status;
   v1::ErrorDetail detail;
-  detail.set_reason(absl::IsDataLoss(status) ? "BYTES_MISMATCH" : "BAD_FILE");
+  detail.set_reason(absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
+                    : absl::IsResourceExhausted(status) ? "DISK_FULL"
+                                                        : "BAD_FILE");
   detail.set_resource(path);
   return WithDetail(
       absl::Status(status.code(), absl::StrCat(path, ": ", std::string(status.message()))), detail);
 }
 
+absl::Status BusyFile(const std::string& path) {
+  v1::ErrorDetail detail;
+  detail.set_reason("FILE_BUSY");
+  detail.set_resource(path);
+  detail.mutable_retry_after()->set_seconds(1);
+  return WithDetail(absl::AbortedError(absl::StrCat(path, ": another stream writes it just now")),
+                    detail);
+}
+
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
+  if (writer_ != nullptr && !writer_->ready()) return Rehash();
   if (!io_ok) message_.Clear();
   absl::Status status = Authorize(message_);
   if (!status.ok()) return End(std::move(status));
@@ -40,7 +52,22 @@ Stream::Step WriteFilesStream::Work(bool io_ok) {
   }
   status = Take(message_);
   if (!status.ok()) return End(std::move(status));
+  if (writer_ != nullptr && !writer_->ready()) return Rehash();
   return {Next::kIo, absl::OkStatus()};
+}
+
+Stream::Step WriteFilesStream::Rehash() {
+  absl::Status status = OfFile(file_.path, writer_->Rehash());
+  if (!status.ok()) return End(std::move(status));
+  if (writer_->ready()) return {Next::kIo, absl::OkStatus()};
+  Wake();  // once more, after what waits for the pool
+  return {Next::kIdle, absl::OkStatus()};
+}
+
+void WriteFilesStream::OnClosed() {
+  if (writer_ == nullptr) return;
+  // After the pool has stopped, no reaction is left to be held up.
+  context_.pool->SubmitAlways([writer = std::move(writer_)]() mutable { writer.reset(); });
 }
 
 absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
@@ -58,7 +85,7 @@ absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
 }
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
-  writer_.reset();  // clears the file away here, not in a reaction
+  writer_.reset();  // keeps what came here, not in a reaction
   if (!status.ok() && named_.has_header()) {
     context_.authorizer->Record(origin_, *caller_, named_, status);
   }
@@ -88,11 +115,37 @@ absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& he
                                                          Utf8Prefix(header.path(), 512)));
   scene_ = upload.scene;
   dataset_ = upload.number;
-  file_bytes_ = 0;
+  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(scene_));
+  auto writer = context_.blobs->Begin({project, scene_, dataset_}, file_.sha256, file_.size);
+  if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
+  RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
+  writer_ = *std::move(writer);
+  RETURN_IF_ERROR(StartAt(header));
+  file_bytes_ = header.offset();
+  sent_bytes_ = 0;
   in_file_ = true;
-  if (context_.blobs->Has(file_.sha256, file_.size)) return absl::OkStatus();
-  ASSIGN_OR_RETURN(writer_, context_.blobs->Begin(file_.sha256, file_.size));
   return absl::OkStatus();
+}
+
+// Of a file that is stored already the bytes do not matter, but for their number.
+absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& header) {
+  const bool stored = writer_ == nullptr;
+  if (stored && header.offset() >= 0 && header.offset() <= file_.size) return absl::OkStatus();
+  const int64_t committed = stored ? file_.size : writer_->committed();
+  absl::Status status = stored
+                            ? absl::OutOfRangeError(absl::StrCat("the offset is ", header.offset(),
+                                                                 " of ", file_.size, " bytes"))
+                            : writer_->Start(header.offset());
+  if (status.ok()) return status;
+  if (!absl::IsOutOfRange(status)) return OfFile(file_.path, status);
+  v1::ErrorDetail detail;
+  detail.set_reason("WRONG_OFFSET");
+  detail.set_field("header.offset");
+  detail.set_resource(file_.path);
+  detail.set_value(absl::StrCat(header.offset()));
+  detail.set_limit(absl::StrCat(committed));
+  return WithDetail(absl::OutOfRangeError(absl::StrCat(file_.path, ": ", status.message())),
+                    detail);
 }
 
 absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chunk) {
@@ -107,6 +160,7 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
                                             absl::Hex(chunk.crc32c(), absl::kZeroPad8)));
   }
   file_bytes_ += static_cast<int64_t>(chunk.data().size());
+  sent_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (writer_ == nullptr) return absl::OkStatus();
   return writer_->Append(chunk.data());
 }
@@ -117,7 +171,7 @@ absl::Status WriteFilesStream::EndFile() {
   RETURN_IF_ERROR(context_.store->MarkFileStored(scene_, dataset_, file_.path));
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);
-  response_->set_num_bytes(response_->num_bytes() + file_bytes_);
+  response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
   return absl::OkStatus();
 }
 

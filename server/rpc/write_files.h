@@ -25,10 +25,15 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   Step Work(bool io_ok) override;
   // Of the first message, whatever it is, and of each header, which names an upload.
   absl::Status Authorize(const v1::WriteFilesRequest& part);
+  // What came before the call was cut off is kept, which blocks: not in the reaction.
+  void OnClosed() override;
   // Writes down what ended it, unless all went well.
   Step End(absl::Status status);
+  // Hashes what is there of a file that goes on, a part at a time.
+  Step Rehash();
   absl::Status Take(const v1::WriteFilesRequest& part);
   absl::Status BeginFile(const v1::WriteFilesRequest::Header& header);
+  absl::Status StartAt(const v1::WriteFilesRequest::Header& header);
   absl::Status TakeChunk(const v1::WriteFilesRequest::Chunk& chunk);
   absl::Status EndFile();
 
@@ -42,8 +47,9 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   std::string scene_;
   int64_t dataset_ = 0;
   DatasetFileRow file_;
-  int64_t file_bytes_ = 0;
-  std::unique_ptr<BlobStore::Writer> writer_;
+  int64_t file_bytes_ = 0;  // from the file's begin
+  int64_t sent_bytes_ = 0;  // of the file on this stream
+  std::shared_ptr<BlobWriter> writer_;
 };
 
 }  // namespace pepeseg

@@ -127,6 +127,30 @@ absl::Status ServiceClient::WriteFiles(const v1::Upload& upload,
   return ToStatus(stream->Finish());
 }
 
+absl::Status ServiceClient::SendFrom(const v1::Upload& upload, const ClientFile& file,
+                                     std::pair<int64_t, int64_t> range) {
+  Call call;
+  v1::WriteFilesResponse response;
+  const auto stream = datasets_->WriteFiles(&call.context, &response);
+  v1::WriteFilesRequest request;
+  request.mutable_header()->set_upload(upload.name());
+  request.mutable_header()->set_path(file.path);
+  request.mutable_header()->set_offset(range.first);
+  bool open = stream->Write(request);
+  const auto end = static_cast<size_t>(range.second);
+  for (auto at = static_cast<size_t>(range.first); open && at < end; at += kChunkBytes) {
+    request.mutable_chunk()->set_data(file.bytes.substr(at, std::min(kChunkBytes, end - at)));
+    request.mutable_chunk()->set_crc32c(Crc32c(request.chunk().data()));
+    open = stream->Write(request);
+  }
+  if (end == file.bytes.size()) {
+    request.mutable_end();
+    if (open) stream->Write(request);
+    stream->WritesDone();
+  }
+  return ToStatus(stream->Finish());
+}
+
 absl::StatusOr<v1::Upload> ServiceClient::GetUpload(const std::string& name) {
   return Ask(*datasets_, &v1::DatasetService::Stub::GetUpload, Named<v1::GetUploadRequest>(name));
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -38,6 +39,10 @@ class ServiceClient {
   // Sends the files named, as they are; stops after `max_bytes` and hangs up.
   absl::Status WriteFiles(const v1::Upload& upload, const std::vector<ClientFile>& files,
                           size_t max_bytes = SIZE_MAX);
+  // Of one file the bytes [range.first, range.second); those up to its end with the end. When that
+  // is not the file's, it waits for the server to hang up.
+  absl::Status SendFrom(const v1::Upload& upload, const ClientFile& file,
+                        std::pair<int64_t, int64_t> range);
   absl::StatusOr<v1::Upload> GetUpload(const std::string& name);
   absl::StatusOr<v1::Dataset> SealUpload(const std::string& name);
   // All of it: the dataset's name.

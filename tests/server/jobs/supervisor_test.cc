@@ -31,7 +31,9 @@ class SupervisorTest : public ::testing::Test {
     SupervisorOptions options;
     options.data_folder = folder_.path();
     options.worker = PEPESEG_FAKE_WORKER;
-    options.file_path = [](const DatasetFileRow& file) { return "/blobs/" + file.sha256; };
+    options.file_path = [](const std::string&, const DatasetFileRow& file) {
+      return "/blobs/" + file.sha256;
+    };
     options.cancel_grace = absl::Milliseconds(300);
     options.silence = absl::Seconds(3);
     options.max_fruitless = 2;

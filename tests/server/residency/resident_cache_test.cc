@@ -267,5 +267,41 @@ TEST(ResidentCache, ManyThreadsUnderATightBudget) {
   EXPECT_EQ(Thing::alive, 0);
 }
 
+Cache::Source LoadFor(const std::string& owner, int64_t limit, int64_t num_bytes) {
+  Cache::Source source = Load(1, num_bytes);
+  source.share = [=]() -> absl::StatusOr<Cache::Share> {
+    return Cache::Share{owner, limit, [](int64_t need) {
+                          return absl::ResourceExhaustedError("share: " + std::to_string(need));
+                        }};
+  };
+  return source;
+}
+
+TEST(ResidentCache, AnOwnerOverItsShareEvictsItsOwn) {
+  Cache cache(HostBudget(100));
+  ASSERT_TRUE(cache.Acquire("other", LoadFor("b", 50, 10)).ok());  // the oldest of all
+  ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
+  EXPECT_EQ(cache.BytesOf("a"), 20);
+  const auto held = cache.Acquire("two", LoadFor("a", 30, 20));
+  ASSERT_TRUE(held.ok());
+  EXPECT_EQ(cache.BytesOf("a"), 20) << "the first one has gone";
+  EXPECT_EQ(cache.BytesOf("b"), 10);
+  // Nothing of its own can go, though there is room for all.
+  const auto refused = cache.Acquire("three", LoadFor("a", 30, 20));
+  EXPECT_EQ(refused.status(), absl::ResourceExhaustedError("share: 40"));
+  EXPECT_EQ(cache.BytesOf("a"), 20);
+  EXPECT_TRUE(cache.Acquire("four", LoadFor("b", 50, 40)).ok()) << "is of another";
+  EXPECT_EQ(cache.BytesOf("b"), 50);
+  EXPECT_EQ(cache.BytesOf("c"), 0);
+}
+
+TEST(ResidentCache, WhatIsTooMuchForAShareEvictsNothing) {
+  Cache cache(HostBudget(100));
+  ASSERT_TRUE(cache.Acquire("one", LoadFor("a", 30, 20)).ok());
+  EXPECT_FALSE(cache.Acquire("two", LoadFor("a", 30, 31)).ok());
+  EXPECT_EQ(cache.BytesOf("a"), 20);
+  EXPECT_EQ(cache.counts().num_evictions, 0);
+}
+
 }  // namespace
 }  // namespace pepeseg

@@ -5,7 +5,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "server/layout.h"
+#include "core/io/digest.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -15,6 +16,7 @@ namespace fs = std::filesystem;
 
 // echo -n abc | sha256sum
 constexpr char kAbc[] = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+constexpr int64_t kCommit = int64_t{32} << 20;
 
 int64_t CountFiles(const fs::path& folder) {
   int64_t count = 0;
@@ -29,67 +31,140 @@ std::string ReadFile(const fs::path& path) {
   return bytes.str();
 }
 
-TEST(BlobStore, KeepsABlobAsAWhole) {
+struct BlobStoreTest : ::testing::Test {
+  BlobStoreTest() : store(*BlobStore::Open(data.path())) {}
+
+  std::shared_ptr<BlobWriter> Begin(const std::string& sha256, int64_t size, int64_t offset = 0) {
+    auto writer = store->Begin(upload, sha256, size);
+    EXPECT_OK(writer);
+    EXPECT_OK((*writer)->Start(offset));
+    while (!(*writer)->ready()) EXPECT_OK((*writer)->Rehash());
+    return *std::move(writer);
+  }
+
   const testing::TempFolder data;
-  const auto store = BlobStore::Open(data.path());
-  ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_FALSE((*store)->Has(kAbc, 3));
-  const auto writer = (*store)->Begin(kAbc, 3);
-  ASSERT_TRUE(writer.ok()) << writer.status();
-  ASSERT_TRUE((*writer)->Append("ab").ok());
-  EXPECT_FALSE((*store)->Has(kAbc, 3));
-  ASSERT_TRUE((*writer)->Append("c").ok());
-  ASSERT_TRUE((*writer)->Commit().ok());
-  EXPECT_TRUE((*store)->Has(kAbc, 3));
-  EXPECT_FALSE((*store)->Has(kAbc, 4));
-  EXPECT_EQ(ReadFile((*store)->Path(kAbc)), "abc");
+  const UploadName upload{"lab", "shelf", 1};
+  const BlobName abc{"lab", kAbc};
+  std::unique_ptr<BlobStore> store;
+};
+
+TEST_F(BlobStoreTest, KeepsABlobAsAWhole) {
+  EXPECT_FALSE(store->Has(abc, 3));
+  const auto writer = Begin(kAbc, 3);
+  ASSERT_OK(writer->Append("ab"));
+  EXPECT_FALSE(store->Has(abc, 3));
+  ASSERT_OK(writer->Append("c"));
+  ASSERT_OK(writer->Commit());
+  EXPECT_TRUE(store->Has(abc, 3));
+  EXPECT_FALSE(store->Has(abc, 4));
+  EXPECT_FALSE(store->Has({"other", kAbc}, 3)) << "another project's";
+  EXPECT_EQ(ReadFile(store->Path(abc)), "abc");
   EXPECT_EQ(CountFiles(data.path()), 1);
+  EXPECT_EQ(*store->Begin(upload, kAbc, 3), nullptr) << "it is there";
 }
 
-TEST(BlobStore, WrongBytesLeaveNothing) {
-  const testing::TempFolder data;
-  const auto store = BlobStore::Open(data.path());
-  ASSERT_TRUE(store.ok());
+TEST_F(BlobStoreTest, WrongBytesLeaveNothing) {
   {
-    auto writer = *(*store)->Begin(kAbc, 3);
-    ASSERT_TRUE(writer->Append("abd").ok());
+    const auto writer = Begin(kAbc, 3);
+    ASSERT_OK(writer->Append("abd"));
     EXPECT_TRUE(absl::IsDataLoss(writer->Commit()));
   }
-  {
-    auto writer = *(*store)->Begin(kAbc, 3);
-    EXPECT_TRUE(absl::IsInvalidArgument(writer->Append("abcd")));
-  }
-  {
-    auto writer = *(*store)->Begin(kAbc, 3);
-    ASSERT_TRUE(writer->Append("ab").ok());
-    EXPECT_TRUE(absl::IsInvalidArgument(writer->Commit()));
-  }
-  EXPECT_FALSE((*store)->Has(kAbc, 3));
+  EXPECT_EQ(CountFiles(data.path()), 0);
+  EXPECT_TRUE(absl::IsInvalidArgument(Begin(kAbc, 3)->Append("abcd")));
+  EXPECT_FALSE(store->Has(abc, 3));
   EXPECT_EQ(CountFiles(data.path()), 0);
 }
 
-TEST(BlobStore, TwoWritersOfOneBlobAgree) {
-  const testing::TempFolder data;
-  const auto store = BlobStore::Open(data.path());
-  auto one = *(*store)->Begin(kAbc, 3);
-  auto two = *(*store)->Begin(kAbc, 3);
-  ASSERT_TRUE(one->Append("abc").ok());
-  ASSERT_TRUE(two->Append("abc").ok());
-  EXPECT_TRUE(one->Commit().ok());
-  EXPECT_TRUE(two->Commit().ok());
-  EXPECT_EQ(ReadFile((*store)->Path(kAbc)), "abc");
+TEST_F(BlobStoreTest, GoesOnWhereAWriterEnded) {
+  {
+    const auto writer = Begin(kAbc, 3);
+    ASSERT_OK(writer->Append("ab"));
+    EXPECT_TRUE(absl::IsInvalidArgument(writer->Commit()));
+  }
+  ASSERT_EQ(store->ListPartial(upload).size(), 1u);
+  EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2);
+  EXPECT_TRUE(store->ListPartial({"lab", "shelf", 2}).empty());
+  store = *BlobStore::Open(data.path());  // what others write stays
+  const auto writer = Begin(kAbc, 3, 2);
+  ASSERT_OK(writer->Append("c"));
+  ASSERT_OK(writer->Commit());
+  EXPECT_EQ(ReadFile(store->Path(abc)), "abc");
   EXPECT_EQ(CountFiles(data.path()), 1);
 }
 
-TEST(BlobStore, ClearsWhatACrashLeft) {
-  const testing::TempFolder data;
-  fs::create_directories(BlobPath(data.path(), kAbc).parent_path());
-  std::ofstream(BlobPath(data.path(), kAbc)) << "abc";
-  std::ofstream(BlobPath(data.path(), kAbc).string() + ".x8QbZ1") << "half";
-  const auto store = BlobStore::Open(data.path());
-  ASSERT_TRUE(store.ok());
+TEST_F(BlobStoreTest, OtherOffsetsAreRefused) {
+  ASSERT_OK(Begin(kAbc, 3)->Append("ab"));
+  for (const int64_t offset : {1, 3, -1}) {
+    const auto writer = *store->Begin(upload, kAbc, 3);
+    EXPECT_EQ(writer->committed(), 2);
+    EXPECT_TRUE(absl::IsOutOfRange(writer->Start(offset))) << offset;
+  }
+  EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2) << "it stays";
+  const auto anew = Begin(kAbc, 3, 0);
+  EXPECT_TRUE(store->ListPartial(upload).empty());
+  ASSERT_OK(anew->Append("abc"));
+  EXPECT_OK(anew->Commit());
+}
+
+TEST_F(BlobStoreTest, OneWriterAtATimeAlsoOfAnotherServer) {
+  const auto other = *BlobStore::Open(data.path());
+  auto writer = Begin(kAbc, 3);
+  EXPECT_TRUE(absl::IsAborted(store->Begin(upload, kAbc, 3).status()));
+  EXPECT_TRUE(absl::IsAborted(other->Begin(upload, kAbc, 3).status()));
+  EXPECT_OK(other->Begin({"lab", "shelf", 2}, kAbc, 3).status()) << "another upload's";
+  ASSERT_OK(writer->Append("abc"));
+  ASSERT_OK(writer->Commit());
+  EXPECT_EQ(*other->Begin(upload, kAbc, 3), nullptr);
+}
+
+TEST_F(BlobStoreTest, CommitsEvery32MiB) {
+  const std::string bytes(2 * kCommit + 1000, 'x');
+  const std::string digest = Sha256Hex(bytes);
+  const auto writer = Begin(digest, static_cast<int64_t>(bytes.size()));
+  for (size_t at = 0; at < bytes.size(); at += 1 << 20) {
+    ASSERT_OK(writer->Append(std::string_view(bytes).substr(at, 1 << 20)));
+    const int64_t written = std::min(at + (1 << 20), bytes.size());
+    const auto partial = store->ListPartial(upload);
+    const int64_t committed = partial.empty() ? 0 : partial.at(digest);
+    EXPECT_EQ(committed, written / kCommit * kCommit) << written;
+  }
+  EXPECT_OK(writer->Commit());
   EXPECT_EQ(CountFiles(data.path()), 1);
-  EXPECT_TRUE((*store)->Has(kAbc, 3));
+}
+
+// After a power cut what was written past the last commit may hold anything, or not be there.
+TEST_F(BlobStoreTest, OnlyCommittedBytesAreCounted) {
+  ASSERT_OK(Begin(kAbc, 3)->Append("ab"));
+  const fs::path partial = PartialFolderOf(data.path(), upload) / kAbc;
+  std::ofstream(partial, std::ios::app) << "garbage";
+  EXPECT_EQ(store->ListPartial(upload).at(kAbc), 2);
+  auto writer = Begin(kAbc, 3, 2);
+  ASSERT_OK(writer->Append("c"));
+  EXPECT_OK(writer->Commit());
+  fs::remove(store->Path(abc));
+  ASSERT_OK(Begin(kAbc, 3)->Append("ab"));
+  fs::resize_file(partial, 1);
+  EXPECT_TRUE(store->ListPartial(upload).empty());
+}
+
+TEST(BlobStore, MovesWhatStoodBeforeProjects) {
+  const testing::TempFolder data;
+  const fs::path old = BlobFolder(data.path()) / "ba" / kAbc;
+  fs::create_directories(old.parent_path());
+  std::ofstream(old) << "abc";
+  ASSERT_OK_AND_ASSIGN(auto store, BlobStore::Open(data.path()));
+  EXPECT_TRUE(store->Has({"default", kAbc}, 3));
+  EXPECT_FALSE(fs::exists(old.parent_path()));
+  // Of a move that was cut off a part has gone; and a project may have such a name.
+  fs::create_directories(old.parent_path());
+  std::ofstream(old) << "abc";
+  const fs::path own = BlobPath(data.path(), {"ba", kAbc});
+  fs::create_directories(own.parent_path());
+  std::ofstream(own) << "abc";
+  store = *BlobStore::Open(data.path());
+  EXPECT_TRUE(store->Has({"default", kAbc}, 3));
+  EXPECT_TRUE(store->Has({"ba", kAbc}, 3));
+  EXPECT_EQ(CountFiles(data.path()), 2);
 }
 
 }  // namespace

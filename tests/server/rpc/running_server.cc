@@ -10,6 +10,21 @@
 #include "server/layout.h"
 
 namespace pepeseg {
+namespace {
+
+// What appears or goes meanwhile may be missed.
+int64_t CountFiles(const std::filesystem::path& folder) {
+  int64_t count = 0;
+  std::error_code error;
+  for (std::filesystem::recursive_directory_iterator entry(folder, error), end;
+       !error && entry != end; entry.increment(error)) {
+    std::error_code ignored;
+    count += entry->is_regular_file(ignored) ? 1 : 0;
+  }
+  return count;
+}
+
+}  // namespace
 
 v1::FileDeclaration Declare(const TestFile& file) {
   v1::FileDeclaration declaration;
@@ -29,10 +44,12 @@ v1::ErrorDetail DetailOf(const grpc::Status& status) {
   return detail;
 }
 
-v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path) {
+v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
+                                 int64_t offset) {
   v1::WriteFilesRequest part;
   part.mutable_header()->set_upload(upload);
   part.mutable_header()->set_path(path);
+  part.mutable_header()->set_offset(offset);
   return part;
 }
 
@@ -169,13 +186,8 @@ v1::Job RunningServer::Await(const std::string& name) {
   return job;
 }
 
-int64_t RunningServer::CountBlobFiles() const {
-  int64_t count = 0;
-  for (const auto& entry :
-       std::filesystem::recursive_directory_iterator(BlobFolder(options.data))) {
-    count += entry.is_regular_file() ? 1 : 0;
-  }
-  return count;
-}
+int64_t RunningServer::CountBlobFiles() const { return CountFiles(BlobFolder(options.data)); }
+
+int64_t RunningServer::CountPartialFiles() const { return CountFiles(PartialFolder(options.data)); }
 
 }  // namespace pepeseg

@@ -25,7 +25,8 @@ struct TestFile {
 v1::FileDeclaration Declare(const TestFile& file);
 v1::ErrorDetail DetailOf(const grpc::Status& status);
 // Parts of a WriteFiles stream.
-v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path);
+v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& path,
+                                 int64_t offset = 0);
 v1::WriteFilesRequest ChunkPart(const std::string& bytes);
 v1::WriteFilesRequest EndPart();
 // All of a file's parts, in chunks of `chunk_bytes`.
@@ -52,6 +53,8 @@ struct RunningServer {
   // Until it has ended, one minute at most.
   v1::Job Await(const std::string& job);
   int64_t CountBlobFiles() const;
+  // Of files that are on their way.
+  int64_t CountPartialFiles() const;
 
   testing::TempFolder folder;
   ServerOptions options;

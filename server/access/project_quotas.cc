@@ -1,0 +1,106 @@
+#include "server/access/project_quotas.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/status_macros.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "server/access/method_access.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::Duration kMaxAge = absl::Seconds(1);
+constexpr char kQuestions[] = "pepeseg.v1.SegmentationService.";
+
+bool IsQuestion(const google::protobuf::Message& request) {
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  return access != nullptr && absl::StartsWith(access->method, kQuestions);
+}
+
+absl::Status TooFastError(double per_second, double missing) {
+  const auto milliseconds = static_cast<int64_t>(std::ceil(1000 * missing / per_second));
+  const auto limit = static_cast<int64_t>(per_second);
+  v1::ErrorDetail detail;
+  detail.set_reason("QUOTA");
+  detail.set_field("queries_per_second");
+  detail.set_value(absl::StrCat(limit + 1));
+  detail.set_limit(absl::StrCat(limit));
+  detail.mutable_retry_after()->set_seconds(milliseconds / 1000);
+  detail.mutable_retry_after()->set_nanos(static_cast<int>(milliseconds % 1000) * 1'000'000);
+  absl::Status status = absl::UnavailableError(absl::StrCat(
+      "the project's quota is ", limit, " questions a second: ask again in ", milliseconds, " ms"));
+  status.SetPayload(absl::StrCat("type.googleapis.com/", detail.GetTypeName()),
+                    absl::Cord(detail.SerializeAsString()));
+  return status;
+}
+
+}  // namespace
+
+absl::StatusOr<Quota> ProjectQuotas::Get(const std::string& project) {
+  const absl::Time now = absl::Now();
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = projects_.find(project);
+    if (known != projects_.end() && now - known->second.read < kMaxAge) return known->second.quota;
+  }
+  ASSIGN_OR_RETURN(const ProjectRow row, store_->GetProject(project));
+  const std::lock_guard lock(mutex_);
+  Project& known = projects_[project];
+  known.quota = InForce(row.quota, store_->default_quota());
+  known.read = now;
+  return known.quota;
+}
+
+void ProjectQuotas::Forget(const std::string& project) {
+  const std::lock_guard lock(mutex_);
+  projects_[project].read = absl::InfinitePast();
+}
+
+absl::Status ProjectQuotas::Admit(const std::string& project,
+                                  const google::protobuf::Message& request) {
+  if (!IsQuestion(request)) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const Quota quota, Get(project));
+  return AdmitQuery(project, static_cast<double>(quota.queries_per_second));
+}
+
+absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_second) {
+  const absl::Time now = absl::Now();
+  const std::lock_guard lock(mutex_);
+  Project& known = projects_[project];
+  if (per_second > 0) {
+    const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite at first
+    known.tokens = std::clamp(known.tokens + std::max(0.0, passed) * per_second, 0.0, per_second);
+    known.filled = now;
+    if (known.tokens < 1) return TooFastError(per_second, 1 - known.tokens);
+    known.tokens -= 1;
+  }
+  TurnRing(known, now);
+  ++known.admitted[known.newest_second % kSeconds];
+  return absl::OkStatus();
+}
+
+// Seconds in which nothing was asked count as none.
+void ProjectQuotas::TurnRing(Project& project, absl::Time now) {
+  const int64_t second = absl::ToUnixSeconds(now);
+  const int64_t first = std::max(project.newest_second + 1, second - kSeconds + 1);
+  for (int64_t s = first; s <= second; ++s) project.admitted[s % kSeconds] = 0;
+  project.newest_second = std::max(project.newest_second, second);
+}
+
+int64_t ProjectQuotas::QueryRate(const std::string& project) {
+  const std::lock_guard lock(mutex_);
+  const auto known = projects_.find(project);
+  if (known == projects_.end()) return 0;
+  TurnRing(known->second, absl::Now());
+  const auto& admitted = known->second.admitted;
+  const int64_t sum = std::accumulate(admitted.begin(), admitted.end(), int64_t{0});
+  return (sum + kSeconds - 1) / kSeconds;
+}
+
+}  // namespace pepeseg

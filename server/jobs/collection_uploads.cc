@@ -1,0 +1,168 @@
+#include "server/jobs/collection_uploads.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "core/status_macros.h"
+#include "server/jobs/locked_file.h"
+#include "server/layout.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kDigestLength = 64;
+
+bool IsDigest(const fs::path& file) { return file.filename().string().size() == kDigestLength; }
+
+// Of the folder of an upload's beginnings, "SCENE-N"; number 0: it is none.
+UploadName UploadOf(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  const size_t hyphen = name.rfind('-');
+  UploadName upload;
+  upload.project = folder.parent_path().filename().string();
+  if (hyphen == std::string::npos || !absl::SimpleAtoi(name.substr(hyphen + 1), &upload.number)) {
+    upload.number = 0;
+    return upload;
+  }
+  upload.scene = name.substr(0, hyphen);
+  return upload;
+}
+
+absl::StatusOr<absl::Duration> SinceLastWrite(const Collection& collection, const DatasetRow& row,
+                                              const UploadName& name) {
+  const fs::path& data = collection.options.data;
+  absl::Duration since = absl::Now() - row.create_time;
+  for (const fs::path& file : EntriesOf(PartialFolderOf(data, name))) {
+    since = std::min(since, AgeOf(file));
+  }
+  ASSIGN_OR_RETURN(const auto files, collection.store.ListDatasetFiles(row.scene, row.number));
+  for (const DatasetFileRow& file : files) {
+    const fs::path blob = BlobPath(data, {name.project, file.sha256});
+    std::error_code error;
+    if (fs::exists(blob, error)) since = std::min(since, AgeOf(blob));
+  }
+  return since;
+}
+
+// Removes the beginnings that nobody writes; false: somebody writes one.
+bool RemoveBeginnings(Collection& collection, const fs::path& folder) {
+  bool all = true;
+  for (const fs::path& file : EntriesOf(folder)) {
+    if (!IsDigest(file)) continue;
+    const absl::StatusOr<LockedFile> locked = LockedFile::TryAlone(file);
+    if (locked.ok()) {
+      collection.Remove(LengthPath(file));
+      collection.Remove(file);
+    } else {
+      all = false;
+    }
+  }
+  if (!all) return false;
+  for (const fs::path& file : EntriesOf(folder)) {
+    if (!IsDigest(file)) collection.Remove(file);  // of one whose whole has come
+  }
+  std::error_code ignored;
+  fs::remove(folder, ignored);
+  return true;
+}
+
+bool IsBeingWritten(const fs::path& folder) {
+  const std::vector<fs::path> files = EntriesOf(folder);
+  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+    return IsDigest(file) && !LockedFile::TryAlone(file).ok();
+  });
+}
+
+absl::Status CollectUpload(Collection& collection, const DatasetRow& row) {
+  const auto project = collection.store.ProjectOfScene(row.scene);
+  if (absl::IsNotFound(project.status())) return absl::OkStatus();  // deleted meanwhile
+  RETURN_IF_ERROR(project.status());
+  const UploadName name{*project, row.scene, row.number};
+  ASSIGN_OR_RETURN(const absl::Duration since, SinceLastWrite(collection, row, name));
+  const fs::path folder = PartialFolderOf(collection.options.data, name);
+  if (since < collection.options.upload_age || IsBeingWritten(folder)) return absl::OkStatus();
+  const absl::Status deleted = collection.store.DeleteUpload(row.scene, row.number);
+  // Sealed, or deleted with its scene, meanwhile.
+  if (absl::IsFailedPrecondition(deleted) || absl::IsNotFound(deleted)) return absl::OkStatus();
+  RETURN_IF_ERROR(deleted);
+  ++collection.collected.num_uploads;
+  RemoveBeginnings(collection, folder);
+  return absl::OkStatus();
+}
+
+// Whether the upload is open, and the project's.
+absl::StatusOr<bool> IsOpen(Collection& collection, const UploadName& upload) {
+  const auto row = collection.store.GetDataset(upload.scene, upload.number);
+  if (absl::IsNotFound(row.status())) return false;
+  RETURN_IF_ERROR(row.status());
+  const auto project = collection.store.ProjectOfScene(upload.scene);
+  if (absl::IsNotFound(project.status())) return false;
+  RETURN_IF_ERROR(project.status());
+  return row->state == DatasetState::kOpen && *project == upload.project;
+}
+
+std::vector<fs::path> OldBlobs(const Collection& collection, const fs::path& project) {
+  std::vector<fs::path> old;
+  for (const fs::path& folder : EntriesOf(project)) {
+    for (const fs::path& blob : EntriesOf(folder)) {
+      if (IsDigest(blob) && AgeOf(blob) >= collection.options.file_age) old.push_back(blob);
+    }
+  }
+  return old;
+}
+
+void EraseNamed(const std::set<std::string>& digests, std::vector<fs::path>& blobs) {
+  std::erase_if(blobs,
+                [&](const fs::path& blob) { return digests.contains(blob.filename().string()); });
+}
+
+absl::Status CollectBlobsOf(Collection& collection, const fs::path& folder) {
+  const std::string project = folder.filename().string();
+  std::vector<fs::path> blobs = OldBlobs(collection, folder);
+  if (blobs.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(std::set<std::string> digests, collection.store.ListDigests(project));
+  EraseNamed(digests, blobs);
+  if (blobs.empty()) return absl::OkStatus();
+  // An upload may just have named one that was nobody's: no other can until they are gone.
+  ASSIGN_OR_RETURN(const LockedFile alone,
+                   LockedFile::WaitAlone(BlobLockPath(collection.options.data, project)));
+  ASSIGN_OR_RETURN(digests, collection.store.ListDigests(project));
+  EraseNamed(digests, blobs);
+  for (const fs::path& blob : blobs) collection.Remove(blob);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CollectUploads(Collection& collection) {
+  const absl::Time before = absl::Now() - collection.options.upload_age;
+  ASSIGN_OR_RETURN(const auto uploads, collection.store.ListOpenUploads(before));
+  for (const DatasetRow& row : uploads) RETURN_IF_ERROR(CollectUpload(collection, row));
+  return absl::OkStatus();
+}
+
+absl::Status CollectBeginnings(Collection& collection) {
+  for (const fs::path& project : EntriesOf(PartialFolder(collection.options.data))) {
+    for (const fs::path& folder : EntriesOf(project)) {
+      const UploadName upload = UploadOf(folder);
+      if (upload.number == 0) continue;
+      ASSIGN_OR_RETURN(const bool open, IsOpen(collection, upload));
+      if (!open) RemoveBeginnings(collection, folder);
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CollectBlobs(Collection& collection) {
+  for (const fs::path& project : EntriesOf(BlobFolder(collection.options.data))) {
+    RETURN_IF_ERROR(CollectBlobsOf(collection, project));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,155 @@
+#include "server/jobs/collector.h"
+
+#include <spdlog/spdlog.h>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/collection_folders.h"
+#include "server/jobs/collection_uploads.h"
+#include "server/jobs/job_folder.h"
+#include "server/jobs/locked_file.h"
+#include "server/layout.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The number in "j12"; 0: no job's folder.
+int64_t JobNumberOf(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  int64_t number = 0;
+  if (!name.starts_with('j') || !absl::SimpleAtoi(name.substr(1), &number)) return 0;
+  return absl::StrCat("j", number) == name ? number : 0;
+}
+
+// An empty database beside a full directory would make all of it look like nobody's.
+absl::Status CheckDatabase(const Collection& collection) {
+  ASSIGN_OR_RETURN(const int64_t next, collection.store.NextJobNumber());
+  for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
+    if (JobNumberOf(folder) < next) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat(folder.string(),
+                     ": the database has never had this job: is it another data "
+                     "directory's? Nothing is collected"));
+  }
+  return absl::OkStatus();
+}
+
+// Of a job that has ended the model stays, as long as it has a row, and the logs.
+absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs::path& folder) {
+  std::string keep;
+  if (job.model != 0) {
+    const absl::StatusOr<ModelRow> model = collection.store.GetModel(job.scene, job.model);
+    if (!model.ok() && !absl::IsNotFound(model.status())) return model.status();
+    if (model.ok()) keep = fs::path(model->folder).filename().string();
+  }
+  const Collected before = MeasureFolder(folder);
+  JobFolder(folder).RemoveAllButLogs(keep);
+  const Collected after = MeasureFolder(folder);
+  collection.collected.num_files += before.num_files - after.num_files;
+  collection.collected.num_bytes += before.num_bytes - after.num_bytes;
+  return absl::OkStatus();
+}
+
+absl::Status CollectJobs(Collection& collection) {
+  for (const fs::path& folder : EntriesOf(JobsFolder(collection.options.data))) {
+    if (JobNumberOf(folder) == 0) continue;
+    const absl::StatusOr<JobRow> job = collection.store.GetJob(folder.filename().string());
+    if (absl::IsNotFound(job.status())) {
+      collection.RemoveAll(folder);
+      continue;
+    }
+    RETURN_IF_ERROR(job.status());
+    if (IsTerminal(job->state)) RETURN_IF_ERROR(CollectAttempts(collection, *job, folder));
+  }
+  return absl::OkStatus();
+}
+
+// Files named by a number, in folders named by a scene, of which the row comes after the file.
+template <typename HasRow>
+absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
+  for (const fs::path& scene : EntriesOf(folder)) {
+    for (const fs::path& file : EntriesOf(scene)) {
+      int64_t number = 0;
+      if (!absl::SimpleAtoi(file.stem().string(), &number)) continue;
+      if (AgeOf(file) < collection.options.file_age) continue;
+      const absl::Status row = has_row(scene.filename().string(), number);
+      if (absl::IsNotFound(row)) {
+        collection.Remove(file);
+      } else {
+        RETURN_IF_ERROR(row);
+      }
+    }
+    std::error_code ignored;
+    fs::remove(scene, ignored);  // where it is empty
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CollectAll(Collection& collection) {
+  Store& store = collection.store;
+  const fs::path& data = collection.options.data;
+  RETURN_IF_ERROR(CheckDatabase(collection));
+  RETURN_IF_ERROR(CollectUploads(collection));
+  RETURN_IF_ERROR(CollectBeginnings(collection));
+  RETURN_IF_ERROR(CollectBlobs(collection));
+  RETURN_IF_ERROR(CollectJobs(collection));
+  RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
+                                  [&](const std::string& scene, int64_t number) {
+                                    return store.GetSelection(scene, number).status();
+                                  }));
+  RETURN_IF_ERROR(CollectNumbered(collection, DatasetsFolder(data),
+                                  [&](const std::string& scene, int64_t number) {
+                                    return store.GetDataset(scene, number).status();
+                                  }));
+  CollectTemporaries(collection);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+Collector::Collector(Store& store, CollectorOptions options)
+    : store_(store), options_(std::move(options)) {}
+
+Collector::~Collector() { Stop(); }
+
+void Collector::Start() {
+  thread_ = std::thread([this] { RunForever(); });
+}
+
+void Collector::Stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+absl::StatusOr<Collected> Collector::Run() {
+  ASSIGN_OR_RETURN(const LockedFile alone, LockedFile::TryAlone(CollectorLockPath(options_.data)));
+  Collection collection{store_, options_, made_, {}};
+  RETURN_IF_ERROR(CollectAll(collection));
+  return collection.collected;
+}
+
+void Collector::RunForever() {
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    lock.unlock();
+    const absl::StatusOr<Collected> run = Run();
+    if (run.ok() && run->num_files > 0) {
+      spdlog::info("collected {} files that nothing refers to, {} MiB; {} uploads given up",
+                   run->num_files, run->num_bytes >> 20, run->num_uploads);
+    } else if (!run.ok() && !absl::IsAborted(run.status())) {
+      spdlog::error("collecting what nothing refers to: {}", run.status().ToString());
+    }
+    lock.lock();
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(options_.interval),
+                   [this] { return stopping_; });
+  }
+}
+
+}  // namespace pepeseg

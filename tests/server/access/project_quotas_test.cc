@@ -1,0 +1,75 @@
+#include "server/access/project_quotas.h"
+
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/scene_service.pb.h"
+#include "pepeseg/v1/segmentation_service.pb.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+struct ProjectQuotasTest : ::testing::Test {
+  ProjectQuotasTest() : store(*Store::Open("sqlite:" + (folder / "db").string())) {}
+
+  const testing::TempFolder folder;
+  std::unique_ptr<Store> store;
+  const v1::SegmentRequest question;
+};
+
+TEST_F(ProjectQuotasTest, OwnValuesGoBeforeTheServers) {
+  store->SetDefaultQuota({1, 2, 3, 4, 5, 6});
+  ASSERT_OK(store->SetProjectQuota("lab", {10, 0, 30, 0, 50, 0}));
+  ProjectQuotas quotas(store.get());
+  ASSERT_OK_AND_ASSIGN(const Quota quota, quotas.Get("lab"));
+  EXPECT_EQ(quota.stored_bytes, 10);
+  EXPECT_EQ(quota.open_uploads, 2);
+  EXPECT_EQ(quota.queries_per_second, 50);
+  EXPECT_EQ(quota.resident_bytes, 6);
+  ASSERT_OK(store->SetProjectQuota("lab", {}));
+  quotas.Forget("lab");
+  EXPECT_EQ(quotas.Get("lab")->stored_bytes, 1);
+}
+
+TEST_F(ProjectQuotasTest, QuestionsBeyondTheRateAreToldWhenToComeBack) {
+  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 4, 0}));
+  ProjectQuotas quotas(store.get());
+  for (int i = 0; i < 4; ++i) EXPECT_OK(quotas.Admit("lab", question)) << i;
+  const absl::Status refused = quotas.Admit("lab", question);
+  EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
+  v1::ErrorDetail detail;
+  const auto payload = refused.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
+  ASSERT_TRUE(payload.has_value());
+  ASSERT_TRUE(detail.ParseFromString(std::string(*payload)));
+  EXPECT_EQ(detail.reason(), "QUOTA");
+  EXPECT_EQ(detail.field(), "queries_per_second");
+  EXPECT_EQ(detail.limit(), "4");
+  EXPECT_GT(detail.retry_after().nanos(), 0);
+  EXPECT_LE(detail.retry_after().nanos(), 251'000'000);
+  EXPECT_OK(quotas.Admit("lab", v1::GetSceneRequest())) << "no question";
+  EXPECT_OK(quotas.Admit("other", question)) << "has its own rate";
+  absl::SleepFor(absl::Milliseconds(260));
+  EXPECT_OK(quotas.Admit("lab", question));
+  EXPECT_EQ(quotas.QueryRate("lab"), 1);  // 5 in ten seconds, rounded up
+}
+
+TEST_F(ProjectQuotasTest, ARefusalCostsMicroseconds) {
+  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 1, 0}));
+  ProjectQuotas quotas(store.get());
+  ASSERT_OK(quotas.Admit("lab", question));
+  constexpr int kTimes = 2000;
+  int num_refused = 0;
+  const absl::Time start = absl::Now();
+  for (int i = 0; i < kTimes; ++i) num_refused += quotas.Admit("lab", question).ok() ? 0 : 1;
+  const absl::Duration each = (absl::Now() - start) / kTimes;
+  EXPECT_GE(num_refused, kTimes - 3);
+  EXPECT_LT(each, absl::Microseconds(100)) << each;
+  RecordProperty("microseconds", absl::StrCat(absl::ToDoubleMicroseconds(each)));
+}
+
+}  // namespace
+}  // namespace pepeseg
