@@ -128,6 +128,8 @@ absl::Status LimitWrites(const SandboxNeeds& needs) {
       const std::string name = entry->path().filename().string();
       if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry->path()));
     }
+    // CUDA's driver names its threads, and gives up where it cannot (seen on an H200).
+    RETURN_IF_ERROR(rules.Allow("/proc/self/task"));
     std::filesystem::create_directories(CudaCache(), error);  // without it CUDA compiles each time
     RETURN_IF_ERROR(rules.Allow(CudaCache()));
   }
