@@ -46,7 +46,7 @@ absl::Status CollectAttempts(Collection& collection, const JobRow& job, const fs
     if (model.ok()) keep = fs::path(model->folder).filename().string();
   }
   const Collected before = MeasureFolder(folder);
-  JobFolder(folder).RemoveAllButLogs(keep);
+  JobFolder(folder).RemoveWorkingFiles(keep);
   const Collected after = MeasureFolder(folder);
   collection.collected.num_files += before.num_files - after.num_files;
   collection.collected.num_bytes += before.num_bytes - after.num_bytes;

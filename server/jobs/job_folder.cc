@@ -136,13 +136,14 @@ bool JobFolder::HasSaved(int64_t fence) const {
   return false;
 }
 
-void JobFolder::RemoveAllButLogs(const std::string& keep) const {
+void JobFolder::RemoveWorkingFiles(const std::string& keep) const {
   std::error_code ignored;  // what is left costs space only
   std::vector<std::filesystem::path> leftovers;
   for (std::filesystem::directory_iterator entry(path_, ignored), end; entry != end;
        entry.increment(ignored)) {
     const std::filesystem::path name = entry->path().filename();
-    if (name.extension() != ".log" && name != keep) leftovers.push_back(entry->path());
+    const bool told = name.extension() == ".log" || name.extension() == ".json";
+    if (!told && name != keep) leftovers.push_back(entry->path());
   }
   for (const std::filesystem::path& path : leftovers) std::filesystem::remove_all(path, ignored);
 }

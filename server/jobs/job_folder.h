@@ -89,8 +89,8 @@ class JobFolder {
 
   absl::Status WriteSpec(const JobSpec& spec) const;
   absl::StatusOr<JobSpec> ReadSpec(int64_t fence) const;
-  // When the job has ended: everything but its logs and the folder of that name.
-  void RemoveAllButLogs(const std::string& keep) const;
+  // When the job has ended: everything but logs, specs, results, and the folder of that name.
+  void RemoveWorkingFiles(const std::string& keep) const;
   // Of the newest spec; 0: there is none.
   int64_t NewestFence() const;
   absl::Status WriteResult(int64_t fence, const JobResult& result) const;

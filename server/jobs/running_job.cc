@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
 
 namespace pepeseg {
@@ -17,47 +18,10 @@ namespace {
 // Of the worker's log, in an error message: those stay under 4 KB.
 constexpr size_t kLogTail = 1500;
 
-v1::JobState ToProto(JobState state) {
-  // The two enums count alike, the proto's from 1.
-  return static_cast<v1::JobState>(static_cast<int>(state) + 1);
-}
-static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
-static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) + 1);
-
 // A limit of the worker broke: asking for less may help, trying again does not.
 bool BrokeLimit(const WorkerEnd& end) { return end.signal == SIGXCPU || end.signal == SIGXFSZ; }
 
-absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEvent event) {
-  std::error_code error;
-  // Of a job that has ended the folder is there, or was deleted with its scene.
-  if (!IsTerminal(job.state) || job.fence == 0) {
-    std::filesystem::create_directories(folder.path(), error);
-  }
-  if (error) return FileError(folder.path(), "create", error.value());
-  ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
-                   EventLogWriter::Open(folder.events(), job.fence));
-  return log->Append(std::move(event));
-}
-
-absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
-  v1::JobEvent event;
-  event.mutable_warning()->set_message(message);
-  return AppendEvent(folder, job, std::move(event));
-}
-
 }  // namespace
-
-absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
-  v1::JobEvent event;
-  v1::JobEvent::StateChanged& change = *event.mutable_state_changed();
-  change.set_state(ToProto(job.state));
-  if (job.state == JobState::kFailed) {
-    change.mutable_error()->set_code(job.error_code);
-    change.mutable_error()->set_message(job.error_message);
-  }
-  if (job.model != 0) change.set_model(absl::StrCat("scenes/", job.scene, "/models/", job.model));
-  return AppendEvent(folder, job, std::move(event));
-}
 
 RunningJob::RunningJob(const Context& context, JobRow job, JobFolder folder)
     : context_(context),
@@ -275,7 +239,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
 
 void RunningJob::RemoveLeftovers() const {
   const bool has_model = job_.state == JobState::kSucceeded;
-  folder_.RemoveAllButLogs(has_model ? folder_.attempt(job_.fence).filename().string() : "");
+  folder_.RemoveWorkingFiles(has_model ? folder_.attempt(job_.fence).filename().string() : "");
 }
 
 absl::Status RunningJob::Finish(bool requeue) {
@@ -296,6 +260,9 @@ absl::Status RunningJob::Finish(bool requeue) {
   if (job_.state == JobState::kQueued && crashed_) {
     RETURN_IF_ERROR(AppendWarning(folder_, job_, std::string(outcome.message())));
   }
+  std::error_code error;
+  // A scene can be deleted as soon as the store has the end of its job, and the folder with it.
+  if (!std::filesystem::exists(folder_.path(), error)) return absl::OkStatus();
   absl::Status told = AppendState(folder_, job_);
   FollowLog();
   return told;

@@ -88,8 +88,4 @@ class RunningJob {
   absl::Time kill_at_ = absl::InfiniteFuture();
 };
 
-// Appends the event that tells of a job's new state to the log of its attempt, which must have no
-// worker.
-absl::Status AppendState(const JobFolder& folder, const JobRow& job);
-
 }  // namespace pepeseg

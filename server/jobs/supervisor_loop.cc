@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/holder_name.h"
+#include "server/jobs/job_events.h"
 #include "server/jobs/slurm.h"
 
 namespace pepeseg {
@@ -66,7 +67,10 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
                                             " attempts that left nothing to go on from"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
-  return AppendState(FolderOf(job.id), job);
+  // No reason not to serve: the store has it.
+  const absl::Status told = AppendState(FolderOf(job.id), job);
+  if (!told.ok()) spdlog::error("jobs/{}: {}", job.id, told.ToString());
+  return absl::OkStatus();
 }
 
 void Supervisor::Loop::StartThread() {

@@ -86,7 +86,7 @@ TEST_F(SharedDatabaseTest, JobOfAStoppedServerIsFinishedByTheOtherAlone) {
   for (size_t i = 1; i < events_a.size(); ++i) {  // the first is a snapshot of its own time
     EXPECT_EQ(events_a[i].SerializeAsString(), events_b[i].SerializeAsString());
   }
-  EXPECT_EQ(testing::FindProcess("/jobs/" + job.substr(5)), 0);  // no worker is left
+  EXPECT_EQ(testing::FindProcess((folder_ / "data" / job).string()), 0);  // no worker is left
 }
 
 TEST_F(SharedDatabaseTest, KilledServersJobsGoOnAtOnceWhereItIsKnownToBeGone) {

@@ -218,7 +218,8 @@ TEST_F(CollectorTest, BlobsThatUploadsCountOnStay) {
     bool there = false;
     {
       const auto hold = LockedFile::WaitShared(BlobLockPath(data, "default"));
-      ASSERT_OK(hold);
+      EXPECT_OK(hold);
+      if (!hold.ok()) break;
       Upload("a", i);
       there = fs::exists(blob);
     }

@@ -1,0 +1,53 @@
+#include "server/jobs/job_events.h"
+
+#include <filesystem>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/file_error.h"
+
+namespace pepeseg {
+namespace {
+
+v1::JobState ToProto(JobState state) {
+  // The two enums count alike, the proto's from 1.
+  return static_cast<v1::JobState>(static_cast<int>(state) + 1);
+}
+static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
+static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) + 1);
+
+absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEvent event) {
+  std::error_code error;
+  std::filesystem::create_directories(folder.path(), error);
+  if (error) return FileError(folder.path(), "create", error.value());
+  ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
+                   EventLogWriter::Open(folder.events(), job.fence));
+  return log->Append(std::move(event));
+}
+
+}  // namespace
+
+absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
+  v1::JobEvent event;
+  event.mutable_warning()->set_message(message);
+  return AppendEvent(folder, job, std::move(event));
+}
+
+absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
+  v1::JobEvent event;
+  v1::JobEvent::StateChanged& change = *event.mutable_state_changed();
+  change.set_state(ToProto(job.state));
+  if (job.state == JobState::kFailed) {
+    change.mutable_error()->set_code(job.error_code);
+    change.mutable_error()->set_message(job.error_message);
+  }
+  if (job.model != 0) change.set_model(absl::StrCat("scenes/", job.scene, "/models/", job.model));
+  return AppendEvent(folder, job, std::move(event));
+}
+
+}  // namespace pepeseg

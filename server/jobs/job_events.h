@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "server/jobs/job_folder.h"
+#include "server/jobs/rows.h"
+
+// What the supervisor adds to the log of a job's attempt, which must have no worker.
+namespace pepeseg {
+
+// The event that tells of a job's new state.
+absl::Status AppendState(const JobFolder& folder, const JobRow& job);
+absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message);
+
+}  // namespace pepeseg
