@@ -34,9 +34,10 @@ struct CollectorTest : ::testing::Test {
   void MakeScene(const std::string& id) { ASSERT_OK(store->CreateScene({id, "", "", {}})); }
   // Of so long ago.
   fs::path Write(const fs::path& path, absl::Duration age, const std::string& bytes = "bytes") {
-    fs::create_directories(path.parent_path());
+    std::error_code taken;  // a collector that runs beside this may take it away in between
+    fs::create_directories(path.parent_path(), taken);
     std::ofstream(path) << bytes;
-    fs::last_write_time(path, fs::file_time_type::clock::now() - absl::ToChronoSeconds(age));
+    fs::last_write_time(path, fs::file_time_type::clock::now() - absl::ToChronoSeconds(age), taken);
     return path;
   }
   fs::path WriteBlob(int number, absl::Duration age, const std::string& project = "default") {
