@@ -72,12 +72,13 @@ class KillWorkerTest : public ::testing::Test {
     return bytes;
   }
 
-  // Kills at random moments until the job has ended, at most so often; how often it was.
+  // Kills at random moments until the job has ended, at most so often; how often it was. Seldom
+  // enough that most attempts save something: three in a row that do not are the end of a job.
   int KillUntilEnd(const std::string& job, int most, std::mt19937& random) {
     int num_kills = 0;
     const std::string word = absl::StrCat("--job=", (folder_ / "data" / job).string());
     while (!Ended(job)) {
-      absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(800, 3000)(random)));
+      absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(1800, 4500)(random)));
       const pid_t worker = testing::FindProcess(word);
       if (num_kills == most || worker == 0) continue;
       kill(worker, SIGKILL);
