@@ -24,7 +24,7 @@ using testing::ServiceClient;
 v1::TrainingOptions Options() {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(0.25);
-  options.mutable_reconstruct()->set_num_steps(600);
+  options.mutable_reconstruct()->set_num_steps(1500);
   options.mutable_features()->set_num_steps(300);
   options.mutable_features()->set_num_pixels(300);
   options.mutable_features()->set_steps_per_chunk(50);
