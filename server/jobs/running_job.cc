@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
-#include "server/jobs/file_error.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
 

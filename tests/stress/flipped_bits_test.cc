@@ -2,7 +2,6 @@
 // with PEPESEG_STRESS=full, sixty in `make test`. A reader tells, or answers what was written.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <random>
@@ -15,6 +14,7 @@
 #include "core/io/selection_file.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
+#include "tests/stress/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -23,10 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-int NumFlips() {
-  const char* stress = std::getenv("PEPESEG_STRESS");
-  return stress != nullptr && std::string(stress) == "full" ? 1000 : 60;
-}
+int NumFlips() { return testing::FullStress() ? 1000 : 60; }
 
 // What a reader made of a file: an error, or a text that tells all that it holds.
 using Read = std::function<absl::StatusOr<std::string>()>;

@@ -3,19 +3,17 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <iostream>
+
+#include "tests/stress/full_stress.h"
 
 namespace pepeseg {
 namespace {
 
-bool Full() {
-  const char* stress = std::getenv("PEPESEG_STRESS");
-  return stress != nullptr && std::string(stress) == "full";
-}
+using testing::FullStress;
 
 TEST(KillServer, LosesNothingThatWasAcknowledged) {
-  const KillServerReport report = KillServerAgainAndAgain(Full() ? 100 : 8, 4);
+  const KillServerReport report = KillServerAgainAndAgain(FullStress() ? 100 : 8, 4);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
   EXPECT_TRUE(report.unclean.empty());
@@ -24,7 +22,7 @@ TEST(KillServer, LosesNothingThatWasAcknowledged) {
 }
 
 TEST(KillServer, AtAnyDurableCallLeavesACleanState) {
-  const FaultReport report = KillAtEveryDurableCall(Full() ? 1 : 17);
+  const FaultReport report = KillAtEveryDurableCall(FullStress() ? 1 : 17);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
   EXPECT_TRUE(report.unclean.empty());
@@ -34,7 +32,7 @@ TEST(KillServer, AtAnyDurableCallLeavesACleanState) {
 }
 
 TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
-  const FaultReport report = FillDiskAtEveryCall(Full() ? 1 : 29);
+  const FaultReport report = FillDiskAtEveryCall(FullStress() ? 1 : 29);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
   EXPECT_TRUE(report.unclean.empty());

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
-#include <cstdlib>
 #include <iostream>
 #include <random>
 
@@ -12,6 +11,7 @@
 #include "core/io/file_bytes.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/stress/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -93,8 +93,7 @@ class KillWorkerTest : public ::testing::Test {
 };
 
 TEST_F(KillWorkerTest, TrainingGoesOnToTheSameBytes) {
-  const char* stress = std::getenv("PEPESEG_STRESS");
-  const int wanted = stress != nullptr && std::string(stress) == "full" ? 50 : 3;
+  const int wanted = testing::FullStress() ? 50 : 3;
   const std::string unbroken = ModelBytes(Train("unbroken"));
   ASSERT_FALSE(unbroken.empty());
   std::mt19937 random(7);
