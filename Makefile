@@ -52,11 +52,14 @@ bench: $(BUILD)/CMakeCache.txt packages
 stress: $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages.txt deploy/packages-stress.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
-	  stress_kill_server_test stress_kill_worker_test stress_flipped_bits_test \
+	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
+	  stress_kill_worker_test stress_flipped_bits_test \
 	  stress_http2_abuse_test stress_soak_test rpc_residency_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_io_faults_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_lost_commits_test
 	cd $(BUILD) && bin/rpc_residency_test --gtest_filter='Load.*'
 	cd $(BUILD) && bin/stress_http2_abuse_test
 	$(BUILD)/bin/pepeseg_slurm_stress
