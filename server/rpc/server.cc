@@ -43,6 +43,8 @@ constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
 constexpr absl::Duration kTick = absl::Seconds(2);
+// For idle clients to see that the server goes.
+constexpr absl::Duration kGoAway = absl::Milliseconds(200);
 constexpr size_t kMaxStreams = 4096;  // each costs memory, and a look at its job every tick
 
 }  // namespace
@@ -229,7 +231,12 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->operations->SetDraining(true);
   parts_->streams.EndAll(DrainingError());
   parts_->supervisor->Stop(deadline);
-  parts_->server->Shutdown(absl::ToChronoTime(deadline));
+  // gRPC would wait out the deadline for a client that keeps an idle connection and does not look
+  // at it.
+  while (parts_->metrics.rpc().num_named_in_flight() > 0 && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  parts_->server->Shutdown(absl::ToChronoTime(std::min(deadline, absl::Now() + kGoAway)));
   parts_->server->Wait();
   if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);
   parts_->metrics.Stop();

@@ -19,6 +19,7 @@ using testing::PepesegdOptions;
 using testing::PepesegdProcess;
 
 const std::vector<std::string> kDurableCalls = {"fsync", "fdatasync", "rename", "unlink"};
+const std::vector<std::string> kSpaceCalls = {"write", "fsync", "fdatasync"};
 
 PepesegdOptions Options(std::vector<std::string> environment = {}) {
   return {{}, std::move(environment), PEPESEG_MODEL_WORKER, "", /*may_end=*/true};
@@ -121,7 +122,7 @@ FaultReport KillAtEveryDurableCall(int stride) {
 }
 
 FaultReport FillDiskAtEveryCall(int stride) {
-  return TryEach({"full"}, CountCalls(kDurableCalls), stride);
+  return TryEach({"full"}, CountCalls(kSpaceCalls), stride);
 }
 
 FaultReport FailEveryRead(int stride) {

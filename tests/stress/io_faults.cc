@@ -146,7 +146,10 @@ int Durable(const char* name, int descriptor) {
 
 bool RefuseSpace(int descriptor) {
   char path[4096];
-  if (ThePlan().fault != Fault::kFull || !IsBelow(descriptor, path, sizeof(path))) return false;
+  const Plan& plan = ThePlan();
+  const bool counts = plan.trace >= 0 || plan.fault == Fault::kFull;
+  if (!counts || !IsBelow(descriptor, path, sizeof(path))) return false;
+  Trace("write", path);
   if (!NoSpace()) return false;
   errno = ENOSPC;
   return true;

@@ -30,7 +30,7 @@ TEST(KillServer, AtAnyDurableCallLeavesACleanState) {
 }
 
 TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
-  const FaultReport report = FillDiskAtEveryCall(FullStress() ? 1 : 29);
+  const FaultReport report = FillDiskAtEveryCall(FullStress() ? 1 : 67);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
   EXPECT_TRUE(report.unclean.empty());
