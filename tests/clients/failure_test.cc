@@ -73,6 +73,9 @@ TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
                 AllOf(HasSubstr("HTTP " + std::to_string(http)), HasSubstr("proxy"),
                       Not(HasSubstr("http2"))));
   }
+  const absl::Status page = FromGrpc({grpc::StatusCode::UNKNOWN, "Stream removed"});
+  EXPECT_EQ(ExitCodeOf(page), 5);
+  EXPECT_THAT(Explain(page, "host:1"), HasSubstr("proxy"));
   const absl::Status http1 =
       FromGrpc({grpc::StatusCode::UNAVAILABLE, "Trying to connect an http1.x server"});
   EXPECT_EQ(ExitCodeOf(http1), 5);

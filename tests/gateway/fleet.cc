@@ -20,22 +20,8 @@
 namespace pepeseg::testing {
 namespace {
 
-constexpr char kHaproxy[] = "/usr/sbin/haproxy";
 constexpr char kLuaossl[] = "/usr/share/lua/5.3/openssl/pkey.lua";
 constexpr absl::Duration kPatience = absl::Seconds(20);
-
-// One that nothing listens on now.
-int FreePort() {
-  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  EXPECT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
-  EXPECT_EQ(getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  close(socket);
-  return ntohs(address.sin_port);
-}
 
 std::string Here(int port) { return absl::StrCat("127.0.0.1:", port); }
 
@@ -52,6 +38,18 @@ std::shared_ptr<grpc::Channel> Open(int port, const grpc::SslCredentialsOptions&
 }
 
 }  // namespace
+
+int FreePort() {
+  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  EXPECT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
+  EXPECT_EQ(getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  close(socket);
+  return ntohs(address.sin_port);
+}
 
 bool HasHaproxy() { return access(kHaproxy, X_OK) == 0 && access(kLuaossl, R_OK) == 0; }
 

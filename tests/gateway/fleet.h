@@ -19,6 +19,11 @@
 
 namespace pepeseg::testing {
 
+inline constexpr char kHaproxy[] = "/usr/sbin/haproxy";
+
+// One that nothing listens on now.
+int FreePort();
+
 // Whether this machine has what deploy/gateway/haproxy.cfg needs.
 bool HasHaproxy();
 
