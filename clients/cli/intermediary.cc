@@ -75,7 +75,8 @@ std::string IntermediaryAdvice(const absl::Status& status) {
       return "So says the gateway before the server. Ask who runs it what your key or token is "
              "for.";
     case absl::StatusCode::kResourceExhausted:
-      return "It is a limit on the way to the server. Where it is one of calls, wait a few seconds; "
+      return "It is a limit on the way to the server. Where it is one of calls, wait a few "
+             "seconds; "
              "who runs the gateway can raise it.";
     case absl::StatusCode::kUnavailable:
     case absl::StatusCode::kDeadlineExceeded:

@@ -77,15 +77,16 @@ void Fleet::WriteFiles() {
   std::ofstream(folder / "authority.pem") << authority.certificate();
   std::ofstream(folder / "clients.pem") << clients.certificate();
   std::ofstream(folder / "jwt.pem") << issuer.public_key();
+  std::ofstream(folder / "next_jwt.pem") << next_issuer.public_key();
 }
 
 void Fleet::StartServer(int i) {
   const auto flag = [this](const char* name, const char* file) {
     return absl::StrCat(name, (folder / file).string());
   };
-  PepesegdOptions server{{flag("--tls-certificate=", "server.pem"), flag("--tls-key=", "server.key"),
-                          flag("--tls-client-ca=", "clients.pem"), "--require-keys",
-                          "--trusted-gateway=gateway", "--drain-seconds=3"},
+  PepesegdOptions server{{flag("--tls-certificate=", "server.pem"),
+                          flag("--tls-key=", "server.key"), flag("--tls-client-ca=", "clients.pem"),
+                          "--require-keys", "--trusted-gateway=gateway", "--drain-seconds=3"},
                          {},
                          options_.worker,
                          absl::StrCat("-", i),
@@ -94,8 +95,8 @@ void Fleet::StartServer(int i) {
   server.arguments.insert(server.arguments.end(), options_.server_arguments.begin(),
                           options_.server_arguments.end());
   server.listen = Here(ports_[i]);
-  server.credentials = grpc::SslCredentials(
-      {authority.certificate(), of_gateway_.key, of_gateway_.certificate});
+  server.credentials =
+      grpc::SslCredentials({authority.certificate(), of_gateway_.key, of_gateway_.certificate});
   servers_[i] = std::make_unique<PepesegdProcess>(data_, server);
 }
 
@@ -116,6 +117,7 @@ void Fleet::RestartGateway(int num_servers) {
       variable("PEPESEG_GATEWAY_CLIENT_CERTIFICATE", "gateway.pem"),
       variable("PEPESEG_SERVERS_CA", "authority.pem"),
       variable("PEPESEG_JWT_KEY", "jwt.pem"),
+      variable("PEPESEG_JWT_NEXT_KEY", "next_jwt.pem"),
       absl::StrCat("PEPESEG_JWT_ISSUER=", TokenIssuer::kIssuer),
       absl::StrCat("PEPESEG_JWT_AUDIENCE=", TokenIssuer::kAudience),
       absl::StrCat("PEPESEG_GATEWAY_LUA=", PEPESEG_GATEWAY_FOLDER, "/tls_errors.lua"),
@@ -139,9 +141,8 @@ int Fleet::CountServing() const {
   const std::string metrics = Metrics();
   int count = 0;
   for (size_t i = 0; i < ports_.size(); ++i) {
-    const std::string line =
-        absl::StrCat("haproxy_server_status{proxy=\"servers\",server=\"server", i + 1,
-                     "\",state=\"UP\"} 1");
+    const std::string line = absl::StrCat("haproxy_server_status{proxy=\"servers\",server=\"server",
+                                          i + 1, "\",state=\"UP\"} 1");
     count += metrics.find(line) != std::string::npos ? 1 : 0;
   }
   return count;

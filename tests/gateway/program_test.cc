@@ -114,12 +114,13 @@ class ProgramAtAProxy : public ProgramAtGateway {
     for (const Proxy& proxy : proxies) {
       const char* http1 = proxy.protocol.empty() ? " option disable-h2-upgrade\n" : "";
       configuration << "frontend f" << proxy.port << "\n bind 127.0.0.1:" << proxy.port << " "
-                    << proxy.protocol << "\n" << http1 << " http-request " << proxy.rule << "\n";
+                    << proxy.protocol << "\n"
+                    << http1 << " http-request " << proxy.rule << "\n";
     }
     configuration.close();
-    auto process = WorkerProcess::Launch(
-        {kHaproxy, {"-db", "-f", (fleet().folder / "proxies.cfg").string()},
-         fleet().folder / "proxies.log"});
+    auto process = WorkerProcess::Launch({kHaproxy,
+                                          {"-db", "-f", (fleet().folder / "proxies.cfg").string()},
+                                          fleet().folder / "proxies.log"});
     ASSERT_TRUE(process.ok()) << process.status();
     process_ = std::move(process).value();
     absl::SleepFor(absl::Milliseconds(500));
@@ -137,8 +138,8 @@ class ProgramAtAProxy : public ProgramAtGateway {
 TEST_F(ProgramAtAProxy, SaysInPlainWordsWhatItAnswers) {
   const std::string html = " content-type text/html string '<html>no</html>'";
   const std::vector<std::pair<Proxy, int>> answers = {
-      {{"return status 502" + html}, 5}, {{"return status 503" + html}, 5},
-      {{"return status 431" + html}, 9}, {{"return status 429" + html}, 9},
+      {{"return status 502" + html}, 5},  {{"return status 503" + html}, 5},
+      {{"return status 431" + html}, 9},  {{"return status 429" + html}, 9},
       {{"return status 403" + html}, 10}, {{"return status 404" + html}, 5},
       {{"return status 200" + html}, 5}};
   std::vector<Proxy> proxies;
@@ -149,7 +150,8 @@ TEST_F(ProgramAtAProxy, SaysInPlainWordsWhatItAnswers) {
   for (const auto& [proxy, exit_code] : answers) {
     const Ran ran = Ask(proxy);
     EXPECT_EQ(ran.exit_code, exit_code) << proxy.rule << "\n" << ran.output;
-    EXPECT_THAT(ran.output, AllOf(HasSubstr("proxy"), Not(HasSubstr("http2 header")))) << proxy.rule;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("proxy"), Not(HasSubstr("http2 header"))))
+        << proxy.rule;
   }
   const Ran ran = Ask(http1);
   EXPECT_EQ(ran.exit_code, 5) << ran.output;
