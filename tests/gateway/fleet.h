@@ -60,6 +60,9 @@ class Fleet {
   // with each call; empty: none.
   std::shared_ptr<grpc::Channel> Connect(const std::string& token) const;
   std::shared_ptr<grpc::Channel> ConnectDirectly(int i, const std::string& token) const;
+  // The same with another certificate than the gateway's.
+  std::shared_ptr<grpc::Channel> ConnectDirectly(int i, const std::string& token,
+                                                 const IssuedCertificate& own) const;
   // A secret of the servers' own.
   std::string MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) const;
 

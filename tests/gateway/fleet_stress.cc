@@ -120,7 +120,9 @@ TEST_F(LoadedFleet, LosesOnlyAKilledServersScenesToOthers) {
   for (const auto& [scene, server] : ServersOf(fleet.ReadLog(later))) {
     EXPECT_NE(server, "server2") << scene;
     num_moved += server != before.at(scene) ? 1 : 0;
-    if (before.at(scene) != "server2") EXPECT_EQ(server, before.at(scene)) << scene;
+    if (before.at(scene) != "server2") {
+      EXPECT_EQ(server, before.at(scene)) << scene;
+    }
   }
   printf("%d of %d scenes moved\n", num_moved, kNumScenes);
 }

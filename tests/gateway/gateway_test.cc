@@ -17,6 +17,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 std::string ReasonOf(const grpc::Status& status) {
@@ -76,6 +77,11 @@ TEST_F(GatewayTest, OnlyTheGatewaySaysWhoCalls) {
   EXPECT_EQ(TextOf(List(Token(), claims)), "OK: ");
   EXPECT_THAT(TextOf(List("", claims)), StartsWith("UNAUTHENTICATED: the gateway asks for"));
   EXPECT_THAT(fleet().ReadAudit(), Not(HasSubstr("eve")));
+  // Past the gateway: by a certificate that is good, and none of the gateway's.
+  const Metadata right(claims.begin(), claims.begin() + 3);
+  const auto past = fleet().ConnectDirectly(0, "", fleet().clients.Issue("client"));
+  EXPECT_EQ(ReasonOf(List(past, right)), "NOT_A_GATEWAY");
+  EXPECT_EQ(TextOf(List(fleet().ConnectDirectly(0, ""), right)), "OK: ");
 }
 
 TEST_F(GatewayTest, TokensThatSayNothingValidAreRefusedInWords) {
