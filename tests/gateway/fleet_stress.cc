@@ -134,12 +134,14 @@ struct FourServers : LoadedFleet {
     const size_t before = fleet.LogSize();
     const auto channel = fleet.Connect("");
     grpc::GenericStub stub(channel);
+    const grpc::Slice nothing("");
+    const grpc::ByteBuffer question(&nothing, 1);
     for (int i = 0; i < 1000; ++i) {
       grpc::CompletionQueue queue;
       grpc::ClientContext context;
       context.AddMetadata("x-scene", absl::StrCat("scene-", i));
-      const auto call = stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check",
-                                              grpc::ByteBuffer(), &queue);
+      const auto call =
+          stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", question, &queue);
       call->StartCall();
       grpc::ByteBuffer answer;
       grpc::Status status;

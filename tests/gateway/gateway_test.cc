@@ -32,10 +32,11 @@ std::string ReasonOf(const grpc::Status& status) {
 // A call of any method, without a message.
 grpc::Status Ask(const std::shared_ptr<grpc::Channel>& channel, const std::string& path) {
   grpc::GenericStub stub(channel);
+  const grpc::Slice nothing("");
   grpc::CompletionQueue queue;
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
-  const auto call = stub.PrepareUnaryCall(&context, path, grpc::ByteBuffer(), &queue);
+  const auto call = stub.PrepareUnaryCall(&context, path, grpc::ByteBuffer(&nothing, 1), &queue);
   call->StartCall();
   grpc::ByteBuffer answer;
   grpc::Status status;
