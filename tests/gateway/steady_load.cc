@@ -1,5 +1,7 @@
 #include "tests/gateway/steady_load.h"
 
+#include <grpcpp/alarm.h>
+
 #include <algorithm>
 #include <chrono>
 #include <utility>
@@ -9,12 +11,20 @@
 
 namespace pepeseg::testing {
 
+namespace {
+
+// As a client waits that was told to ask again.
+constexpr std::chrono::milliseconds kPause(250);
+
+}  // namespace
+
 struct SteadyLoad::Call {
   v1::SegmentationService::Stub* stub;
   v1::SegmentRequest request;
   std::string scene;
   bool is_second = false;
   absl::Time start = absl::Now();
+  grpc::Alarm pause;  // before a second call
   std::unique_ptr<grpc::ClientContext> context;
   v1::SegmentResponse response;
 };
@@ -90,7 +100,9 @@ void SteadyLoad::Answered(const std::shared_ptr<Call>& call, const grpc::Status&
   second->scene = call->scene;
   second->is_second = true;
   second->start = call->start;
-  Start(std::move(second));
+  Call& waiting = *second;
+  waiting.pause.Set(std::chrono::system_clock::now() + kPause,
+                    [this, second](bool) { Start(second); });
 }
 
 SteadyLoadReport SteadyLoad::Stop() {
