@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress lint asan tsan fuzz
+.PHONY: help packages build demo test bench stress gateway-test lint asan tsan fuzz
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -22,6 +22,7 @@ help:
 	@echo 'make bench     measure the kernels'
 	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
+	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
 	@echo 'make lint      clang-format, clang-tidy'
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
@@ -65,6 +66,12 @@ stress: $(BUILD)/CMakeCache.txt
 	$(BUILD)/bin/pepeseg_slurm_stress
 	PEPESEG_SOAK_SECONDS=$(SOAK_SECONDS) $(BUILD)/bin/stress_soak_test
 	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)
+
+gateway-test: $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages.txt
+	cmake --build $(BUILD) -j $(JOBS) --target gateway_test pepeseg_gateway_stress
+	cd $(BUILD) && $(CTEST) -R '^Gateway[.]'
+	$(BUILD)/bin/pepeseg_gateway_stress
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt
