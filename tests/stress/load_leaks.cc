@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/metrics/process_use.h"
 #include "tests/server/rpc/health_check.h"
@@ -49,8 +50,21 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
   return report;
 }
 
+namespace {
+
+// With windows that do not grow: a slow machine's may take in a whole export.
+std::shared_ptr<grpc::Channel> ConnectNarrowly(int port) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(absl::StrCat("127.0.0.1:", port),
+                                   grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
 UnreadReport RunUnread(LoadedServer& server, int num_streams) {
-  const auto channel = ConnectTo(server.running.server->port());
+  const auto channel = ConnectNarrowly(server.running.server->port());
   const auto asking = v1::SegmentationService::NewStub(channel);
   const auto jobs = v1::JobService::NewStub(channel);
   UnreadReport report;

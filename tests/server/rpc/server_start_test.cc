@@ -1,6 +1,8 @@
 // What keeps a server from starting.
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

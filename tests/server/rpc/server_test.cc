@@ -26,6 +26,14 @@ TEST(IsLoopback, KnowsWhatStaysOnTheMachine) {
   }
 }
 
+grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const std::string& id) {
+  grpc::ClientContext context;
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  v1::Scene scene;
+  return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+}
+
 TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
@@ -122,7 +130,7 @@ TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
 
 v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
                 const std::string& file) {
-  EXPECT_TRUE(CreateScene(channel, scene, 0).ok());
+  EXPECT_TRUE(CreateScene(channel, scene).ok());
   const auto datasets = v1::DatasetService::NewStub(channel);
   v1::CreateUploadRequest create;
   create.set_parent("scenes/" + scene);
