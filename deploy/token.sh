@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Signs a JSON Web Token (RS256), as an identity provider would: for tests and for trying out.
-#   token.sh KEY_FILE --project P [--scope read,write,train] [--subject NAME] [--seconds 3600]
+#   token.sh KEY_FILE --project P [--scope "read write train"] [--subject NAME] [--seconds 3600]
 #            [--issuer pepeseg] [--audience pepeseg] [--not-before SECONDS_FROM_NOW]
 # Prints the token. Negative --seconds makes one that has expired.
 set -euo pipefail
@@ -13,7 +13,7 @@ usage() {
 [[ $# -ge 1 && $1 != -* ]] || usage
 key=$1
 shift
-declare -A claim=([scope]=read,write,train [subject]=someone [issuer]=pepeseg [audience]=pepeseg
+declare -A claim=([scope]="read write train" [subject]=someone [issuer]=pepeseg [audience]=pepeseg
   [seconds]=3600 [not-before]=0 [project]='')
 while (($# > 0)); do
   name=${1#--}
