@@ -30,13 +30,19 @@ make_base() {
   rm "$store/base.tar"
 }
 
+# The cache of this machine's compilers serves here too.
+ccache=()
+if command -v ccache >/dev/null; then
+  mkdir -p "${CCACHE_DIR:=$(ccache --get-config cache_dir)}"
+  ccache=(--volume "$CCACHE_DIR:/host-ccache" --build-arg CCACHE_DIR=/host-ccache)
+fi
 version=$(sed -n 's/^project(pepeseg VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
 revision=$(git rev-parse HEAD 2>/dev/null || echo unknown)
 make_base
 # Format docker: OCI's has no health check.
 buildah bud --isolation chroot --network host --layers --format docker \
   --build-arg BASE=localhost/pepeseg-base --build-arg "VERSION=$version" \
-  --build-arg "REVISION=$revision" "$@" \
+  --build-arg "REVISION=$revision" "${ccache[@]}" "$@" \
   -f deploy/image/Dockerfile -t localhost/pepeseg-unlabelled .
 
 # The list of packages is known once it is built; its digest tells two images apart.
