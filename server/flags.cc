@@ -35,6 +35,10 @@ void AddAccessFlags(CLI::App& app, AccessOptions& access) {
                  "PEM bundle: clients must have a certificate that one of these has signed")
       ->type_name("FILE");
   app.add_flag("--require-keys", access.require_keys, "Calls must carry an API key");
+  app.add_option("--trusted-gateway", access.trusted_gateway,
+                 "Name in the client's certificate of a gateway: it says who calls, by metadata "
+                 "x-pepeseg-... and without a key; needs --tls-client-ca and --require-keys")
+      ->type_name("NAME");
 }
 
 void AddStateFlags(CLI::App& app, ServerOptions& server) {

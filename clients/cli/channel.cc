@@ -30,6 +30,20 @@ absl::StatusOr<std::string> ReadText(const std::string& path) {
   return text;
 }
 
+// What is not printable would end the call with a fault that names nothing.
+bool IsKey(const std::string& text) {
+  return text.rfind("pk_", 0) == 0 && std::all_of(text.begin(), text.end(), absl::ascii_isgraph);
+}
+
+bool IsJwt(const std::string& text) {
+  const auto is_allowed = [](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
+  };
+  return std::count(text.begin(), text.end(), '.') == 2 && text.front() != '.' &&
+         text.back() != '.' && text.find("..") == std::string::npos &&
+         std::all_of(text.begin(), text.end(), is_allowed);
+}
+
 // Empty: there is none.
 absl::StatusOr<std::string> FindKey(const Login& login) {
   std::string from = "PEPESEG_KEY";
@@ -43,10 +57,10 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   }
   const std::string key(absl::StripAsciiWhitespace(text));
   if (key.empty() && login.key_file.empty()) return key;
-  // What is not printable would end the call with a fault that names nothing.
-  if (key.rfind("pk_", 0) != 0 || !std::all_of(key.begin(), key.end(), absl::ascii_isgraph)) {
+  if (!IsKey(key) && !IsJwt(key)) {
     return absl::InvalidArgumentError(
-        absl::StrCat(from, ": holds no key, which is a line that begins with pk_"));
+        absl::StrCat(from, ": holds no key, which is a line that begins with pk_, and no token "
+                           "(JWT), which is three parts with '.' between them"));
   }
   return key;
 }

@@ -11,7 +11,7 @@ namespace pepeseg::cli {
 
 // What the command line says of how a server is spoken to. Each path may be empty.
 struct Login {
-  std::string key_file;     // whose first line is a key; else that of PEPESEG_KEY is shown
+  std::string key_file;     // whose first line is a key or a JWT; else that of PEPESEG_KEY is shown
   std::string ca;           // PEM: who may have signed the server's certificate; else the system's
   std::string certificate;  // PEM, of the client
   std::string certificate_key;  // its private key

@@ -6,6 +6,7 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/types/optional.h"
+#include "clients/cli/intermediary.h"
 #include "pepeseg/v1/errors.pb.h"
 
 namespace pepeseg::cli {
@@ -45,6 +46,10 @@ std::string PermissionAdvice(const std::string& reason) {
 std::string Advice(const absl::Status& status, const std::string& server) {
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
   const std::string resource = detail ? detail->resource() : "";
+  if (!detail) {
+    std::string advice = IntermediaryAdvice(status);
+    if (!advice.empty()) return advice;
+  }
   switch (ExitCodeOf(status)) {
     case kNoServer:
       return absl::StrCat("Is a server listening at ", server,
@@ -77,8 +82,9 @@ absl::Status FromGrpc(const grpc::Status& status) {
   if (details.ParseFromString(status.error_details()) && details.details_size() > 0 &&
       details.details(0).UnpackTo(&detail)) {
     result.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
+    return result;
   }
-  return result;
+  return FromIntermediary(result);
 }
 
 absl::Status JobFailed(const std::string& message) { return WithExitCode(message, kJobFailed); }

@@ -61,7 +61,8 @@ void AddVerbs(CLI::App& app, Shell& shell) {
 
 void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {
   app.add_option("--key-file", login.key_file,
-                 "File with the key that the server asks for; else it is taken from PEPESEG_KEY")
+                 "File with the key, or the token (JWT), that the server or the gateway before it "
+                 "asks for; else it is taken from PEPESEG_KEY")
       ->type_name("FILE");
   app.add_flag("--tls", login.tls, "Speak to the server encrypted, as with https://");
   app.add_option("--ca", login.ca,

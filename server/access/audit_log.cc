@@ -26,6 +26,7 @@ std::string LineOf(const AuditEntry& entry) {
   nlohmann::ordered_json line;
   line["time"] = absl::FormatTime(absl::RFC3339_full, absl::Now(), absl::UTCTimeZone());
   line["key"] = entry.key;
+  if (!entry.subject.empty()) line["subject"] = entry.subject;
   line["project"] = entry.project;
   line["peer"] = entry.peer;
   line["method"] = entry.method;

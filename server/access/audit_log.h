@@ -20,6 +20,7 @@ struct AuditEntry {
   std::vector<std::string> resources;
   std::string outcome;  // a gRPC code's name
   std::string reason;   // of a refusal: "EXPIRED_KEY"; may be empty
+  std::string subject = {};  // whom a gateway vouches for; empty: none does
 };
 
 // A file of one JSON object a line, for its owner's eyes only (0600). At `max_bytes` it becomes

@@ -2,6 +2,8 @@
 
 #include <grpcpp/server_context.h>
 
+#include <algorithm>
+
 #include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -40,6 +42,18 @@ absl::Status BadKeyError() {
                  "the key opens nothing here: it is unknown, revoked or expired");
 }
 
+// Also where nobody is asked for a key: what such a gateway keeps apart would silently be one.
+absl::Status NotTheGatewayError() {
+  return Refusal(absl::StatusCode::kUnauthenticated, "NOT_A_GATEWAY",
+                 "metadata x-pepeseg-... are taken from the gateway only that this server trusts, by "
+                 "its certificate (--trusted-gateway)");
+}
+
+absl::Status BadVouchingError(const std::string& what) {
+  return Refusal(absl::StatusCode::kUnauthenticated, "BAD_VOUCHING",
+                 absl::StrCat("the gateway does not say rightly who calls: ", what));
+}
+
 absl::Status MissingScopeError(v1::Scope scope) {
   v1::ErrorDetail detail;
   detail.set_reason("MISSING_SCOPE");
@@ -69,6 +83,7 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
   for (auto it = begin; it != end; ++it) {
     origin.authorization.emplace_back(it->second.data(), it->second.size());
   }
+  origin.vouching = VouchingOf(context);
   return origin;
 }
 
@@ -98,9 +113,30 @@ void Authorizer::CheckKey(const CallOrigin& origin, Verdict& verdict) {
   if (absl::IsNotFound(key.status())) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
   if (!key.ok()) return verdict.Refuse(key.status(), "");
   if (!SameDigest(key->sha256, digest)) return verdict.Refuse(BadKeyError(), "UNKNOWN_KEY");
-  verdict.caller = {key->project, key->id, key->scopes};
+  verdict.caller.project = key->project;
+  verdict.caller.key = key->id;
+  verdict.caller.scopes = key->scopes;
   if (IsRevoked(*key)) return verdict.Refuse(BadKeyError(), "REVOKED_KEY");
   if (IsExpired(*key, absl::Now())) return verdict.Refuse(BadKeyError(), "EXPIRED_KEY");
+}
+
+void Authorizer::CheckVouching(const CallOrigin& origin, Verdict& verdict) const {
+  const std::vector<std::string>& names = origin.vouching.certificate_names;
+  if (!require_keys_ || trusted_gateway_.empty() ||
+      std::find(names.begin(), names.end(), trusted_gateway_) == names.end()) {
+    return verdict.Refuse(NotTheGatewayError(), "NOT_A_GATEWAY");
+  }
+  if (!origin.authorization.empty()) {
+    return verdict.Refuse(BadVouchingError("there is an authorization, too"), "BAD_VOUCHING");
+  }
+  const absl::StatusOr<VouchedCaller> vouched = ReadVouching(origin.vouching);
+  if (!vouched.ok()) {
+    return verdict.Refuse(BadVouchingError(std::string(vouched.status().message())),
+                          "BAD_VOUCHING");
+  }
+  verdict.caller.project = vouched->project;
+  verdict.caller.scopes = vouched->scopes;
+  verdict.caller.subject = vouched->subject;
 }
 
 absl::StatusOr<std::string> Authorizer::ProjectOf(const std::string& resource) {
@@ -128,11 +164,12 @@ void Authorizer::CheckResources(const MethodAccess& access,
 Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
                                        const google::protobuf::Message& request) {
   Verdict verdict;
-  if (!require_keys_) {
+  if (!require_keys_ && !origin.vouching.is_there) {
     verdict.caller.scopes = AllScopes();
+    verdict.caller.sees_all_projects = true;
     return verdict;
   }
-  CheckKey(origin, verdict);
+  origin.vouching.is_there ? CheckVouching(origin, verdict) : CheckKey(origin, verdict);
   if (!verdict.status.ok()) return verdict;
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
@@ -166,6 +203,7 @@ AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodA
   AuditEntry entry;
   entry.key = caller.key;
   entry.project = caller.project;
+  entry.subject = caller.subject;
   entry.peer = origin.peer;
   entry.method = access != nullptr ? access->method : request.GetTypeName();
   if (access == nullptr) return entry;
@@ -184,7 +222,7 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   if (verdict.status.ok()) return std::move(verdict.caller);
   AuditEntry entry =
       EntryOf(origin, verdict.caller, FindMethodAccess(*request.GetDescriptor()), request);
-  if (entry.key.empty()) entry.project.clear();  // nobody's
+  if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // nobody's
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
   audit_->Write(entry);

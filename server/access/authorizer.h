@@ -3,6 +3,7 @@
 #include <google/protobuf/message.h>
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -10,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "server/access/audit_log.h"
 #include "server/access/method_access.h"
+#include "server/access/vouched_caller.h"
 #include "server/jobs/store.h"
 
 namespace grpc {
@@ -22,17 +24,20 @@ namespace pepeseg {
 struct CallOrigin {
   std::string peer;
   std::vector<std::string> authorization;  // each "Bearer pk_..."
+  Vouching vouching = {};
 };
 CallOrigin OriginOf(const grpc::ServerContextBase& context);
 
 // Who calls.
 struct Caller {
   std::string project = kDefaultProject;
-  std::string key;  // id; empty: the server asks for none
+  std::string key;  // id; empty: it has none
   int scopes = 0;   // KeyRow::scopes
+  std::string subject;             // whom a gateway vouches for; empty: none does
+  bool sees_all_projects = false;  // the server asks nobody who they are
 
   // Whose scenes and jobs lists show; empty: those of all projects.
-  std::string visible_project() const { return key.empty() ? "" : project; }
+  std::string visible_project() const { return sees_all_projects ? "" : project; }
 };
 
 // Decides over every call before anything else looks at it, as access.proto says, and writes the
@@ -40,9 +45,13 @@ struct Caller {
 // one. Blocks on the store. Thread safe.
 class Authorizer {
  public:
-  // `require_keys` false: everybody may do everything.
-  Authorizer(Store* store, AuditLog* audit, bool require_keys)
-      : store_(store), audit_(audit), require_keys_(require_keys) {}
+  // `require_keys` false: everybody may do everything. `trusted_gateway`: the name in the certificate
+  // of who may vouch for callers; empty: nobody may.
+  Authorizer(Store* store, AuditLog* audit, bool require_keys, std::string trusted_gateway = "")
+      : store_(store),
+        audit_(audit),
+        require_keys_(require_keys),
+        trusted_gateway_(std::move(trusted_gateway)) {}
 
   // UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and in the audit log; the
   // store's own error when it cannot be asked.
@@ -62,6 +71,8 @@ class Authorizer {
   Verdict Decide(const CallOrigin& origin, const google::protobuf::Message& request);
   // The key's row in `verdict`, or why it opens nothing.
   void CheckKey(const CallOrigin& origin, Verdict& verdict);
+  // The same of a call with metadata by which a gateway vouches for its caller.
+  void CheckVouching(const CallOrigin& origin, Verdict& verdict) const;
   void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
                       Verdict& verdict);
   // NOT_FOUND: nothing has the name. INVALID_ARGUMENT: nothing can have it.
@@ -70,6 +81,7 @@ class Authorizer {
   Store* const store_;
   AuditLog* const audit_;
   const bool require_keys_;
+  const std::string trusted_gateway_;
 };
 
 }  // namespace pepeseg

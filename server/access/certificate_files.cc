@@ -81,6 +81,12 @@ absl::Status CheckCertificateOptions(const AccessOptions& options) {
   if (options.tls_certificate.empty() && !options.tls_client_ca.empty()) {
     return missing("--tls-client-ca", "--tls-certificate and --tls-key");
   }
+  if (!options.trusted_gateway.empty() && options.tls_client_ca.empty()) {
+    return missing("--trusted-gateway", "--tls-client-ca, which says whose certificates are true");
+  }
+  if (!options.trusted_gateway.empty() && !options.require_keys) {
+    return missing("--trusted-gateway", "--require-keys, so that everybody may do everything");
+  }
   return absl::OkStatus();
 }
 

@@ -154,7 +154,8 @@ struct Server::Parts {
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
   ASSIGN_OR_RETURN(credentials, ListenerCredentials::Open(options.access));
   ASSIGN_OR_RETURN(audit, AuditLog::Open(AuditPath(options.data), {}));
-  authorizer = std::make_unique<Authorizer>(store.get(), audit.get(), options.access.require_keys);
+  authorizer = std::make_unique<Authorizer>(store.get(), audit.get(), options.access.require_keys,
+                                            options.access.trusted_gateway);
   return absl::OkStatus();
 }
 

@@ -54,6 +54,16 @@ TEST_F(ChannelTest, TakesAKeyFromTheEnvironment) {
   EXPECT_TRUE(OpenChannel("example.org:1", {}).ok());
   setenv("PEPESEG_KEY", "no key", 1);
   EXPECT_FALSE(OpenChannel("127.0.0.1:1", {}).ok());
+  for (const char* jwt : {"eyJh.eyJi.c2-_", "a.b.c"}) {
+    setenv("PEPESEG_KEY", jwt, 1);
+    EXPECT_TRUE(OpenChannel("127.0.0.1:1", {}).ok()) << jwt;
+    EXPECT_FALSE(OpenChannel("example.org:1", {}).ok()) << "not encrypted";
+  }
+  for (const char* bad : {"a.b", "a.b.c.d", ".b.c", "a.b.", "a..c", "..", "a.b c.d", "a.b.\xff"}) {
+    setenv("PEPESEG_KEY", bad, 1);
+    EXPECT_FALSE(OpenChannel("127.0.0.1:1", {}).ok()) << bad;
+  }
+  setenv("PEPESEG_KEY", "no key", 1);
   Login login;
   login.key_file = file;  // counts before it
   EXPECT_TRUE(OpenChannel("127.0.0.1:1", login).ok());

@@ -45,6 +45,40 @@ TEST(Explain, TellsWhatToDoWhereAKeyDoesNotSuffice) {
   EXPECT_EQ(ExitCodeOf(FromGrpc(Refused("NO_KEY"))), 10);
 }
 
+TEST(Explain, TellsAGatewaysRefusalFromTheServers) {
+  const auto explain = [](grpc::StatusCode code, const char* message) {
+    return Explain(FromGrpc({code, message}), "host:1");
+  };
+  EXPECT_THAT(explain(grpc::UNAUTHENTICATED, "the token has expired"),
+              AllOf(HasSubstr("the token has expired"), HasSubstr("gateway"),
+                    HasSubstr("--key-file"), HasSubstr("PEPESEG_KEY")));
+  EXPECT_THAT(explain(grpc::PERMISSION_DENIED, "the token names no project"), HasSubstr("gateway"));
+  EXPECT_THAT(explain(grpc::RESOURCE_EXHAUSTED, "more than 100 calls in 10s"), HasSubstr("wait"));
+  EXPECT_THAT(explain(grpc::UNAVAILABLE, "no server answers the gateway: ask again"),
+              AllOf(HasSubstr("try again"), Not(HasSubstr("pepesegd"))));
+  EXPECT_THAT(explain(grpc::UNAVAILABLE, "failed to connect to all addresses"),
+              AllOf(HasSubstr("host:1"), HasSubstr("pepesegd")));
+}
+
+TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
+  const auto answered = [](int http) {
+    return FromGrpc({grpc::StatusCode::UNKNOWN,
+                     "Received http2 header with status: " + std::to_string(http)});
+  };
+  for (const auto& [http, exit_code] :
+       {std::pair(401, 10), {403, 10}, {404, 5}, {407, 10}, {413, 9}, {429, 9}, {431, 9},
+        {502, 5}, {503, 5}, {504, 5}, {301, 5}, {500, 5}, {418, 5}}) {
+    EXPECT_EQ(ExitCodeOf(answered(http)), exit_code) << http;
+    EXPECT_THAT(Explain(answered(http), "host:1"),
+                AllOf(HasSubstr("HTTP " + std::to_string(http)), HasSubstr("proxy"),
+                      Not(HasSubstr("http2"))));
+  }
+  const absl::Status http1 =
+      FromGrpc({grpc::StatusCode::UNAVAILABLE, "Trying to connect an http1.x server"});
+  EXPECT_EQ(ExitCodeOf(http1), 5);
+  EXPECT_THAT(std::string(http1.message()), HasSubstr("no pepeseg server"));
+}
+
 TEST(ExitCode, FollowsTheKindOfFailure) {
   EXPECT_EQ(ExitCodeOf(absl::OkStatus()), 0);
   EXPECT_EQ(ExitCodeOf(absl::InternalError("")), 1);

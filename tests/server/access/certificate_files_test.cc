@@ -82,6 +82,18 @@ TEST_F(CertificateFiles, AreRefusedByHalves) {
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckCertificateOptions(options)));
 }
 
+TEST_F(CertificateFiles, LetNoGatewayBeTrustedWithoutAClientCaAndKeys) {
+  options.trusted_gateway = "gateway";
+  options.require_keys = true;
+  EXPECT_NE(CheckCertificateOptions(options).message().find("without --tls-client-ca"),
+            std::string::npos);
+  options.tls_client_ca = folder / "ca.pem";
+  EXPECT_TRUE(CheckCertificateOptions(options).ok());
+  options.require_keys = false;
+  EXPECT_NE(CheckCertificateOptions(options).message().find("without --require-keys"),
+            std::string::npos);
+}
+
 TEST(MemoryFile, IsReadByItsPathAndSwappedWhole) {
   const auto read = [](const std::string& path) {
     std::ifstream file(path);

@@ -97,6 +97,38 @@ TEST_F(Tls, DemandsAClientsCertificateWhereItIsToldWhoSignsThem) {
   EXPECT_EQ(List(Trusting(authority, issued)), grpc::UNAVAILABLE);
 }
 
+TEST_F(Tls, BelievesOnlyTheGatewaysCertificateWhoCalls) {
+  DemandClientCertificates();
+  options.access.require_keys = true;
+  options.access.trusted_gateway = "gateway";
+  Start();
+  const auto create = [&](const IssuedCertificate& own, const std::string& id,
+                          const std::string& scopes) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    context.AddMetadata("x-pepeseg-project", "lab");
+    context.AddMetadata("x-pepeseg-scopes", scopes);
+    context.AddMetadata("x-pepeseg-subject", "ann");
+    v1::CreateSceneRequest request;
+    request.set_scene_id(id);
+    v1::Scene scene;
+    const auto channel = Connect(running->server->port(), Trusting(authority, own));
+    return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+  };
+  const grpc::Status made = create(clients.Issue("gateway"), "a", "read,write");
+  EXPECT_TRUE(made.ok()) << made.error_message();
+  EXPECT_EQ(create(clients.Issue("gateway"), "b", "read").error_code(), grpc::PERMISSION_DENIED);
+  EXPECT_EQ(create(clients.Issue("gateway"), "b", "operate").error_code(), grpc::UNAUTHENTICATED);
+  for (const char* name : {"client", "gateway.example.org", "xgateway"}) {
+    const grpc::Status refused = create(clients.Issue(name), "b", "read,write");
+    EXPECT_EQ(refused.error_code(), grpc::UNAUTHENTICATED) << name;
+    EXPECT_EQ(DetailOf(refused).reason(), "NOT_A_GATEWAY");
+  }
+  // The gateway's connection alone opens nothing.
+  EXPECT_EQ(List(Trusting(authority, clients.Issue("gateway"))), grpc::UNAUTHENTICATED);
+  EXPECT_EQ(create(other.Issue("gateway"), "b", "read,write").error_code(), grpc::UNAVAILABLE);
+}
+
 TEST_F(Tls, TakesAReplacedCertificateWhileItServes) {
   Start();
   const auto old_channel = Connect(running->server->port(), Trusting(authority));

@@ -1,0 +1,87 @@
+#include "clients/cli/intermediary.h"
+
+#include <cstdlib>
+#include <string_view>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg::cli {
+namespace {
+
+// gRPC's words for an answer whose HTTP status is not 200.
+constexpr std::string_view kHttpStatus = "Received http2 header with status: ";
+// And for a server of HTTP/1.
+constexpr std::string_view kHttp1 = "http1.x server";
+
+struct HttpMeaning {
+  int status;
+  absl::StatusCode code;
+  const char* words;
+};
+
+constexpr HttpMeaning kMeanings[] = {
+    {401, absl::StatusCode::kUnauthenticated, "it asks for a key or a token"},
+    {403, absl::StatusCode::kPermissionDenied, "it does not let this call through"},
+    {404, absl::StatusCode::kUnavailable, "it knows no pepeseg server"},
+    {405, absl::StatusCode::kUnavailable, "it knows no pepeseg server"},
+    {407, absl::StatusCode::kPermissionDenied, "it is a proxy that wants a login of its own"},
+    {408, absl::StatusCode::kUnavailable, "the call did not reach it in time"},
+    {413, absl::StatusCode::kResourceExhausted, "the call is too large for it"},
+    {415, absl::StatusCode::kUnavailable, "it is no gRPC server"},
+    {429, absl::StatusCode::kResourceExhausted, "too many calls in too short a time"},
+    {431, absl::StatusCode::kResourceExhausted, "the call's headers are too large for it"},
+    {502, absl::StatusCode::kUnavailable, "it got no answer from the server"},
+    {503, absl::StatusCode::kUnavailable, "it has no server that answers now"},
+    {504, absl::StatusCode::kUnavailable, "the server did not answer it in time"},
+};
+
+absl::Status FromHttp(int http_status) {
+  absl::StatusCode code = absl::StatusCode::kUnavailable;
+  const char* words = "which no pepeseg server does";
+  for (const HttpMeaning& meaning : kMeanings) {
+    if (meaning.status != http_status) continue;
+    code = meaning.code;
+    words = meaning.words;
+  }
+  return {code, absl::StrCat("a proxy on the way to the server answered with HTTP ", http_status,
+                             ": ", words)};
+}
+
+}  // namespace
+
+absl::Status FromIntermediary(const absl::Status& status) {
+  const std::string message(status.message());
+  const size_t at = message.find(kHttpStatus);
+  if (at != std::string::npos) return FromHttp(std::atoi(&message[at + kHttpStatus.size()]));
+  if (absl::StrContains(message, kHttp1)) {
+    return absl::UnavailableError("what listens there speaks HTTP/1, so it is no pepeseg server");
+  }
+  return status;
+}
+
+std::string IntermediaryAdvice(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kUnauthenticated:
+      return "So says the gateway before the server. Give a key or a token that is valid with "
+             "--key-file FILE or in PEPESEG_KEY; who runs the gateway gives them out.";
+    case absl::StatusCode::kPermissionDenied:
+      return "So says the gateway before the server. Ask who runs it what your key or token is "
+             "for.";
+    case absl::StatusCode::kResourceExhausted:
+      return "It is a limit on the way to the server. Where it is one of calls, wait a few seconds; "
+             "who runs the gateway can raise it.";
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDeadlineExceeded:
+      if (!absl::StrContains(status.message(), "gateway") &&
+          !absl::StrContains(status.message(), "a proxy on the way")) {
+        return "";
+      }
+      return "What stands before the server answers, the server does not: try again in a moment, "
+             "then ask who runs it.";
+    default:
+      return "";
+  }
+}
+
+}  // namespace pepeseg::cli

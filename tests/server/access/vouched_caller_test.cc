@@ -1,0 +1,155 @@
+#include "server/access/vouched_caller.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/scene_service.pb.h"
+#include "server/access/api_key.h"
+#include "server/access/authorizer.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+Vouching Says(const std::string& project, const std::string& scopes, const std::string& subject) {
+  return {{project}, {scopes}, {subject}, true, {}};
+}
+
+TEST(ReadVouching, TakesAProjectScopesAndASubject) {
+  const auto caller = ReadVouching(Says("lab", "read,train", "ann@example.org"));
+  ASSERT_TRUE(caller.ok()) << caller.status();
+  EXPECT_EQ(caller->project, "lab");
+  EXPECT_EQ(caller->scopes, ScopeBit(v1::SCOPE_READ) | ScopeBit(v1::SCOPE_TRAIN));
+  EXPECT_EQ(caller->subject, "ann@example.org");
+}
+
+TEST(ReadVouching, RefusesWhatIsMissingTwiceOrMalformed) {
+  const Vouching good = Says("lab", "read", "ann");
+  std::vector<Vouching> bad = {
+      Says("", "read", "ann"),         Says("Lab", "read", "ann"),
+      Says("lab/..", "read", "ann"),   Says("-lab", "read", "ann"),
+      Says("lab", "", "ann"),          Says("lab", "read,", "ann"),
+      Says("lab", "read write", "a"),  Says("lab", "READ", "ann"),
+      Says("lab", "read", ""),         Says("lab", "read", "a b"),
+      Says("lab", "read", "a\n"),      Says("lab", "read", std::string(129, 'a')),
+      Says("lab", "operate", "ann"),   Says("lab", "read,operate", "ann"),
+  };
+  for (int i = 0; i < 3; ++i) {
+    for (const bool twice : {false, true}) {
+      Vouching vouching = good;
+      auto& values = i == 0 ? vouching.projects : i == 1 ? vouching.scopes : vouching.subjects;
+      twice ? values.push_back(values[0]) : values.clear();
+      bad.push_back(vouching);
+    }
+  }
+  for (const Vouching& vouching : bad) {
+    EXPECT_TRUE(absl::IsInvalidArgument(ReadVouching(vouching).status()))
+        << absl::StrCat(vouching.projects.size(), vouching.scopes.size(), vouching.subjects.size());
+  }
+}
+
+class VouchedCallTest : public ::testing::Test {
+ protected:
+  VouchedCallTest() {
+    for (const auto& [id, project] : {std::pair("mine", "lab"), std::pair("theirs", "other")}) {
+      SceneRow scene;
+      scene.id = id;
+      scene.project = project;
+      EXPECT_TRUE(store_->CreateScene(scene).ok());
+    }
+  }
+  // A call that came over a connection with this certificate.
+  static CallOrigin From(const std::vector<std::string>& certificate, Vouching vouching) {
+    vouching.certificate_names = certificate;
+    return {"test", {}, std::move(vouching)};
+  }
+  // "" where the call is let through.
+  static std::string ReasonOf(const absl::Status& status) {
+    v1::ErrorDetail detail;
+    const auto payload = status.GetPayload("type.googleapis.com/pepeseg.v1.ErrorDetail");
+    if (payload.has_value()) detail.ParseFromString(std::string(*payload));
+    return detail.reason();
+  }
+  static v1::GetSceneRequest Get(const std::string& name) {
+    v1::GetSceneRequest request;
+    request.set_name(name);
+    return request;
+  }
+  nlohmann::json LastLine() {
+    std::ifstream file(path_);
+    std::string line, last;
+    while (std::getline(file, line)) last = line;
+    return last.empty() ? nlohmann::json() : nlohmann::json::parse(last);
+  }
+
+  testing::TempFolder folder_;
+  std::filesystem::path path_ = folder_ / "audit.log";
+  std::unique_ptr<Store> store_ = *Store::Open("sqlite::memory:");
+  std::unique_ptr<AuditLog> audit_ = *AuditLog::Open(path_, {});
+  Authorizer authorizer_{store_.get(), audit_.get(), /*require_keys=*/true, "gateway"};
+  const Vouching ann_ = Says("lab", "read", "ann");
+};
+
+TEST_F(VouchedCallTest, IsLetIntoItsProjectByItsScopes) {
+  const CallOrigin origin = From({"gateway"}, ann_);
+  const auto caller = authorizer_.Authorize(origin, Get("scenes/mine"));
+  ASSERT_TRUE(caller.ok()) << caller.status();
+  EXPECT_EQ(caller->project, "lab");
+  EXPECT_EQ(caller->subject, "ann");
+  EXPECT_EQ(caller->key, "");
+  EXPECT_EQ(caller->visible_project(), "lab");
+  EXPECT_EQ(ReasonOf(authorizer_.Authorize(origin, Get("scenes/theirs")).status()), "NOT_YOURS");
+  EXPECT_EQ(LastLine()["subject"], "ann");
+  EXPECT_EQ(LastLine()["project"], "lab");
+  v1::DeleteSceneRequest remove;
+  remove.set_name("scenes/mine");
+  EXPECT_EQ(ReasonOf(authorizer_.Authorize(origin, remove).status()), "MISSING_SCOPE");
+  const CallOrigin by_alternative_name = From({"localhost", "gateway"}, ann_);
+  EXPECT_TRUE(authorizer_.Authorize(by_alternative_name, Get("scenes/mine")).ok());
+}
+
+TEST_F(VouchedCallTest, CountsFromTheGatewayOnly) {
+  const std::vector<std::vector<std::string>> others = {
+      {}, {""}, {"gateway2"}, {"a.gateway"}, {"Gateway"}, {"localhost", "127.0.0.1"}};
+  for (const auto& certificate : others) {
+    const auto refused = authorizer_.Authorize(From(certificate, ann_), Get("scenes/mine"));
+    EXPECT_TRUE(absl::IsUnauthenticated(refused.status())) << refused.status();
+    EXPECT_EQ(ReasonOf(refused.status()), "NOT_A_GATEWAY");
+    EXPECT_EQ(LastLine()["reason"], "NOT_A_GATEWAY");
+    EXPECT_FALSE(LastLine().contains("subject")) << "nobody has vouched for that";
+    EXPECT_EQ(LastLine()["project"], "");
+  }
+  Authorizer trusts_nobody(store_.get(), audit_.get(), /*require_keys=*/true);
+  EXPECT_EQ(ReasonOf(trusts_nobody.Authorize(From({""}, ann_), Get("scenes/mine")).status()),
+            "NOT_A_GATEWAY");
+  EXPECT_EQ(ReasonOf(trusts_nobody.Authorize(From({"gateway"}, ann_), Get("scenes/mine")).status()),
+            "NOT_A_GATEWAY");
+  Authorizer asks_nobody(store_.get(), audit_.get(), /*require_keys=*/false, "gateway");
+  EXPECT_EQ(ReasonOf(asks_nobody.Authorize(From({"gateway"}, ann_), Get("scenes/mine")).status()),
+            "NOT_A_GATEWAY");
+}
+
+TEST_F(VouchedCallTest, IsRefusedBesideAKeyOrIncomplete) {
+  NewKey key = *MakeKey();
+  key.row.project = "lab";
+  key.row.scopes = AllScopes();
+  ASSERT_TRUE(store_->CreateKey(key.row).ok());
+  CallOrigin both = From({"gateway"}, ann_);
+  both.authorization = {absl::StrCat("Bearer ", key.secret)};
+  EXPECT_EQ(ReasonOf(authorizer_.Authorize(both, Get("scenes/mine")).status()), "BAD_VOUCHING");
+  Vouching other_metadata;
+  other_metadata.is_there = true;
+  const auto refused = authorizer_.Authorize(From({"gateway"}, other_metadata), Get("scenes/mine"));
+  EXPECT_TRUE(absl::IsUnauthenticated(refused.status())) << refused.status();
+  EXPECT_EQ(ReasonOf(refused.status()), "BAD_VOUCHING");
+  both.vouching = {};  // the gateway passes a key on
+  EXPECT_TRUE(authorizer_.Authorize(both, Get("scenes/mine")).ok());
+}
+
+}  // namespace
+}  // namespace pepeseg
