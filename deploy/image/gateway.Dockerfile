@@ -3,10 +3,10 @@
 ARG BASE=docker.io/library/debian:bookworm-slim
 FROM ${BASE}
 RUN apt-get update -qq && \
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends haproxy \
-      >/dev/null && \
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
+      haproxy lua-luaossl >/dev/null && \
     apt-get clean && rm -rf /var/lib/apt/lists/* /var/cache/* /var/log/*
-COPY deploy/gateway/haproxy.cfg /etc/haproxy/haproxy.cfg
+COPY deploy/gateway/haproxy.cfg deploy/gateway/tls_errors.lua /etc/haproxy/
 USER 10001:10001
 EXPOSE 8443 8405
 # Ends when the calls under way have; the engine's patience bounds it.
