@@ -4,7 +4,8 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress lint asan fuzz image image-test deploy-check
+.PHONY: help packages build demo test bench stress gateway-test lint asan fuzz image image-test \
+  deploy-check
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -22,6 +23,7 @@ help:
 	@echo 'make bench     measure the kernels'
 	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
+	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
 	@echo 'make lint      clang-format, clang-tidy     make asan     the tests under ASan and UBSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'
@@ -63,6 +65,12 @@ stress: $(BUILD)/CMakeCache.txt
 	$(BUILD)/bin/pepeseg_slurm_stress
 	PEPESEG_SOAK_SECONDS=$(SOAK_SECONDS) $(BUILD)/bin/stress_soak_test
 	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)
+
+gateway-test: $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages.txt
+	cmake --build $(BUILD) -j $(JOBS) --target gateway_test pepeseg_gateway_stress
+	cd $(BUILD) && $(CTEST) -R '^Gateway[.]'
+	$(BUILD)/bin/pepeseg_gateway_stress
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt

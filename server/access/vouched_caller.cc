@@ -25,7 +25,7 @@ std::vector<std::string> CertificateNames(const grpc::ServerContextBase& context
   const auto connection = context.auth_context();
   if (connection == nullptr) return names;
   for (const char* property : {"x509_common_name", "x509_subject_alternative_name"}) {
-    for (const grpc::string_ref value : connection->FindPropertyValues(property)) {
+    for (const grpc::string_ref& value : connection->FindPropertyValues(property)) {
       names.emplace_back(value.data(), value.size());
     }
   }

@@ -27,7 +27,7 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const Pepese
   std::filesystem::remove(port_file);
   std::vector<std::string> arguments = {
       absl::StrCat("--data=", data.string()),
-      "--listen=127.0.0.1:0",
+      "--listen=" + options.listen,
       "--threads=2",
       "--grace=5",
       absl::StrCat("--worker=", options.worker.empty() ? PEPESEG_WORKER : options.worker.string()),
@@ -43,8 +43,9 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const Pepese
   }
   int port = 0;
   std::ifstream(port_file) >> port;
-  channel_ =
-      grpc::CreateChannel(absl::StrCat("127.0.0.1:", port), grpc::InsecureChannelCredentials());
+  channel_ = grpc::CreateChannel(
+      absl::StrCat("127.0.0.1:", port),
+      options.credentials ? options.credentials : grpc::InsecureChannelCredentials());
   bool connected = false;
   while (!connected && alive() && absl::Now() < deadline) {
     connected = channel_->WaitForConnected(std::chrono::system_clock::now() +

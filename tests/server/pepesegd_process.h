@@ -18,6 +18,8 @@ struct PepesegdOptions {
   std::filesystem::path worker;          // empty: pepeseg-worker
   std::string name;                      // tells servers on one data directory apart
   bool may_end = false;                  // before it answers: that is what is tried
+  std::string listen = "127.0.0.1:0";
+  std::shared_ptr<grpc::ChannelCredentials> credentials = nullptr;  // none: not encrypted
 };
 
 // The server program itself, on a free port of this machine. Killed with the object.

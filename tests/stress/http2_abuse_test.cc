@@ -1,9 +1,6 @@
 // Bytes that no gRPC client sends, to the server program's own port: it stays alive, answers others
 // meanwhile, and its memory stays bounded.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -18,81 +15,16 @@
 #include "absl/time/clock.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/stress/http2_connection.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
-
-enum FrameType : uint8_t { kHeaders = 1, kReset = 3, kSettings = 4, kPing = 6, kContinuation = 9 };
-enum Flags : uint8_t { kNone = 0, kEndHeaders = 4 };
-
-std::string Frame(FrameType type, uint8_t flags, uint32_t stream, const std::string& payload) {
-  std::string frame;
-  for (int shift = 16; shift >= 0; shift -= 8) frame += static_cast<char>(payload.size() >> shift);
-  frame += static_cast<char>(type);
-  frame += static_cast<char>(flags);
-  for (int shift = 24; shift >= 0; shift -= 8) frame += static_cast<char>(stream >> shift);
-  return frame + payload;
-}
-
-// HPACK: a literal without indexing. Both at most 126 bytes.
-std::string Header(const std::string& name, const std::string& value) {
-  std::string header(1, '\0');
-  header += static_cast<char>(name.size());
-  header += name;
-  header += static_cast<char>(value.size());
-  return header + value;
-}
-
-std::string CallHeaders() {
-  return Header(":method", "POST") + Header(":scheme", "http") +
-         Header(":path", "/pepeseg.v1.SceneService/ListScenes") + Header(":authority", "here") +
-         Header("te", "trailers") + Header("content-type", "application/grpc");
-}
-
-class Connection {
- public:
-  explicit Connection(int port) : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    open_ = connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
-  }
-  ~Connection() { close(socket_); }
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
-
-  // False: the server has hung up, or takes no more.
-  bool Send(const std::string& bytes) {
-    size_t sent = 0;
-    while (open_ && sent < bytes.size()) {
-      Drop();
-      const ssize_t size =
-          send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
-      if (size > 0) sent += static_cast<size_t>(size);
-      if (size < 0 && errno != EAGAIN) open_ = false;
-      if (size < 0 && ++num_refused_ > 2000) open_ = false;
-      if (size < 0 && open_) usleep(1000);
-    }
-    return open_;
-  }
-
- private:
-  // What the server answers is of no interest.
-  void Drop() {
-    char bytes[4096];
-    while (recv(socket_, bytes, sizeof(bytes), MSG_DONTWAIT) > 0) {
-    }
-  }
-
-  const int socket_;
-  bool open_ = false;
-  int num_refused_ = 0;
-};
+using http2::CallHeaders, http2::Connection, http2::Frame, http2::Header, http2::kPreface;
+using enum http2::FrameType;
+using enum http2::Flags;
 
 class Http2AbuseTest : public ::testing::Test {
  protected:

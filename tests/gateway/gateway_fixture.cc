@@ -1,0 +1,66 @@
+#include "tests/gateway/gateway_fixture.h"
+
+#include <chrono>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg::testing {
+namespace {
+
+void Prepare(grpc::ClientContext& context) {
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+}
+
+}  // namespace
+
+std::unique_ptr<Fleet> GatewayTest::fleet_;
+
+void GatewayTest::SetUpTestSuite() {
+  if (!HasHaproxy()) return;
+  FleetOptions options;
+  // Short enough to wait for; and abuse comes from this very machine.
+  options.gateway_environment = {"PEPESEG_CALLS_WINDOW=3s", "PEPESEG_SOURCE_CONNECTIONS=1000",
+                                 "PEPESEG_SOURCE_CONNECTION_RATE=5000"};
+  fleet_ = std::make_unique<Fleet>(options);
+}
+
+void GatewayTest::SetUp() {
+  if (fleet_ == nullptr) GTEST_SKIP() << "haproxy or lua-luaossl is not installed";
+}
+
+grpc::Status GatewayTest::List(const std::shared_ptr<grpc::Channel>& channel,
+                               const Metadata& metadata) {
+  grpc::ClientContext context;
+  Prepare(context);
+  for (const auto& [name, value] : metadata) context.AddMetadata(name, value);
+  v1::ListScenesResponse response;
+  return v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response);
+}
+
+grpc::Status GatewayTest::CreateScene(const std::string& token, const std::string& id) {
+  grpc::ClientContext context;
+  Prepare(context);
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  v1::Scene scene;
+  return v1::SceneService::NewStub(fleet().Connect(token))->CreateScene(&context, request, &scene);
+}
+
+grpc::Status GatewayTest::GetScene(const std::string& token, const std::string& id) {
+  grpc::ClientContext context;
+  Prepare(context);
+  context.AddMetadata("x-scene", id);
+  v1::GetSceneRequest request;
+  request.set_name("scenes/" + id);
+  v1::Scene scene;
+  return v1::SceneService::NewStub(fleet().Connect(token))->GetScene(&context, request, &scene);
+}
+
+std::string TextOf(const grpc::Status& status) {
+  return absl::StrCat(
+      absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())), ": ",
+      status.error_message());
+}
+
+}  // namespace pepeseg::testing

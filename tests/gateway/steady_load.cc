@@ -1,0 +1,109 @@
+#include "tests/gateway/steady_load.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+
+namespace pepeseg::testing {
+
+struct SteadyLoad::Call {
+  v1::SegmentationService::Stub* stub;
+  v1::SegmentRequest request;
+  std::string scene;
+  bool is_second = false;
+  absl::Time start = absl::Now();
+  std::unique_ptr<grpc::ClientContext> context;
+  v1::SegmentResponse response;
+};
+
+v1::SegmentRequest SteadyLoad::Question(const std::string& scene) {
+  v1::SegmentRequest request;
+  request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
+  request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *request.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  request.mutable_granularity()->set_scale_quantile(0.5);
+  request.mutable_granularity()->set_threshold(0.75);
+  return request;
+}
+
+SteadyLoad::SteadyLoad(std::vector<std::shared_ptr<grpc::Channel>> channels, int num_scenes,
+                       double per_second) {
+  for (const auto& channel : channels) {
+    stubs_.push_back(v1::SegmentationService::NewStub(channel));
+  }
+  const absl::Duration pause = absl::Seconds(1) / per_second;
+  thread_ = std::thread([this, num_scenes, pause] { Run(num_scenes, pause); });
+}
+
+void SteadyLoad::Run(int num_scenes, absl::Duration pause) {
+  const absl::Time start = absl::Now();
+  for (int64_t i = 0; !stopping_; ++i) {
+    absl::SleepFor(start + static_cast<double>(i) * pause - absl::Now());
+    auto call = std::make_shared<Call>();
+    call->stub = stubs_[static_cast<size_t>(i) % stubs_.size()].get();
+    call->scene = SceneId(static_cast<int>(i % num_scenes));
+    call->request = Question(call->scene);
+    ++num_open_;
+    Start(std::move(call));
+  }
+  while (num_open_ > 0) absl::SleepFor(absl::Milliseconds(1));
+  const std::lock_guard lock(mutex_);
+  report_.took = absl::Now() - start;
+}
+
+void SteadyLoad::Start(std::shared_ptr<Call> call) {
+  call->context = std::make_unique<grpc::ClientContext>();
+  call->context->AddMetadata("x-scene", call->scene);
+  call->context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  Call& started = *call;
+  started.stub->async()->Segment(
+      started.context.get(), &started.request, &started.response,
+      [this, call = std::move(call)](const grpc::Status& status) { Answered(call, status); });
+}
+
+void SteadyLoad::Answered(const std::shared_ptr<Call>& call, const grpc::Status& status) {
+  bool again = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!status.ok()) {
+      ++report_.reasons[absl::StrCat(status.error_code(), " ", status.error_message())];
+      again = !call->is_second;
+      ++(again ? report_.num_retried : report_.num_failed);
+    }
+    if (!again) {
+      ++report_.num_calls;
+      durations_.push_back(absl::Now() - call->start);
+    }
+  }
+  if (!again) {
+    --num_open_;
+    return;
+  }
+  auto second = std::make_shared<Call>();
+  second->stub = call->stub;
+  second->request = call->request;
+  second->scene = call->scene;
+  second->is_second = true;
+  second->start = call->start;
+  Start(std::move(second));
+}
+
+SteadyLoadReport SteadyLoad::Stop() {
+  stopping_ = true;
+  if (thread_.joinable()) thread_.join();
+  const std::lock_guard lock(mutex_);
+  std::sort(durations_.begin(), durations_.end());
+  if (!durations_.empty()) {
+    report_.p50 = durations_[durations_.size() / 2];
+    report_.p99 = durations_[durations_.size() * 99 / 100];
+    report_.longest = durations_.back();
+  }
+  return report_;
+}
+
+}  // namespace pepeseg::testing

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <openssl/ssl.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+// HTTP/2 by hand, to send what no gRPC client does.
+namespace pepeseg::http2 {
+
+inline constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+
+enum FrameType : uint8_t { kHeaders = 1, kReset = 3, kSettings = 4, kPing = 6, kContinuation = 9 };
+enum Flags : uint8_t { kNone = 0, kEndHeaders = 4 };
+
+std::string Frame(FrameType type, uint8_t flags, uint32_t stream, const std::string& payload);
+// HPACK: a literal without indexing. Both at most 126 bytes.
+std::string Header(const std::string& name, const std::string& value);
+// Of a call of ListScenes.
+std::string CallHeaders();
+
+// To a port of this machine.
+class Connection {
+ public:
+  enum class Kind { kPlain, kTls };
+  explicit Connection(int port, Kind kind = Kind::kPlain);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  // False: the server has hung up, or takes no more.
+  bool Send(const std::string& bytes);
+  // Whether the server has not hung up; drops what it has said.
+  bool IsOpen();
+
+ private:
+  struct Free {
+    void operator()(SSL* tls) const { SSL_free(tls); }
+  };
+  bool StartTls();
+  // As send(2) and recv(2): -1 and EAGAIN where it would block.
+  ssize_t Write(const char* bytes, size_t size);
+  ssize_t Read(char* bytes, size_t size);
+  // What the server answers is of no interest.
+  void Drop();
+
+  const int socket_;
+  std::unique_ptr<SSL, Free> tls_;
+  bool open_ = false;
+  int num_refused_ = 0;
+};
+
+}  // namespace pepeseg::http2
