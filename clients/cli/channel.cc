@@ -59,8 +59,9 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   if (key.empty() && login.key_file.empty()) return key;
   if (!IsKey(key) && !IsJwt(key)) {
     return absl::InvalidArgumentError(
-        absl::StrCat(from, ": holds no key, which is a line that begins with pk_, and no token "
-                           "(JWT), which is three parts with '.' between them"));
+        absl::StrCat(from,
+                     ": holds no key, which is a line that begins with pk_, and no token "
+                     "(JWT), which is three parts with '.' between them"));
   }
   return key;
 }

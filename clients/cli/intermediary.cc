@@ -11,6 +11,8 @@ namespace {
 
 // gRPC's words for an answer whose HTTP status is not 200.
 constexpr std::string_view kHttpStatus = "Received http2 header with status: ";
+// For one without a status of gRPC, as a web page.
+constexpr std::string_view kNoStatus = "Stream removed";
 // And for a server of HTTP/1.
 constexpr std::string_view kHttp1 = "http1.x server";
 
@@ -54,6 +56,10 @@ absl::Status FromIntermediary(const absl::Status& status) {
   const std::string message(status.message());
   const size_t at = message.find(kHttpStatus);
   if (at != std::string::npos) return FromHttp(std::atoi(&message[at + kHttpStatus.size()]));
+  if (status.code() == absl::StatusCode::kUnknown && message == kNoStatus) {
+    return absl::UnavailableError(
+        "the answer is no gRPC: it is of a proxy on the way to the server, or of another program");
+  }
   if (absl::StrContains(message, kHttp1)) {
     return absl::UnavailableError("what listens there speaks HTTP/1, so it is no pepeseg server");
   }
@@ -69,7 +75,8 @@ std::string IntermediaryAdvice(const absl::Status& status) {
       return "So says the gateway before the server. Ask who runs it what your key or token is "
              "for.";
     case absl::StatusCode::kResourceExhausted:
-      return "It is a limit on the way to the server. Where it is one of calls, wait a few seconds; "
+      return "It is a limit on the way to the server. Where it is one of calls, wait a few "
+             "seconds; "
              "who runs the gateway can raise it.";
     case absl::StatusCode::kUnavailable:
     case absl::StatusCode::kDeadlineExceeded:

@@ -44,9 +44,10 @@ absl::Status BadKeyError() {
 
 // Also where nobody is asked for a key: what such a gateway keeps apart would silently be one.
 absl::Status NotTheGatewayError() {
-  return Refusal(absl::StatusCode::kUnauthenticated, "NOT_A_GATEWAY",
-                 "metadata x-pepeseg-... are taken from the gateway only that this server trusts, by "
-                 "its certificate (--trusted-gateway)");
+  return Refusal(
+      absl::StatusCode::kUnauthenticated, "NOT_A_GATEWAY",
+      "metadata x-pepeseg-... are taken from the gateway only that this server trusts, by "
+      "its certificate (--trusted-gateway)");
 }
 
 absl::Status BadVouchingError(const std::string& what) {

@@ -40,7 +40,7 @@ TEST(Explain, TellsWhatToDoWhereAKeyDoesNotSuffice) {
   };
   EXPECT_THAT(explain("NO_KEY"), AllOf(HasSubstr("--key-file"), HasSubstr("PEPESEG_KEY")));
   EXPECT_THAT(explain("BAD_KEY"), HasSubstr("another one"));
-  EXPECT_THAT(explain("MISSING_SCOPE"), HasSubstr("a key that has it"));
+  EXPECT_THAT(explain("MISSING_SCOPE"), HasSubstr("a key, or a token, that has it"));
   EXPECT_THAT(explain("NOT_YOURS"), HasSubstr("pepeseg scenes"));
   EXPECT_EQ(ExitCodeOf(FromGrpc(Refused("NO_KEY"))), 10);
 }
@@ -62,17 +62,30 @@ TEST(Explain, TellsAGatewaysRefusalFromTheServers) {
 
 TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
   const auto answered = [](int http) {
-    return FromGrpc({grpc::StatusCode::UNKNOWN,
-                     "Received http2 header with status: " + std::to_string(http)});
+    return FromGrpc(
+        {grpc::StatusCode::UNKNOWN, "Received http2 header with status: " + std::to_string(http)});
   };
-  for (const auto& [http, exit_code] :
-       {std::pair(401, 10), {403, 10}, {404, 5}, {407, 10}, {413, 9}, {429, 9}, {431, 9},
-        {502, 5}, {503, 5}, {504, 5}, {301, 5}, {500, 5}, {418, 5}}) {
+  for (const auto& [http, exit_code] : {std::pair(401, 10),
+                                        {403, 10},
+                                        {404, 5},
+                                        {407, 10},
+                                        {413, 9},
+                                        {429, 9},
+                                        {431, 9},
+                                        {502, 5},
+                                        {503, 5},
+                                        {504, 5},
+                                        {301, 5},
+                                        {500, 5},
+                                        {418, 5}}) {
     EXPECT_EQ(ExitCodeOf(answered(http)), exit_code) << http;
     EXPECT_THAT(Explain(answered(http), "host:1"),
                 AllOf(HasSubstr("HTTP " + std::to_string(http)), HasSubstr("proxy"),
                       Not(HasSubstr("http2"))));
   }
+  const absl::Status page = FromGrpc({grpc::StatusCode::UNKNOWN, "Stream removed"});
+  EXPECT_EQ(ExitCodeOf(page), 5);
+  EXPECT_THAT(Explain(page, "host:1"), HasSubstr("proxy"));
   const absl::Status http1 =
       FromGrpc({grpc::StatusCode::UNAVAILABLE, "Trying to connect an http1.x server"});
   EXPECT_EQ(ExitCodeOf(http1), 5);

@@ -1,5 +1,5 @@
-// What tests/stress/http2_abuse_test.cc sends to the server, sent to the gateway before it: both stay
-// alive, others are answered meanwhile, and memory stays bounded.
+// What tests/stress/http2_abuse_test.cc sends to the server, sent to the gateway before it: both
+// stay alive, others are answered meanwhile, and memory stays bounded.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -38,8 +38,7 @@ class AbuseOfGateway : public GatewayTest {
     return pages * sysconf(_SC_PAGESIZE);
   }
   static std::unique_ptr<Connection> Open() {
-    auto connection =
-        std::make_unique<Connection>(fleet().gateway_port(), Connection::Kind::kTls);
+    auto connection = std::make_unique<Connection>(fleet().gateway_port(), Connection::Kind::kTls);
     connection->Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
     return connection;
   }
@@ -68,8 +67,7 @@ TEST_F(AbuseOfGateway, ConnectionsThatSpeakABytePerTickAreEnded) {
   std::vector<std::unique_ptr<Connection>> silent, slow;
   for (int i = 0; i < 200; ++i) {
     silent.push_back(std::make_unique<Connection>(fleet().gateway_port()));
-    slow.push_back(
-        std::make_unique<Connection>(fleet().gateway_port(), Connection::Kind::kTls));
+    slow.push_back(std::make_unique<Connection>(fleet().gateway_port(), Connection::Kind::kTls));
   }
   for (size_t k = 0; k < sizeof(kPreface) - 2; ++k) {
     for (const auto& connection : slow) connection->Send(std::string(1, kPreface[k]));

@@ -20,22 +20,8 @@
 namespace pepeseg::testing {
 namespace {
 
-constexpr char kHaproxy[] = "/usr/sbin/haproxy";
 constexpr char kLuaossl[] = "/usr/share/lua/5.3/openssl/pkey.lua";
 constexpr absl::Duration kPatience = absl::Seconds(20);
-
-// One that nothing listens on now.
-int FreePort() {
-  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  EXPECT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
-  EXPECT_EQ(getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  close(socket);
-  return ntohs(address.sin_port);
-}
 
 std::string Here(int port) { return absl::StrCat("127.0.0.1:", port); }
 
@@ -52,6 +38,18 @@ std::shared_ptr<grpc::Channel> Open(int port, const grpc::SslCredentialsOptions&
 }
 
 }  // namespace
+
+int FreePort() {
+  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  EXPECT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
+  EXPECT_EQ(getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  close(socket);
+  return ntohs(address.sin_port);
+}
 
 bool HasHaproxy() { return access(kHaproxy, X_OK) == 0 && access(kLuaossl, R_OK) == 0; }
 
@@ -79,15 +77,16 @@ void Fleet::WriteFiles() {
   std::ofstream(folder / "authority.pem") << authority.certificate();
   std::ofstream(folder / "clients.pem") << clients.certificate();
   std::ofstream(folder / "jwt.pem") << issuer.public_key();
+  std::ofstream(folder / "next_jwt.pem") << next_issuer.public_key();
 }
 
 void Fleet::StartServer(int i) {
   const auto flag = [this](const char* name, const char* file) {
     return absl::StrCat(name, (folder / file).string());
   };
-  PepesegdOptions server{{flag("--tls-certificate=", "server.pem"), flag("--tls-key=", "server.key"),
-                          flag("--tls-client-ca=", "clients.pem"), "--require-keys",
-                          "--trusted-gateway=gateway", "--drain-seconds=3"},
+  PepesegdOptions server{{flag("--tls-certificate=", "server.pem"),
+                          flag("--tls-key=", "server.key"), flag("--tls-client-ca=", "clients.pem"),
+                          "--require-keys", "--trusted-gateway=gateway", "--drain-seconds=3"},
                          {},
                          options_.worker,
                          absl::StrCat("-", i),
@@ -96,8 +95,8 @@ void Fleet::StartServer(int i) {
   server.arguments.insert(server.arguments.end(), options_.server_arguments.begin(),
                           options_.server_arguments.end());
   server.listen = Here(ports_[i]);
-  server.credentials = grpc::SslCredentials(
-      {authority.certificate(), of_gateway_.key, of_gateway_.certificate});
+  server.credentials =
+      grpc::SslCredentials({authority.certificate(), of_gateway_.key, of_gateway_.certificate});
   servers_[i] = std::make_unique<PepesegdProcess>(data_, server);
 }
 
@@ -118,6 +117,7 @@ void Fleet::RestartGateway(int num_servers) {
       variable("PEPESEG_GATEWAY_CLIENT_CERTIFICATE", "gateway.pem"),
       variable("PEPESEG_SERVERS_CA", "authority.pem"),
       variable("PEPESEG_JWT_KEY", "jwt.pem"),
+      variable("PEPESEG_JWT_NEXT_KEY", "next_jwt.pem"),
       absl::StrCat("PEPESEG_JWT_ISSUER=", TokenIssuer::kIssuer),
       absl::StrCat("PEPESEG_JWT_AUDIENCE=", TokenIssuer::kAudience),
       absl::StrCat("PEPESEG_GATEWAY_LUA=", PEPESEG_GATEWAY_FOLDER, "/tls_errors.lua"),
@@ -141,9 +141,8 @@ int Fleet::CountServing() const {
   const std::string metrics = Metrics();
   int count = 0;
   for (size_t i = 0; i < ports_.size(); ++i) {
-    const std::string line =
-        absl::StrCat("haproxy_server_status{proxy=\"servers\",server=\"server", i + 1,
-                     "\",state=\"UP\"} 1");
+    const std::string line = absl::StrCat("haproxy_server_status{proxy=\"servers\",server=\"server",
+                                          i + 1, "\",state=\"UP\"} 1");
     count += metrics.find(line) != std::string::npos ? 1 : 0;
   }
   return count;

@@ -19,6 +19,11 @@
 
 namespace pepeseg::testing {
 
+inline constexpr char kHaproxy[] = "/usr/sbin/haproxy";
+
+// One that nothing listens on now.
+int FreePort();
+
 // Whether this machine has what deploy/gateway/haproxy.cfg needs.
 bool HasHaproxy();
 
@@ -31,8 +36,8 @@ struct FleetOptions {
   std::vector<std::string> gateway_environment;  // before what the fleet gives: "NAME=VALUE"
 };
 
-// The real HAProxy with deploy/gateway/haproxy.cfg, and servers behind it that trust its certificate;
-// all on ports of this machine, and killed with the object.
+// The real HAProxy with deploy/gateway/haproxy.cfg, and servers behind it that trust its
+// certificate; all on ports of this machine, and killed with the object.
 class Fleet {
  public:
   explicit Fleet(const FleetOptions& options);
@@ -64,7 +69,7 @@ class Fleet {
   std::string LogTail() const { return ReadFileTail(log_, 3000); }
   std::string ReadAudit() const;
 
-  const TokenIssuer issuer;
+  const TokenIssuer issuer, next_issuer;  // both are trusted
   TestAuthority authority{"authority"}, clients{"of clients"};
   const TempFolder folder;
 

@@ -58,9 +58,8 @@ grpc::Status GatewayTest::GetScene(const std::string& token, const std::string& 
 }
 
 std::string TextOf(const grpc::Status& status) {
-  return absl::StrCat(
-      absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())), ": ",
-      status.error_message());
+  return absl::StrCat(absl::StatusCodeToString(static_cast<absl::StatusCode>(status.error_code())),
+                      ": ", status.error_message());
 }
 
 }  // namespace pepeseg::testing

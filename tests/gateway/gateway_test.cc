@@ -54,6 +54,8 @@ TEST_F(GatewayTest, JwtIsWhatItsClaimsSay) {
   auto to_many = TokenIssuer::Claims("lab", "read");
   to_many["aud"] = {"somebody", "pepeseg"};
   EXPECT_EQ(TextOf(GetScene(fleet().issuer.Sign(to_many), "mine")), "OK: ");
+  const auto by_next_key = fleet().next_issuer.Sign(TokenIssuer::Claims("lab", "read"));
+  EXPECT_EQ(TextOf(GetScene(by_next_key, "mine")), "OK: ");
   EXPECT_THAT(fleet().ReadAudit(), HasSubstr(R"("subject":"ann@example.org","project":"lab")"));
 }
 
@@ -149,6 +151,8 @@ TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
 TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
   const std::string forged = TokenIssuer().Sign(TokenIssuer::Claims("lab", "read"));
   const auto forger = fleet().Connect(forged);
+  const auto by_next_key =
+      fleet().Connect(fleet().next_issuer.Sign(TokenIssuer::Claims("lab", "read")));
   std::vector<std::shared_ptr<grpc::Channel>> others;
   for (int i = 0; i < 6; ++i) {
     auto claims = TokenIssuer::Claims("lab", "read");
@@ -158,6 +162,7 @@ TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
   }
   for (int round = 0; round < 12; ++round) {
     EXPECT_EQ(List(forger).error_code(), grpc::UNAUTHENTICATED);
+    EXPECT_EQ(TextOf(List(by_next_key)), "OK: ");  // does not fit the first key
     for (const auto& other : others) EXPECT_EQ(TextOf(List(other)), "OK: ") << round;
   }
 }
@@ -181,10 +186,9 @@ TEST_F(GatewayTest, HeadersHaveALimit) {
 
 TEST_F(GatewayTest, OperatorsCallsAndReflectionAreNotThere) {
   const auto channel = fleet().Connect(fleet().MakeKey("lab", {v1::SCOPE_OPERATE}));
-  for (const char* path :
-       {"/pepeseg.v1.AdminService/GetStatus", "/pepeseg.v1.AdminService/Drain",
-        "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
-        "/grpc.health.v1.Health/Watch", "/", "/pepeseg.v1.Nothing/X"}) {
+  for (const char* path : {"/pepeseg.v1.AdminService/GetStatus", "/pepeseg.v1.AdminService/Drain",
+                           "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                           "/grpc.health.v1.Health/Watch", "/", "/pepeseg.v1.Nothing/X"}) {
     EXPECT_THAT(TextOf(Ask(channel, path)), StartsWith("UNIMPLEMENTED: the gateway knows no"))
         << path;
   }

@@ -25,14 +25,16 @@ class ProgramAtGateway : public GatewayTest {
  protected:
   // `pepeseg` with the token in a file, as a user has it; "": with none.
   static Ran Run(const std::string& token, const std::string& verb) {
-    std::string command = absl::StrCat(PEPESEG_PROGRAM " --server https://localhost:",
-                                       fleet().gateway_port(), " --ca ",
-                                       (fleet().folder / "authority.pem").string(), " ");
+    std::string arguments = absl::StrCat("--server https://localhost:", fleet().gateway_port(),
+                                         " --ca ", (fleet().folder / "authority.pem").string());
     if (!token.empty()) {
       std::ofstream(fleet().folder / "token", std::ios::trunc) << token << "\n";
-      absl::StrAppend(&command, "--key-file ", (fleet().folder / "token").string(), " ");
+      absl::StrAppend(&arguments, " --key-file ", (fleet().folder / "token").string());
     }
-    FILE* pipe = popen((command + verb + " 2>&1").c_str(), "r");
+    return RunProgram(absl::StrCat(arguments, " ", verb));
+  }
+  static Ran RunProgram(const std::string& arguments) {
+    FILE* pipe = popen((PEPESEG_PROGRAM " " + arguments + " 2>&1").c_str(), "r");
     Ran ran;
     char buffer[4096];
     for (size_t size = 0; (size = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
@@ -96,6 +98,63 @@ TEST_F(ProgramAtGateway, SaysThatTheHeadersAreTooLarge) {
   const Ran ran = Run(fleet().issuer.Sign(claims), "scenes");
   EXPECT_EQ(ran.exit_code, 9);
   EXPECT_THAT(ran.output, AllOf(HasSubstr("headers"), HasSubstr("8192 bytes")));
+}
+
+// On a port each: what proxies of HTTP/2 answer that know nothing of gRPC, and a server of HTTP/1.
+class ProgramAtAProxy : public ProgramAtGateway {
+ protected:
+  struct Proxy {
+    std::string rule;  // of HAProxy
+    std::string protocol = "proto h2";
+    int port = FreePort();
+  };
+  void Serve(const std::vector<Proxy>& proxies) {
+    std::ofstream configuration(fleet().folder / "proxies.cfg");
+    configuration << "defaults\n mode http\n timeout client 5s\n";
+    for (const Proxy& proxy : proxies) {
+      const char* http1 = proxy.protocol.empty() ? " option disable-h2-upgrade\n" : "";
+      configuration << "frontend f" << proxy.port << "\n bind 127.0.0.1:" << proxy.port << " "
+                    << proxy.protocol << "\n"
+                    << http1 << " http-request " << proxy.rule << "\n";
+    }
+    configuration.close();
+    auto process = WorkerProcess::Launch({kHaproxy,
+                                          {"-db", "-f", (fleet().folder / "proxies.cfg").string()},
+                                          fleet().folder / "proxies.log"});
+    ASSERT_TRUE(process.ok()) << process.status();
+    process_ = std::move(process).value();
+    absl::SleepFor(absl::Milliseconds(500));
+    ASSERT_FALSE(process_->Poll().has_value())
+        << ReadFileTail(fleet().folder / "proxies.log", 2000);
+  }
+  static Ran Ask(const Proxy& proxy) {
+    return RunProgram(absl::StrCat("--server 127.0.0.1:", proxy.port, " scenes"));
+  }
+
+ private:
+  std::unique_ptr<WorkerProcess> process_;
+};
+
+TEST_F(ProgramAtAProxy, SaysInPlainWordsWhatItAnswers) {
+  const std::string html = " content-type text/html string '<html>no</html>'";
+  const std::vector<std::pair<Proxy, int>> answers = {
+      {{"return status 502" + html}, 5},  {{"return status 503" + html}, 5},
+      {{"return status 431" + html}, 9},  {{"return status 429" + html}, 9},
+      {{"return status 403" + html}, 10}, {{"return status 404" + html}, 5},
+      {{"return status 200" + html}, 5}};
+  std::vector<Proxy> proxies;
+  for (const auto& [proxy, exit_code] : answers) proxies.push_back(proxy);
+  const Proxy http1{"return status 200" + html, ""};
+  proxies.push_back(http1);
+  Serve(proxies);
+  for (const auto& [proxy, exit_code] : answers) {
+    const Ran ran = Ask(proxy);
+    EXPECT_EQ(ran.exit_code, exit_code) << proxy.rule << "\n" << ran.output;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("proxy"), Not(HasSubstr("http2 header"))))
+        << proxy.rule;
+  }
+  const Ran ran = Ask(http1);
+  EXPECT_EQ(ran.exit_code, 5) << ran.output;
 }
 
 }  // namespace

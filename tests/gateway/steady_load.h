@@ -22,13 +22,11 @@ struct SteadyLoadReport {
   int64_t num_failed = 0;              // and the second time, too
   std::map<std::string, int> reasons;  // of both
   absl::Duration took, p50, p99, longest;
-  double per_second() const {
-    return static_cast<double>(num_calls) / absl::ToDoubleSeconds(took);
-  }
+  double per_second() const { return static_cast<double>(num_calls) / absl::ToDoubleSeconds(took); }
 };
 
-// The same question to each scene by turns, so many a second whatever becomes of them, from its start
-// to Stop(). A call that fails is made a second time, once.
+// The same question to each scene by turns, so many a second whatever becomes of them, from its
+// start to Stop(). A call that fails is made a second time, once.
 class SteadyLoad {
  public:
   // `channels` are used by turns, with scenes "s0" to "s<num_scenes - 1>" that have a model.

@@ -29,12 +29,9 @@ TokenIssuer::TokenIssuer() : key_(EVP_RSA_gen(2048)) {
 }
 
 nlohmann::json TokenIssuer::Claims(const std::string& project, const std::string& scope) {
-  return {{"iss", kIssuer},
-          {"aud", kAudience},
-          {"sub", "ann@example.org"},
-          {"exp", absl::ToUnixSeconds(absl::Now()) + 600},
-          {"project", project},
-          {"scope", scope}};
+  return {{"iss", kIssuer},           {"aud", kAudience},
+          {"sub", "ann@example.org"}, {"exp", absl::ToUnixSeconds(absl::Now()) + 600},
+          {"project", project},       {"scope", scope}};
 }
 
 std::string TokenIssuer::Signature(const std::string& header, const std::string& payload) const {

@@ -69,8 +69,8 @@ TEST_F(Http2AbuseTest, ConnectionsThatSpeakABytePerTick) {
   ExpectServing("400 slow connections");
 }
 
-// Debian's gRPC takes as many calls as are reset: what bounds them is how fast they are answered, so
-// the memory of those on their way is told here, and given back (README.md: behind a gateway).
+// Debian's gRPC takes as many calls as are reset: what bounds them is how fast they are answered,
+// so the memory of those on their way is told here, and given back (README.md: behind a gateway).
 TEST_F(Http2AbuseTest, StreamsThatAreResetAtOnce) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));

@@ -31,13 +31,13 @@ TEST(ReadVouching, TakesAProjectScopesAndASubject) {
 TEST(ReadVouching, RefusesWhatIsMissingTwiceOrMalformed) {
   const Vouching good = Says("lab", "read", "ann");
   std::vector<Vouching> bad = {
-      Says("", "read", "ann"),         Says("Lab", "read", "ann"),
-      Says("lab/..", "read", "ann"),   Says("-lab", "read", "ann"),
-      Says("lab", "", "ann"),          Says("lab", "read,", "ann"),
-      Says("lab", "read write", "a"),  Says("lab", "READ", "ann"),
-      Says("lab", "read", ""),         Says("lab", "read", "a b"),
-      Says("lab", "read", "a\n"),      Says("lab", "read", std::string(129, 'a')),
-      Says("lab", "operate", "ann"),   Says("lab", "read,operate", "ann"),
+      Says("", "read", "ann"),        Says("Lab", "read", "ann"),
+      Says("lab/..", "read", "ann"),  Says("-lab", "read", "ann"),
+      Says("lab", "", "ann"),         Says("lab", "read,", "ann"),
+      Says("lab", "read write", "a"), Says("lab", "READ", "ann"),
+      Says("lab", "read", ""),        Says("lab", "read", "a b"),
+      Says("lab", "read", "a\n"),     Says("lab", "read", std::string(129, 'a')),
+      Says("lab", "operate", "ann"),  Says("lab", "read,operate", "ann"),
   };
   for (int i = 0; i < 3; ++i) {
     for (const bool twice : {false, true}) {

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <cstdlib>
+
+#include "absl/strings/numbers.h"
+
+namespace pepeseg::testing {
+
+// A number that whoever runs a stress test may set.
+inline double FromEnvironment(const char* name, double otherwise) {
+  double value = 0;
+  const char* text = std::getenv(name);
+  return text != nullptr && absl::SimpleAtod(text, &value) ? value : otherwise;
+}
+
+}  // namespace pepeseg::testing
