@@ -14,7 +14,7 @@ constexpr std::string_view kHttpStatus = "Received http2 header with status: ";
 // For one without a status of gRPC, as a web page.
 constexpr std::string_view kNoStatus = "Stream removed";
 // And for a server of HTTP/1.
-constexpr std::string_view kHttp1 = "http1.x server";
+constexpr absl::string_view kHttp1 = "http1.x server";
 
 struct HttpMeaning {
   int status;
