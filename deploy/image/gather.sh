@@ -10,27 +10,25 @@ base=$1 root=$2
 shift 2
 mkdir -p "$root/usr/bin" "$root/usr/share/pepeseg" "$root/var/lib/dpkg/status.d"
 
-# "name:architecture" of the package that a file is from. Files below /lib are in dpkg's books as
-# such, or as below /usr/lib.
-package_of() {
-  local found
-  found=$(dpkg-query -S "$1" 2>/dev/null || dpkg-query -S "${1#/usr}" 2>/dev/null) ||
-    { echo "$1: of no package" >&2; return 1; }
-  found=${found%%: *}
-  echo "${found%%,*}"
-}
-
-in_base() {
-  local name=$1
-  grep -qxF "$(dpkg-query -W -f='${Package}:${Architecture} ${Version}' "$name")" "$base"
-}
+# "name:architecture" of the package that a file is from. Read once: dpkg-query -S reads all of it each
+# time. Files below /lib are in dpkg's books as such, or as below /usr/lib.
+declare -A owner in_base
+while IFS=$'\t' read -r path package; do owner[$path]=$package; done < <(
+  cd /var/lib/dpkg/info && grep -hH -E '^(/usr)?/(lib|bin)' -- *.list | sed 's/\.list:/\t/' |
+    awk -F'\t' '{print $2 "\t" $1}')
+while read -r name version; do in_base["$name $version"]=1; done <"$base"
+declare -A full
+while read -r name binary version; do
+  full[$name]="$name $version"
+  full[$binary]="$name $version"  # of one architecture the list is named without it
+done < <(dpkg-query -W -f='${Package}:${Architecture} ${Package} ${Version}\n')
 
 declare -A packages
 # copy FILE AS: AS is what the loader looks for, FILE what stands behind it.
 copy() {
-  local package
-  package=$(package_of "$1")
-  ! in_base "$package" || return 0
+  local package=${owner[$1]-${owner[${1#/usr}]-}}
+  [[ -n $package ]] || { echo "$1: of no package" >&2; exit 1; }
+  [[ ! -v in_base["${full[$package]}"] ]] || return 0
   packages[$package]=1
   install -D -m "$(stat -Lc %a "$1")" "$1" "$root$2"
 }
@@ -43,7 +41,7 @@ for library in $libraries; do
 done
 for program in "$@"; do
   install -m 755 "$program" "$root/usr/bin/"
-  [[ $program != /usr/bin/* ]] || packages[$(package_of "$program")]=1
+  [[ $program != /usr/bin/* ]] || packages[${owner[$program]}]=1
 done
 
 for package in "${!packages[@]}"; do

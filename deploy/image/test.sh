@@ -130,7 +130,7 @@ worker=
 for _ in {1..300}; do
   worker=$(inside sh -c 'for p in /proc/[0-9]*; do
     case $(tr "\0" " " <$p/cmdline) in *pepeseg-worker*) echo ${p#/proc/};; esac; done' 2>/dev/null | head -n 1)
-  [[ -z $worker ]] || ! ls "$work/data/$job"/*checkpoint* >/dev/null 2>&1 || break
+  [[ -z $worker ]] || ! ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1 || break
   sleep 0.1
 done
 [[ -n $worker ]] || fail 'no worker'

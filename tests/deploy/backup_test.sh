@@ -62,9 +62,12 @@ ask() {
   for scene in shelf second; do
     pepeseg --json segment $scene --view frame-000000.jpg --point 70,70 --threshold 0 \
       --views held-out --out "$1/$scene" >/dev/null
-    pepeseg --json labels $scene | sed 's/"timing":{[^}]*}//' >"$1/$scene.labels"
-    pepeseg --json selections $scene >"$1/$scene.selections"
-    pepeseg --json scenes $scene >"$1/$scene.json"
+    for verb in labels selections scenes; do
+      # Maps have no order.
+      pepeseg --json $verb $scene | python3 -c '
+import json, sys
+for line in sys.stdin: print(json.dumps(json.loads(line), sort_keys=True))' >"$1/$scene.$verb"
+    done
     pepeseg export $scene "$1/$scene.ply" >/dev/null
   done
   pepeseg export shelf "$1/cup.ply" --selection 1 >/dev/null
@@ -85,11 +88,9 @@ ask "$work/before"
 # Meanwhile a training runs that has saved something, and scenes come and go.
 expect 0 pepeseg upload third "$dataset"
 job=$(pepeseg train third --steps 30000 --image-scale 0.25 --detach)
-for _ in {1..300}; do
-  ls "$work/data/${job}"/checkpoints*/* >/dev/null 2>&1 && break
-  ls -d "$work/data/${job}"/*checkpoint*/* >/dev/null 2>&1 && break
-  sleep 0.1
-done
+saved() { ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1; }
+for _ in {1..300}; do saved && break; sleep 0.1; done
+saved || fail 'the training saves nothing'
 (
   while true; do
     "$programs/pepeseg" upload passing "$dataset"
@@ -122,10 +123,9 @@ ask "$work/after"
 diff -r "$work/before" "$work/after" >"$work/output" || fail 'answers differ from before'
 expect 0 pepeseg --json jobs "$job"
 grep -Eq 'JOB_STATE_(QUEUED|RUNNING)' "$work/output" || fail 'the training that ran is not there'
-for _ in {1..300}; do
-  grep -q 'goes on' "$work/restored/$job"/*.log 2>/dev/null && break
-  sleep 0.1
-done
+resumed() { grep -rqs 'goes on from' "$work/restored/$job" --include='*.log'; }
+for _ in {1..300}; do resumed && break; sleep 0.1; done
+resumed || fail 'the training that ran does not go on from its checkpoint'
 expect 0 pepeseg cancel "$job"
 # Numbers go on where the backup stood: what is new takes no place of what is there.
 expect 0 pepeseg train second "${little[@]}"
