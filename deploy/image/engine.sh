@@ -4,8 +4,10 @@
 export STORAGE_DRIVER=${STORAGE_DRIVER:-overlay} # vfs where overlay cannot be mounted
 places=(--root "$store/storage" --runroot "$store/run")
 
+# Without systemd podman complains that health checks get no timer; its errors it tells anyway.
 podman() {
-  command podman "${places[@]}" --runtime runc --cgroup-manager cgroupfs --events-backend file "$@"
+  command podman "${places[@]}" --runtime runc --cgroup-manager cgroupfs --events-backend file \
+    --log-level fatal "$@"
 }
 
 buildah() {

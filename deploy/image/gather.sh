@@ -14,7 +14,7 @@ mkdir -p "$root/usr/bin" "$root/usr/share/pepeseg" "$root/var/lib/dpkg/status.d"
 # time. Files below /lib are in dpkg's books as such, or as below /usr/lib.
 declare -A owner in_base
 while IFS=$'\t' read -r path package; do owner[$path]=$package; done < <(
-  cd /var/lib/dpkg/info && grep -hH -E '^(/usr)?/(lib|bin)' -- *.list | sed 's/\.list:/\t/' |
+  cd /var/lib/dpkg/info && grep -H -E '^(/usr)?/(lib|bin)' -- *.list | sed 's/\.list:/\t/' |
     awk -F'\t' '{print $2 "\t" $1}')
 while read -r name version; do in_base["$name $version"]=1; done <"$base"
 declare -A full

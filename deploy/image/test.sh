@@ -129,7 +129,7 @@ job=$(pepeseg train shelf --steps 400 --feature-steps 150 --image-scale 0.5 --de
 worker=
 for _ in {1..300}; do
   worker=$(inside sh -c 'for p in /proc/[0-9]*; do
-    case $(tr "\0" " " <$p/cmdline) in *pepeseg-worker*) echo ${p#/proc/};; esac; done' 2>/dev/null | head -n 1)
+    case $(tr "\0" " " <$p/cmdline) in *pepeseg-worker*) echo ${p#/proc/};; esac; done' 2>/dev/null | head -n 1) || true  # some end meanwhile
   [[ -z $worker ]] || ! ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1 || break
   sleep 0.1
 done
