@@ -93,7 +93,10 @@ expect() {  # expect EXIT_CODE COMMAND...
 }
 inside() { podman exec pepesegd "$@"; }
 mkdir "$work/bare" "$work/bare/images"
-cp tests/data/apc_shelf/images/* "$work/bare/images/"
+# Those between which COLMAP finds enough in common.
+for number in 00 01 08 09 10; do
+  cp "tests/data/apc_shelf/images/frame-0000$number.jpg" "$work/bare/images/"
+done
 
 for _ in {1..60}; do
   if podman healthcheck run pepesegd >/dev/null 2>&1 &&
@@ -125,11 +128,11 @@ token=/token
 
 step 'upload, training; its worker is killed once'
 expect 0 pepeseg upload shelf /scenes/apc_shelf
-job=$(pepeseg train shelf --steps 400 --feature-steps 150 --image-scale 0.5 --detach)
+job=$(pepeseg train shelf --steps 1500 --feature-steps 150 --image-scale 0.5 --detach)
 worker=
 for _ in {1..300}; do
-  worker=$(inside sh -c 'for p in /proc/[0-9]*; do
-    case $(tr "\0" " " <$p/cmdline) in *pepeseg-worker*) echo ${p#/proc/};; esac; done' 2>/dev/null | head -n 1) || true  # some end meanwhile
+  worker=$(inside sh -c 'grep -lx pepeseg-worker /proc/[0-9]*/comm' 2>/dev/null | head -n 1) || true
+  worker=${worker//[!0-9]/}
   [[ -z $worker ]] || ! ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1 || break
   sleep 0.1
 done
@@ -139,7 +142,7 @@ filters() { inside sed -n 's/^Seccomp_filters:[[:space:]]*//p' "/proc/$1/status"
 if grep -rq 'writing is not limited' "$work/data/$job"; then
   echo 'note: this kernel has no Landlock that serves; workers write where the server may'
 fi
-inside kill -KILL "$worker"
+inside sh -c "kill -KILL $worker"
 expect 0 pepeseg watch "$job"
 
 step 'questions, an export'
