@@ -1,7 +1,6 @@
 #include "clients/cli/intermediary.h"
 
 #include <cstdlib>
-#include <string_view>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -10,11 +9,11 @@ namespace pepeseg::cli {
 namespace {
 
 // gRPC's words for an answer whose HTTP status is not 200.
-constexpr std::string_view kHttpStatus = "Received http2 header with status: ";
+constexpr char kHttpStatus[] = "Received http2 header with status: ";
 // For one without a status of gRPC, as a web page.
-constexpr std::string_view kNoStatus = "Stream removed";
+constexpr char kNoStatus[] = "Stream removed";
 // And for a server of HTTP/1.
-constexpr absl::string_view kHttp1 = "http1.x server";
+constexpr char kHttp1[] = "http1.x server";
 
 struct HttpMeaning {
   int status;
@@ -55,7 +54,7 @@ absl::Status FromHttp(int http_status) {
 absl::Status FromIntermediary(const absl::Status& status) {
   const std::string message(status.message());
   const size_t at = message.find(kHttpStatus);
-  if (at != std::string::npos) return FromHttp(std::atoi(&message[at + kHttpStatus.size()]));
+  if (at != std::string::npos) return FromHttp(std::atoi(&message[at + sizeof(kHttpStatus) - 1]));
   if (status.code() == absl::StatusCode::kUnknown && message == kNoStatus) {
     return absl::UnavailableError(
         "the answer is no gRPC: it is of a proxy on the way to the server, or of another program");

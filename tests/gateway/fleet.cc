@@ -22,6 +22,8 @@ namespace {
 
 constexpr char kLuaossl[] = "/usr/share/lua/5.3/openssl/pkey.lua";
 constexpr absl::Duration kPatience = absl::Seconds(20);
+// Below those that the system gives to who connects: a server's stays its own while it is away.
+constexpr int kFirstPort = 20'000, kNumPorts = 12'000;
 
 std::string Here(int port) { return absl::StrCat("127.0.0.1:", port); }
 
@@ -40,15 +42,21 @@ std::shared_ptr<grpc::Channel> Open(int port, const grpc::SslCredentialsOptions&
 }  // namespace
 
 int FreePort() {
-  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  EXPECT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), size), 0);
-  EXPECT_EQ(getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size), 0);
-  close(socket);
-  return ntohs(address.sin_port);
+  static int next = kFirstPort + getpid() * 16 % kNumPorts;
+  for (int tries = 0; tries < kNumPorts; ++tries) {
+    const int port = kFirstPort + (++next - kFirstPort) % kNumPorts;
+    const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    const bool is_free =
+        bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
+    close(socket);
+    if (is_free) return port;
+  }
+  ADD_FAILURE() << "no port is free";
+  return 0;
 }
 
 bool HasHaproxy() { return access(kHaproxy, X_OK) == 0 && access(kLuaossl, R_OK) == 0; }
@@ -56,7 +64,6 @@ bool HasHaproxy() { return access(kHaproxy, X_OK) == 0 && access(kLuaossl, R_OK)
 Fleet::Fleet(const FleetOptions& options)
     : options_(options),
       data_(options.data.empty() ? folder / "data" : options.data),
-      log_(folder / "gateway.log"),
       of_gateway_(clients.Issue("gateway")),
       servers_(static_cast<size_t>(options.num_servers)) {
   WriteFiles();
@@ -108,6 +115,8 @@ std::optional<WorkerEnd> Fleet::StopServer(int i) {
 
 void Fleet::RestartGateway(int num_servers) {
   gateway_.reset();
+  // HAProxy does not append to what is its standard output.
+  log_ = folder / absl::StrCat("gateway", ++num_starts_, ".log");
   const auto variable = [this](const char* name, const char* file) {
     return absl::StrCat(name, "=", (folder / file).string());
   };
@@ -164,8 +173,12 @@ std::shared_ptr<grpc::Channel> Fleet::Connect(const std::string& token) const {
 }
 
 std::shared_ptr<grpc::Channel> Fleet::ConnectDirectly(int i, const std::string& token) const {
-  return Open(ports_[i], {authority.certificate(), of_gateway_.key, of_gateway_.certificate},
-              token);
+  return ConnectDirectly(i, token, of_gateway_);
+}
+
+std::shared_ptr<grpc::Channel> Fleet::ConnectDirectly(int i, const std::string& token,
+                                                      const IssuedCertificate& own) const {
+  return Open(ports_[i], {authority.certificate(), own.key, own.certificate}, token);
 }
 
 std::string Fleet::Database() const {
@@ -180,7 +193,9 @@ std::string Fleet::MakeKey(const std::string& project, const std::vector<v1::Sco
   for (const v1::Scope scope : scopes) key->row.scopes |= ScopeBit(scope);
   const auto store = Store::Open(Database());
   EXPECT_TRUE(store.ok()) << store.status();
-  if (store.ok()) EXPECT_TRUE((*store)->CreateKey(key->row).ok());
+  if (store.ok()) {
+    EXPECT_TRUE((*store)->CreateKey(key->row).ok());
+  }
   return key->secret;
 }
 

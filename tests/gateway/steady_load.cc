@@ -1,13 +1,32 @@
 #include "tests/gateway/steady_load.h"
 
+#include <grpcpp/alarm.h>
+
 #include <algorithm>
 #include <chrono>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "pepeseg/v1/errors.pb.h"
 
 namespace pepeseg::testing {
+
+namespace {
+
+// As long as the server says; a quarter of a second where it says nothing, as it is lost.
+std::chrono::milliseconds PauseAfter(const grpc::Status& status) {
+  v1::Status details;
+  v1::ErrorDetail detail;
+  if (details.ParseFromString(status.error_details()) && details.details_size() == 1 &&
+      details.details(0).UnpackTo(&detail) && detail.has_retry_after()) {
+    return std::chrono::milliseconds(detail.retry_after().seconds() * 1000 +
+                                     detail.retry_after().nanos() / 1'000'000);
+  }
+  return std::chrono::milliseconds(250);
+}
+
+}  // namespace
 
 struct SteadyLoad::Call {
   v1::SegmentationService::Stub* stub;
@@ -15,6 +34,7 @@ struct SteadyLoad::Call {
   std::string scene;
   bool is_second = false;
   absl::Time start = absl::Now();
+  grpc::Alarm pause;  // before a second call
   std::unique_ptr<grpc::ClientContext> context;
   v1::SegmentResponse response;
 };
@@ -90,7 +110,9 @@ void SteadyLoad::Answered(const std::shared_ptr<Call>& call, const grpc::Status&
   second->scene = call->scene;
   second->is_second = true;
   second->start = call->start;
-  Start(std::move(second));
+  Call& waiting = *second;
+  waiting.pause.Set(std::chrono::system_clock::now() + PauseAfter(status),
+                    [this, second](bool) { Start(second); });
 }
 
 SteadyLoadReport SteadyLoad::Stop() {

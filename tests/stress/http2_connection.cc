@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 
 namespace pepeseg::http2 {
 namespace {
@@ -70,6 +71,7 @@ Connection::~Connection() {
 }
 
 bool Connection::StartTls() {
+  std::signal(SIGPIPE, SIG_IGN);  // OpenSSL writes without MSG_NOSIGNAL
   tls_.reset(NewTls());
   SSL_set_fd(tls_.get(), socket_);
   if (SSL_connect(tls_.get()) != 1) return false;
