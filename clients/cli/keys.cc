@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "clients/cli/admin_verb.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
@@ -31,7 +32,6 @@ struct KeyFlags {
 };
 
 using Stub = v1::AdminService::Stub;
-using Run = absl::Status (*)(const Shell&, const KeyFlags&, Stub&);
 
 std::string KeyLine(const v1::ApiKey& key) {
   std::vector<std::string> scopes;
@@ -96,30 +96,12 @@ absl::Status RunRevoke(const Shell& shell, const KeyFlags& flags, Stub& admin) {
   return absl::OkStatus();
 }
 
-CLI::App& AddVerb(CLI::App& app, Shell& shell, const std::pair<const char*, const char*>& verb,
-                  const std::pair<std::shared_ptr<KeyFlags>, Run>& what) {
-  const auto& [flags, run] = what;
-  CLI::App* added = app.add_subcommand(verb.first, verb.second);
-  added
-      ->add_option("--admin", flags->admin,
-                   "Where the server's admin service listens, host:port or unix:path")
-      ->envname("PEPESEG_ADMIN")
-      ->required();
-  added->callback([flags = flags, run = run, &shell] {
-    shell.server = flags->admin;
-    shell.verb = [&shell, flags, run] {
-      return run(shell, *flags, *v1::AdminService::NewStub(shell.channel));
-    };
-  });
-  return *added;
-}
-
 }  // namespace
 
 void AddKeys(CLI::App& app, Shell& shell) {
   const auto made = std::make_shared<KeyFlags>(), listed = std::make_shared<KeyFlags>(),
              revoked = std::make_shared<KeyFlags>();
-  CLI::App& create = AddVerb(
+  CLI::App& create = AddAdminVerb<KeyFlags>(
       app, shell, {"key-create", "Make an API key and print its secret, once"}, {made, RunCreate});
   create.add_option("PROJECT", made->project, "Whose scenes it opens; made when it is new")
       ->required();
@@ -131,9 +113,11 @@ void AddKeys(CLI::App& app, Shell& shell) {
   constexpr int kMaxDays = 100 * 365;
   create.add_option("--expires-days", made->expires_days, "Without it the key does not expire")
       ->check(CLI::Range(1, kMaxDays));
-  AddVerb(app, shell, {"key-list", "List API keys, without their secrets"}, {listed, RunList})
+  AddAdminVerb<KeyFlags>(app, shell, {"key-list", "List API keys, without their secrets"},
+                         {listed, RunList})
       .add_option("--project", listed->project, "Of this one only");
-  AddVerb(app, shell, {"key-revoke", "From now on an API key opens nothing"}, {revoked, RunRevoke})
+  AddAdminVerb<KeyFlags>(app, shell, {"key-revoke", "From now on an API key opens nothing"},
+                         {revoked, RunRevoke})
       .add_option("KEY", revoked->key, "As key-list prints it")
       ->required();
 }

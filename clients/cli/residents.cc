@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/admin_verb.h"
 #include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
@@ -91,27 +92,6 @@ absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin)
   return absl::OkStatus();
 }
 
-using Run = absl::Status (*)(const Shell&, const ResidentFlags&, Stub&);
-
-CLI::App* AddVerb(CLI::App& app, Shell& shell, const std::pair<const char*, const char*>& verb,
-                  const std::pair<std::shared_ptr<ResidentFlags>, Run>& what) {
-  const auto& [flags, run] = what;
-  CLI::App* added = app.add_subcommand(verb.first, verb.second);
-  added
-      ->add_option("--admin", flags->admin,
-                   "Where the server's admin service listens, host:port or unix:path")
-      ->envname("PEPESEG_ADMIN")
-      ->required();
-  added->callback([flags = flags, run = run, &shell] {
-    shell.server = flags->admin;
-    shell.verb = [&shell, flags, run] {
-      const auto stub = v1::AdminService::NewStub(shell.channel);
-      return run(shell, *flags, *stub);
-    };
-  });
-  return added;
-}
-
 void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Whose model")->required();
   verb.add_option("--model", flags.model, "Its number; without it the newest");
@@ -120,19 +100,19 @@ void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
 }  // namespace
 
 void AddResidents(CLI::App& app, Shell& shell) {
-  AddVerb(app, shell, {"resident", "List the models in the server's memory"},
-          {std::make_shared<ResidentFlags>(), RunResident});
   const auto load = std::make_shared<ResidentFlags>(), unload = std::make_shared<ResidentFlags>(),
              pin = std::make_shared<ResidentFlags>();
-  AddModelOptions(
-      *AddVerb(app, shell, {"load", "Load a model before the first question"}, {load, RunLoad}),
-      *load);
-  AddModelOptions(
-      *AddVerb(app, shell, {"unload", "Give a model's memory back"}, {unload, RunUnload}), *unload);
-  CLI::App* pinning =
-      AddVerb(app, shell, {"pin", "Keep a model in memory, whatever is asked for"}, {pin, RunPin});
-  AddModelOptions(*pinning, *pin);
-  pinning->add_flag("--off", pin->off, "Let it be evicted again");
+  const auto add = [&](const VerbWords& words, const std::shared_ptr<ResidentFlags>& flags,
+                       RunAdminVerb<ResidentFlags> run) -> CLI::App& {
+    return AddAdminVerb<ResidentFlags>(app, shell, words, {flags, run});
+  };
+  add({"resident", "List the models in the server's memory"}, std::make_shared<ResidentFlags>(),
+      RunResident);
+  AddModelOptions(add({"load", "Load a model before the first question"}, load, RunLoad), *load);
+  AddModelOptions(add({"unload", "Give a model's memory back"}, unload, RunUnload), *unload);
+  CLI::App& pinning = add({"pin", "Keep a model in memory, whatever is asked for"}, pin, RunPin);
+  AddModelOptions(pinning, *pin);
+  pinning.add_flag("--off", pin->off, "Let it be evicted again");
 }
 
 }  // namespace pepeseg::cli

@@ -183,6 +183,7 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
   std::array<char, kMaxLineBytes> line{};
   for (int64_t row = 0; row < vertices.count; ++row) {
     file.getline(line.data(), line.size());
+    if (file.bad()) return absl::InternalError(absl::StrCat(vertices.name, ": cannot be read"));
     const auto no_vertex = [&] {
       return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is no ",
                                                  vertices.properties.size(), " numbers"));

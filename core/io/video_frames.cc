@@ -73,7 +73,11 @@ class Reader {
       return Refused(task_, "is no regular file");
     }
     std::array<char, 16> start{};
-    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+    std::ifstream file(path, std::ios::binary);
+    file.read(start.data(), start.size());
+    if (!file.is_open() || file.bad()) {
+      return absl::InternalError(absl::StrCat(task_.name, ": cannot be read"));
+    }
     if (!IsVideo({reinterpret_cast<const uint8_t*>(start.data()), start.size()})) {
       return Refused(task_, "is no MP4, MOV, WebM, MKV or AVI video by its first bytes");
     }

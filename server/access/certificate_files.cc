@@ -38,8 +38,10 @@ absl::StatusOr<std::string> ReadText(const std::filesystem::path& path) {
   if (error) return BadFile(path, absl::StrCat("cannot be read: ", error.message()));
   if (size > kMaxFileBytes) return BadFile(path, "is over 1 MiB: no PEM file of certificates");
   std::ifstream file(path, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(file)), {});
-  if (!file) return BadFile(path, "cannot be read");
+  std::string text(size, '\0');
+  if (!file.read(text.data(), static_cast<std::streamsize>(size))) {
+    return BadFile(path, "cannot be read");
+  }
   return text;
 }
 

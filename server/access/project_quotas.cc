@@ -8,6 +8,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/io/digest.h"
 #include "core/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
@@ -16,6 +17,9 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::Duration kMaxAge = absl::Seconds(1);
+// Longer than kMaxAge: who asks all the time is known all the time.
+constexpr absl::Duration kMaxStale = absl::Seconds(2);
+constexpr size_t kMaxOpened = 10'000;
 constexpr char kQuestions[] = "pepeseg.v1.SegmentationService.";
 
 bool IsQuestion(const google::protobuf::Message& request) {
@@ -69,10 +73,34 @@ absl::Status ProjectQuotas::Admit(const std::string& project,
   return AdmitQuery(project, static_cast<double>(quota.queries_per_second));
 }
 
-absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_second) {
+std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& credential,
+                                                       const google::protobuf::Message& request) {
+  if (!IsQuestion(request)) return std::nullopt;
+  const std::string digest = Sha256Hex(credential);
   const absl::Time now = absl::Now();
   const std::lock_guard lock(mutex_);
-  Project& known = projects_[project];
+  const auto opened = opened_.find(digest);
+  if (opened == opened_.end() || now - opened->second.known > kMaxStale) return std::nullopt;
+  const auto known = projects_.find(opened->second.project);
+  if (known == projects_.end() || now - known->second.read > kMaxStale) return std::nullopt;
+  return TakeToken(known->second, static_cast<double>(known->second.quota.queries_per_second), now);
+}
+
+void ProjectQuotas::Know(const std::string& credential, const std::string& project) {
+  std::string digest = Sha256Hex(credential);
+  Get(project).status().IgnoreError();  // keeps it fresh: Admit tells of errors
+  const absl::Time now = absl::Now();
+  const std::lock_guard lock(mutex_);
+  if (opened_.size() >= kMaxOpened) opened_.clear();
+  opened_[std::move(digest)] = {project, now};
+}
+
+absl::Status ProjectQuotas::AdmitQuery(const std::string& project, double per_second) {
+  const std::lock_guard lock(mutex_);
+  return TakeToken(projects_[project], per_second, absl::Now());
+}
+
+absl::Status ProjectQuotas::TakeToken(Project& known, double per_second, absl::Time now) {
   if (per_second > 0) {
     const double passed = absl::ToDoubleSeconds(now - known.filled);  // infinite at first
     known.tokens = std::clamp(known.tokens + std::max(0.0, passed) * per_second, 0.0, per_second);

@@ -3,15 +3,20 @@
 #include <algorithm>
 #include <cstdlib>
 #include <exception>
+#include <optional>
 #include <random>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "core/status_macros.h"
+#include "server/jobs/database_error.h"
 #include "server/jobs/schema.h"
+#include "server/jobs/sqlite_log.h"
 
 namespace pepeseg {
 namespace {
@@ -21,54 +26,12 @@ constexpr size_t kNumConnections = 8;
 // Transactions that collide wait up to 2, 4, 8 ... 32 ms in between, and give up in the end.
 constexpr absl::Duration kMaxCollisions = absl::Seconds(10);
 
-std::string SqlState(const soci::soci_error& error) {
-  const auto* postgresql = dynamic_cast<const soci::postgresql_soci_error*>(&error);
-  return postgresql == nullptr ? "" : postgresql->sqlstate();
-}
-
-bool IsBrokenConstraint(const soci::soci_error& error) {
-  if (error.get_error_category() == soci::soci_error::constraint_violation) return true;
-  const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
-  // The low byte is the primary code of an extended one.
-  return sqlite != nullptr && (sqlite->result() & 0xff) == SQLITE_CONSTRAINT;
-}
-
-bool IsFullDisk(const soci::soci_error& error) {
-  const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
-  return SqlState(error) == "53100" ||
-         (sqlite != nullptr && (sqlite->result() & 0xff) == SQLITE_FULL);
-}
-
-// Two transactions, of which only one can stand. A key that is taken may be one that the other made
-// meanwhile: run again, this one sees it.
-bool IsCollision(const soci::soci_error& error) {
-  const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
-  if (sqlite != nullptr) return (sqlite->result() & 0xff) == SQLITE_BUSY;
-  const std::string state = SqlState(error);
-  return state == "40001" || state == "40P01" || state == "23505";
-}
-
-// Class 08; an administrator or a crash ended the connection, or the server is starting.
-bool IsLostConnection(const soci::soci_error& error) {
-  const std::string state = SqlState(error);
-  return error.get_error_category() == soci::soci_error::connection_error ||
-         state.starts_with("08") || state == "57P01" || state == "57P02" || state == "57P03";
-}
-
-absl::Status ToStatus(const soci::soci_error& error) {
-  if (IsBrokenConstraint(error)) return absl::AbortedError(error.get_error_message());
-  const std::string text = absl::StrCat("database: ", error.what());
-  if (IsFullDisk(error)) return absl::ResourceExhaustedError(text);
-  if (IsLostConnection(error) || IsCollision(error)) return absl::UnavailableError(text);
-  return absl::InternalError(text);
-}
-
 // Every SOCI call of this program runs below here, or in RunOnce.
 absl::Status Guard(const std::function<absl::Status()>& body) {
   try {
     return body();
   } catch (const soci::soci_error& error) {
-    return ToStatus(error);
+    return DatabaseError(error);
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat("database: ", error.what()));
   }
@@ -88,6 +51,26 @@ void SetUp(soci::session& sql) {
   // A state change that was answered must survive a power cut.
   sql << "PRAGMA synchronous = FULL";
   sql << "PRAGMA foreign_keys = ON";
+}
+
+// Before anything in it is believed: pages and keys fit each other and, where that does not hold a
+// start up for long, so do indexes and rows. What a value holds, SQLite cannot tell.
+absl::Status CheckSqliteFile(soci::session& sql) {
+  constexpr int kMostPages = 2048;  // of 4 KiB: a third of a second
+  constexpr int kMostFaults = 3;
+  int num_pages = 0;
+  sql << "PRAGMA page_count", soci::into(num_pages);
+  std::vector<std::string> faults(kMostFaults);
+  sql << (num_pages > kMostPages ? "PRAGMA quick_check(3)" : "PRAGMA integrity_check(3)"),
+      soci::into(faults);
+  if (!faults.empty() && faults[0] != "ok") {
+    return absl::DataLossError(absl::StrCat("damaged: ", absl::StrJoin(faults, "; ")));
+  }
+  std::string table;
+  sql << "SELECT \"table\" FROM pragma_foreign_key_check LIMIT 1", soci::into(table);
+  if (!sql.got_data()) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat("damaged: a row of ", table, " belongs to one that is not there"));
 }
 
 // SQLite: with the right to write from the start. One that asks for it later is refused when
@@ -163,6 +146,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
   size_t num_connections = 1;
   if (url.starts_with(kSqlite) && url.size() > kSqlite.size() &&
       url.find('"') == std::string::npos) {
+    RETURN_IF_ERROR(CheckSqliteLog(url.substr(kSqlite.size())));
     database.reset(new Database(
         soci::sqlite3, absl::StrCat("dbname=\"", url.substr(kSqlite.size()), "\" timeout=10"), 1));
   } else if (url.starts_with(kPostgresql) && url.size() > kPostgresql.size()) {
@@ -176,23 +160,29 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
     return absl::InvalidArgumentError(
         "database: expected sqlite:PATH without quotes, or postgresql:CONNINFO");
   }
-  RETURN_IF_ERROR(database->Connect(num_connections));
-  RETURN_IF_ERROR(database->Upgrade());
-  return database;
+  absl::Status opened = database->Connect(num_connections);
+  if (opened.ok()) opened = database->Upgrade();
+  if (opened.ok()) return database;
+  if (!absl::IsDataLoss(opened)) return opened;
+  const std::string name = database->shared() ? "the PostgreSQL database" : url;
+  return absl::DataLossError(absl::StrCat(
+      name, ": ", opened.message(),
+      ": put a backup in its place, or have a tool of the database's own rescue what is left"));
 }
 
 absl::Status Database::Connect(size_t num_connections) {
-  return Guard([&] {
+  return Guard([&]() -> absl::Status {
     for (size_t i = 0; i < num_connections; ++i) {
       soci::session& sql = pool_.at(i);
       sql.open(*backend_, connection_);
       SetUp(sql);
     }
-    return absl::OkStatus();
+    return shared() ? absl::OkStatus() : CheckSqliteFile(pool_.at(0));
   });
 }
 
-Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)>& body) {
+Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)>& body,
+                                bool in_transaction) {
   Run run;
   bool committing = false;
   const Connection connection(pool_);
@@ -206,13 +196,14 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
       sql.reconnect();
       SetUp(sql);
     }
-    Transaction transaction(sql);  // rolls back unless committed
+    std::optional<Transaction> transaction;  // rolls back unless committed
+    if (in_transaction) transaction.emplace(sql);
     run.status = body(sql);
-    if (!run.status.ok()) return run;
+    if (!run.status.ok() || !in_transaction) return run;
     committing = true;
-    transaction.Commit();
+    transaction->Commit();
   } catch (const soci::soci_error& error) {
-    run.status = ToStatus(error);
+    run.status = DatabaseError(error);
     if (IsCollision(error)) run.fate = Fate::kCollided;
     // What broke during the commit may have happened: not to be done twice.
     if (!committing && !sql.is_connected()) run.fate = Fate::kConnectionLost;
@@ -224,10 +215,15 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
 }
 
 absl::Status Database::Transact(const std::function<absl::Status(soci::session&)>& body) {
+  return Repeat(body, /*in_transaction=*/true);
+}
+
+absl::Status Database::Repeat(const std::function<absl::Status(soci::session&)>& body,
+                              bool in_transaction) {
   bool reconnected = false;
   const absl::Time deadline = absl::Now() + kMaxCollisions;
   for (int count = 1;; ++count) {
-    Run run = RunOnce(body);
+    Run run = RunOnce(body, in_transaction);
     const bool again = run.fate == Fate::kCollided ||
                        (run.fate == Fate::kConnectionLost && !std::exchange(reconnected, true));
     if (!again || absl::Now() > deadline) return run.status;

@@ -18,15 +18,15 @@ class Database {
  public:
   // "sqlite:PATH", or "postgresql:" and what libpq takes: "host=db dbname=pepeseg", or the rest of
   // a "postgresql://" URI. Brings the schema up to this program's version. UNAVAILABLE: no
-  // connection.
+  // connection. DATA_LOSS: SQLite's file is damaged, as far as its own checks see.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& url);
 
   // Runs `body` in a transaction that is as if no other ran beside it: commits when it answers OK,
   // rolls back otherwise. Where PostgreSQL finds that two got in each other's way, or a connection
   // is gone, it runs again: so `body` changes nothing but the database and its answer. A broken
-  // constraint is ABORTED; UNAVAILABLE: the database cannot be reached, or too many others change
-  // the same; when a connection broke during the commit, nobody knows whether it happened. Any
-  // other error is INTERNAL.
+  // constraint is ABORTED; DATA_LOSS: the database's files are damaged; UNAVAILABLE: it cannot be
+  // reached, or too many others change the same; when a connection broke during the commit, nobody
+  // knows whether it happened. Any other error is INTERNAL.
   absl::Status Transact(const std::function<absl::Status(soci::session&)>& body);
 
   // Likewise, for a body that answers a value.
@@ -37,6 +37,21 @@ class Database {
       answer = body(sql);
       return answer.status();
     });
+    if (!status.ok()) return status;
+    return answer;
+  }
+
+  // For a body that is one SELECT in the usual case, and may be several of different moments: runs
+  // it without a transaction's own round trips to the database.
+  template <typename T>
+  absl::StatusOr<T> Read(const std::function<absl::StatusOr<T>(soci::session&)>& body) {
+    absl::StatusOr<T> answer = absl::InternalError("the query did not run");
+    absl::Status status = Repeat(
+        [&](soci::session& sql) {
+          answer = body(sql);
+          return answer.status();
+        },
+        /*in_transaction=*/false);
     if (!status.ok()) return status;
     return answer;
   }
@@ -56,7 +71,8 @@ class Database {
       : backend_(&backend), connection_(std::move(connection)), pool_(num_connections) {}
   absl::Status Connect(size_t num_connections);
   absl::Status Upgrade();
-  Run RunOnce(const std::function<absl::Status(soci::session&)>& body);
+  absl::Status Repeat(const std::function<absl::Status(soci::session&)>& body, bool in_transaction);
+  Run RunOnce(const std::function<absl::Status(soci::session&)>& body, bool in_transaction);
 
   const soci::backend_factory* const backend_;
   const std::string connection_;

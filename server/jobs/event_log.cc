@@ -50,12 +50,28 @@ int64_t FenceOf(const std::filesystem::path& path, const std::filesystem::path& 
   return fence > 0 && FileOf(path, fence) == file ? fence : 0;
 }
 
+absl::Status Unreadable(const std::string& where) {
+  return absl::InternalError(absl::StrCat(where, ": cannot be read"));
+}
+
+// A stream of `file`; none: it is not there.
+absl::StatusOr<std::optional<std::ifstream>> OpenIfThere(const std::filesystem::path& file) {
+  errno = 0;
+  std::ifstream stream(file, std::ios::binary);
+  if (stream.is_open()) return stream;
+  if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
+  return FileError(file, "open", errno);
+}
+
 // The next record of `stream`, told as `where`. false: it is not there yet; DATA_LOSS: it is
-// broken.
+// broken; INTERNAL: nobody knows, the disk does not say.
 absl::StatusOr<bool> ReadRecord(std::istream& stream, const std::string& where,
                                 v1::JobEvent* event) {
   std::array<char, sizeof(RecordHeader)> bytes{};
-  if (!stream.read(bytes.data(), bytes.size())) return false;
+  if (!stream.read(bytes.data(), bytes.size())) {
+    if (stream.bad()) return Unreadable(where);
+    return false;
+  }
   RecordHeader header;
   std::memcpy(&header, bytes.data(), sizeof(header));
   const auto broken = [&](const std::string& what) {
@@ -63,7 +79,10 @@ absl::StatusOr<bool> ReadRecord(std::istream& stream, const std::string& where,
   };
   if (header.length > kMaxPayload) return broken(absl::StrCat("length ", header.length));
   std::string payload(header.length, '\0');
-  if (!stream.read(payload.data(), header.length)) return false;
+  if (!stream.read(payload.data(), header.length)) {
+    if (stream.bad()) return Unreadable(where);
+    return false;
+  }
   if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
   if (!event->ParseFromString(payload)) return broken("it is no event");
   if (event->sequence() < 0 || event->sequence() > kMaxSequence) {
@@ -83,20 +102,24 @@ struct FirstRecord {
 };
 
 // None: it has none yet.
-std::optional<FirstRecord> ReadFirstRecord(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
+absl::StatusOr<std::optional<FirstRecord>> ReadFirstRecord(const std::filesystem::path& file) {
+  ASSIGN_OR_RETURN(std::optional<std::ifstream> stream, OpenIfThere(file));
+  if (!stream) return std::nullopt;
   v1::JobEvent event;
-  const absl::StatusOr<bool> whole = ReadRecord(stream, file.string(), &event);
+  const absl::StatusOr<bool> whole = ReadRecord(*stream, file.string(), &event);
+  if (!whole.ok() && !absl::IsDataLoss(whole.status())) return whole.status();
   if (!whole.ok() || !*whole || !IsFirstRecord(event)) return std::nullopt;
-  return FirstRecord{event.sequence(), static_cast<int64_t>(stream.tellg())};
+  return FirstRecord{event.sequence(), static_cast<int64_t>(stream->tellg())};
 }
 
 // A reader that has read all that there is of the attempts before `end_fence`.
-EventLogReader ReadToEnd(const std::filesystem::path& path, int64_t end_fence) {
+absl::StatusOr<EventLogReader> ReadToEnd(const std::filesystem::path& path, int64_t end_fence) {
   EventLogReader reader(path, 0, end_fence);
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = reader.Read();
-    // Behind a broken record nothing can be found: it is cut off like a torn one.
+    // Behind a broken record nothing can be found: it is cut off like a torn one. What the disk
+    // does not give today it may give tomorrow.
+    if (!events.ok() && !absl::IsDataLoss(events.status())) return events.status();
     if (!events.ok() || events->empty()) return reader;
   }
 }
@@ -109,7 +132,7 @@ absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
   const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor < 0) return FileError(file, "open", errno);
   auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(file, descriptor));
-  const EventLogReader read = ReadToEnd(path, fence + 1);
+  ASSIGN_OR_RETURN(const EventLogReader read, ReadToEnd(path, fence + 1));
   writer->last_sequence_ = read.last_sequence();
   // Of a file without a first record the reader knows nothing.
   writer->size_ = read.fence() == fence ? read.offset() : 0;
@@ -154,16 +177,18 @@ absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   return absl::OkStatus();
 }
 
-std::optional<EventLogReader::Successor> EventLogReader::FindSuccessor() const {
+absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::FindSuccessor() const {
   std::optional<Successor> next;
   std::error_code error;
   for (std::filesystem::directory_iterator entry(path_.parent_path(), error), end;
        !error && entry != end; entry.increment(error)) {
     const int64_t fence = FenceOf(path_, entry->path());
     if (fence <= fence_ || fence >= end_fence_ || (next && fence >= next->fence)) continue;
-    if (const std::optional<FirstRecord> first = ReadFirstRecord(entry->path())) {
-      next = Successor{fence, first->sequence, first->num_bytes};
-    }
+    ASSIGN_OR_RETURN(const std::optional<FirstRecord> first, ReadFirstRecord(entry->path()));
+    if (first) next = Successor{fence, first->sequence, first->num_bytes};
+  }
+  if (error && error != std::errc::no_such_file_or_directory) {
+    return FileError(path_.parent_path(), "list", error.value());
   }
   return next;
 }
@@ -172,14 +197,15 @@ std::optional<EventLogReader::Successor> EventLogReader::FindSuccessor() const {
 absl::Status EventLogReader::ReadFile(int64_t last_sequence, size_t max_events,
                                       std::vector<v1::JobEvent>& events) {
   const std::filesystem::path file = FileOf(path_, fence_);
-  std::ifstream stream(file, std::ios::binary);
-  stream.seekg(offset_);
-  while (stream && events.size() < max_events) {
+  ASSIGN_OR_RETURN(std::optional<std::ifstream> stream, OpenIfThere(file));
+  if (!stream) return absl::OkStatus();
+  stream->seekg(offset_);
+  while (*stream && events.size() < max_events) {
     v1::JobEvent event;
     const std::string where = absl::StrCat(file.string(), ": record at byte ", offset_);
-    ASSIGN_OR_RETURN(const bool whole, ReadRecord(stream, where, &event));
+    ASSIGN_OR_RETURN(const bool whole, ReadRecord(*stream, where, &event));
     if (!whole || event.sequence() > last_sequence) break;
-    offset_ = static_cast<int64_t>(stream.tellg());
+    offset_ = static_cast<int64_t>(stream->tellg());
     last_sequence_ = event.sequence();
     if (event.sequence() > after_sequence_) events.push_back(std::move(event));
   }
@@ -190,11 +216,16 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events
   std::vector<v1::JobEvent> events;
   while (true) {
     // Looked for first: what an attempt has written by the time another takes over is all of it.
-    const std::optional<Successor> next = FindSuccessor();
+    const absl::StatusOr<std::optional<Successor>> found = FindSuccessor();
+    if (!found.ok() && events.empty()) return found.status();
+    if (!found.ok()) return events;
+    const std::optional<Successor>& next = *found;
     const absl::Status read =
         ReadFile(next ? next->last_sequence : Successor().last_sequence, max_events, events);
-    if (!read.ok() && !next && events.empty()) return read;
-    if (!next || events.size() >= max_events) return events;
+    // A later attempt has gone on behind a broken record, not behind one that may yet be read.
+    const bool passed = read.ok() || (next && absl::IsDataLoss(read));
+    if (!passed && events.empty()) return read;
+    if (!passed || !next || events.size() >= max_events) return events;
     fence_ = next->fence;
     offset_ = next->offset;
   }

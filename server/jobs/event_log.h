@@ -26,7 +26,8 @@ namespace pepeseg {
 class EventLogWriter {
  public:
   // `path`: of events.log; `fence`: of the attempt, 0: before the first. Goes on after the last
-  // whole record of an earlier writer, or attempt; what is torn behind it is cut off.
+  // whole record of an earlier writer, or attempt; what is torn behind it is cut off. INTERNAL:
+  // what is there cannot be read, and stays as it is.
   static absl::StatusOr<std::unique_ptr<EventLogWriter>> Open(const std::filesystem::path& path,
                                                               int64_t fence = 0);
   ~EventLogWriter();
@@ -60,7 +61,7 @@ class EventLogReader {
 
   // What has come since the last call, at most `max_events`; empty: nothing yet. A record that is
   // cut short is not there yet; one that fails its CRC is DATA_LOSS, told after those before it,
-  // unless a later attempt went on from there.
+  // unless a later attempt went on from there. INTERNAL: the disk does not say; ask again.
   absl::StatusOr<std::vector<v1::JobEvent>> Read(size_t max_events = 1000);
 
   // The attempt whose file is read, and where its next record begins, bytes.
@@ -75,7 +76,7 @@ class EventLogReader {
     int64_t last_sequence = std::numeric_limits<int64_t>::max();  // before its first event
     int64_t offset = 0;                                           // of its first event, bytes
   };
-  std::optional<Successor> FindSuccessor() const;
+  absl::StatusOr<std::optional<Successor>> FindSuccessor() const;
   absl::Status ReadFile(int64_t last_sequence, size_t max_events,
                         std::vector<v1::JobEvent>& events);
 

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/file_error.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
 
@@ -33,12 +34,13 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
                                                               const JobRow& job) {
   const JobFolder folder(context.options.data_folder / "jobs" / job.id);
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
+  // First what asks the database: a start that it breaks off is not told.
+  RETURN_IF_ERROR(running->WriteSpec());
   RETURN_IF_ERROR(AppendState(folder, job));
   running->FollowLog();
   // Those before it are history.
   running->stage_.clear();
   running->progress_.reset();
-  RETURN_IF_ERROR(running->WriteSpec());
   Touch(folder.lease(job.fence));
   Touch(folder.pulse(job.fence));  // silence counts from here
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
@@ -89,6 +91,9 @@ absl::Status RunningJob::WriteSpec() const {
     spec.files.push_back(
         {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
   }
+  std::error_code error;
+  std::filesystem::create_directories(folder_.path(), error);
+  if (error) return FileError(folder_.path(), "create", error.value());
   return folder_.WriteSpec(spec);
 }
 

@@ -203,7 +203,7 @@ absl::StatusOr<int64_t> Store::NextJobNumber() {
 absl::StatusOr<std::string> Store::ProjectOfJob(const std::string& id) {
   const int64_t number = JobNumber(id);
   if (number <= 0) return absl::InvalidArgumentError(absl::StrCat("'", id, "' is no job's id"));
-  return database_->Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+  return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string project;
     sql << "SELECT scenes.project FROM jobs JOIN scenes ON scenes.id = jobs.scene"
            " WHERE jobs.number = :number",

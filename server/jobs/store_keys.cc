@@ -85,7 +85,7 @@ absl::StatusOr<KeyRow> Store::CreateKey(const KeyRow& key) {
 }
 
 absl::StatusOr<KeyRow> Store::FindKeyByDigest(const std::string& sha256) {
-  return database_->Query<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
+  return database_->Read<KeyRow>([&](soci::session& sql) -> absl::StatusOr<KeyRow> {
     std::vector<KeyRow> rows = SelectKeys(sql, "sha256 =", sha256, 1);
     if (rows.empty()) return absl::NotFoundError("no key has this secret");
     return rows[0];
@@ -119,7 +119,7 @@ absl::StatusOr<KeyRow> Store::RevokeKey(const std::string& id) {
 }
 
 absl::StatusOr<ProjectRow> Store::GetProject(const std::string& id) {
-  return database_->Query<ProjectRow>(
+  return database_->Read<ProjectRow>(
       [&](soci::session& sql) -> absl::StatusOr<ProjectRow> { return SelectProject(sql, id); });
 }
 

@@ -55,12 +55,12 @@ absl::StatusOr<ModelRow> SelectModel(soci::session& sql, const std::string& scen
 }
 
 absl::StatusOr<ModelRow> Store::GetModel(const std::string& scene, int64_t number) {
-  return database_->Query<ModelRow>(
+  return database_->Read<ModelRow>(
       [&](soci::session& sql) { return SelectModel(sql, scene, number); });
 }
 
 absl::StatusOr<ModelRow> Store::GetLiveModel(const std::string& scene) {
-  return database_->Query<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
+  return database_->Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
     std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewest);
     if (!rows.empty()) return rows[0];  // every question comes by here
     RETURN_IF_ERROR(CheckScene(sql, scene));

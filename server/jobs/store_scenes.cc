@@ -105,7 +105,7 @@ absl::StatusOr<std::string> Store::ProjectOfScene(const std::string& id) {
   if (!IsRfc1034Label(id)) {
     return absl::InvalidArgumentError(absl::StrCat("scene id '", id, "' is no label"));
   }
-  return database_->Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+  return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string project;
     sql << "SELECT project FROM scenes WHERE id = :id", soci::use(id), soci::into(project);
     if (!sql.got_data()) return absl::NotFoundError(absl::StrCat("scenes/", id, " does not exist"));

@@ -14,9 +14,6 @@
 namespace pepeseg {
 namespace {
 
-// How often a shared database is asked what others did.
-constexpr absl::Duration kLook = absl::Milliseconds(500);
-
 std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
   if (options.launch.launcher == LaunchOptions::Launcher::kSlurm) {
     return MakeSlurmLauncher(options.launch);
@@ -126,78 +123,6 @@ void Supervisor::Loop::Run() {
   EndAll();
 }
 
-void Supervisor::Loop::Claim() {
-  while (running_.size() < static_cast<size_t>(options_.num_slots)) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (!claiming_ || stopping_) return;
-    }
-    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
-    if (!job.ok()) spdlog::error("claiming a job: {}", job.status().ToString());
-    if (!job.ok() || !job->has_value()) return;
-    StartJob(**job);
-  }
-}
-
-void Supervisor::Loop::StartJob(const JobRow& job) {
-  const RunningJob::Context context{store_, options_, *launcher_};
-  absl::StatusOr<std::unique_ptr<RunningJob>> started =
-      job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
-  if (started.ok()) {
-    Publish(**started);
-    running_.push_back(std::move(started).value());
-  } else {
-    EndUnstarted(job, started.status());
-  }
-  watches_.Notify(job.id);
-}
-
-void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
-  spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, error);
-  if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
-}
-
-// Only where others share the database: they may claim what is not prolonged, cancel what runs
-// here, and a cluster may have started a worker again.
-void Supervisor::Loop::KeepLeases() {
-  const absl::Time now = absl::Now();
-  if (!store_.shared() || running_.empty() || now < next_look_) return;
-  next_look_ = now + kLook;
-  const bool renew = now >= next_renewal_;
-  const absl::StatusOr<std::vector<JobRow>> held =
-      renew ? store_.RenewLeases() : store_.ListHeldJobs();
-  if (!held.ok()) {
-    // The workers end by themselves when their leases are not prolonged in time.
-    spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
-    return;
-  }
-  if (renew) next_renewal_ = now + store_.holder().lease / 4;
-  LoseJobs(*held);
-  for (const auto& running : running_) {
-    for (const JobRow& row : *held) {
-      if (row.id != running->job().id) continue;
-      if (renew || row.fence != running->job().fence) running->Held(row);
-      if (row.cancel_requested) running->Terminate(options_.cancel_grace);
-    }
-  }
-}
-
-// Forgets the jobs that are not among `held`.
-void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
-  std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
-    const JobRow& job = running->job();
-    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
-      return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
-    });
-    if (mine) return false;
-    running->Abandon();
-    const std::lock_guard lock(mutex_);
-    newest_.erase(job.id);
-    return true;
-  });
-}
-
 void Supervisor::Loop::Publish(const RunningJob& running) {
   const std::lock_guard lock(mutex_);
   newest_[running.job().id] = {running.sequence(), running.progress()};
@@ -238,6 +163,8 @@ void Supervisor::Loop::TellCancelled(const std::string& job) {
   EventLogReader log(FolderOf(job).events());
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = log.Read();
+    if (!events.ok()) spdlog::error("jobs/{}: {}", job, events.status().ToString());
+    if (!events.ok() && !absl::IsDataLoss(events.status())) return;
     if (!events.ok() || events->empty()) break;
     for (const v1::JobEvent& event : *events) {
       if (event.has_state_changed()) newest = event.state_changed().state();
@@ -272,9 +199,9 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
 bool Supervisor::Loop::WaitForWork() {
   std::unique_lock lock(mutex_);
   const auto woken = [this] { return woken_ || stopping_; };
-  if (running_.empty() && store_.shared()) {
-    // Others queue jobs, and lose them.
-    wake_.wait_for(lock, absl::ToChronoMilliseconds(kLook), woken);
+  if (running_.empty() && (store_.shared() || unsure_)) {
+    // Others queue jobs, and lose them; the database may be back.
+    wake_.wait_for(lock, absl::ToChronoMilliseconds(kLookAtOthers), woken);
   } else if (running_.empty()) {
     wake_.wait(lock, woken);
   } else {

@@ -42,9 +42,14 @@ class Supervisor::Loop {
   std::optional<Newest> FindRunning(const std::string& job) const;
 
  private:
+  // How often a shared database is asked what others did.
+  static constexpr absl::Duration kLookAtOthers = absl::Milliseconds(500);
+
   void Run();
   absl::Status RecoverJob(JobRow job);
+  bool MayStart() const;
   void Claim();
+  void StartHeld();
   void StartJob(const JobRow& job);
   void EndUnstarted(const JobRow& job, const absl::Status& error);
   void KeepLeases();
@@ -63,6 +68,7 @@ class Supervisor::Loop {
   const std::unique_ptr<Launcher> launcher_;
   // The thread's own.
   std::list<std::unique_ptr<RunningJob>> running_;
+  bool unsure_ = false;  // whether what this server holds is what it runs
   absl::Time next_look_ = absl::InfinitePast(), next_renewal_ = absl::InfinitePast();
 
   mutable std::mutex mutex_;  // guards all below

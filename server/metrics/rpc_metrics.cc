@@ -62,6 +62,16 @@ RpcMetrics::Method& RpcMetrics::Find(std::string_view path) {
 
 const std::string& RpcMetrics::NameOf(const Method& method) { return method.name; }
 
+void RpcMetrics::Begin(const Method& method) {
+  ++num_in_flight_;
+  if (&method != other_.get()) ++num_named_in_flight_;
+}
+
+void RpcMetrics::End(const Method& method) {
+  --num_in_flight_;
+  if (&method != other_.get()) --num_named_in_flight_;
+}
+
 void RpcMetrics::Answer(Method& method, int grpc_code, absl::Duration took) {
   CounterOf(method, grpc_code).Increment();
   method.seconds->Observe(absl::ToDoubleSeconds(took));

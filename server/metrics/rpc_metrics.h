@@ -32,9 +32,11 @@ class RpcMetrics final : public prometheus::Collectable {
   static const std::string& NameOf(const Method& method);  // "SceneService/GetScene"
 
   // A call has come; its status is sent; it is gone, whether or not one was.
-  void Begin() { ++num_in_flight_; }
+  void Begin(const Method& method);
   void Answer(Method& method, int grpc_code, absl::Duration took);
-  void End() { --num_in_flight_; }
+  void End(const Method& method);
+  // Of methods that have a name here: those of others, as health's, may last for ever.
+  int64_t num_named_in_flight() const { return num_named_in_flight_; }
 
   std::vector<prometheus::MetricFamily> Collect() const override;
 
@@ -44,7 +46,7 @@ class RpcMetrics final : public prometheus::Collectable {
 
   prometheus::Family<prometheus::Counter> calls_;
   prometheus::Family<prometheus::Histogram> seconds_;
-  std::atomic<int64_t> num_in_flight_ = 0;
+  std::atomic<int64_t> num_in_flight_ = 0, num_named_in_flight_ = 0;
   std::unordered_map<std::string_view, std::unique_ptr<Method>> methods_;  // by path
   std::vector<std::unique_ptr<const std::string>> paths_;
   std::unique_ptr<Method> other_;

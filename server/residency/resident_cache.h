@@ -17,7 +17,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/status_macros.h"
-#include "server/residency/memory_budget.h"
+#include "server/residency/resident_value.h"
 
 namespace pepeseg {
 
@@ -29,14 +29,7 @@ template <typename Value>
 class ResidentCache {
  public:
   using Handle = std::shared_ptr<const Value>;
-  // Whose a value is, and what all of theirs may take together, in the memory of which they take
-  // more; 0: no limit.
-  struct Share {
-    std::string owner;
-    int64_t limit = 0;
-    // What is told when they would take `need`.
-    std::function<absl::Status(int64_t need)> error;
-  };
+  using Share = MemoryShare;
   // Where a value comes from. The calls are made without a lock, only when it is not resident.
   struct Source {
     std::string name;  // for Visit
@@ -52,13 +45,11 @@ class ResidentCache {
     absl::Time last_use;
     int64_t num_handles;
   };
-  struct Counts {
-    int64_t num_loads = 0, num_evictions = 0;
-  };
+  using Counts = ResidencyState::Counts;
 
   // `release_freed`: called when a value has gone, before its bytes count as free.
   explicit ResidentCache(const MemoryBudget& budget, std::function<void()> release_freed = {})
-      : state_(std::make_shared<State>(budget, std::move(release_freed))) {}
+      : state_(std::make_shared<ResidencyState>(budget, std::move(release_freed))) {}
 
   // An owner over its share evicts its own first. RESOURCE_EXHAUSTED, with need and have, when that
   // much does not come free, or the share's error; then nothing was evicted. An error of the source
@@ -79,41 +70,10 @@ class ResidentCache {
   // Of an owner, as they count against its share.
   int64_t BytesOf(const std::string& owner) const;
   Counts counts() const;
-  const MemoryBudget& budget() const { return state_->budget; }
+  const MemoryBudget& budget() const { return state_->ledger.budget(); }
 
  private:
-  struct State {
-    State(const MemoryBudget& of, std::function<void()> release)
-        : budget(of), release_freed(std::move(release)) {}
-    const MemoryBudget budget;
-    const std::function<void()> release_freed;
-    std::mutex mutex;
-    MemoryBytes used;
-    std::map<std::string, MemoryBytes> used_by;  // owners
-    int64_t clock = 0;
-    Counts counts;
-  };
-  // A value and its bytes: given back when the last handle and the cache have let it go.
-  struct Resident {
-    Resident(std::shared_ptr<State> of, const MemoryBytes& num_bytes, std::string whose)
-        : state(std::move(of)), bytes(num_bytes), owner(std::move(whose)) {}
-    Resident(const Resident&) = delete;
-    Resident& operator=(const Resident&) = delete;
-    ~Resident() {
-      value.reset();
-      if (state->release_freed) state->release_freed();
-      const std::lock_guard lock(state->mutex);
-      const MemoryBytes counted = state->budget.Counted(bytes);
-      state->used -= counted;
-      MemoryBytes& theirs = state->used_by[owner];
-      theirs -= counted;
-      if (theirs.host == 0 && theirs.device == 0) state->used_by.erase(owner);
-    }
-    std::shared_ptr<State> state;
-    MemoryBytes bytes;
-    std::string owner;
-    std::unique_ptr<Value> value;
-  };
+  using Resident = ResidentValue<Value>;
   // One for each key that is loaded or being loaded.
   struct Entry {
     std::string name;
@@ -144,7 +104,7 @@ class ResidentCache {
     return Handle(entry.resident, entry.resident->value.get());
   }
 
-  const std::shared_ptr<State> state_;
+  const std::shared_ptr<ResidencyState> state_;
   std::condition_variable loaded_, left_;
   // Guarded by state_->mutex.
   Entries entries_;
@@ -167,13 +127,11 @@ typename ResidentCache<Value>::Entries::iterator ResidentCache<Value>::Oldest(
 template <typename Value>
 int64_t ResidentCache<Value>::TakenWith(const MemoryBytes& need, const Share& share,
                                         bool without_evictable) const {
-  MemoryBytes taken = state_->budget.Counted(need);
-  const auto theirs = state_->used_by.find(share.owner);
-  if (theirs != state_->used_by.end()) taken += theirs->second;
+  MemoryBytes taken = budget().Counted(need);
+  taken += state_->ledger.UsedBy(share.owner);
   for (const auto& [key, entry] : entries_) {
-    if (!without_evictable || !IsEvictable(*entry)) continue;
-    if (entry->resident->owner == share.owner) {
-      taken -= state_->budget.Counted(entry->resident->bytes);
+    if (without_evictable && IsEvictable(*entry) && entry->resident->owner == share.owner) {
+      taken -= budget().Counted(entry->resident->bytes);
     }
   }
   return std::max(taken.host, taken.device);
@@ -183,7 +141,7 @@ template <typename Value>
 absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<Value>::NextToGo(
     const MemoryBytes& need, const Share& share) {
   const bool in_share = share.limit == 0 || TakenWith(need, share, false) <= share.limit;
-  const bool fits = state_->budget.Fits(state_->used, need);
+  const bool fits = budget().Fits(state_->ledger.used(), need);
   if (in_share && fits) return entries_.end();
   // Both are looked at before anything goes.
   if (!in_share) {
@@ -191,11 +149,11 @@ absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<V
     if (least > share.limit) return share.error(least);
   }
   if (!fits) {
-    MemoryBytes kept = state_->used;
+    MemoryBytes kept = state_->ledger.used();
     for (const auto& [key, entry] : entries_) {
-      if (IsEvictable(*entry)) kept -= state_->budget.Counted(entry->resident->bytes);
+      if (IsEvictable(*entry)) kept -= budget().Counted(entry->resident->bytes);
     }
-    RETURN_IF_ERROR(state_->budget.Check(kept, need));
+    RETURN_IF_ERROR(budget().Check(kept, need));
   }
   return Oldest(in_share ? nullptr : &share.owner);
 }
@@ -221,9 +179,7 @@ absl::Status ResidentCache<Value>::Reserve(const MemoryBytes& need, const Share&
     --num_leaving_;
     left_.notify_all();
   }
-  const MemoryBytes counted = state_->budget.Counted(need);
-  state_->used += counted;
-  state_->used_by[share.owner] += counted;
+  state_->ledger.Take(need, share.owner);
   return absl::OkStatus();
 }
 
@@ -325,7 +281,7 @@ void ResidentCache<Value>::Visit(absl::FunctionRef<void(const Info&, const Value
 template <typename Value>
 MemoryBytes ResidentCache<Value>::bytes_in_use() const {
   const std::lock_guard lock(state_->mutex);
-  return state_->used;
+  return state_->ledger.used();
 }
 
 template <typename Value>

@@ -31,7 +31,7 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
                                                                     RpcMetrics& metrics) {
   std::unique_ptr<AdminListener> listener(new AdminListener(context, operations));
   grpc::ServerBuilder builder;
-  SetLimits(builder, kMaxMessageBytes);
+  SetLimits(builder, {kMaxMessageBytes, absl::Hours(1)});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));

@@ -28,12 +28,12 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
       : metrics_(metrics),
         method_(metrics.Find(info.method())),
         unary_(info.type() == ServerRpcInfo::Type::UNARY) {
-    metrics_.Begin();
+    metrics_.Begin(method_);
   }
   ~CallInterceptor() override {
     // gRPC itself has dropped it: what its client saw was no status of ours.
     if (!answered_) Answered(grpc::Status(grpc::StatusCode::CANCELLED, "dropped"));
-    metrics_.End();
+    metrics_.End(method_);
   }
 
   void Intercept(InterceptorBatchMethods* methods) override {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "core/io/file_bytes.h"
 #include "core/io/image_header.h"
 #include "core/io/ply.h"
@@ -42,17 +43,24 @@ absl::StatusOr<int64_t> PixelsOf(const Blobs& blobs, const DatasetFileRow& file)
   return int64_t{header.width} * header.height;
 }
 
+absl::Status Unreadable(const DatasetFileRow& file) {
+  return absl::InternalError(absl::StrCat(file.path, ": cannot be read"));
+}
+
 // COLMAP's count of points, no more than the file can hold.
-int64_t CountBinaryPoints(const std::filesystem::path& path, int64_t size) {
+absl::StatusOr<int64_t> CountBinaryPoints(const std::filesystem::path& path,
+                                          const DatasetFileRow& row) {
   constexpr int64_t kLeastRecord = 43;
   std::ifstream file(path, std::ios::binary);
   uint64_t count = 0;
   file.read(reinterpret_cast<char*>(&count), sizeof(count));
-  const auto most = static_cast<uint64_t>(size / kLeastRecord);
+  if (!file.is_open() || file.bad()) return Unreadable(row);
+  const auto most = static_cast<uint64_t>(row.size / kLeastRecord);
   return file ? static_cast<int64_t>(std::min(count, most)) : 0;
 }
 
-int64_t CountTextPoints(const std::filesystem::path& path) {
+absl::StatusOr<int64_t> CountTextPoints(const std::filesystem::path& path,
+                                        const DatasetFileRow& row) {
   std::ifstream file(path);
   int64_t count = 0;
   while (file.good()) {
@@ -60,20 +68,23 @@ int64_t CountTextPoints(const std::filesystem::path& path) {
     if (first != '#' && first != '\n' && first != std::ifstream::traits_type::eof()) ++count;
     file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
   }
+  if (!file.is_open() || file.bad()) return Unreadable(row);
   return count;
 }
 
-// 0 where the file cannot be read: the job says why.
-int64_t CountPly(const Blobs& blobs, const DatasetFileRow& file) {
+// 0 where it is no PLY file that can be taken: the job says why.
+absl::StatusOr<int64_t> CountPly(const Blobs& blobs, const DatasetFileRow& file) {
   const auto ply = OpenPly(blobs.Path(file.sha256), file.path, kMaxPoints);
-  return ply.ok() ? ply->count : 0;
+  if (absl::IsInvalidArgument(ply.status())) return 0;
+  RETURN_IF_ERROR(ply.status());
+  return ply->count;
 }
 
-int64_t CountPoints(const Blobs& blobs, const DatasetFileRow& file) {
+absl::StatusOr<int64_t> CountPoints(const Blobs& blobs, const DatasetFileRow& file) {
   const std::filesystem::path path = blobs.Path(file.sha256);
   if (file.kind == v1::FILE_KIND_POINTS) return CountPly(blobs, file);
-  if (absl::EndsWith(file.path, "points3D.bin")) return CountBinaryPoints(path, file.size);
-  return absl::EndsWith(file.path, "points3D.txt") ? CountTextPoints(path) : 0;
+  if (absl::EndsWith(file.path, "points3D.bin")) return CountBinaryPoints(path, file);
+  return absl::EndsWith(file.path, "points3D.txt") ? CountTextPoints(path, file) : 0;
 }
 
 int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
@@ -142,8 +153,11 @@ absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
       std::min(counts.num_views,
                CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
   for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_GAUSSIANS) size.num_given_gaussians = CountPly(blobs, file);
-    counts.num_points = std::max(counts.num_points, CountPoints(blobs, file));
+    if (file.kind == v1::FILE_KIND_GAUSSIANS) {
+      ASSIGN_OR_RETURN(size.num_given_gaussians, CountPly(blobs, file));
+    }
+    ASSIGN_OR_RETURN(const int64_t num_points, CountPoints(blobs, file));
+    counts.num_points = std::max(counts.num_points, num_points);
   }
   if (!size.has_poses) counts.num_points = kPointsOfPhoto * counts.num_views;
   return size;

@@ -16,17 +16,14 @@ constexpr int kKeepaliveMs = 30'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kMaxPingStrikes = 2;
-// So that clients come to know new servers behind a gateway. gRPC varies it by 10 %, else those
-// that came together would come back together. Streams get the grace to end by themselves.
-constexpr int kMaxAgeMs = 3'600'000;
-constexpr int kMaxAgeGraceMs = 3'600'000;
 constexpr int kMaxIdleMs = 900'000;
 
 }  // namespace
 
-void SetLimits(grpc::ServerBuilder& builder, int max_message_bytes) {
-  builder.SetMaxReceiveMessageSize(max_message_bytes);
-  builder.SetMaxSendMessageSize(max_message_bytes);
+void SetLimits(grpc::ServerBuilder& builder, const ListenerLimits& limits) {
+  const auto max_age_ms = static_cast<int>(absl::ToInt64Milliseconds(limits.max_age));
+  builder.SetMaxReceiveMessageSize(limits.max_message_bytes);
+  builder.SetMaxSendMessageSize(limits.max_message_bytes);
   grpc::ResourceQuota quota("pepeseg");
   quota.Resize(kMaxRequestBytes).SetMaxThreads(kMaxCallThreads);
   builder.SetResourceQuota(quota);
@@ -43,8 +40,8 @@ void SetLimits(grpc::ServerBuilder& builder, int max_message_bytes) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
                              kMinPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, kMaxPingStrikes);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, kMaxAgeMs);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, kMaxAgeGraceMs);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, max_age_ms);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, max_age_ms);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kMaxIdleMs);
 }
 

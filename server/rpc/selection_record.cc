@@ -85,7 +85,9 @@ absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
   const std::filesystem::path path = context.data_folder / row.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
   auto made = context.store->CreateSelection(row);
-  if (!made.ok() || made->number != row.number) {
+  // Where nobody knows whether the row was committed, the collector finds out.
+  const bool unknown = absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
+  if (!unknown && (!made.ok() || made->number != row.number)) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
   }

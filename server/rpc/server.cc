@@ -4,14 +4,12 @@
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/child_process.h"
 #include "core/io/lpips.h"
 #include "core/status_macros.h"
 #include "server/access/audit_log.h"
@@ -20,7 +18,6 @@
 #include "server/access/project_quotas.h"
 #include "server/device.h"
 #include "server/jobs/collector.h"
-#include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
 #include "server/rpc/call_interceptor.h"
@@ -28,12 +25,12 @@
 #include "server/rpc/directory_lock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/job_service.h"
-#include "server/rpc/listen_rules.h"
 #include "server/rpc/listener_limits.h"
 #include "server/rpc/scene_service.h"
 #include "server/rpc/segmentation_service.h"
 #include "server/rpc/server_health.h"
 #include "server/rpc/server_metrics.h"
+#include "server/rpc/server_parts.h"
 
 namespace pepeseg {
 namespace {
@@ -46,73 +43,9 @@ constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
 constexpr absl::Duration kTick = absl::Seconds(2);
+// For idle clients to see that the server goes.
+constexpr absl::Duration kGoAway = absl::Milliseconds(200);
 constexpr size_t kMaxStreams = 4096;  // each costs memory, and a look at its job every tick
-
-int64_t HalfOfMemory() {
-  return static_cast<int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE) / 2;
-}
-
-absl::Status CheckOptions(const ServerOptions& options) {
-  RETURN_IF_ERROR(CheckListeners(options));
-  if (access(options.worker.c_str(), X_OK) != 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("worker: ", options.worker.string(), " is no program"));
-  }
-  return absl::OkStatus();
-}
-
-void LogDevice(const Device& device, int64_t device_memory) {
-  const std::string because = device.reason.empty() ? "" : ": " + device.reason;
-  spdlog::info("computing on {}{}", device.backend->name(), because);
-  spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
-}
-
-absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name) {
-  if (name.empty()) return std::filesystem::path();
-  const absl::StatusOr<std::filesystem::path> found = FindProgram(name);
-  if (found.ok()) return std::filesystem::absolute(*found);
-  return absl::FailedPreconditionError(
-      absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
-}
-
-std::string DatabaseUrl(const ServerOptions& options) {
-  if (!options.database.empty()) return options.database;
-  return "sqlite:" + DatabasePath(options.data).string();
-}
-
-// Whoever has a SQLite database has it for itself, and so its jobs.
-absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
-  const std::string url = DatabaseUrl(options);
-  if (!url.starts_with("postgresql:")) return Store::Open(url);
-  return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
-}
-
-SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
-  SupervisorOptions job_options;
-  job_options.data_folder = options.data;
-  job_options.worker = options.worker;
-  job_options.lpips_weights = options.lpips_weights;
-  job_options.priors_seconds = options.priors_seconds;
-  job_options.colmap = options.colmap;
-  job_options.log_format = options.log_format;
-  job_options.device = device.id;
-  job_options.device_name = device.backend->name();
-  job_options.num_threads = options.num_threads;
-  job_options.launch = options.launch;
-  job_options.launch.database = DatabaseUrl(options);
-  if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
-  job_options.silence = absl::Seconds(options.launch.lease_seconds);
-  return job_options;
-}
-
-std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
-  const DeviceMemory memory = backend.memory();
-  MemoryBytes limit = {options.model_bytes, options.model_device_bytes};
-  if (limit.host <= 0) limit.host = memory.is_host ? memory.total_bytes / 2 : HalfOfMemory();
-  if (limit.device <= 0) limit.device = memory.total_bytes / 2;
-  return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
-                                      [&backend] { backend.ReleaseFreed(); });
-}
 
 }  // namespace
 
@@ -126,7 +59,8 @@ struct Server::Parts {
   std::unique_ptr<ListenerCredentials> credentials;
   std::unique_ptr<BlobStore> blobs;
   std::unique_ptr<Collector> collector;
-  Device device;  // of queries; a worker opens its own by the same id
+  Device device;              // of queries; a worker opens its own by the same id
+  int64_t device_memory = 0;  // see ServiceContext
   MapCounts map_counts;
   std::unique_ptr<ModelCache> models;
   ServerMetrics metrics;
@@ -147,7 +81,11 @@ struct Server::Parts {
   absl::Duration drain;
 
   absl::Status OpenAccess(const ServerOptions& options);
-  absl::Status OpenState(const ServerOptions& options);
+  absl::Status OpenStorage(const ServerOptions& options);
+  absl::Status OpenCompute(const ServerOptions& options);
+  absl::Status StartJobs(const ServerOptions& options);
+  ServiceContext Context(const ServerOptions& options);
+  absl::Status MakeServices(const ServerOptions& options);
   absl::Status Listen(const ServerOptions& options);
 };
 
@@ -159,50 +97,65 @@ absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
   return absl::OkStatus();
 }
 
-absl::Status Server::Parts::OpenState(const ServerOptions& options) {
-  const bool shared = options.database.starts_with("postgresql:");
-  ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, shared));
+absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
+  ASSIGN_OR_RETURN(lock, DirectoryLock::Take(options.data, IsShared(options)));
   ASSIGN_OR_RETURN(store, OpenStore(options));
   RETURN_IF_ERROR(OpenAccess(options));
   store->SetDefaultQuota(options.quota);
   quotas = std::make_unique<ProjectQuotas>(store.get());
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
+  CollectorOptions collection;
+  collection.data = options.data;
+  collection.alone = !IsShared(options);
+  collector = std::make_unique<Collector>(*store, std::move(collection));
+  return absl::OkStatus();
+}
+
+absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
-  const int64_t device_memory =
+  device_memory =
       options.device_memory > 0 ? options.device_memory : device.backend->memory().free_bytes;
   LogDevice(device, device_memory);
   models = MakeModelCache(options, *device.backend);
+  return absl::OkStatus();
+}
+
+absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   SupervisorOptions job_options = JobOptions(options, device);
   ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
-  job_options.file_path = [store = blobs.get()](const std::string& project,
-                                                const DatasetFileRow& file) {
-    return store->Path({project, file.sha256});
+  job_options.file_path = [of = blobs.get()](const std::string& project,
+                                             const DatasetFileRow& file) {
+    return of->Path({project, file.sha256});
   };
   job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
     metrics.jobs().Observe(job, event);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
-  CollectorOptions collection;
-  collection.data = options.data;
-  collection.alone = !shared;
-  collector = std::make_unique<Collector>(*store, std::move(collection));
-  const ServiceContext context{options.data,
-                               store.get(),
-                               supervisor.get(),
-                               blobs.get(),
-                               device.backend.get(),
-                               models.get(),
-                               &pool,
-                               &query_pool,
-                               &evaluation_pool,
-                               &streams,
-                               authorizer.get(),
-                               quotas.get(),
-                               device_memory,
-                               !options.priors_command.empty(),
-                               &map_counts};
+  return absl::OkStatus();
+}
+
+ServiceContext Server::Parts::Context(const ServerOptions& options) {
+  return {options.data,
+          store.get(),
+          supervisor.get(),
+          blobs.get(),
+          device.backend.get(),
+          models.get(),
+          &pool,
+          &query_pool,
+          &evaluation_pool,
+          &streams,
+          authorizer.get(),
+          quotas.get(),
+          device_memory,
+          !options.priors_command.empty(),
+          &map_counts};
+}
+
+absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
+  const ServiceContext context = Context(options);
   health = MakeHealthMonitor(context);
   operations = std::make_unique<Operations>(context, *health);
   scenes = std::make_unique<SceneServiceRpc>(context);
@@ -213,17 +166,14 @@ absl::Status Server::Parts::OpenState(const ServerOptions& options) {
     ASSIGN_OR_RETURN(admin, AdminListener::Start({options.admin, credentials->Make()}, context,
                                                  *operations, metrics.rpc()));
   }
-  if (!options.metrics.empty()) {
-    RETURN_IF_ERROR(metrics.Expose(options.metrics, *operations));
-  }
-  return absl::OkStatus();
+  return options.metrics.empty() ? absl::OkStatus() : metrics.Expose(options.metrics, *operations);
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  SetLimits(builder, kMaxMessageBytes);
+  SetLimits(builder, {kMaxMessageBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics.rpc()));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
@@ -246,7 +196,10 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
   RETURN_IF_ERROR(CheckOptions(options));
   auto parts = std::make_unique<Parts>();
-  RETURN_IF_ERROR(parts->OpenState(options));
+  RETURN_IF_ERROR(parts->OpenStorage(options));
+  RETURN_IF_ERROR(parts->OpenCompute(options));
+  RETURN_IF_ERROR(parts->StartJobs(options));
+  RETURN_IF_ERROR(parts->MakeServices(options));
   RETURN_IF_ERROR(parts->Listen(options));
   parts->drain = options.drain;
   return std::unique_ptr<Server>(new Server(std::move(parts)));
@@ -279,7 +232,12 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->operations->SetDraining(true);
   parts_->streams.EndAll(DrainingError());
   parts_->supervisor->Stop(deadline);
-  parts_->server->Shutdown(absl::ToChronoTime(deadline));
+  // gRPC would wait out the deadline for a client that keeps an idle connection and does not look
+  // at it.
+  while (parts_->metrics.rpc().num_named_in_flight() > 0 && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  parts_->server->Shutdown(absl::ToChronoTime(std::min(deadline, absl::Now() + kGoAway)));
   parts_->server->Wait();
   if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);
   parts_->metrics.Stop();

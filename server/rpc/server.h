@@ -29,7 +29,8 @@ struct ServerOptions {
   LaunchOptions launch;  // how workers are started
   // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
   std::string metrics;
-  std::string log_format = "text";  // of the workers' lines: LogFormatOf's
+  std::string log_format = "text";                     // of the workers' lines: LogFormatOf's
+  absl::Duration max_connection_age = absl::Hours(1);  // see ListenerLimits
   // When it stops, health says so for so long before it turns anybody away.
   absl::Duration drain = absl::ZeroDuration();
   std::filesystem::path worker;         // the pepeseg-worker program

@@ -34,6 +34,16 @@ std::string TraceparentOf(const grpc::CallbackServerContext& context) {
   return MetadataOf(context, kTraceparentKey);
 }
 
+std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context) {
+  if (context.client_metadata().contains("x-pepeseg-project")) return std::nullopt;
+  return MetadataOf(context, "authorization");
+}
+
+const grpc::Status& BusyStatus() {
+  static const grpc::Status busy = ToGrpc(BusyError());
+  return busy;
+}
+
 absl::Status AnswerCall(const UnaryRequest& request, Authorizer& authorizer, WorkerPool& pool,
                         absl::FunctionRef<absl::Status(const Caller&)> handler) {
   if (absl::Status wanted = request.CheckWanted(); !wanted.ok()) return wanted;

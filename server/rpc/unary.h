@@ -3,6 +3,7 @@
 #include <google/protobuf/message.h>
 
 #include <chrono>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -49,10 +50,18 @@ std::string TraceparentOf(const grpc::CallbackServerContext& context);
 absl::Status AnswerCall(const UnaryRequest& request, Authorizer& authorizer, WorkerPool& pool,
                         absl::FunctionRef<absl::Status(const Caller&)> handler);
 
+// By which quotas know a caller again (ProjectQuotas::AdmitAtOnce). None: a gateway says who calls,
+// which counts only once its certificate was looked at.
+std::optional<std::string> CredentialOf(const grpc::CallbackServerContext& context);
+
+// BusyError as gRPC sends it, made once: an overload is the time to save work.
+const grpc::Status& BusyStatus();
+
 // Answers a unary call with what `handler`, an absl::Status(const UnaryCall&), says on a thread of
 // the pool; it fills the response before it returns, and is not asked about a call that the
-// context's authorizer or quotas refuse. UNAVAILABLE when the pool's queue is full or it drains. A
-// call that is cancelled, or whose deadline passes, in the queue is not computed.
+// context's authorizer or quotas refuse: those, where they can, before it waits for a thread.
+// UNAVAILABLE when the pool's queue is full or it drains. A call that is cancelled, or whose
+// deadline passes, in the queue is not computed.
 template <typename Handler>
 grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContext& services,
                                 WorkerPool& pool, Handler handler) {
@@ -62,18 +71,27 @@ grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContex
     reactor->Finish(ToGrpc(DrainingError()));
     return reactor;
   }
-  const bool taken =
-      pool.Submit([request, authorizer = services.authorizer, quotas = services.quotas, reactor,
-                   start, &pool, handler = std::move(handler)]() mutable {
+  const std::optional<std::string> credential = CredentialOf(*request.context);
+  std::optional<absl::Status> known;
+  if (credential) known = services.quotas->AdmitAtOnce(*credential, *request.message);
+  if (known.has_value() && !known->ok()) {
+    reactor->Finish(ToGrpc(*known));
+    return reactor;
+  }
+  const bool taken = pool.Submit(
+      [request, authorizer = services.authorizer, quotas = services.quotas, reactor, start, &pool,
+       credential, admitted = known.has_value(), handler = std::move(handler)]() mutable {
         const absl::Duration queued = absl::Now() - start;
         reactor->Finish(ToGrpc(
             AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
-              absl::Status admitted = quotas->Admit(caller.project, *request.message);
-              if (!admitted.ok()) return admitted;
+              if (credential) quotas->Know(*credential, caller.project);
+              absl::Status status;
+              if (!admitted) status = quotas->Admit(caller.project, *request.message);
+              if (!status.ok()) return status;
               return handler(UnaryCall{request, queued, caller});
             })));
       });
-  if (!taken) reactor->Finish(ToGrpc(BusyError()));
+  if (!taken) reactor->Finish(BusyStatus());
   return reactor;
 }
 

@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
+#include <random>
 #include <set>
 #include <string>
 #include <vector>
@@ -133,23 +135,15 @@ void AskServer(absl::string_view bytes) {
   Expect(false, what.c_str());
 }
 
+std::optional<std::string> MutateCall(absl::string_view bytes, std::mt19937& random) {
+  const Call call = ReadCall(bytes);
+  if (call.request == nullptr) return std::nullopt;
+  MutateMessage(*call.request, random);
+  return absl::StrCat(bytes.substr(0, 1), call.request->SerializePartialAsString());
+}
+
 }  // namespace
 }  // namespace pepeseg::fuzz
 
-#ifdef PEPESEG_FUZZ
-extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
-
-extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size,
-                                          unsigned seed) {
-  std::mt19937 random(seed);
-  const auto call = pepeseg::fuzz::ReadCall({reinterpret_cast<const char*>(data), size});
-  if (call.request == nullptr || random() % 8 == 0) return LLVMFuzzerMutate(data, size, max_size);
-  pepeseg::fuzz::MutateMessage(*call.request, random);
-  const std::string bytes = call.request->SerializePartialAsString();
-  if (bytes.size() + 1 > max_size) return size;
-  std::copy(bytes.begin(), bytes.end(), data + 1);
-  return bytes.size() + 1;
-}
-#endif
-
+PEPESEG_FUZZ_MUTATOR(rpc_calls, &pepeseg::fuzz::MutateCall)
 PEPESEG_FUZZ_TARGET(rpc_calls) { pepeseg::fuzz::AskServer(bytes); }

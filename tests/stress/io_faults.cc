@@ -3,11 +3,12 @@
 //
 //   PEPESEG_FAULT_PROGRAM  name of the program that is meant; others are left alone
 //   PEPESEG_FAULT_FOLDER   calls on files below it count
+//   PEPESEG_FAULT_FILE     of these, those whose path has it; not there: all
 //   PEPESEG_FAULT_TRACE    file that gets a line for each call that counts: its name and the path
 //   PEPESEG_FAULT          KIND:N. kill-before, kill-after: SIGKILL at the Nth call of fsync,
 //                          fdatasync, rename or unlink; full: from the Nth call on that needs space
 //                          (write, fsync, open of a new file) there is none; unreadable: the Nth
-//                          call of read or pread is EIO
+//                          call of read or pread is EIO; unreadable-from: all from the Nth on are
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -30,13 +31,14 @@ F* Next(const char* name) {
   return reinterpret_cast<F*>(dlsym(RTLD_NEXT, name));
 }
 
-enum class Fault { kNone, kKillBefore, kKillAfter, kFull, kUnreadable };
+enum class Fault { kNone, kKillBefore, kKillAfter, kFull, kUnreadable, kUnreadableFrom };
 
 struct Plan {
   bool meant = false;
   Fault fault = Fault::kNone;
   long number = 0;
   const char* folder = "";
+  const char* file = "";
   int trace = -1;
 };
 
@@ -50,6 +52,7 @@ const Plan& ThePlan() {
                  strcmp(program, program_invocation_short_name) == 0;
     if (!made.meant) return made;
     made.folder = folder;
+    if (const char* file = getenv("PEPESEG_FAULT_FILE")) made.file = file;
     if (const char* trace = getenv("PEPESEG_FAULT_TRACE")) {
       made.trace = Next<int(const char*, int, ...)>("open")(
           trace, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
@@ -66,6 +69,7 @@ const Plan& ThePlan() {
     if (is("kill-after")) made.fault = Fault::kKillAfter;
     if (is("full")) made.fault = Fault::kFull;
     if (is("unreadable")) made.fault = Fault::kUnreadable;
+    if (is("unreadable-from")) made.fault = Fault::kUnreadableFrom;
     return made;
   }();
   return plan;
@@ -75,7 +79,8 @@ std::atomic<long> num_durable{0}, num_space{0}, num_read{0};
 
 bool Below(const char* path) {
   const Plan& plan = ThePlan();
-  return plan.meant && path != nullptr && strncmp(path, plan.folder, strlen(plan.folder)) == 0;
+  return plan.meant && path != nullptr && strncmp(path, plan.folder, strlen(plan.folder)) == 0 &&
+         strstr(path, plan.file) != nullptr;
 }
 
 // Path of a descriptor; empty: none.
@@ -120,7 +125,9 @@ bool NoSpace() {
 
 bool Unreadable() {
   const Plan& plan = ThePlan();
-  return plan.fault == Fault::kUnreadable && ++num_read == plan.number;
+  const long number = ++num_read;
+  if (plan.fault == Fault::kUnreadableFrom) return number >= plan.number;
+  return plan.fault == Fault::kUnreadable && number == plan.number;
 }
 
 int Durable(const char* name, int descriptor) {
@@ -139,7 +146,10 @@ int Durable(const char* name, int descriptor) {
 
 bool RefuseSpace(int descriptor) {
   char path[4096];
-  if (ThePlan().fault != Fault::kFull || !IsBelow(descriptor, path, sizeof(path))) return false;
+  const Plan& plan = ThePlan();
+  const bool counts = plan.trace >= 0 || plan.fault == Fault::kFull;
+  if (!counts || !IsBelow(descriptor, path, sizeof(path))) return false;
+  Trace("write", path);
   if (!NoSpace()) return false;
   errno = ENOSPC;
   return true;
@@ -147,9 +157,11 @@ bool RefuseSpace(int descriptor) {
 
 bool RefuseRead(int descriptor) {
   char path[4096];
-  if (ThePlan().fault != Fault::kUnreadable || !IsBelow(descriptor, path, sizeof(path))) {
-    return false;
-  }
+  const Plan& plan = ThePlan();
+  const bool counts =
+      plan.trace >= 0 || plan.fault == Fault::kUnreadable || plan.fault == Fault::kUnreadableFrom;
+  if (!counts || !IsBelow(descriptor, path, sizeof(path))) return false;
+  Trace("read", path);
   if (!Unreadable()) return false;
   errno = EIO;
   return true;
@@ -199,6 +211,11 @@ ssize_t writev(int descriptor, const iovec* parts, int num_parts) {
 ssize_t read(int descriptor, void* bytes, size_t size) {
   if (RefuseRead(descriptor)) return -1;
   return Next<ssize_t(int, void*, size_t)>("read")(descriptor, bytes, size);
+}
+
+ssize_t pread(int descriptor, void* bytes, size_t size, off_t offset) {
+  if (RefuseRead(descriptor)) return -1;
+  return Next<ssize_t(int, void*, size_t, off_t)>("pread")(descriptor, bytes, size, offset);
 }
 
 ssize_t pread64(int descriptor, void* bytes, size_t size, off64_t offset) {

@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <csignal>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <random>
@@ -11,10 +10,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "server/jobs/soci.h"
-#include "server/layout.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/stress/life_of_a_scene.h"
+#include "tests/stress/unclean_data.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -77,29 +75,6 @@ bool LiveOn(LifeOfAScene& life, MortalServer& server, const std::atomic<bool>& e
 
 }  // namespace
 
-std::vector<std::string> FindUnclean(const std::filesystem::path& data) {
-  std::vector<std::string> unclean;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(data)) {
-    const std::string name = entry.path().filename().string();
-    if (name.find(".tmp-") != std::string::npos) unclean.push_back(entry.path().string());
-  }
-  soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", DatabasePath(data).string(), "\""));
-  std::string integrity;
-  sql << "PRAGMA integrity_check", soci::into(integrity);
-  if (integrity != "ok") unclean.push_back("integrity_check: " + integrity);
-  int num_broken_keys = 0;
-  sql << "SELECT COUNT(*) FROM pragma_foreign_key_check", soci::into(num_broken_keys);
-  if (num_broken_keys != 0) unclean.push_back("foreign keys are broken");
-  const auto expect_file = [&](const std::filesystem::path& path) {
-    if (!std::filesystem::exists(path)) unclean.push_back(path.string() + " is not there");
-  };
-  const soci::rowset<std::string> folders = (sql.prepare << "SELECT folder FROM models");
-  for (const std::string& folder : folders) expect_file(data / folder / "manifest.json");
-  const soci::rowset<std::string> files = (sql.prepare << "SELECT file FROM selections");
-  for (const std::string& file : files) expect_file(data / file);
-  return unclean;
-}
-
 std::string KillServerReport::ToString() const {
   return absl::StrCat(num_kills, " kills, ", num_lives, " lives of scenes, slowest start ",
                       absl::FormatDuration(slowest_start), "; broken: ", broken.size(), " ",
@@ -149,88 +124,6 @@ KillServerReport KillServerAgainAndAgain(int num_kills, int num_clients) {
   report.slowest_start = server.slowest_start();
   if (!server.Stop()) report.broken.push_back("the server did not stop cleanly");
   report.unclean = FindUnclean(folder / "data");
-  return report;
-}
-
-std::string FaultReport::ToString() const {
-  return absl::StrCat(num_points, " points, ", num_tried, " tried, ", num_fired,
-                      " fired; broken: ", broken.size(), " ", absl::StrJoin(broken, "; "),
-                      "; unclean: ", unclean.size(), " ", absl::StrJoin(unclean, "; "));
-}
-
-namespace {
-
-std::vector<std::string> FaultEnvironment(const std::filesystem::path& data,
-                                          const std::string& fault) {
-  std::vector<std::string> environment = {absl::StrCat("LD_PRELOAD=", PEPESEG_IO_FAULTS),
-                                          "PEPESEG_FAULT_PROGRAM=pepesegd",
-                                          "PEPESEG_FAULT_FOLDER=" + data.string()};
-  if (!fault.empty()) environment.push_back("PEPESEG_FAULT=" + fault);
-  return environment;
-}
-
-// How many calls there are to break in a life without a fault.
-int64_t CountDurableCalls() {
-  const testing::TempFolder folder;
-  const std::filesystem::path data = folder / "data";
-  std::vector<std::string> environment = FaultEnvironment(data, "");
-  environment.push_back("PEPESEG_FAULT_TRACE=" + (folder / "trace").string());
-  PepesegdProcess server(data, Options(environment));
-  LifeOfAScene life("first");
-  EXPECT_TRUE(life.Run(server.channel()).ok());
-  server.Terminate();
-  std::ifstream trace(folder / "trace");
-  int64_t num_lines = 0;
-  for (std::string line; std::getline(trace, line);) ++num_lines;
-  return num_lines;
-}
-
-// A life under a fault as far as it goes, then to its end without one.
-void TryFault(const std::string& fault, FaultReport& report) {
-  const testing::TempFolder folder;
-  const std::filesystem::path data = folder / "data";
-  LifeOfAScene life("first");
-  ++report.num_tried;
-  {
-    PepesegdProcess server(data, Options(FaultEnvironment(data, fault)));
-    if (server.alive()) {
-      const absl::Status status = life.Run(server.channel());
-      if (absl::IsDataLoss(status)) {
-        report.broken.push_back(absl::StrCat(fault, ": ", status.ToString()));
-      }
-    }
-    // A kill at a call of the shutdown, too.
-    const auto end = server.Terminate();
-    if (end.has_value() && end->signal == SIGKILL) ++report.num_fired;
-  }
-  PepesegdProcess server(data, Options());
-  absl::Status status = life.Check(server.channel());
-  if (status.ok()) status = life.Run(server.channel());
-  if (!status.ok()) report.broken.push_back(absl::StrCat(fault, ": ", status.ToString()));
-  server.Terminate();
-  for (const std::string& what : FindUnclean(data)) {
-    report.unclean.push_back(absl::StrCat(fault, ": ", what));
-  }
-}
-
-}  // namespace
-
-FaultReport KillAtEveryDurableCall(int stride) {
-  FaultReport report;
-  report.num_points = CountDurableCalls();
-  for (int64_t point = 1; point <= report.num_points; point += stride) {
-    TryFault(absl::StrCat("kill-before:", point), report);
-    TryFault(absl::StrCat("kill-after:", point), report);
-  }
-  return report;
-}
-
-FaultReport FillDiskAtEveryCall(int stride) {
-  FaultReport report;
-  report.num_points = CountDurableCalls();
-  for (int64_t point = 1; point <= report.num_points; point += stride) {
-    TryFault(absl::StrCat("full:", point), report);
-  }
   return report;
 }
 

@@ -72,12 +72,16 @@ struct LifeOfAScene::Stubs {
   std::unique_ptr<v1::SegmentationService::Stub> segmentation;
 };
 
+absl::Status LifeOfAScene::Wrong(const std::string& what) {
+  found_wrong_ = true;
+  return absl::DataLossError(what);
+}
+
 absl::Status LifeOfAScene::Remember(std::string& known, const std::string& answer,
                                     const char* what) {
   if (known.empty()) known = answer;
   if (known == answer) return absl::OkStatus();
-  return absl::DataLossError(
-      absl::StrCat(id_, ": the ", what, " was '", known, "' and is '", answer, "'"));
+  return Wrong(absl::StrCat(id_, ": the ", what, " was '", known, "' and is '", answer, "'"));
 }
 
 absl::Status LifeOfAScene::Run(const std::shared_ptr<grpc::Channel>& channel) {
@@ -113,7 +117,7 @@ absl::Status LifeOfAScene::Upload(Stubs& stubs) {
       Stubs::Call(*stubs.datasets, &v1::DatasetService::Stub::CreateUpload, request, &upload));
   RETURN_IF_ERROR(Remember(upload_, upload.name(), "upload"));
   if (!dataset_.empty() && !upload.sealed()) {
-    return absl::DataLossError(absl::StrCat(dataset_, " was sealed and is not"));
+    return Wrong(absl::StrCat(dataset_, " was sealed and is not"));
   }
   if (!upload.sealed()) RETURN_IF_ERROR(WriteMissing(stubs, upload));
   v1::SealUploadRequest seal;
@@ -131,7 +135,7 @@ absl::Status LifeOfAScene::WriteMissing(Stubs& stubs, const v1::Upload& upload) 
     for (const TestFile& one : files) {
       if (one.path == path) file = &one;
     }
-    if (file == nullptr) return absl::DataLossError(absl::StrCat(path, " was never declared"));
+    if (file == nullptr) return Wrong(absl::StrCat(path, " was never declared"));
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + kPatience);
     v1::WriteFilesResponse response;
@@ -158,7 +162,7 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
   v1::TrainSceneRequest request;
   request.set_scene(scene_);
   request.set_dataset(dataset_);
-  request.set_request_id("train");
+  request.set_request_id(absl::StrCat("train", num_failed_));
   v1::Job job;
   RETURN_IF_ERROR(Stubs::Call(*stubs.jobs, &v1::JobService::Stub::TrainScene, request, &job));
   RETURN_IF_ERROR(Remember(job_, job.name(), "job"));
@@ -175,8 +179,7 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
       if (event.has_snapshot() || event.has_heartbeat()) continue;
       // Coalesced progress leaves gaps, nothing goes back.
       if (event.sequence() <= sequence) {
-        return absl::DataLossError(
-            absl::StrCat(job_, ": event ", event.sequence(), " after ", sequence));
+        return Wrong(absl::StrCat(job_, ": event ", event.sequence(), " after ", sequence));
       }
       sequence = event.sequence();
     }
@@ -185,9 +188,14 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
   v1::GetJobRequest get;
   get.set_name(job_);
   RETURN_IF_ERROR(Stubs::Call(*stubs.jobs, &v1::JobService::Stub::GetJob, get, &job));
+  if (may_fail_ && job.state() == v1::JOB_STATE_FAILED) {
+    job_.clear();
+    ++num_failed_;
+    return {static_cast<absl::StatusCode>(job.error().code()), job.error().message()};
+  }
   if (job.state() != v1::JOB_STATE_SUCCEEDED) {
-    return absl::DataLossError(absl::StrCat(job_, " ended as ", v1::JobState_Name(job.state()),
-                                            ": ", job.error().message()));
+    return Wrong(absl::StrCat(job_, " ended as ", v1::JobState_Name(job.state()), ": ",
+                              job.error().message()));
   }
   return Remember(model_, job.model(), "model");
 }
@@ -197,7 +205,7 @@ absl::Status LifeOfAScene::Ask(Stubs& stubs) {
   RETURN_IF_ERROR(Stubs::Call(*stubs.segmentation, &v1::SegmentationService::Stub::Segment,
                               Question(absl::StrCat(scene_, "/models/live")), &response));
   RETURN_IF_ERROR(Remember(model_, response.model(), "live model"));
-  if (response.masks_size() != 1) return absl::DataLossError("no mask");
+  if (response.masks_size() != 1) return Wrong("no mask");
   return Remember(mask_, response.masks(0).rle().SerializeAsString(), "mask");
 }
 

@@ -31,9 +31,20 @@ class LifeOfAScene {
   // The scene with all that belongs to it.
   absl::Status Delete(const std::shared_ptr<grpc::Channel>& channel);
   bool done() const { return done_; }
+  // The last error was no server's: it is what this client found wrong with an answer.
+  bool found_wrong() const { return found_wrong_; }
+  // A training may end as FAILED: its error is Run's, and the next Run trains anew.
+  void LetTrainingFail() { may_fail_ = true; }
+
+  const std::string& scene() const { return scene_; }
+  const std::string& dataset() const { return dataset_; }
+  const std::string& job() const { return job_; }
+  const std::string& model() const { return model_; }
+  const std::string& selection() const { return selection_; }
 
  private:
   struct Stubs;
+  absl::Status Wrong(const std::string& what);
   absl::Status Remember(std::string& known, const std::string& answer, const char* what);
   absl::Status Upload(Stubs& stubs);
   absl::Status WriteMissing(Stubs& stubs, const v1::Upload& upload);
@@ -44,6 +55,9 @@ class LifeOfAScene {
   const std::string id_;
   std::string scene_, upload_, dataset_, job_, model_, mask_, label_, selection_, second_;
   bool label_deleted_ = false;
+  bool may_fail_ = false;
+  int num_failed_ = 0;  // trainings
+  bool found_wrong_ = false;
   bool done_ = false;
 };
 

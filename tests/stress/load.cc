@@ -3,26 +3,21 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/metrics/process_use.h"
 #include "tests/server/rpc/health_check.h"
 #include "tests/server/rpc/http_get.h"
+#include "tests/stress/load_calls.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr char kModel[] = "scenes/shelf/models/live";
-constexpr int kStreamsPerConnection = 200;  // the server's limit is 256
 constexpr int kNumWays = 64;
 
 ServerOptions Observed() {
@@ -30,127 +25,6 @@ ServerOptions Observed() {
   options.admin = "127.0.0.1:0";
   options.metrics = "127.0.0.1:0";
   return options;
-}
-
-v1::SegmentRequest Question() {
-  v1::SegmentRequest request;
-  request.set_model(kModel);
-  request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-  auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(30);
-  point.set_y(32);
-  request.mutable_granularity()->set_scale_quantile(0.5);
-  request.mutable_granularity()->set_threshold(0.75);
-  return request;
-}
-
-v1::ProposeScalesRequest LongQuestion() {
-  v1::ProposeScalesRequest request;
-  request.set_model(kModel);
-  *request.mutable_prompt() = Question().prompt();
-  return request;
-}
-
-absl::Duration Quantile(std::vector<absl::Duration> values, double share) {
-  if (values.empty()) return absl::ZeroDuration();
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1))];
-}
-
-// Calls under way, of which none keeps a thread.
-class Calls {
- public:
-  struct Outcome {
-    grpc::Status status;
-    absl::Duration took;
-  };
-
-  // `start`: begins a call of the kind with its context, answer and callback. `done`: on gRPC's
-  // thread.
-  template <typename Response, typename Start>
-  void Begin(Start start, std::function<void(const grpc::Status&)> done = {}) {
-    struct Call {
-      grpc::ClientContext context;
-      Response response;
-    };
-    ++num_open_;
-    auto call = std::make_shared<Call>();
-    const absl::Time begin = absl::Now();
-    start(&call->context, &call->response,
-          [this, call, begin, done = std::move(done)](const grpc::Status& status) {
-            {
-              const std::lock_guard lock(mutex_);
-              outcomes_.push_back({status, absl::Now() - begin});
-            }
-            if (done) done(status);
-            --num_open_;
-          });
-  }
-  void AwaitAll() const {
-    while (num_open_ > 0) absl::SleepFor(absl::Milliseconds(1));
-  }
-  std::vector<Outcome> TakeOutcomes() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(outcomes_, {});
-  }
-
- private:
-  std::atomic<int64_t> num_open_ = 0;
-  std::mutex mutex_;
-  std::vector<Outcome> outcomes_;
-};
-
-// `num_ways` questions at a time, each followed by the next until `end`.
-template <typename Ask>
-std::vector<Calls::Outcome> AskInTurn(int num_ways, absl::Time end, Ask ask) {
-  Calls calls;
-  std::function<void(const grpc::Status&)> next = [&](const grpc::Status&) {
-    if (absl::Now() < end) ask(calls, next);
-  };
-  for (int i = 0; i < num_ways; ++i) ask(calls, next);
-  calls.AwaitAll();
-  return calls.TakeOutcomes();
-}
-
-// Reads a WatchJob stream until it ends.
-class Watcher final : public grpc::ClientReadReactor<v1::JobEvent> {
- public:
-  Watcher(v1::JobService::Stub& jobs, const std::string& job, std::atomic<int>& num_open)
-      : num_open_(num_open) {
-    request_.set_name(job);
-    ++num_open_;
-    jobs.async()->WatchJob(&context_, &request_, this);
-    StartRead(&event_);
-    StartCall();
-  }
-  void Cancel() { context_.TryCancel(); }
-  void OnReadDone(bool ok) override {
-    if (ok) StartRead(&event_);
-  }
-  void OnDone(const grpc::Status&) override { --num_open_; }
-
- private:
-  grpc::ClientContext context_;
-  v1::WatchJobRequest request_;
-  v1::JobEvent event_;
-  std::atomic<int>& num_open_;
-};
-
-int AwaitStreams(LoadedServer& server, int want) {
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  while (server.Status().num_streams() != want && absl::Now() < deadline) {
-    absl::SleepFor(absl::Milliseconds(20));
-  }
-  return server.Status().num_streams();
-}
-
-std::vector<absl::Duration> TimesOf(const std::vector<Calls::Outcome>& outcomes,
-                                    grpc::StatusCode code) {
-  std::vector<absl::Duration> times;
-  for (const Calls::Outcome& outcome : outcomes) {
-    if (outcome.status.error_code() == code) times.push_back(outcome.took);
-  }
-  return times;
 }
 
 }  // namespace
@@ -169,6 +43,14 @@ v1::ServerStatus LoadedServer::Status() {
   const grpc::Status answer = running.admin->GetStatus(&context, {}, &status);
   EXPECT_TRUE(answer.ok()) << answer.error_message();
   return status;
+}
+
+int LoadedServer::AwaitStreams(int want) {
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  while (Status().num_streams() != want && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  return Status().num_streams();
 }
 
 double LoadedServer::Metric(const std::string& name) {
@@ -204,7 +86,7 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duratio
     if (i % kStreamsPerConnection == 0) stubs.push_back(v1::JobService::NewStub(ConnectTo(port)));
     watchers.push_back(std::make_unique<Watcher>(*stubs.back(), server.idle_job, num_open));
   }
-  report.num_streams = AwaitStreams(server, num_watchers);
+  report.num_streams = server.AwaitStreams(num_watchers);
   const auto with = AskInTurn(kNumWays, absl::Now() + duration, ask);
   report.p99_with = Quantile(TimesOf(with, grpc::OK), 0.99);
   const v1::ServerStatus status = server.Status();
@@ -264,70 +146,6 @@ OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration d
     if (outcome.status.ok()) continue;
     report.all_told_when_to_retry &= DetailOf(outcome.status).has_retry_after();
   }
-  return report;
-}
-
-CancelsReport RunCancels(LoadedServer& server, int num_calls) {
-  constexpr int kAtATime = 100;
-  const auto channel = ConnectTo(server.running.server->port());
-  const auto jobs = v1::JobService::NewStub(channel);
-  const auto asking = v1::SegmentationService::NewStub(channel);
-  const v1::ProposeScalesRequest question = LongQuestion();
-  CancelsReport report;
-  while (report.num_cancelled < num_calls) {
-    // The first rounds fill what gRPC and the allocator keep.
-    if (report.num_cancelled <= num_calls / 5) report.rss_before = MeasureProcess().resident_bytes;
-    std::atomic<int> num_open = 0;
-    Calls calls;
-    std::vector<std::unique_ptr<Watcher>> watchers;
-    for (int i = 0; i < kAtATime / 2; ++i) {
-      watchers.push_back(std::make_unique<Watcher>(*jobs, server.idle_job, num_open));
-      calls.Begin<v1::ProposeScalesResponse>([&](auto* context, auto* response, auto done) {
-        asking->async()->ProposeScales(context, &question, response, std::move(done));
-        context->TryCancel();
-      });
-      if (i % 2 == 0) watchers.back()->Cancel();
-    }
-    for (const auto& watcher : watchers) watcher->Cancel();
-    while (num_open > 0) absl::SleepFor(absl::Microseconds(100));
-    calls.AwaitAll();
-    report.num_cancelled += kAtATime;
-  }
-  report.num_streams = AwaitStreams(server, 0);
-  const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  do {
-    report.calls_in_flight = server.Metric("pepeseg_rpc_calls_in_flight");
-  } while (report.calls_in_flight != 0 && absl::Now() < deadline);
-  report.rss_after = MeasureProcess().resident_bytes;
-  return report;
-}
-
-UnreadReport RunUnread(LoadedServer& server, int num_streams) {
-  const auto channel = ConnectTo(server.running.server->port());
-  const auto asking = v1::SegmentationService::NewStub(channel);
-  const auto jobs = v1::JobService::NewStub(channel);
-  UnreadReport report;
-  report.rss_before = MeasureProcess().resident_bytes;
-  v1::ExportSelectionRequest request;
-  request.set_model(kModel);
-  v1::WatchJobRequest watch;
-  watch.set_name(server.idle_job);
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> watchers;
-  for (int i = 0; i < num_streams / 2; ++i) {
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    watchers.push_back(jobs->WatchJob(contexts.back().get(), watch));
-  }
-  report.num_streams = AwaitStreams(server, num_streams);
-  absl::SleepFor(absl::Seconds(3));  // more than a tick
-  report.rss_with = MeasureProcess().resident_bytes;
-  for (const auto& context : contexts) context->TryCancel();
-  for (const auto& reader : exports) reader->Finish();
-  for (const auto& reader : watchers) reader->Finish();
-  report.num_streams_after = AwaitStreams(server, 0);
   return report;
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <grpcpp/grpcpp.h>
+
 #include <cstdint>
 #include <string>
 
@@ -8,12 +10,16 @@
 
 namespace pepeseg {
 
+inline constexpr int kStreamsPerConnection = 200;  // the server's limit is 256
+
 // A server in this process, asked over sockets, with a model in "shelf" and a job in "idle" that
 // never ends. `worker`: model_worker.cc.
 struct LoadedServer {
   explicit LoadedServer(const std::string& worker);
 
   v1::ServerStatus Status();
+  // How many it tells of, once there are so many, or after 30 s.
+  int AwaitStreams(int want);
   // Of a gauge or counter without labels that it exposes.
   double Metric(const std::string& name);
 
@@ -56,5 +62,13 @@ struct UnreadReport {
   int num_streams = 0, num_streams_after = 0;
 };
 UnreadReport RunUnread(LoadedServer& server, int num_streams);
+
+// As many streams as the server takes, and one more.
+struct CrowdReport {
+  int num_streams = 0, num_streams_after = 0;
+  grpc::Status beyond;     // how that one ended
+  grpc::Status meanwhile;  // of a call that is no stream
+};
+CrowdReport RunCrowd(LoadedServer& server, int num_streams);
 
 }  // namespace pepeseg

@@ -57,6 +57,26 @@ TEST_F(ProjectQuotasTest, QuestionsBeyondTheRateAreToldWhenToComeBack) {
   EXPECT_EQ(quotas.QueryRate("lab"), 1);  // 5 in ten seconds, rounded up
 }
 
+TEST_F(ProjectQuotasTest, WhoIsKnownIsAdmittedOrRefusedWithoutTheStore) {
+  ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 2, 0}));
+  ProjectQuotas quotas(store.get());
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "nobody told of it";
+  quotas.Know("Bearer a", "lab");
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer b", question).has_value());
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", v1::GetSceneRequest()).has_value()) << "no question";
+  // From the same bucket as Admit's.
+  EXPECT_OK(quotas.AdmitAtOnce("Bearer a", question).value());
+  EXPECT_OK(quotas.Admit("lab", question));
+  EXPECT_TRUE(absl::IsUnavailable(quotas.AdmitAtOnce("Bearer a", question).value()));
+  // A quota that was changed is read before it is used.
+  quotas.Forget("lab");
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value());
+  quotas.Know("Bearer a", "lab");
+  EXPECT_TRUE(quotas.AdmitAtOnce("Bearer a", question).has_value());
+  absl::SleepFor(absl::Milliseconds(2100));
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "known too long ago";
+}
+
 TEST_F(ProjectQuotasTest, ARefusalCostsMicroseconds) {
   ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 1, 0}));
   ProjectQuotas quotas(store.get());

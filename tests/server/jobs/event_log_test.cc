@@ -178,6 +178,20 @@ TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
 }
 
+// A folder stands in for a file on a bad disk: it opens, and its bytes cannot be had.
+TEST_F(AttemptLogTest, WhatCannotBeReadIsNeitherPassedNorCut) {
+  Append({"a"});
+  const std::filesystem::path bad = folder_.path() / "events-1.log";
+  std::filesystem::create_directory(bad);
+  EventLogReader reader(path_);
+  EXPECT_EQ(reader.Read().status().code(), absl::StatusCode::kInternal);
+  EXPECT_EQ(EventLogWriter::Open(path_, 2).status().code(), absl::StatusCode::kInternal);
+  std::filesystem::remove(bad);
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
+  ASSERT_TRUE(Open(2)->Append(Warning("b")).ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
+}
+
 // A machine that died while a file was begun.
 TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
   Append({"a"});

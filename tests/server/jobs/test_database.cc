@@ -70,9 +70,12 @@ PostgresqlServer::PostgresqlServer() : programs_(FindPrograms()) {
 
 PostgresqlServer::~PostgresqlServer() { StopNow(); }
 
-std::string PostgresqlServer::Connection() const {
-  return absl::StrCat("host=", folder_.path().string(), " user=pepeseg dbname=postgres");
+std::string PostgresqlServer::Connection(const std::string& host) const {
+  return absl::StrCat("host=", host.empty() ? folder_.path().string() : host,
+                      " user=pepeseg dbname=postgres");
 }
+
+std::filesystem::path PostgresqlServer::socket() const { return folder_ / ".s.PGSQL.5432"; }
 
 void PostgresqlServer::Start() {
   pid_ = Launch({programs_ + "/postgres", "-D", folder_ / "data", "-k", folder_.path(), "-c",
@@ -104,11 +107,11 @@ void PostgresqlServer::Restart() {
   Start();
 }
 
-std::string PostgresqlServer::NewDatabase() {
+std::string PostgresqlServer::NewDatabase(const std::string& host) {
   const std::string name = absl::StrCat("t", ++num_databases_);
   soci::session sql(soci::postgresql, Connection());
   sql << "CREATE SCHEMA " << name;
-  return absl::StrCat("postgresql:", Connection(), " options='-c search_path=", name, "'");
+  return absl::StrCat("postgresql:", Connection(host), " options='-c search_path=", name, "'");
 }
 
 bool TestsRunOnPostgresql() {

@@ -18,8 +18,11 @@ class PostgresqlServer {
   PostgresqlServer(const PostgresqlServer&) = delete;
   PostgresqlServer& operator=(const PostgresqlServer&) = delete;
 
-  // Store::Open's, of a namespace in it that nothing else uses.
-  std::string NewDatabase();
+  // Store::Open's, of a namespace in it that nothing else uses; by another socket's folder, if that
+  // is not empty.
+  std::string NewDatabase(const std::string& host = "");
+  // Where it listens.
+  std::filesystem::path socket() const;
 
   // kill -9 of all its processes, and a start that recovers.
   void Crash();
@@ -28,7 +31,7 @@ class PostgresqlServer {
  private:
   void Start();
   void StopNow();
-  std::string Connection() const;
+  std::string Connection(const std::string& host = "") const;
 
   TempFolder folder_;
   std::string programs_;  // folder of initdb and postgres

@@ -51,6 +51,18 @@ TEST(Load, CancelledCallsLeaveNoStreamAndNoCall) {
   // any interceptor too, and why is not known yet.
 }
 
+TEST(Load, StreamsBeyondTheLimitAreRefused) {
+  constexpr int kMost = 4096;
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const CrowdReport report = RunCrowd(server, kMost);
+  EXPECT_EQ(report.num_streams, kMost);
+  EXPECT_EQ(report.beyond.error_code(), grpc::RESOURCE_EXHAUSTED) << report.beyond.error_message();
+  EXPECT_EQ(DetailOf(report.beyond).reason(), "TOO_MANY_STREAMS");
+  EXPECT_EQ(DetailOf(report.beyond).limit(), "4096");
+  EXPECT_TRUE(report.meanwhile.ok()) << report.meanwhile.error_message();
+  EXPECT_EQ(report.num_streams_after, 0);
+}
+
 TEST(Load, StreamsThatNobodyReadsAreBounded) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   const UnreadReport report = RunUnread(server, 100);

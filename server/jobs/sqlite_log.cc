@@ -1,0 +1,116 @@
+#include "server/jobs/sqlite_log.h"
+
+#include <array>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/io/file_bytes.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// The format: https://www.sqlite.org/fileformat2.html, "The Write-Ahead Log".
+constexpr size_t kHeaderBytes = 32;
+constexpr size_t kFrameHeaderBytes = 24;
+constexpr uint32_t kMagic = 0x377f0682;  // its lowest bit: checksums are of big-endian words
+
+uint32_t BigEndian(std::string_view bytes, size_t at) {
+  const auto byte = [&](size_t i) { return static_cast<uint32_t>(static_cast<uint8_t>(bytes[i])); };
+  return byte(at) << 24 | byte(at + 1) << 16 | byte(at + 2) << 8 | byte(at + 3);
+}
+
+uint32_t LittleEndian(std::string_view bytes, size_t at) {
+  return __builtin_bswap32(BigEndian(bytes, at));
+}
+
+// Of all that was added, two words of four bytes at a time.
+class LogChecksum {
+ public:
+  explicit LogChecksum(bool big_endian) : word_(big_endian ? &BigEndian : &LittleEndian) {}
+
+  void Add(std::string_view bytes) {
+    for (size_t i = 0; i + 8 <= bytes.size(); i += 8) {
+      first_ += word_(bytes, i) + second_;
+      second_ += word_(bytes, i + 4) + first_;
+    }
+  }
+  // Whether it stands at `at`.
+  bool IsAt(std::string_view bytes, size_t at) const {
+    return BigEndian(bytes, at) == first_ && BigEndian(bytes, at + 4) == second_;
+  }
+
+ private:
+  uint32_t (*word_)(std::string_view, size_t);
+  uint32_t first_ = 0, second_ = 0;
+};
+
+// Where the log breaks off, and how many commits of its own come from there on.
+struct Break {
+  size_t at = 0;
+  int num_commits = 0;
+};
+
+Break FindBreak(std::string_view log, size_t page_bytes) {
+  const size_t frame_bytes = kFrameHeaderBytes + page_bytes;
+  if (log.size() < kHeaderBytes + frame_bytes) return {};
+  LogChecksum checksum((BigEndian(log, 0) & 1) != 0);
+  checksum.Add(log.substr(0, kFrameHeaderBytes));
+  bool good = (BigEndian(log, 0) & ~uint32_t{1}) == kMagic && BigEndian(log, 8) == page_bytes &&
+              checksum.IsAt(log, kFrameHeaderBytes);
+  // What an earlier turn of the log left has other salts. A damaged header may not know its own.
+  const std::string_view salts = log.substr(good ? 16 : kHeaderBytes + 8, 8);
+  Break found{good ? log.size() : 0, 0};
+  for (size_t at = kHeaderBytes; at + frame_bytes <= log.size(); at += frame_bytes) {
+    const std::string_view frame = log.substr(at, frame_bytes);
+    const bool own = frame.substr(8, 8) == salts;
+    if (good) {
+      checksum.Add(frame.substr(0, 8));
+      checksum.Add(frame.substr(kFrameHeaderBytes));
+      good = own && checksum.IsAt(frame, 16);
+      if (!good) found.at = at;
+    }
+    if (!good && own && BigEndian(frame, 4) != 0) ++found.num_commits;
+  }
+  return found;
+}
+
+// Of an empty file, which has all that there is in its log: what SQLite takes by default.
+size_t PageBytesOf(const std::filesystem::path& database) {
+  constexpr size_t kDefault = 4096, kAt = 16;
+  std::array<char, kAt + 2> start{};
+  if (!std::ifstream(database, std::ios::binary).read(start.data(), start.size())) return kDefault;
+  const auto high = static_cast<uint8_t>(start[kAt]), low = static_cast<uint8_t>(start[kAt + 1]);
+  const size_t stored = size_t{high} << 8 | low;
+  return stored == 1 ? size_t{65536} : stored;
+}
+
+}  // namespace
+
+absl::Status CheckSqliteLog(const std::filesystem::path& database) {
+  constexpr int kLooks = 3;
+  const std::string path = absl::StrCat(database.string(), "-wal");
+  Break found;
+  for (int look = 0; look < kLooks; ++look) {
+    const auto log = ReadFile(path, path, std::numeric_limits<int64_t>::max());
+    if (absl::IsNotFound(log.status())) return absl::OkStatus();
+    RETURN_IF_ERROR(log.status());
+    const Break seen = FindBreak(*log, PageBytesOf(database));
+    if (seen.num_commits < 2) return absl::OkStatus();
+    // One who writes just now may look like it, but not twice at the same place.
+    if (look > 0 && seen.at != found.at) return absl::OkStatus();
+    found = seen;
+    if (look + 1 < kLooks) absl::SleepFor(absl::Milliseconds(20));
+  }
+  return absl::DataLossError(
+      absl::StrCat(path, " is damaged at byte ", found.at,
+                   ", and what was committed after it would be lost; 'truncate --size=", found.at,
+                   " ", path, "' gives that up, and keeps what was committed before"));
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,113 @@
+// Which jobs are this server's: claims, leases, and their loss.
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "server/jobs/job_events.h"
+#include "server/jobs/supervisor_loop.h"
+
+namespace pepeseg {
+
+bool Supervisor::Loop::MayStart() const {
+  const std::lock_guard lock(mutex_);
+  return claiming_ && !stopping_ && running_.size() < static_cast<size_t>(options_.num_slots);
+}
+
+void Supervisor::Loop::Claim() {
+  if (unsure_ && MayStart()) StartHeld();
+  while (!unsure_ && MayStart()) {
+    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
+    if (!job.ok()) {
+      spdlog::error("claiming a job: {}", job.status().ToString());
+      unsure_ = true;
+      return;
+    }
+    if (!job->has_value()) return;
+    StartJob(**job);
+  }
+}
+
+// Jobs that are this server's by the database and that it does not run: it did not hear that it has
+// claimed them, or could not reach the database when they were to start.
+void Supervisor::Loop::StartHeld() {
+  const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
+  if (!held.ok()) {
+    spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
+    return;
+  }
+  unsure_ = false;
+  next_renewal_ = absl::InfinitePast();  // they may be held for long already
+  for (const JobRow& job : *held) {
+    const bool runs = std::any_of(running_.begin(), running_.end(),
+                                  [&](const auto& running) { return running->job().id == job.id; });
+    if (!runs) StartJob(job);
+  }
+}
+
+void Supervisor::Loop::StartJob(const JobRow& job) {
+  const RunningJob::Context context{store_, options_, *launcher_};
+  absl::StatusOr<std::unique_ptr<RunningJob>> started =
+      job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
+  if (started.ok()) {
+    if (job.cancel_requested) (*started)->Terminate(options_.cancel_grace);
+    Publish(**started);
+    running_.push_back(std::move(started).value());
+  } else if (absl::IsUnavailable(started.status())) {
+    // No failure of the job's.
+    spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
+    unsure_ = true;
+  } else {
+    EndUnstarted(job, started.status());
+  }
+  watches_.Notify(job.id);
+}
+
+void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
+  spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
+  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, error);
+  if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
+  // Tried again, unless its end was written and only the answer was lost.
+  if (!ended.ok()) unsure_ = true;
+}
+
+// Only where others share the database: they may claim what is not prolonged, cancel what runs
+// here, and a cluster may have started a worker again.
+void Supervisor::Loop::KeepLeases() {
+  const absl::Time now = absl::Now();
+  if (!store_.shared() || running_.empty() || now < next_look_) return;
+  next_look_ = now + kLookAtOthers;
+  const bool renew = now >= next_renewal_;
+  const absl::StatusOr<std::vector<JobRow>> held =
+      renew ? store_.RenewLeases() : store_.ListHeldJobs();
+  if (!held.ok()) {
+    // The workers end by themselves when their leases are not prolonged in time.
+    spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
+    return;
+  }
+  if (renew) next_renewal_ = now + store_.holder().lease / 4;
+  LoseJobs(*held);
+  for (const auto& running : running_) {
+    for (const JobRow& row : *held) {
+      if (row.id != running->job().id) continue;
+      if (renew || row.fence != running->job().fence) running->Held(row);
+      if (row.cancel_requested) running->Terminate(options_.cancel_grace);
+    }
+  }
+}
+
+// Forgets the jobs that are not among `held`.
+void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
+  std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
+    const JobRow& job = running->job();
+    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
+      return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
+    });
+    if (mine) return false;
+    running->Abandon();
+    const std::lock_guard lock(mutex_);
+    newest_.erase(job.id);
+    return true;
+  });
+}
+
+}  // namespace pepeseg

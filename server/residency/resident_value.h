@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "server/residency/memory_ledger.h"
+
+namespace pepeseg {
+
+// What a cache and its values share: the last of them that goes takes it along.
+struct ResidencyState {
+  struct Counts {
+    int64_t num_loads = 0, num_evictions = 0;
+  };
+  ResidencyState(const MemoryBudget& budget, std::function<void()> release)
+      : release_freed(std::move(release)), ledger(budget) {}
+
+  const std::function<void()> release_freed;  // called when a value has gone
+  std::mutex mutex;                           // guards all below
+  MemoryLedger ledger;
+  int64_t clock = 0;
+  Counts counts;
+};
+
+// A value and its bytes: given back when the last handle and the cache have let it go.
+template <typename Value>
+struct ResidentValue {
+  // The bytes are taken already.
+  ResidentValue(std::shared_ptr<ResidencyState> of, const MemoryBytes& num_bytes, std::string whose)
+      : state(std::move(of)), bytes(num_bytes), owner(std::move(whose)) {}
+  ResidentValue(const ResidentValue&) = delete;
+  ResidentValue& operator=(const ResidentValue&) = delete;
+  ~ResidentValue() {
+    value.reset();
+    if (state->release_freed) state->release_freed();
+    const std::lock_guard lock(state->mutex);
+    state->ledger.GiveBack(bytes, owner);
+  }
+
+  std::shared_ptr<ResidencyState> state;
+  MemoryBytes bytes;
+  std::string owner;
+  std::unique_ptr<Value> value;
+};
+
+}  // namespace pepeseg

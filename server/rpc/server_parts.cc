@@ -1,0 +1,88 @@
+#include "server/rpc/server_parts.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "core/child_process.h"
+#include "core/status_macros.h"
+#include "server/jobs/holder_name.h"
+#include "server/layout.h"
+#include "server/rpc/listen_rules.h"
+
+namespace pepeseg {
+namespace {
+
+int64_t HalfOfMemory() {
+  return static_cast<int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE) / 2;
+}
+
+std::string DatabaseUrl(const ServerOptions& options) {
+  if (!options.database.empty()) return options.database;
+  return "sqlite:" + DatabasePath(options.data).string();
+}
+
+}  // namespace
+
+bool IsShared(const ServerOptions& options) { return options.database.starts_with("postgresql:"); }
+
+absl::Status CheckOptions(const ServerOptions& options) {
+  RETURN_IF_ERROR(CheckListeners(options));
+  if (access(options.worker.c_str(), X_OK) != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("worker: ", options.worker.string(), " is no program"));
+  }
+  return absl::OkStatus();
+}
+
+void LogDevice(const Device& device, int64_t device_memory) {
+  const std::string because = device.reason.empty() ? "" : ": " + device.reason;
+  spdlog::info("computing on {}{}", device.backend->name(), because);
+  spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
+}
+
+absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name) {
+  if (name.empty()) return std::filesystem::path();
+  const absl::StatusOr<std::filesystem::path> found = FindProgram(name);
+  if (found.ok()) return std::filesystem::absolute(*found);
+  return absl::FailedPreconditionError(
+      absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
+}
+
+absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
+  const std::string url = DatabaseUrl(options);
+  // Whoever has a SQLite database has it for itself, and so its jobs.
+  if (!IsShared(options)) return Store::Open(url);
+  return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
+}
+
+SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
+  SupervisorOptions job_options;
+  job_options.data_folder = options.data;
+  job_options.worker = options.worker;
+  job_options.lpips_weights = options.lpips_weights;
+  job_options.priors_seconds = options.priors_seconds;
+  job_options.colmap = options.colmap;
+  job_options.log_format = options.log_format;
+  job_options.device = device.id;
+  job_options.device_name = device.backend->name();
+  job_options.num_threads = options.num_threads;
+  job_options.launch = options.launch;
+  job_options.launch.database = DatabaseUrl(options);
+  if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
+  job_options.silence = absl::Seconds(options.launch.lease_seconds);
+  return job_options;
+}
+
+std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
+  const DeviceMemory memory = backend.memory();
+  MemoryBytes limit = {options.model_bytes, options.model_device_bytes};
+  if (limit.host <= 0) limit.host = memory.is_host ? memory.total_bytes / 2 : HalfOfMemory();
+  if (limit.device <= 0) limit.device = memory.total_bytes / 2;
+  return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
+                                      [&backend] { backend.ReleaseFreed(); });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/device.h"
+#include "server/jobs/store.h"
+#include "server/jobs/supervisor.h"
+#include "server/rpc/server.h"
+#include "server/rpc/service_context.h"
+
+// What a server's options mean for its parts.
+namespace pepeseg {
+
+absl::Status CheckOptions(const ServerOptions& options);
+
+// Other servers may use the database and the data directory, too.
+bool IsShared(const ServerOptions& options);
+absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options);
+
+void LogDevice(const Device& device, int64_t device_memory);
+std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend);
+
+// Without priors_command, file_path and on_event.
+SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
+// Of the program, as FindProgram takes it; empty: there is none.
+absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name);
+
+}  // namespace pepeseg

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg::testing {
+
+// Stands between clients and a PostgreSQL server, on a socket of its own, and cuts a connection at
+// a COMMIT: before the server gets it, or after the server has done it and before the client hears
+// of it. Ends with the object. Thread safe.
+class CommitCutter {
+ public:
+  enum class Cut { kBefore, kAfter };
+
+  // `socket`: of the server.
+  explicit CommitCutter(std::filesystem::path socket);
+  ~CommitCutter();
+  CommitCutter(const CommitCutter&) = delete;
+  CommitCutter& operator=(const CommitCutter&) = delete;
+
+  // libpq's "host".
+  std::string host() const { return folder_.path(); }
+
+  // Cuts at the COMMIT that is the `number`th from now on, from 1. 0: at none.
+  void Arm(int64_t number, Cut cut);
+  // COMMITs since then.
+  int64_t num_commits() const { return num_commits_; }
+  bool has_cut() const { return has_cut_; }
+
+ private:
+  struct Pair {
+    int client = -1, server = -1;
+  };
+  void Accept();
+  void Serve(Pair pair);
+  // What a client sent, as whole messages. False: the connection is to end.
+  bool Forward(const Pair& pair, std::string& pending, bool& started);
+
+  const TempFolder folder_;
+  const std::filesystem::path socket_;
+  int listener_ = -1;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<int64_t> num_commits_ = 0, armed_ = 0;
+  std::atomic<Cut> cut_ = Cut::kBefore;
+  std::atomic<bool> has_cut_ = false;
+  std::mutex mutex_;  // guards connections_
+  std::vector<std::thread> connections_;
+  std::thread acceptor_;
+};
+
+}  // namespace pepeseg::testing
