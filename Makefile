@@ -4,7 +4,8 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress gateway-test lint asan tsan fuzz
+.PHONY: help packages build demo test bench stress gateway-test lint asan tsan fuzz image image-test \
+  deploy-check
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -26,6 +27,8 @@ help:
 	@echo 'make lint      clang-format, clang-tidy'
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
+	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'
+	@echo 'make deploy-check   what stands in deploy/ against published schemas (needs npm)'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -98,3 +101,16 @@ fuzz:
 	  CMAKE_ARGS='-DPEPESEG_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++ -DPEPESEG_CUDA_ARCHITECTURES=OFF'
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
 	tests/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
+
+# As root: without a container engine, and from Debian's packages alone.
+image:
+	@deploy/packages.sh deploy/packages-image.txt
+	deploy/image/build.sh $(BUILD)/image --build-arg JOBS=$(JOBS)
+
+image-test:
+	@deploy/packages.sh deploy/packages-image.txt
+	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
+
+# The only target that asks a registry other than Debian's: npm's, for the schemas.
+deploy-check:
+	tests/deploy/schemas.sh $(BUILD)/schemas

@@ -55,6 +55,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddQuota(app, shell);
   pepeseg::cli::AddTop(app, shell);
   pepeseg::cli::AddDrain(app, shell);
+  pepeseg::cli::AddHealth(app, shell);
   pepeseg::cli::AddDemo(app, shell);
 }
 
@@ -67,10 +68,13 @@ void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {
   app.add_option("--ca", login.ca,
                  "PEM: who may have signed the server's certificate; without it who the system "
                  "trusts")
+      ->envname("PEPESEG_CA")
       ->type_name("FILE");
   app.add_option("--certificate", login.certificate, "PEM: this client's, if the server wants one")
+      ->envname("PEPESEG_CERTIFICATE")
       ->type_name("FILE");
   app.add_option("--certificate-key", login.certificate_key, "Its private key, PEM")
+      ->envname("PEPESEG_CERTIFICATE_KEY")
       ->type_name("FILE");
 }
 

@@ -54,6 +54,7 @@ void AddKeys(CLI::App& app, Shell& shell);       // key-create, key-list, key-re
 void AddQuota(CLI::App& app, Shell& shell);
 void AddTop(CLI::App& app, Shell& shell);
 void AddDrain(CLI::App& app, Shell& shell);
+void AddHealth(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli

@@ -1,7 +1,5 @@
 // What a server does just now, again and again: pools, jobs, models in memory. Asks its admin
 // listener, as residents.cc does.
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -56,8 +54,7 @@ void Show(const Shell& shell, const TopSnapshot& snapshot) {
 }
 
 absl::Status RunTop(const Shell& shell, const TopFlags& flags) {
-  const auto admin = v1::AdminService::NewStub(
-      grpc::CreateChannel(flags.admin, grpc::InsecureChannelCredentials()));
+  const auto admin = v1::AdminService::NewStub(shell.channel);
   while (true) {
     ASSIGN_OR_RETURN(const TopSnapshot snapshot, TakeSnapshot(*admin));
     Show(shell, snapshot);
@@ -72,8 +69,7 @@ struct DrainFlags {
 };
 
 absl::Status RunDrain(const Shell& shell, const DrainFlags& flags) {
-  const auto admin = v1::AdminService::NewStub(
-      grpc::CreateChannel(flags.admin, grpc::InsecureChannelCredentials()));
+  const auto admin = v1::AdminService::NewStub(shell.channel);
   v1::DrainRequest request;
   request.set_draining(!flags.off);
   TopSnapshot snapshot;
@@ -98,7 +94,7 @@ void AddTop(CLI::App& app, Shell& shell) {
   AddAdminOption(*verb, flags->admin);
   verb->add_flag("--once", flags->once, "One look only");
   verb->callback([flags, &shell] {
-    shell.server = flags->admin;  // so that failures name it
+    shell.server = flags->admin;  // so that it is spoken to, and failures name it
     shell.verb = [flags, &shell] { return RunTop(shell, *flags); };
   });
 }

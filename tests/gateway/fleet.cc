@@ -64,7 +64,6 @@ bool HasHaproxy() { return access(kHaproxy, X_OK) == 0 && access(kLuaossl, R_OK)
 Fleet::Fleet(const FleetOptions& options)
     : options_(options),
       data_(options.data.empty() ? folder / "data" : options.data),
-      log_(folder / "gateway.log"),
       of_gateway_(clients.Issue("gateway")),
       servers_(static_cast<size_t>(options.num_servers)) {
   WriteFiles();
@@ -116,6 +115,8 @@ std::optional<WorkerEnd> Fleet::StopServer(int i) {
 
 void Fleet::RestartGateway(int num_servers) {
   gateway_.reset();
+  // HAProxy does not append to what is its standard output.
+  log_ = folder / absl::StrCat("gateway", ++num_starts_, ".log");
   const auto variable = [this](const char* name, const char* file) {
     return absl::StrCat(name, "=", (folder / file).string());
   };

@@ -66,7 +66,8 @@ class Fleet {
   // A secret of the servers' own.
   std::string MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) const;
 
-  // The gateway's log from `offset` on, a line an object; what else it says is left out.
+  // The log of the gateway since its start, from `offset` on, a line an object; what else it says
+  // is left out.
   std::vector<nlohmann::json> ReadLog(size_t offset = 0) const;
   size_t LogSize() const;
   std::string LogTail() const { return ReadFileTail(log_, 3000); }
@@ -81,7 +82,9 @@ class Fleet {
   std::string Database() const;
 
   const FleetOptions options_;
-  const std::filesystem::path data_, log_;
+  const std::filesystem::path data_;
+  int num_starts_ = 0;
+  std::filesystem::path log_;  // of the gateway that runs
   IssuedCertificate of_gateway_;
   std::vector<int> ports_;
   std::vector<std::unique_ptr<PepesegdProcess>> servers_;

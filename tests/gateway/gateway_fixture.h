@@ -32,6 +32,8 @@ class GatewayTest : public ::testing::Test {
   static grpc::Status List(const std::string& token, const Metadata& metadata = {}) {
     return List(fleet().Connect(token), metadata);
   }
+  // So many calls at a time: of each what it says, and how often.
+  static std::map<std::string, int> ListAtOnce(const std::string& token, int num_calls);
   static grpc::Status CreateScene(const std::string& token, const std::string& id);
   static grpc::Status GetScene(const std::string& token, const std::string& id);
 

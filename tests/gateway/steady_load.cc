@@ -8,13 +8,23 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "pepeseg/v1/errors.pb.h"
 
 namespace pepeseg::testing {
 
 namespace {
 
-// As a client waits that was told to ask again.
-constexpr std::chrono::milliseconds kPause(250);
+// As long as the server says; a quarter of a second where it says nothing, as it is lost.
+std::chrono::milliseconds PauseAfter(const grpc::Status& status) {
+  v1::Status details;
+  v1::ErrorDetail detail;
+  if (details.ParseFromString(status.error_details()) && details.details_size() == 1 &&
+      details.details(0).UnpackTo(&detail) && detail.has_retry_after()) {
+    return std::chrono::milliseconds(detail.retry_after().seconds() * 1000 +
+                                     detail.retry_after().nanos() / 1'000'000);
+  }
+  return std::chrono::milliseconds(250);
+}
 
 }  // namespace
 
@@ -101,7 +111,7 @@ void SteadyLoad::Answered(const std::shared_ptr<Call>& call, const grpc::Status&
   second->is_second = true;
   second->start = call->start;
   Call& waiting = *second;
-  waiting.pause.Set(std::chrono::system_clock::now() + kPause,
+  waiting.pause.Set(std::chrono::system_clock::now() + PauseAfter(status),
                     [this, second](bool) { Start(second); });
 }
 

@@ -1,0 +1,68 @@
+// Whether a server serves, as gateways and orchestrators ask it: the standard grpc.health.v1.
+#include <google/protobuf/wrappers.pb.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <future>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/status_macros.h"
+
+namespace pepeseg::cli {
+namespace {
+
+constexpr double kAnswerSeconds = 5;
+constexpr int kServing = 1;  // of HealthCheckResponse.ServingStatus
+
+// Debian has no stubs of the health service. On the wire HealthCheckRequest is a StringValue, and
+// HealthCheckResponse an Int32Value: one field each, number 1.
+absl::StatusOr<int> AskHealth(const Shell& shell, const std::string& service) {
+  google::protobuf::StringValue question;
+  question.set_value(service);
+  const grpc::Slice bytes(question.SerializeAsString());
+  const grpc::ByteBuffer request(&bytes, 1);
+  grpc::ByteBuffer response;
+  Call call("", kAnswerSeconds);
+  grpc::GenericStub stub(shell.channel);
+  std::promise<grpc::Status> done;
+  stub.UnaryCall(call, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
+                 [&done](grpc::Status status) { done.set_value(std::move(status)); });
+  RETURN_IF_ERROR(FromGrpc(done.get_future().get()));
+  grpc::Slice answer;
+  google::protobuf::Int32Value status;
+  if (!response.DumpToSingleSlice(&answer).ok() ||
+      !status.ParseFromArray(answer.begin(), static_cast<int>(answer.size()))) {
+    return absl::InternalError("the server's answer is none of grpc.health.v1");
+  }
+  return status.value();
+}
+
+absl::Status RunHealth(const Shell& shell, const std::string& service) {
+  ASSIGN_OR_RETURN(const int status, AskHealth(shell, service));
+  const std::string name = service.empty() ? "the server" : service;
+  if (status != kServing) {
+    return absl::UnavailableError(absl::StrCat(name, " does not serve: it is stopping, drained, or "
+                                                     "what it needs does not work"));
+  }
+  Print(shell.json ? R"({"serving":true})" : absl::StrCat(name, " serves"));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddHealth(CLI::App& app, Shell& shell) {
+  const auto service = std::make_shared<std::string>();
+  CLI::App* verb = app.add_subcommand("health", "Tell whether the server serves; 5 if it does not");
+  verb->add_option("SERVICE", *service,
+                   "One of its services, as pepeseg.v1.JobService; without it the whole");
+  verb->callback(
+      [service, &shell] { shell.verb = [service, &shell] { return RunHealth(shell, *service); }; });
+}
+
+}  // namespace pepeseg::cli

@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Installs what `make build` has built, for systemd: programs, unit, user, folders. Run again, it
+# brings the new programs and leaves /etc/pepeseg as it is.
+#   install.sh BUILD_FOLDER [--gpu]
+# DESTDIR=FOLDER only copies, below FOLDER, for a package. The libraries are those of
+# deploy/packages.txt.
+set -euo pipefail
+usage() {
+  sed -n '4,6s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+}
+[[ $# -ge 1 && $# -le 2 && $1 != -* && ${2:---gpu} == --gpu ]] || usage
+build=$(realpath "$1")
+gpu=${2:-}
+to=${DESTDIR:-}
+cd "$(dirname "$0")"
+for program in pepesegd pepeseg-worker pepeseg; do
+  [[ -x $build/bin/$program ]] || { echo "$build/bin/$program: not built" >&2; exit 1; }
+done
+[[ -n $to || $EUID == 0 ]] || { echo 'install.sh: as root, or with DESTDIR' >&2; exit 1; }
+
+install -d "$to"/usr/{bin,lib/systemd/system,lib/sysusers.d,lib/tmpfiles.d} "$to/etc/pepeseg"
+# Beside the old ones, which may be running, then in their place.
+for program in pepesegd pepeseg-worker pepeseg; do
+  install -m 755 --strip "$build/bin/$program" "$to/usr/bin/.$program.new"
+  mv "$to/usr/bin/.$program.new" "$to/usr/bin/$program"
+done
+install -m 644 pepesegd.service "$to/usr/lib/systemd/system/"
+if [[ -n $gpu ]]; then
+  install -D -m 644 gpu.conf "$to/usr/lib/systemd/system/pepesegd.service.d/gpu.conf"
+fi
+install -m 644 sysusers.conf "$to/usr/lib/sysusers.d/pepeseg.conf"
+install -m 644 tmpfiles.conf "$to/usr/lib/tmpfiles.d/pepeseg.conf"
+[[ -e $to/etc/pepeseg/pepesegd.conf ]] || install -m 644 pepesegd.conf "$to/etc/pepeseg/"
+if [[ -n $to ]]; then
+  echo "copied to $to"
+  exit
+fi
+systemd-sysusers /usr/lib/sysusers.d/pepeseg.conf
+systemd-tmpfiles --create /usr/lib/tmpfiles.d/pepeseg.conf
+systemctl daemon-reload
+echo 'Installed. Look at /etc/pepeseg/pepesegd.conf, then: systemctl enable --now pepesegd'

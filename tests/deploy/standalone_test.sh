@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# The systemd unit: what systemd itself says of it, its exposure, and that the system calls of the
+# workers' sandbox are among those it lets through.
+#   standalone_test.sh FOLDER_OF_PROGRAMS SOURCE_ROOT
+# Exits with 77 where systemd's programs are not installed.
+set -euo pipefail
+programs=$1 root=$2
+command -v systemd-analyze >/dev/null || { echo 'skipped: no systemd-analyze'; exit 77; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "FAILED: $*" >&2; exit 1; }
+
+mkdir "$work/build"
+ln -s "$(realpath "$programs")" "$work/build/bin"
+DESTDIR=$work/root "$root/deploy/standalone/install.sh" "$work/build" --gpu >/dev/null
+for file in usr/bin/pepesegd usr/lib/sysusers.d/pepeseg.conf etc/pepeseg/pepesegd.conf \
+  usr/lib/systemd/system/pepesegd.service.d/gpu.conf; do
+  [[ -s $work/root/$file ]] || fail "install.sh leaves no $file"
+done
+echo 'PEPESEGD_OPTIONS=--mine' >"$work/root/etc/pepeseg/pepesegd.conf"
+DESTDIR=$work/root "$root/deploy/standalone/install.sh" "$work/build" >/dev/null
+grep -q -- --mine "$work/root/etc/pepeseg/pepesegd.conf" || fail 'install.sh overwrites the settings'
+
+# With the program where it is just now, so that its being there is looked at, too.
+unit=$work/pepesegd.service
+sed "s|^ExecStart=/usr/bin/pepesegd|ExecStart=$work/root/usr/bin/pepesegd|" \
+  "$root/deploy/standalone/pepesegd.service" >"$unit"
+said=$(systemd-analyze verify --man=no "$unit" 2>&1 | grep -F pepesegd || true)
+[[ -z $said ]] || fail "systemd says: $said"
+exposure=$(systemd-analyze security --offline=true --no-pager "$unit" | sed -n 's/.*exposure level.*: \([0-9.]*\) .*/\1/p')
+awk -v e="$exposure" 'BEGIN {exit !(e != "" && e <= 1.5)}' || fail "the exposure is $exposure"
+for call in seccomp landlock_create_ruleset landlock_add_rule landlock_restrict_self; do
+  grep -q "^SystemCallFilter=.*\b$call\b" "$unit" || fail "the unit does not let $call through"
+done
+# The settings that the unit comes with are the program's.
+options=$(sed -n 's/^PEPESEGD_OPTIONS=//p' "$root/deploy/standalone/pepesegd.conf")
+"$programs/pepesegd" --data "$work/data" $options --help >/dev/null || fail "no such options: $options"
+echo "exposure $exposure"
