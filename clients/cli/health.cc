@@ -47,8 +47,9 @@ absl::Status RunHealth(const Shell& shell, const std::string& service) {
   ASSIGN_OR_RETURN(const int status, AskHealth(shell, service));
   const std::string name = service.empty() ? "the server" : service;
   if (status != kServing) {
-    return absl::UnavailableError(absl::StrCat(name, " does not serve: it is stopping, drained, or "
-                                                     "what it needs does not work"));
+    return absl::UnavailableError(absl::StrCat(name,
+                                               " does not serve: it is stopping, drained, or "
+                                               "what it needs does not work"));
   }
   Print(shell.json ? R"({"serving":true})" : absl::StrCat(name, " serves"));
   return absl::OkStatus();
