@@ -25,8 +25,8 @@ enum ExitCode : int {
   kInterrupted = 130,  // Ctrl-C; a job goes on
 };
 
-// The same code and message, and the server's ErrorDetail as a payload; of what a proxy has answered
-// by HTTP, what it means.
+// The same code and message, and the server's ErrorDetail as a payload; of what a proxy has
+// answered by HTTP, what it means.
 absl::Status FromGrpc(const grpc::Status& status);
 
 absl::Status JobFailed(const std::string& message);

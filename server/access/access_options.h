@@ -16,8 +16,8 @@ struct AccessOptions {
   // Calls must carry a key of theirs (proto/pepeseg/v1/access.proto). Without it everybody may do
   // everything, in the project "default".
   bool require_keys = false;
-  // Name (CN, or one of the alternative names) in a client's certificate: who has that says who calls
-  // by metadata (access.proto). Needs keys and a client CA. Empty: nobody may.
+  // Name (CN, or one of the alternative names) in a client's certificate: who has that says who
+  // calls by metadata (access.proto). Needs keys and a client CA. Empty: nobody may.
   std::string trusted_gateway;
 };
 

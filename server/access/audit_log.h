@@ -18,8 +18,8 @@ struct AuditEntry {
   std::string peer;     // gRPC's name of where the call came from
   std::string method;   // "pepeseg.v1.SceneService.GetScene"
   std::vector<std::string> resources;
-  std::string outcome;  // a gRPC code's name
-  std::string reason;   // of a refusal: "EXPIRED_KEY"; may be empty
+  std::string outcome;       // a gRPC code's name
+  std::string reason;        // of a refusal: "EXPIRED_KEY"; may be empty
   std::string subject = {};  // whom a gateway vouches for; empty: none does
 };
 

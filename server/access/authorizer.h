@@ -31,8 +31,8 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context);
 // Who calls.
 struct Caller {
   std::string project = kDefaultProject;
-  std::string key;  // id; empty: it has none
-  int scopes = 0;   // KeyRow::scopes
+  std::string key;                 // id; empty: it has none
+  int scopes = 0;                  // KeyRow::scopes
   std::string subject;             // whom a gateway vouches for; empty: none does
   bool sees_all_projects = false;  // the server asks nobody who they are
 
@@ -45,8 +45,8 @@ struct Caller {
 // one. Blocks on the store. Thread safe.
 class Authorizer {
  public:
-  // `require_keys` false: everybody may do everything. `trusted_gateway`: the name in the certificate
-  // of who may vouch for callers; empty: nobody may.
+  // `require_keys` false: everybody may do everything. `trusted_gateway`: the name in the
+  // certificate of who may vouch for callers; empty: nobody may.
   Authorizer(Store* store, AuditLog* audit, bool require_keys, std::string trusted_gateway = "")
       : store_(store),
         audit_(audit),

@@ -21,15 +21,15 @@ namespace {
 // One server, whose data lie in memory where there is such a file system.
 struct OneServer : ::testing::Test {
   OneServer() : fleet(Options()) {}
-  ~OneServer() override { std::filesystem::remove_all(data); }
+  ~OneServer() override { std::filesystem::remove_all(in_memory); }
   FleetOptions Options() const {
     FleetOptions options;
-    options.data = data;
+    options.data = in_memory / "data";
     options.worker = PEPESEG_MODEL_WORKER;
     options.gateway_environment = {"PEPESEG_CALLS=1000000"};
     return options;
   }
-  static std::filesystem::path NewData() {
+  static std::filesystem::path NewFolder() {
     std::string pattern = std::filesystem::is_directory("/dev/shm") ? "/dev/shm/pepeseg.XXXXXX"
                                                                     : "/tmp/pepeseg.XXXXXX";
     return mkdtemp(pattern.data());
@@ -41,7 +41,7 @@ struct OneServer : ::testing::Test {
     return fleet.MakeKey("lab", {v1::SCOPE_READ, v1::SCOPE_WRITE, v1::SCOPE_TRAIN});
   }
 
-  const std::filesystem::path data = NewData();
+  const std::filesystem::path in_memory = NewFolder();
   Fleet fleet;
 };
 
