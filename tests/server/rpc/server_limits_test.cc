@@ -95,10 +95,10 @@ TEST(ServerLimits, ConnectionsAgeWithoutHarm) {
     v1::GetJobRequest request;
     request.set_name(job);
     v1::Job answer;
+    // What a channel is whose connection was told to go away, until the next call.
+    was_idle |= channel->GetState(false) != GRPC_CHANNEL_READY;
     const grpc::Status status = jobs->GetJob(&context, request, &answer);
     EXPECT_TRUE(status.ok()) << status.error_message();
-    // What a channel is when its connection is told to go away.
-    was_idle |= channel->GetState(false) != GRPC_CHANNEL_READY;
     absl::SleepFor(absl::Milliseconds(1));
   }
   EXPECT_TRUE(was_idle) << "the connection did not age";
