@@ -26,7 +26,7 @@ struct OneServer : ::testing::Test {
     FleetOptions options;
     options.data = in_memory / "data";
     options.worker = PEPESEG_MODEL_WORKER;
-    options.gateway_environment = {"PEPESEG_CALLS=1000000"};
+    options.gateway_environment = {"PEPESEG_CALLS=1000000", "PEPESEG_GATEWAY_THREADS=1"};
     return options;
   }
   static std::filesystem::path NewFolder() {

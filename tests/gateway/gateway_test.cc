@@ -154,6 +154,22 @@ TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
   EXPECT_THAT(TextOf(List("", twice)), StartsWith("UNAUTHENTICATED: the call has more than one"));
 }
 
+// The gateway keeps in mind which tokens were signed, not that they were valid.
+TEST_F(GatewayTest, TokenThatIsKnownIsStillChecked) {
+  constexpr char kHeader[] = R"({"alg":"RS256"})";
+  auto claims = TokenIssuer::Claims("lab", "read");
+  claims["exp"] = absl::ToUnixSeconds(absl::Now()) + 3;
+  const std::string signature = fleet().issuer.Signature(kHeader, claims.dump());
+  const std::string token = TokenIssuer::Assemble(kHeader, claims.dump(), signature);
+  EXPECT_EQ(TextOf(List(token)), "OK: ");
+  EXPECT_EQ(TextOf(List(token)), "OK: ");
+  claims["project"] = "elsewhere";
+  EXPECT_THAT(TextOf(List(TokenIssuer::Assemble(kHeader, claims.dump(), signature))),
+              StartsWith("UNAUTHENTICATED: the token is not signed by"));
+  absl::SleepFor(absl::Seconds(4));
+  EXPECT_THAT(TextOf(List(token)), StartsWith("UNAUTHENTICATED: the token has expired"));
+}
+
 // What HAProxy 2.6 leaves of a wrong signature ended connections of whoever came next.
 TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
   const std::string forged = TokenIssuer().Sign(TokenIssuer::Claims("lab", "read"));
