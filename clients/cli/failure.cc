@@ -34,7 +34,8 @@ std::string PermissionAdvice(const std::string& reason) {
            "`pepesegd keys create`.";
   }
   if (reason == "BAD_KEY") return "Ask who runs the server for another one.";
-  if (reason == "MISSING_SCOPE") return "Ask who runs the server for a key, or a token, that has it.";
+  if (reason == "MISSING_SCOPE")
+    return "Ask who runs the server for a key, or a token, that has it.";
   if (reason == "NOT_YOURS") {
     return "It does not exist, or is another project's: see what the key opens with `pepeseg "
            "scenes`.";

@@ -108,7 +108,7 @@ void Fleet::StartServer(int i) {
 }
 
 std::optional<WorkerEnd> Fleet::StopServer(int i) {
-  const std::optional<WorkerEnd> end = servers_[i]->Terminate();
+  std::optional<WorkerEnd> end = servers_[i]->Terminate();
   servers_[i].reset();
   return end;
 }
