@@ -86,7 +86,9 @@ std::optional<absl::Status> ProjectQuotas::AdmitAtOnce(const std::string& creden
   return TakeToken(known->second, static_cast<double>(known->second.quota.queries_per_second), now);
 }
 
-void ProjectQuotas::Know(const std::string& credential, const std::string& project) {
+void ProjectQuotas::Know(const std::string& credential, const std::string& project,
+                         const google::protobuf::Message& request) {
+  if (!IsQuestion(request)) return;
   std::string digest = Sha256Hex(credential);
   Get(project).status().IgnoreError();  // keeps it fresh: Admit tells of errors
   const absl::Time now = absl::Now();

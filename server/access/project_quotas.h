@@ -34,8 +34,10 @@ class ProjectQuotas {
   // credential that `Know` has told of, by a quota read not long ago. None: ask Admit.
   std::optional<absl::Status> AdmitAtOnce(const std::string& credential,
                                           const google::protobuf::Message& request);
-  // The credential has opened the project just now.
-  void Know(const std::string& credential, const std::string& project);
+  // The credential has opened the project just now, for this request; of other than questions
+  // nothing is kept.
+  void Know(const std::string& credential, const std::string& project,
+            const google::protobuf::Message& request);
   // Admitted ones a second, over the last ten.
   int64_t QueryRate(const std::string& project);
 

@@ -84,7 +84,7 @@ grpc::ServerUnaryReactor* RunOn(const UnaryRequest& request, const ServiceContex
         const absl::Duration queued = absl::Now() - start;
         reactor->Finish(ToGrpc(
             AnswerCall(request, *authorizer, pool, [&](const Caller& caller) -> absl::Status {
-              if (credential) quotas->Know(*credential, caller.project);
+              if (credential) quotas->Know(*credential, caller.project, *request.message);
               absl::Status status;
               if (!admitted) status = quotas->Admit(caller.project, *request.message);
               if (!status.ok()) return status;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "tests/stress/load_calls.h"
 
 namespace pepeseg::testing {
 
@@ -40,14 +41,8 @@ struct SteadyLoad::Call {
 };
 
 v1::SegmentRequest SteadyLoad::Question(const std::string& scene) {
-  v1::SegmentRequest request;
+  v1::SegmentRequest request = ::pepeseg::Question();
   request.set_model(absl::StrCat("scenes/", scene, "/models/live"));
-  request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
-  auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(30);
-  point.set_y(32);
-  request.mutable_granularity()->set_scale_quantile(0.5);
-  request.mutable_granularity()->set_threshold(0.75);
   return request;
 }
 

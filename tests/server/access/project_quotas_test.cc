@@ -61,7 +61,9 @@ TEST_F(ProjectQuotasTest, WhoIsKnownIsAdmittedOrRefusedWithoutTheStore) {
   ASSERT_OK(store->SetProjectQuota("lab", {0, 0, 0, 0, 2, 0}));
   ProjectQuotas quotas(store.get());
   EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "nobody told of it";
-  quotas.Know("Bearer a", "lab");
+  quotas.Know("Bearer a", "lab", v1::GetSceneRequest());
+  EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "it asked nothing";
+  quotas.Know("Bearer a", "lab", question);
   EXPECT_FALSE(quotas.AdmitAtOnce("Bearer b", question).has_value());
   EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", v1::GetSceneRequest()).has_value()) << "no question";
   // From the same bucket as Admit's.
@@ -71,7 +73,7 @@ TEST_F(ProjectQuotasTest, WhoIsKnownIsAdmittedOrRefusedWithoutTheStore) {
   // A quota that was changed is read before it is used.
   quotas.Forget("lab");
   EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value());
-  quotas.Know("Bearer a", "lab");
+  quotas.Know("Bearer a", "lab", question);
   EXPECT_TRUE(quotas.AdmitAtOnce("Bearer a", question).has_value());
   absl::SleepFor(absl::Milliseconds(2100));
   EXPECT_FALSE(quotas.AdmitAtOnce("Bearer a", question).has_value()) << "known too long ago";

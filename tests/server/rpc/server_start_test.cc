@@ -8,11 +8,16 @@
 namespace pepeseg {
 namespace {
 
-TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
-  const testing::TempFolder folder;
+ServerOptions OptionsIn(const testing::TempFolder& folder) {
   ServerOptions options;
   options.data = folder.path();
   options.worker = PEPESEG_FAKE_WORKER;
+  return options;
+}
+
+TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
   options.listen = "0.0.0.0:0";
   const auto refused = Server::Start(options);
   EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
@@ -39,9 +44,7 @@ TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
 
 TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
   const testing::TempFolder folder;
-  ServerOptions options;
-  options.data = folder.path();
-  options.worker = PEPESEG_FAKE_WORKER;
+  ServerOptions options = OptionsIn(folder);
   options.device = "cuda:1000";
   const auto refused = Server::Start(options);
   EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
@@ -50,9 +53,7 @@ TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
 
 TEST(ServerStart, RefusesWeightsThatAreNone) {
   const testing::TempFolder folder;
-  ServerOptions options;
-  options.data = folder.path();
-  options.worker = PEPESEG_FAKE_WORKER;
+  ServerOptions options = OptionsIn(folder);
   options.lpips_weights = folder / "lpips.onnx";
   EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
   std::ofstream(folder / "lpips.onnx") << "no network";
