@@ -23,11 +23,15 @@ using testing::ServiceClient;
 
 class SharedDatabaseTest : public ::testing::Test {
  protected:
-  std::unique_ptr<PepesegdProcess> Serve(const std::string& name) {
+  std::unique_ptr<PepesegdProcess> Serve(const std::string& name, int lease_seconds = 3) {
     return std::make_unique<PepesegdProcess>(
         folder_ / "data",
         testing::PepesegdOptions{
-            {"--database=" + url_, "--lease-seconds=3"}, {}, PEPESEG_FAKE_WORKER, name, false});
+            {"--database=" + url_, absl::StrCat("--lease-seconds=", lease_seconds)},
+            {},
+            PEPESEG_FAKE_WORKER,
+            name,
+            false});
   }
 
   // The name of a job whose worker does what `act` says.
@@ -120,10 +124,10 @@ TEST_F(SharedDatabaseTest, CancelReachesAJobOfTheOtherServer) {
   EXPECT_EQ(events.back().state_changed().state(), v1::JOB_STATE_CANCELLED);
 }
 
-// No job is lost, and none is run twice.
+// No job is lost, and none is run twice: a database that recovers slowly is back within the leases.
 TEST_F(SharedDatabaseTest, DatabaseThatIsKilledComesBackToAllJobs) {
-  const auto first = Serve("-a");
-  const auto second = Serve("-b");
+  const auto first = Serve("-a", 60);
+  const auto second = Serve("-b", 60);
   ServiceClient a(first->channel());
   ServiceClient b(second->channel());
   std::vector<std::string> jobs;
