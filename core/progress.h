@@ -12,8 +12,11 @@ namespace pepeseg {
 
 // A part of a stage that this scene does not need, or that its options leave out.
 struct SkippedTerm {
-  std::string term;    // "depth", "refinement"; "background", "centroids", "perception"
-  std::string reason;  // for a person
+  // "depth", "refinement", "bands", "steps"; "background", "centroids", "perception"
+  std::string term;
+  std::string reason;       // for a person
+  int64_t step = 0;         // steps done when it was decided; 0: at the start
+  int64_t saved_steps = 0;  // that are not done for it
 };
 
 // What a stage tells after a step. NaN: not measured in this step.

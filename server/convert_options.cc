@@ -43,6 +43,10 @@
   FIELD(refine_from) \
   FIELD(refine_length) \
   FIELD(refine_candidates) \
+  FIELD(min_loss_fall) \
+  FIELD(closing_share) \
+  FIELD(min_band_gain) \
+  FIELD(min_depth_agreement) \
   FIELD(pixels_per_gaussian) \
   FIELD(opacity_decay)
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
@@ -65,6 +69,8 @@
   FIELD(perception_threshold) \
   FIELD(perception_cross_view) \
   FIELD(steps_per_chunk) \
+  FIELD(min_loss_fall) \
+  FIELD(closing_share) \
   FIELD(seed)
 // clang-format on
 

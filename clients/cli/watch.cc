@@ -35,6 +35,17 @@ std::string StageEndedText(const v1::JobEvent::StageEnded& ended) {
   return text;
 }
 
+std::string TermSkippedText(const v1::JobEvent::TermSkipped& skipped) {
+  std::string text =
+      absl::StrFormat("%-11s %s skipped: %s", skipped.stage(), skipped.term(), skipped.reason());
+  if (skipped.step() > 0) absl::StrAppendFormat(&text, ", from step %d on", skipped.step());
+  if (skipped.saved_steps() > 0) {
+    absl::StrAppendFormat(&text, "; saves %d steps, about %.1f s", skipped.saved_steps(),
+                          Seconds(skipped.saved()));
+  }
+  return text;
+}
+
 bool HasEnded(v1::JobState state) {
   return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
          state == v1::JOB_STATE_CANCELLED;
@@ -57,8 +68,7 @@ void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
       line.Say(StageEndedText(event.stage_ended()));
       break;
     case v1::JobEvent::kTermSkipped:
-      line.Say(absl::StrFormat("%-11s %s skipped: %s", event.term_skipped().stage(),
-                               event.term_skipped().term(), event.term_skipped().reason()));
+      line.Say(TermSkippedText(event.term_skipped()));
       break;
     case v1::JobEvent::kWarning:
       line.Say("warning: " + event.warning().message());

@@ -32,6 +32,9 @@ class BatchesAhead {
   // Where the drawer stood at first.
   const DrawerState& start() const { return start_; }
 
+  // So many batches of the end are not wanted.
+  void Forgo(int num_batches) { num_left_ = std::max(0, num_left_ - num_batches); }
+
   // The next chunk; empty after the last.
   Chunk Next() {
     Chunk chunk = next_.get();

@@ -11,7 +11,8 @@ namespace {
 // The one list of sections, for writing and for reading: name, version, value.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
-  visit("counters", 1, checkpoint.counters);
+  visit("counters", 2, checkpoint.counters);
+  visit("losses", 1, checkpoint.losses);
   visit("random", 1, checkpoint.drawer.random);
   visit("views_left", 1, checkpoint.drawer.views_left);
   visit("centroid_random", 1, checkpoint.centroids.random);
@@ -55,11 +56,14 @@ absl::StatusOr<FeatureCheckpoint> FeatureCheckpointOf(std::span<const Checkpoint
 }
 
 absl::Status Validate(const FeatureCheckpoint& checkpoint) {
-  const auto& [step, steps_of_chunk, count] = checkpoint.counters;
-  if (step < 0 || steps_of_chunk < 0 || steps_of_chunk > step || count < 1) {
-    return absl::DataLossError(absl::StrCat("step ", step, ", ", steps_of_chunk, " of a chunk, on ",
-                                            count, " Gaussians: out of range"));
+  const auto& [step, steps_of_chunk, count, num_left_out, left_out_after] = checkpoint.counters;
+  if (step < 0 || steps_of_chunk < 0 || steps_of_chunk > step || count < 1 || num_left_out < 0 ||
+      left_out_after < 0 || left_out_after > step) {
+    return absl::DataLossError(absl::StrCat(
+        "step ", step, ", ", steps_of_chunk, " of a chunk, on ", count, " Gaussians, ",
+        num_left_out, " steps left out after step ", left_out_after, ": out of range"));
   }
+  RETURN_IF_ERROR(CheckSize("losses", checkpoint.losses.size(), 3));
   const FeatureRowsState& rows = checkpoint.rows;
   // First: then the count is one of numbers that are there, and no product of it overflows.
   RETURN_IF_ERROR(CheckSize("last_step", rows.last_step.size(), count));

@@ -39,9 +39,12 @@ struct FeatureCheckpoint {
     int64_t step = 0;            // done
     int64_t steps_of_chunk = 0;  // of these, since the drawer stood at `drawer`
     int64_t num_gaussians = 0;
+    // Steps of the schedule that are left out, and after which step that was decided.
+    int64_t num_left_out = 0, left_out_after = 0;
   };
   Counters counters;
-  DrawerState drawer;  // before the chunk that was being trained
+  std::vector<double> losses;  // Convergence's: sum, number, mean of the window before
+  DrawerState drawer;          // before the chunk that was being trained
   CentroidState centroids;
   FeatureRowsState rows;
 };

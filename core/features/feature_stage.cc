@@ -24,7 +24,8 @@ FeatureStage::FeatureStage(Backend& backend, const Capture& capture, const Gauss
       capture_(capture),
       options_(options),
       num_gaussians_(gaussians.count),
-      scene_(backend, gaussians, SceneRadius(capture)) {}
+      scene_(backend, gaussians, SceneRadius(capture)),
+      losses_(options.min_loss_fall) {}
 
 absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Create(Backend& backend,
                                                                    const Capture& capture,
@@ -44,7 +45,8 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
   RETURN_IF_ERROR(Validate(options));
   RETURN_IF_ERROR(Validate(checkpoint));
   const FeatureCheckpoint::Counters& counters = checkpoint.counters;
-  if (counters.step > options.num_steps || counters.num_gaussians != gaussians.count ||
+  if (counters.step + counters.num_left_out > options.num_steps ||
+      counters.num_gaussians != gaussians.count ||
       counters.steps_of_chunk > options.steps_per_chunk) {
     return absl::DataLossError(
         absl::StrCat("step ", counters.step, ", ", counters.steps_of_chunk, " of a chunk, on ",
@@ -66,10 +68,11 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
   neighbors_ = Buffer<int32_t>(backend_, std::span<const int32_t>(prepared.neighbors));
   graph_ = {neighbors_.span(), options_.num_neighbors};
   drawer_.emplace(capture_, field_, std::move(prepared.views), options_);
+  window_ = Convergence::Window(static_cast<int>(drawer_->views().size()));
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
   trainer_.emplace(backend_, prepared.features, graph_, *centroids_, options_);
   if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
-  const int num_left = options_.num_steps - (step_ - steps_of_chunk_);
+  const int num_left = num_steps() - (step_ - steps_of_chunk_);
   batches_.emplace(*drawer_, cues_.get(), num_left, options_.steps_per_chunk);
   if (steps_of_chunk_ == 0) return absl::OkStatus();
   const int skipped = steps_of_chunk_;
@@ -85,6 +88,10 @@ absl::Status FeatureStage::Restore(const FeatureCheckpoint& checkpoint) {
   RETURN_IF_ERROR(drawer_->Restore(checkpoint.drawer));
   RETURN_IF_ERROR(centroids_->Restore(checkpoint.centroids));
   trainer_->Restore(checkpoint.rows, step_);
+  num_left_out_ = static_cast<int>(checkpoint.counters.num_left_out);
+  left_out_after_ = static_cast<int>(checkpoint.counters.left_out_after);
+  if (num_left_out_ > 0) trainer_->LeaveOut(left_out_after_, num_left_out_);
+  losses_.Restore({checkpoint.losses[0], checkpoint.losses[1], checkpoint.losses[2]});
   return absl::OkStatus();
 }
 
@@ -95,16 +102,40 @@ absl::Status FeatureStage::BeginChunk() {
   return chunk_.Refill(std::move(drawn.batches), capture_, scene_, graph_);
 }
 
+// Windows of losses end between two waits.
+int FeatureStage::StepsAhead() const {
+  return std::min({num_steps() - step_, StepsUnread(backend_), window_ - step_ % window_});
+}
+
 absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
-  const int end = std::min(options_.num_steps, step_ + StepsUnread(backend_));
+  const int end = step_ + StepsAhead();
   for (; step_ < end; ++step_, ++steps_of_chunk_) {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
-    if (centroids_->Due(step_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
+    if (centroids_->Due(step_ + num_left_out_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
     const RowChunk::Step step = chunk_.Next();
     const int kind = (centroids_->active() ? 1 : 0) + (step.pair_other.empty() ? 0 : 2);
     backend_.Sequence(kFeatureStep + kind, [&] { trainer_->Train(step); });
   }
-  return Reports(trainer_->ReadLosses());
+  const std::vector<double> losses = trainer_->ReadLosses();
+  ReviewLosses(losses);
+  return Reports(losses);
+}
+
+// Of the steps up to this one. When they have stopped falling, only the schedule's end is left.
+void FeatureStage::ReviewLosses(std::span<const double> losses) {
+  for (const double loss : losses) losses_.Add(loss);
+  if (step_ % window_ != 0 || !losses_.StoppedFalling()) return;
+  const long closing = std::lround(options_.closing_share * options_.num_steps);
+  const int num_saved = num_steps() - step_ - static_cast<int>(closing);
+  if (num_saved <= 0) return;
+  num_left_out_ = num_saved;
+  left_out_after_ = step_;
+  trainer_->LeaveOut(left_out_after_, num_left_out_);
+  batches_->Forgo(num_saved);
+  skipped_.push_back(
+      {"steps",
+       absl::StrCat("the loss has stopped falling: ", closing, " steps close the schedule"), step_,
+       num_saved});
 }
 
 absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
@@ -118,7 +149,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
     }
     reports.push_back({.stage = "features",
                        .step = step,
-                       .num_steps = options_.num_steps,
+                       .num_steps = num_steps(),
                        .loss = losses[i],
                        .num_gaussians = num_gaussians_});
   }
@@ -127,7 +158,8 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Reports(
 
 absl::StatusOr<FeatureCheckpoint> FeatureStage::Save() {
   FeatureCheckpoint checkpoint;
-  checkpoint.counters = {step_, steps_of_chunk_, num_gaussians_};
+  checkpoint.counters = {step_, steps_of_chunk_, num_gaussians_, num_left_out_, left_out_after_};
+  checkpoint.losses = {losses_.state().sum, losses_.state().num, losses_.state().before};
   // Before the first chunk nothing has been drawn that counts: the drawer begins by its seed.
   checkpoint.drawer = steps_of_chunk_ == 0 ? batches_->start() : chunk_start_;
   checkpoint.centroids = centroids_->Save();

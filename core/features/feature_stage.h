@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/convergence.h"
 #include "core/features/batches_ahead.h"
 #include "core/features/centroid_term.h"
 #include "core/features/feature_checkpoint.h"
@@ -35,9 +36,10 @@ class FeatureStage {
                                                               const FeatureCheckpoint& checkpoint);
 
   int step() const { return step_; }  // done
-  // What of the loss is left out, from the start on.
+  // What is left out, in the order in which it was decided; a stage that goes on from a checkpoint
+  // does not know what was decided before.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
-  bool done() const { return step_ == options_.num_steps; }
+  bool done() const { return step_ == num_steps(); }
 
   // As many steps as are queued before the host waits: one where calls are done when they return.
   // Their reports. INTERNAL: the device failed, or a loss is not finite.
@@ -52,6 +54,9 @@ class FeatureStage {
   absl::Status Restore(const FeatureCheckpoint& checkpoint);
   absl::Status BeginChunk();
   absl::StatusOr<std::vector<StepReport>> Reports(std::span<const double> losses) const;
+  int num_steps() const { return options_.num_steps - num_left_out_; }
+  int StepsAhead() const;
+  void ReviewLosses(std::span<const double> losses);
 
   Backend& backend_;
   const Capture& capture_;
@@ -72,6 +77,9 @@ class FeatureStage {
   RowChunk chunk_;
   int step_ = 0;
   int steps_of_chunk_ = 0;
+  int num_left_out_ = 0, left_out_after_ = 0;  // steps of the schedule; of these done
+  int window_ = 1;                             // steps; see Convergence
+  Convergence losses_;
 };
 
 // The steps that are left. An error of `progress`, called after each step, ends it.

@@ -12,14 +12,20 @@ constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;  // apart from the sampler's
 
 // c(t) of FeatureState's comment, for t up to the number of steps. The fall of the learning rate is
 // a factor of it, so that rows that wait are moved by the rates of the steps that they missed.
-std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options) {
+// From the step after num_done on, the fall is num_left_out steps ahead.
+struct Leap {
+  int num_done = 0, num_left_out = 0;
+};
+std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options,
+                               const Leap& leap) {
   std::vector<float> terms(options.num_steps + 1);
   const double fall = double{options.learning_rate_final} / double{options.learning_rate};
   double power1 = 1, power2 = 1;
   for (int t = 1; t <= options.num_steps; ++t) {
     power1 *= double{rates.beta1};
     power2 *= double{rates.beta2};
-    const double share = static_cast<double>(t - 1) / options.num_steps;
+    const int place = t - 1 + (t > leap.num_done ? leap.num_left_out : 0);
+    const double share = std::min(1.0, static_cast<double>(place) / options.num_steps);
     terms[t] = static_cast<float>(std::pow(fall, share) * std::sqrt(1 - power2) / (1 - power1));
   }
   return terms;
@@ -55,6 +61,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
       num_gaussians_(static_cast<int64_t>(initial.size()) / kFeatureSize),
       graph_(graph),
       centroids_(centroids),
+      options_(options),
       features_(backend, initial),
       moment1_(backend, features_.size()),
       moment2_(backend, features_.size()),
@@ -69,9 +76,13 @@ FeatureTrainer::FeatureTrainer(Backend& backend, std::span<const float> initial,
       perception_loss_(backend, kMaxUnreadFeatureSteps),
       perception_weight_(options.perception_weight) {
   rates_.learning_rate = options.learning_rate;
-  correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options)));
+  correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options, {})));
   rates_.correction = correction_.span();
   gate_.Upload(NormalNumbers(kGateSize, 1, (options.seed ^ kStream) + 1));
+}
+
+void FeatureTrainer::LeaveOut(int num_done, int num_left_out) {
+  correction_.Upload(Corrections(rates_, options_, {num_done, num_left_out}));
 }
 
 void FeatureTrainer::Train(const RowChunk::Step& step) {

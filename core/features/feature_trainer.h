@@ -20,6 +20,10 @@ class FeatureTrainer {
   FeatureTrainer(Backend& backend, std::span<const float> initial, const NeighborGraph& graph,
                  CentroidTerm& centroids, const FeatureOptions& options);
 
+  // The steps after the first num_done are num_left_out places further on in the schedule of the
+  // learning rate.
+  void LeaveOut(int num_done, int num_left_out);
+
   // Waits for nothing. At most kMaxUnreadFeatureSteps between two calls of ReadLosses.
   void Train(const RowChunk::Step& step);
   absl::Status RefreshCentroids();
@@ -48,6 +52,7 @@ class FeatureTrainer {
   NeighborGraph graph_;
   CentroidTerm& centroids_;
   int step_ = 0;  // updates done
+  const FeatureOptions options_;
   FeatureRates rates_;
   Buffer<float> correction_;                    // see FeatureRates
   Buffer<float> features_, moment1_, moment2_;  // [N, 32]

@@ -58,6 +58,10 @@ struct FeatureOptions {
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, 1 to
   // 3 MB a step.
   int steps_per_chunk = 750;
+  // When the loss has fallen by less than this share of itself over a round of at least 500 steps,
+  // only the last closing_share of the schedule is still done. 0: never.
+  double min_loss_fall = 0.01;
+  double closing_share = 0.3;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);

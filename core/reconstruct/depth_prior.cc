@@ -39,4 +39,18 @@ PriorBounds InlierBounds(std::span<const float> prior) {
   return {min, percentile(1 - kShare)};
 }
 
+double MeanDeviation(std::span<const float> prior, const PriorBounds& bounds) {
+  const auto mean = [&](auto of) {
+    double sum = 0, num = 0;
+    for (const float value : prior) {
+      if (!(value >= bounds.min && value <= bounds.max)) continue;
+      sum += of(value);
+      ++num;
+    }
+    return num > 0 ? sum / num : 0.0;
+  };
+  const double center = mean([](float value) { return double{value}; });
+  return mean([center](float value) { return std::abs(value - center); });
+}
+
 }  // namespace pepeseg

@@ -18,4 +18,7 @@ struct PriorBounds {
 };
 PriorBounds InlierBounds(std::span<const float> prior);
 
+// Mean |value - mean| of the known values within the bounds.
+double MeanDeviation(std::span<const float> prior, const PriorBounds& bounds);
+
 }  // namespace pepeseg

@@ -31,9 +31,14 @@ DepthTerm::DepthTerm(Backend& backend, const ReconstructOptions& options, int64_
       options_(options),
       images_(backend, options.depth_weight > 0 ? 4 * max_pixels : 0) {}
 
+void DepthTerm::LeaveOut() {
+  left_out_ = true;
+  images_ = {};
+}
+
 DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
                              std::mt19937_64& random) const {
-  if (view.prior.empty() || weight == 0) return {};
+  if (view.prior.empty() || weight == 0 || left_out_) return {};
   DepthPlan plan = {weight, {}};
   if (options_.depth_local_form == DepthLocalForm::kPatch) {
     plan.patch = DrawPatch(view.pinhole, random);

@@ -33,6 +33,9 @@ class DepthTerm {
   DepthTerm(Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 
   bool allocated() const { return options_.depth_weight == 0 || !images_.empty(); }
+  // From now on no plan has a weight; no step that has one may be under way.
+  void LeaveOut();
+  bool left_out() const { return left_out_; }
   // weight: of the depth loss at this step, see Schedule.
   DepthPlan PlanFor(const TrainingView& view, float weight, std::mt19937_64& random) const;
   DepthImages ImagesFor(const TrainingView& view, const DepthPlan& plan);
@@ -45,6 +48,7 @@ class DepthTerm {
   Backend& backend_;
   const ReconstructOptions options_;
   Buffer<float> images_;  // four of the largest view
+  bool left_out_ = false;
 };
 
 }  // namespace pepeseg

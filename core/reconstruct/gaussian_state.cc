@@ -83,8 +83,9 @@ GaussianRows GaussianState::DownloadRows() const {
 }
 
 bool GaussianState::Restore(const GaussianRows& rows) {
-  assert(rows.shape.sh_degree == sh_degree_);
+  assert(rows.shape.sh_degree <= sh_degree_);
   rows_ = {};  // first, so that both never stand side by side
+  sh_degree_ = static_cast<int>(rows.shape.sh_degree);
   count_ = rows.shape.count;
   rows_ = Allocate(WithSlack(count_));
   if (!allocated()) return false;
@@ -116,6 +117,9 @@ void GaussianState::UploadPlanes(Buffer<float>& buffer, int first, std::span<con
     buffer.Upload(planes.subspan(k * count_, count_), (first + k) * rows_.stride);
   }
 }
+
+// Theirs are the last planes of each buffer.
+void GaussianState::KeepBandsTo(int sh_degree) { sh_degree_ = std::min(sh_degree_, sh_degree); }
 
 bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new) {
   const int64_t new_count = source.size;

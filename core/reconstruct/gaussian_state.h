@@ -34,6 +34,7 @@ class GaussianState {
   static int64_t Bytes(int64_t first, int64_t most, int sh_degree);
 
   int64_t count() const { return count_; }
+  int sh_degree() const { return sh_degree_; }
   bool allocated() const { return rows_.allocated; }  // false: the backend is out of memory
   GaussianPlanes parameters() { return Planes(rows_.parameters); }
   GaussianPlanes moment1() { return Planes(rows_.moment1); }
@@ -44,9 +45,13 @@ class GaussianState {
   // Waits for the backend.
   Gaussians Download() const;
   GaussianRows DownloadRows() const;
-  // Becomes what the rows say, which must be of this state's degree. False when the backend is out
-  // of memory: nothing is left.
+  // Becomes what the rows say, whose degree must not be over this state's. False when the backend
+  // is out of memory: nothing is left.
   bool Restore(const GaussianRows& rows);
+
+  // Coefficients of higher degrees are gone from now on; their memory goes with the next
+  // Rearrange.
+  void KeepBandsTo(int sh_degree);
 
   // Row i becomes what row source[i] was; where is_new[i], its moments and step count start at 0.
   // Statistics start afresh. False when the backend is out of memory: nothing was changed.

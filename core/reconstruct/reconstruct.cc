@@ -62,6 +62,13 @@ absl::Status ValidateRefinement(const ReconstructOptions& options) {
   return InRange("refine_candidates", options.refine_candidates, 0, 1);
 }
 
+absl::Status ValidateNeeds(const ReconstructOptions& options) {
+  RETURN_IF_ERROR(InRange("min_loss_fall", options.min_loss_fall, 0, 1));
+  RETURN_IF_ERROR(InRange("closing_share", options.closing_share, 0, 1));
+  RETURN_IF_ERROR(InRange("min_band_gain", options.min_band_gain, 0, 100));
+  return InRange("min_depth_agreement", options.min_depth_agreement, 0, 1);
+}
+
 }  // namespace
 
 absl::Status Validate(const ReconstructOptions& options) {
@@ -73,6 +80,7 @@ absl::Status Validate(const ReconstructOptions& options) {
   RETURN_IF_ERROR(ValidateDepth(options));
   RETURN_IF_ERROR(ValidateDensityControl(options));
   RETURN_IF_ERROR(ValidateRefinement(options));
+  RETURN_IF_ERROR(ValidateNeeds(options));
   return InRange("num_random_points", static_cast<double>(options.num_random_points), 1, 10e6);
 }
 

@@ -67,6 +67,17 @@ struct ReconstructOptions {
   double refine_from = 4000.0 / 30000;   // share of num_steps
   double refine_length = 200.0 / 30000;  // share of num_steps
   double refine_candidates = 0.1;        // share of the Gaussians in a view, by depth error
+  // What a scene turns out not to need is left out, as SceneNeeds decides; each 0: never.
+  //
+  // Once Gaussians have stopped growing: when the loss of the training views has fallen by less
+  // than this share over a round of at least 500 steps, only the last closing_share of the schedule
+  // is still done.
+  double min_loss_fall = 0.01;
+  double closing_share = 0.1;
+  // Spherical harmonics of higher degrees that better the training views by less than so many dB.
+  double min_band_gain = 0.1;
+  // The depth loss, when a smaller share of the views' priors agrees with the rendered depth.
+  double min_depth_agreement = 0.5;
   // What to start from when the capture has no points, drawn inside the cameras' reach.
   int64_t num_random_points = 20'000;
   uint64_t seed = 1;

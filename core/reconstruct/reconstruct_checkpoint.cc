@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/checkpoint_sections.h"
+#include "core/reconstruct/scene_needs.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -10,7 +11,8 @@ namespace {
 // The one list of sections, for writing and for reading: name, version, value.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
-  visit("counters", 3, checkpoint.counters);
+  visit("counters", 4, checkpoint.counters);
+  visit("needs", 1, checkpoint.needs);
   visit("random", 1, checkpoint.random);
   visit("views_left", 1, checkpoint.views_left);
   visit("gaussians", 1, checkpoint.gaussians.shape);
@@ -68,6 +70,11 @@ absl::Status Validate(const ReconstructCheckpoint& checkpoint) {
   if (checkpoint.counters.step < 0) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " is negative"));
   }
+  if (checkpoint.counters.place < checkpoint.counters.step) {
+    return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " at place ",
+                                            checkpoint.counters.place, " of the schedule"));
+  }
+  RETURN_IF_ERROR(CheckSize("needs", checkpoint.needs.size(), SceneNeeds::kNumState));
   return ValidateRows(checkpoint.gaussians);
 }
 

@@ -26,8 +26,11 @@ struct ReconstructCheckpoint {
     int64_t num_refined = 0;
     int64_t num_refine_split = 0;
     int64_t num_skipped_depths = 0;
+    int64_t place = 0;              // in the schedule: steps done and left out
+    int64_t depth_is_left_out = 0;  // 1: since it was found not to agree
   };
   Counters counters;
+  std::vector<double> needs;        // SceneNeeds::Save
   std::string random;               // std::mt19937_64 as it writes itself
   std::vector<int32_t> views_left;  // ViewSampler's
   GaussianRows gaussians;

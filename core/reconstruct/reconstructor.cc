@@ -6,57 +6,14 @@
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
+#include "core/reconstruct/earned_bands.h"
+#include "core/reconstruct/trainable.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kNearPlane = 0.01f;     // of the scene radius
 constexpr float kResetOpacity = 0.01f;  // what a reset leaves
-
-absl::Status CheckTrainable(const Capture& capture) {
-  int num_training = 0;
-  for (const View& view : capture.views) {
-    if (view.held_out) continue;
-    const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
-    if (num_pixels == 0 || view.photo.pixels.size() != 3 * num_pixels) {
-      return absl::FailedPreconditionError(absl::StrCat(
-          "view ", view.name, ": the photograph has ", view.photo.pixels.size(),
-          " bytes, its camera wants ", view.camera.width, " x ", view.camera.height, " x 3"));
-    }
-    if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("view ", view.name, ": the ignore mask has ", view.ignore.size(),
-                       " pixels, the photograph ", num_pixels));
-    }
-    if (!view.depth.values.empty() && view.depth.values.size() != num_pixels) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("view ", view.name, ": the depth prior has ", view.depth.values.size(),
-                       " pixels, the photograph ", num_pixels));
-    }
-    ++num_training;
-  }
-  if (num_training > 0) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
-}
-
-// `options` with their depth_weight filled in.
-std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
-  std::vector<SkippedTerm> skipped;
-  if (options.depth_weight == 0) {
-    const char* none = HasTrainingDepth(capture) ? "depth priors are of the points it starts from"
-                                                 : "no training view has a depth prior";
-    skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
-  }
-  const bool has_masks = std::ranges::any_of(
-      capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
-  if (options.refine_keep == RefineKeep::kNone || !has_masks) {
-    skipped.push_back(
-        {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
-  }
-  return skipped;
-}
 
 }  // namespace
 
@@ -89,7 +46,8 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       depth_term_(backend, options_, views_.max_pixels()),
       loss_sums_(backend, kNumLossSums),
       entry_rooms_(views_.size()),
-      results_(backend) {}
+      results_(backend),
+      needs_(options_, views_.size()) {}
 
 absl::Status Reconstructor::Allocated() const {
   if (views_.allocated() && refiner_.allocated() && state_.allocated() && !color_.empty() &&
@@ -116,7 +74,11 @@ absl::Status Reconstructor::CheckOurs(const ReconstructCheckpoint& checkpoint) c
     return absl::DataLossError(
         absl::StrCat("is of step ", checkpoint.counters.step, " of ", options_.num_steps));
   }
-  if (checkpoint.gaussians.shape.sh_degree != options_.sh_degree) {
+  if (checkpoint.counters.place > options_.num_steps) {
+    return absl::DataLossError(absl::StrCat("is at place ", checkpoint.counters.place,
+                                            " of a schedule of ", options_.num_steps));
+  }
+  if (checkpoint.gaussians.shape.sh_degree > options_.sh_degree) {
     return absl::DataLossError(absl::StrCat("has degree ", checkpoint.gaussians.shape.sh_degree,
                                             ", the options say ", options_.sh_degree));
   }
@@ -137,6 +99,9 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
   if (random.fail()) return absl::DataLossError("the state of the random engine is none");
   sampler_.Restore({checkpoint.views_left.begin(), checkpoint.views_left.end()});
   step_ = static_cast<int>(checkpoint.counters.step);
+  place_ = static_cast<int>(checkpoint.counters.place);
+  if (checkpoint.counters.depth_is_left_out != 0) depth_term_.LeaveOut();
+  needs_.Restore(checkpoint.needs);
   num_culled_degenerate_ = checkpoint.counters.num_culled_degenerate;
   num_skipped_gradients_ = checkpoint.counters.num_skipped_gradients;
   num_void_renders_ = checkpoint.counters.num_void_renders;
@@ -156,7 +121,10 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
                          num_void_renders_,
                          refiner_.counts().num_refined,
                          refiner_.counts().num_split,
-                         num_skipped_depths_};
+                         num_skipped_depths_,
+                         place_,
+                         depth_term_.left_out() ? 1 : 0};
+  checkpoint.needs = needs_.Save();
   std::ostringstream random;
   random << random_;
   checkpoint.random = random.str();
@@ -170,23 +138,26 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
 }
 
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(step_), state_.count(), {}};
+  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(place_), state_.count(), {}};
   input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
-                                    schedule_.DepthWeightAt(step_), random_);
+                                    schedule_.DepthWeightAt(place_), random_);
   TrainOn(input, entry_rooms_.For(input));
   while (results_.full()) Settle();
 
-  const bool densify = densifier_.Due(step_);
-  const bool reset = densifier_.OpacityResetDue(step_);
-  const bool refine = !densify && refiner_.Due(step_);
-  if (densify || reset || refine || step_ + 1 == options_.num_steps) {
+  const bool densify = densifier_.Due(place_);
+  const bool reset = densifier_.OpacityResetDue(place_);
+  const bool refine = !densify && refiner_.Due(place_);
+  const bool review = needs_.EndsWindow(place_);
+  if (densify || reset || refine || review || place_ + 1 == options_.num_steps) {
     while (!results_.empty()) Settle();
   }
-  if (densify) RETURN_IF_ERROR(densifier_.Apply(step_, state_, random_));
+  if (densify) RETURN_IF_ERROR(densifier_.Apply(place_, state_, random_));
   if (reset) state_.LimitOpacity(kResetOpacity);
   if (refine) RETURN_IF_ERROR(Refine(input));
-  refiner_.EndStep(step_, state_);
+  refiner_.EndStep(place_, state_);
   ++step_;
+  ++place_;
+  if (review) LeaveOutWhatIsNotNeeded();
   return Report();
 }
 
@@ -204,7 +175,7 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
 // Forward, loss, backward and Adam on one view: method.md section 1.
 void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
   const TrainingView& view = views_.At(input.view, input.shrink);
-  const int sh_degree = schedule_.ShDegreeAt(step_);
+  const int sh_degree = std::min(schedule_.ShDegreeAt(place_), state_.sh_degree());
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = color_.span().Subspan(0, size);
   const auto color_grad = color_grad_.span().Subspan(0, size);
@@ -212,7 +183,7 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
 
   backend_.Render({.gaussians = state_.parameters(),
                    .view = view.pinhole,
-                   .near_plane = static_cast<float>(kNearPlane * scene_radius_),
+                   .near_plane = NearPlane(),
                    .active_sh_degree = sh_degree,
                    .scratch = &scratch_,
                    .color = color,
@@ -237,7 +208,7 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
                            .scratch = &scratch_});
   backend_.Update({.view = view.pinhole,
                    .active_sh_degree = sh_degree,
-                   .learning_rates = schedule_.RatesAt(step_),
+                   .learning_rates = schedule_.RatesAt(place_),
                    .min_log_scale = log_scales_.min,
                    .max_log_scale = log_scales_.max,
                    .scratch = &scratch_,
@@ -258,17 +229,66 @@ void Reconstructor::Settle() {
     return;
   }
   entry_rooms_.Learn(result);
+  needs_.Learn(LossOf(result));
   num_culled_degenerate_ += result.counters[kNumCulledDegenerate];
   num_skipped_gradients_ += result.counters[kNumSkippedGradientRows];
   if (result.input.depth.weight > 0) {
     num_skipped_depths_ += result.loss_sums[kFirstDepthSum + kDepthSkipped] > 0;
+    needs_.LearnDepth(DepthExplained(result));
   }
   newest_ = result;
 }
 
+double Reconstructor::LossOf(const StepResult& result) const {
+  const auto& sums = result.loss_sums;
+  const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
+  return (1 - options_.ssim_weight) * sums[kSumL1] / num +
+         options_.ssim_weight * (1 - sums[kSumSsim] / num);
+}
+
+// Of the prior's spread, by the fit to the whole view.
+double Reconstructor::DepthExplained(const StepResult& result) const {
+  const double* sums = result.loss_sums.data() + kFirstDepthSum;
+  const double spread = views_.At(result.input.view, result.input.shrink).prior_deviation;
+  if (sums[kDepthSkipped] > 0 || spread <= 0) return 0;
+  return 1 - sums[kSumDepthView] / (double{result.input.depth.weight} * spread);
+}
+
+void Reconstructor::LeaveOutWhatIsNotNeeded() {
+  const SceneNeeds::Decision decision = needs_.Decide(place_ - 1);
+  if (decision.leave_out_depth && !depth_term_.left_out()) {
+    depth_term_.LeaveOut();
+    skipped_.push_back({"depth",
+                        "the depth priors do not agree with the depth of what the photographs show",
+                        step_});
+  }
+  if (decision.measure_bands) {
+    const int earned =
+        EarnedShDegree(backend_, views_, NearPlane(), state_, options_.min_band_gain);
+    if (earned < state_.sh_degree()) {
+      skipped_.push_back({"bands",
+                          absl::StrCat("of the colour by direction, degrees over ", earned,
+                                       " are worth less than ", options_.min_band_gain, " dB"),
+                          step_});
+      state_.KeepBandsTo(earned);
+    }
+  }
+  if (decision.close) {
+    const auto closing = static_cast<int>(std::lround(options_.closing_share * options_.num_steps));
+    const int saved = options_.num_steps - closing - place_;
+    skipped_.push_back({"steps",
+                        absl::StrCat("the loss of the training views has stopped falling: ",
+                                     closing, " steps close the schedule"),
+                        step_, saved});
+    place_ += saved;
+  }
+}
+
+// Of the scene's radius (method.md section 1).
+float Reconstructor::NearPlane() const { return static_cast<float>(0.01 * scene_radius_); }
+
 absl::Status Reconstructor::Refine(const StepInput& input) {
-  return refiner_.Apply({input.view, views_.At(input.view, input.shrink).pinhole,
-                         static_cast<float>(kNearPlane * scene_radius_)},
+  return refiner_.Apply({input.view, views_.At(input.view, input.shrink).pinhole, NearPlane()},
                         state_);
 }
 
@@ -279,7 +299,7 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   StepReport report;
   report.stage = "reconstruct";
   report.step = step_;
-  report.num_steps = options_.num_steps;
+  report.num_steps = step_ + options_.num_steps - place_;
   report.num_gaussians = state_.count();
   report.num_culled_degenerate = num_culled_degenerate_;
   report.num_skipped_gradients = num_skipped_gradients_;
@@ -289,9 +309,8 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   report.num_skipped_depths = num_skipped_depths_;
   if (!newest_) return report;
   const auto& sums = newest_->loss_sums;
-  const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
-  report.loss = (1 - options_.ssim_weight) * sums[kSumL1] / num +
-                options_.ssim_weight * (1 - sums[kSumSsim] / num);
+  const double num = std::max(1.0, sums[kSumPixelChannels]);
+  report.loss = LossOf(*newest_);
   const double mse = std::max(1e-10, sums[kSumSquared] / num);
   report.psnr = -10 * std::log10(mse);
   if (newest_->input.depth.weight > 0) {

@@ -15,6 +15,7 @@
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
 #include "core/reconstruct/refiner.h"
+#include "core/reconstruct/scene_needs.h"
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"
@@ -38,10 +39,11 @@ class Reconstructor {
       Backend& backend, const Capture& capture, const ReconstructOptions& options,
       const ReconstructCheckpoint& checkpoint);
 
-  // What is left out, from the start on.
+  // What is left out, in the order in which it was decided; a run that goes on from a checkpoint
+  // does not know what was decided before.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
-  // True after options.num_steps steps.
-  bool done() const { return step_ >= options_.num_steps; }
+  // True after options.num_steps steps, those that are left out counted in.
+  bool done() const { return place_ >= options_.num_steps; }
   // The loss and PSNR reported are those of the newest step that the device has finished, which may
   // be some steps back.
   absl::StatusOr<StepReport> Step();
@@ -58,12 +60,16 @@ class Reconstructor {
   void TrainOn(const StepInput& input, int64_t entry_room);
   void LearnView(const StepInput& input, int64_t entry_room);
   void Settle();
+  double LossOf(const StepResult& result) const;
+  double DepthExplained(const StepResult& result) const;
+  void LeaveOutWhatIsNotNeeded();
   absl::Status Refine(const StepInput& input);
+  float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
 
   Backend& backend_;
   const ReconstructOptions options_;
-  const std::vector<SkippedTerm> skipped_;
+  std::vector<SkippedTerm> skipped_;
   const double scene_radius_;
   std::mt19937_64 random_;
   const Schedule schedule_;
@@ -78,9 +84,11 @@ class Reconstructor {
   Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
   DepthTerm depth_term_;
   Buffer<double> loss_sums_;  // [kNumLossSums]
-  int step_ = 0;
+  int step_ = 0;              // done
+  int place_ = 0;             // in the schedule: done and left out
   EntryRooms entry_rooms_;
   StepResults results_;
+  SceneNeeds needs_;
   std::optional<StepResult> newest_;
   int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_void_renders_ = 0;
   int64_t num_skipped_depths_ = 0;

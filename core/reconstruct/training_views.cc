@@ -60,6 +60,7 @@ void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& o
   const PriorBounds bounds = InlierBounds(view.depth.values);
   out.min_prior = bounds.min;
   out.max_prior = bounds.max;
+  out.prior_deviation = MeanDeviation(view.depth.values, bounds);
   out.inverse_depth = view.depth.kind == DepthPrior::Kind::kDisparity;
 }
 

@@ -17,6 +17,7 @@ struct TrainingView {
   // The depth prior: [H, W], NaN where nothing is known; empty when there is none.
   Buffer<float> prior;
   float min_prior = 0, max_prior = 0;  // outside are outliers
+  double prior_deviation = 0;          // mean distance of the rest from its mean
   bool inverse_depth = false;          // it is compared with 1 / z
 };
 

@@ -122,6 +122,7 @@ absl::StatusOr<Gaussians> Training::ReconstructOrResume() {
   absl::StatusOr<Gaussians> gaussians = [&] {
     const Polling polling(job_.stop);
     return FinishReconstruction(*reconstructor, [&](const StepReport& report) {
+      RETURN_IF_ERROR(stages_.TellSkipped(reconstructor->skipped()));
       return SaveStep(Step(report), report.step, *reconstructor, checkpoints_);
     });
   }();
@@ -192,6 +193,7 @@ absl::Status Training::TrainSceneFeatures() {
   absl::StatusOr<FeatureField> field = [&] {
     const Polling polling(job_.stop);
     return FinishFeatures(*stage, [&](const StepReport& report) {
+      RETURN_IF_ERROR(stages_.TellSkipped(stage->skipped()));
       return SaveStep(Step(report), stage->step(), *stage, feature_checkpoints_);
     });
   }();

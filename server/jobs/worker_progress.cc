@@ -60,9 +60,17 @@ absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metri
 
 absl::Status WorkerProgress::SkipTerm(const SkippedTerm& skipped) {
   v1::JobEvent event;
-  event.mutable_term_skipped()->set_stage(stage_);
-  event.mutable_term_skipped()->set_term(skipped.term);
-  event.mutable_term_skipped()->set_reason(skipped.reason);
+  v1::JobEvent::TermSkipped& told = *event.mutable_term_skipped();
+  told.set_stage(stage_);
+  told.set_term(skipped.term);
+  told.set_reason(skipped.reason);
+  told.set_step(skipped.step);
+  const int64_t num_done = skipped.step - first_step_;
+  if (skipped.saved_steps > 0 && num_done > 0) {
+    told.set_saved_steps(skipped.saved_steps);
+    *told.mutable_saved() = ToProto(seconds_in_stage() * static_cast<double>(skipped.saved_steps) /
+                                    static_cast<double>(num_done));
+  }
   return log_.Append(std::move(event));
 }
 

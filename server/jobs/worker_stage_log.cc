@@ -18,6 +18,7 @@ constexpr size_t kMaxWarnings = 100;
 
 absl::Status StageLog::Start(const std::string& stage) {
   stage_ = stage;
+  num_skipped_ = 0;
   if (stop_.stop) return absl::CancelledError("stopped before stage " + stage);
   spdlog::info("stage {} begins", stage);
   return progress_.StartStage(stage);
@@ -50,8 +51,10 @@ absl::Status StageLog::Step(const StepReport& report) {
 }
 
 absl::Status StageLog::TellSkipped(std::span<const SkippedTerm> skipped) {
-  for (const SkippedTerm& term : skipped) {
-    spdlog::info("stage {}: {} skipped: {}", stage_, term.term, term.reason);
+  for (; num_skipped_ < skipped.size(); ++num_skipped_) {
+    const SkippedTerm& term = skipped[num_skipped_];
+    spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, term.step, term.term,
+                 term.reason, term.saved_steps);
     RETURN_IF_ERROR(progress_.SkipTerm(term));
   }
   return absl::OkStatus();

@@ -30,6 +30,7 @@ class StageLog {
   absl::Status Step(const StepReport& report);
   // The stage goes on from what an earlier attempt did in `step` steps.
   void GoOnFrom(int64_t step) { progress_.GoOnFrom(step); }
+  // Those that are behind what it was told of in this stage before.
   absl::Status TellSkipped(std::span<const SkippedTerm> skipped);
   void Warn(const std::string& message);
   // Not all of very many.
@@ -43,6 +44,7 @@ class StageLog {
   const StopSwitch& stop_;
   WorkerProgress progress_;
   std::string stage_;
+  size_t num_skipped_ = 0;  // told of in the stage
   std::map<std::string, double> metrics_;
 };
 

@@ -47,19 +47,27 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
   stage.seed = seed;
   double seconds = 0, start = Now();
   ASSIGN_OR_RETURN(const auto reconstructor, Reconstructor::Create(backend, capture, stage));
-  for (int step = 1; step <= stage.num_steps; ++step) {
+  while (!reconstructor->done()) {
     ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
-    const int64_t share = int64_t{step} * options.num_scores / stage.num_steps;
-    if (share == int64_t{step - 1} * options.num_scores / stage.num_steps) continue;
+    const auto scores_due = [&](int64_t step) {
+      return step * options.num_scores / stage.num_steps;
+    };
+    if (scores_due(report.step) == scores_due(report.step - 1) && !reconstructor->done()) continue;
     backend.Sync();
     seconds += Now() - start;
     ASSIGN_OR_RETURN(const std::string cells, Score(backend, capture, reconstructor->Result()));
     std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f |\n", options.name.c_str(),
-                static_cast<int>(seed), step, seconds, static_cast<long>(report.num_gaussians),
-                cells.c_str(), report.loss, static_cast<long>(report.num_void_renders),
+                static_cast<int>(seed), static_cast<int>(report.step), seconds,
+                static_cast<long>(report.num_gaussians), cells.c_str(), report.loss,
+                static_cast<long>(report.num_void_renders),
                 1e-6 * static_cast<double>(backend.bytes_in_use()));
     std::fflush(stdout);
     start = Now();
+  }
+  for (const SkippedTerm& skipped : reconstructor->skipped()) {
+    std::printf("# %s, seed %d, step %d: %s skipped: %s; saves %d steps\n", options.name.c_str(),
+                static_cast<int>(seed), static_cast<int>(skipped.step), skipped.term.c_str(),
+                skipped.reason.c_str(), static_cast<int>(skipped.saved_steps));
   }
   return absl::OkStatus();
 }

@@ -38,6 +38,10 @@ inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {
   app.add_option("--refine-from", stage.refine_from);
   app.add_option("--refine-length", stage.refine_length);
   app.add_option("--refine-candidates", stage.refine_candidates);
+  app.add_option("--min-loss-fall", stage.min_loss_fall);
+  app.add_option("--closing-share", stage.closing_share);
+  app.add_option("--min-band-gain", stage.min_band_gain);
+  app.add_option("--min-depth-agreement", stage.min_depth_agreement);
   app.add_option("--random-points", stage.num_random_points);
   app.add_option("--seed", stage.seed);
 }

@@ -78,6 +78,56 @@ TEST(FeatureCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
   }
 }
 
+// Windows of 504 steps; the second ends the falling whatever the loss does.
+constexpr FeatureOptions kConverging = {.num_steps = 2000,
+                                        .num_pixels = 12,
+                                        .num_background_pixels = 4,
+                                        .num_scales = 2,
+                                        .centroid_weight_upper = 0,
+                                        .steps_per_chunk = 300,
+                                        .min_loss_fall = 1};
+
+TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const auto unbroken,
+                       FeatureStage::Create(*backend, Synthetic(), Points(), kConverging));
+  StepReport last;
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, [&](const StepReport& r) {
+                         last = r;
+                         return absl::OkStatus();
+                       }));
+  const SkippedTerm& steps = unbroken->skipped().back();
+  EXPECT_EQ(steps.term, "steps");
+  EXPECT_EQ(steps.step, 1000);  // 5 training views
+  EXPECT_EQ(steps.saved_steps, 400);
+  EXPECT_EQ(last.step, 1600);
+  EXPECT_EQ(last.num_steps, 1600);
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureStage::Create(*backend, Synthetic(), Points(), kConverging));
+  for (const int step : {499, 500, 999, 1000, 1001, 1350}) {
+    SCOPED_TRACE(step);
+    while (stage->step() < step) ASSERT_OK(stage->Advance());
+    ASSERT_OK_AND_ASSIGN(const FeatureCheckpoint checkpoint, stage->Save());
+    ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureStage::Resume(*backend, Synthetic(), Points(),
+                                                                  kConverging, checkpoint));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, FinishFeatures(*resumed, Go));
+    EXPECT_EQ(resumed->step(), 1600);
+    EXPECT_EQ(got.features, want.features);
+    EXPECT_EQ(got.gate, want.gate);
+  }
+}
+
+TEST(FeatureStage, WithoutAShareAllStepsAreDone) {
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kConverging;
+  options.num_steps = 1200;
+  options.min_loss_fall = 0;
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureStage::Create(*backend, Synthetic(), Points(), options));
+  ASSERT_OK(FinishFeatures(*stage, Go));
+  EXPECT_EQ(stage->step(), 1200);
+}
+
 TEST(FeatureCheckpoint, SavingTwiceOnTheWayChangesNothing) {
   const FeatureCheckpoint first = CheckpointAt(30);
   EXPECT_FALSE(first.centroids.upper.empty() && first.centroids.lower.empty());

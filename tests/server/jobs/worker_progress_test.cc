@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
+#include <thread>
 
 #include "tests/testing/temp_folder.h"
 
@@ -77,6 +79,25 @@ TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
   EXPECT_EQ(skipped.stage(), "features");
   EXPECT_EQ(skipped.term(), "perception");
   EXPECT_EQ(skipped.reason(), "no training view has a depth prior");
+}
+
+TEST_F(WorkerProgressTest, TellsWhatSkippedStepsSaveAtThePaceSoFar) {
+  WorkerProgress progress(*log_);
+  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  progress.GoOnFrom(1000);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const double before = progress.seconds_in_stage();
+  ASSERT_TRUE(progress.SkipTerm({"steps", "the loss has stopped falling", 1100, 300}).ok());
+  const double after = progress.seconds_in_stage();
+  const auto events = EventLogReader(path_).Read();
+  ASSERT_TRUE(events.ok() && !events->empty());
+  const v1::JobEvent::TermSkipped& skipped = events->back().term_skipped();
+  EXPECT_EQ(skipped.step(), 1100);
+  EXPECT_EQ(skipped.saved_steps(), 300);
+  const double saved =
+      1e-9 * skipped.saved().nanos() + static_cast<double>(skipped.saved().seconds());
+  EXPECT_GE(saved, 3 * before - 1e-5);
+  EXPECT_LE(saved, 3 * after + 1e-5);
 }
 
 TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {

@@ -1,0 +1,56 @@
+#include "core/reconstruct/scene_needs.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace pepeseg {
+namespace {
+
+constexpr double kBandsFrom = 0.3;  // share of num_steps: all bands have been trained for a while
+
+}  // namespace
+
+SceneNeeds::SceneNeeds(const ReconstructOptions& options, int num_views)
+    : options_(options),
+      window_(Convergence::Window(num_views)),
+      loss_(options.min_loss_fall),
+      depth_(options.min_depth_agreement) {}
+
+void SceneNeeds::Learn(double loss) { loss_.Add(loss); }
+
+// Whether no step after this one changes what is trained, or on what.
+bool SceneNeeds::Grown(int step) const {
+  const double share = static_cast<double>(step + 1) / options_.num_steps;
+  return share >= std::max({options_.densify_until, options_.coarse_until,
+                            options_.refine_from + options_.refine_length});
+}
+
+SceneNeeds::Decision SceneNeeds::Decide(int step) {
+  const double share = static_cast<double>(step + 1) / options_.num_steps;
+  const double before = static_cast<double>(step + 1 - window_) / options_.num_steps;
+  Decision decision;
+  decision.leave_out_depth = depth_.Failed();
+  decision.measure_bands = options_.min_band_gain > 0 && before < kBandsFrom && share >= kBandsFrom;
+  decision.close = loss_.StoppedFalling() && Grown(step) && share < 1 - options_.closing_share;
+  return decision;
+}
+
+std::vector<double> SceneNeeds::Save() const {
+  const Convergence::State& loss = loss_.state();
+  const DepthAgreement::State& depth = depth_.state();
+  return {loss.sum,
+          loss.num,
+          loss.before,
+          static_cast<double>(depth.num),
+          static_cast<double>(depth.num_agreeing),
+          static_cast<double>(depth.failed_before)};
+}
+
+void SceneNeeds::Restore(const std::vector<double>& state) {
+  assert(state.size() == kNumState);
+  loss_.Restore({state[0], state[1], state[2]});
+  depth_.Restore({static_cast<int64_t>(state[3]), static_cast<int64_t>(state[4]),
+                  static_cast<int64_t>(state[5])});
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,52 @@
+#include "core/reconstruct/trainable.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg {
+
+absl::Status CheckTrainable(const Capture& capture) {
+  int num_training = 0;
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const size_t num_pixels = static_cast<size_t>(view.camera.width) * view.camera.height;
+    if (num_pixels == 0 || view.photo.pixels.size() != 3 * num_pixels) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "view ", view.name, ": the photograph has ", view.photo.pixels.size(),
+          " bytes, its camera wants ", view.camera.width, " x ", view.camera.height, " x 3"));
+    }
+    if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the ignore mask has ", view.ignore.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
+    if (!view.depth.values.empty() && view.depth.values.size() != num_pixels) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("view ", view.name, ": the depth prior has ", view.depth.values.size(),
+                       " pixels, the photograph ", num_pixels));
+    }
+    ++num_training;
+  }
+  if (num_training > 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
+}
+
+std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
+  std::vector<SkippedTerm> skipped;
+  if (options.depth_weight == 0) {
+    const char* none = HasTrainingDepth(capture) ? "depth priors are of the points it starts from"
+                                                 : "no training view has a depth prior";
+    skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
+  }
+  const bool has_masks = std::ranges::any_of(
+      capture.views, [](const View& view) { return !view.held_out && !view.masks.empty(); });
+  if (options.refine_keep == RefineKeep::kNone || !has_masks) {
+    skipped.push_back(
+        {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
+  }
+  return skipped;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,135 @@
+// What a scene does not need, left out while stage one trains on it.
+#include "core/reconstruct/scene_needs.h"
+
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "core/evaluate/metrics.h"
+#include "core/reconstruct/reconstructor.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/synthetic_capture.h"
+
+namespace pepeseg {
+namespace {
+
+// Small: windows are of 500 steps.
+Capture Small(std::optional<DepthPrior::Kind> depth = {}) {
+  return testing::MakeSyntheticScene(
+             {.num_views = 6, .width = 32, .height = 24, .num_points = 120, .depth = depth})
+      .capture;
+}
+
+ReconstructOptions RunOf(int num_steps) {
+  ReconstructOptions options;
+  options.num_steps = num_steps;
+  options.densify_until = 0.25;
+  options.max_gaussians = 300;
+  options.min_loss_fall = options.min_band_gain = options.min_depth_agreement = 0;
+  return options;
+}
+
+struct Trained {
+  Gaussians gaussians;
+  std::vector<SkippedTerm> skipped;
+  StepReport last;
+};
+Trained Train(const Capture& capture, const ReconstructOptions& options) {
+  const auto backend = MakeCpuBackend(2);
+  const auto reconstructor = Reconstructor::Create(*backend, capture, options).value();
+  Trained out;
+  while (!reconstructor->done()) {
+    const auto report = reconstructor->Step();
+    EXPECT_OK(report);
+    out.last = *report;
+  }
+  out.gaussians = reconstructor->Result();
+  out.skipped = reconstructor->skipped();
+  return out;
+}
+
+const SkippedTerm* Find(const Trained& trained, std::string_view term) {
+  for (const SkippedTerm& skipped : trained.skipped) {
+    if (skipped.term == term && skipped.step > 0) return &skipped;
+  }
+  return nullptr;
+}
+
+double HeldOutPsnr(const Capture& capture, const Trained& trained) {
+  const auto backend = MakeCpuBackend(2);
+  return Mean(ScoreHeldOut(*backend, capture, trained.gaussians).value()).psnr;
+}
+
+TEST(SceneNeeds, StepsBehindConvergenceAreLeftOutAndToldOf) {
+  const Capture capture = Small();
+  ReconstructOptions options = RunOf(4000);
+  const Trained all = Train(capture, options);
+  EXPECT_EQ(all.last.step, 4000);
+  EXPECT_EQ(Find(all, "steps"), nullptr);
+  options.min_loss_fall = 0.2;
+  const Trained fewer = Train(capture, options);
+  const SkippedTerm* steps = Find(fewer, "steps");
+  ASSERT_NE(steps, nullptr);
+  EXPECT_GE(steps->step, 1000);  // not while Gaussians grow
+  EXPECT_EQ(steps->step % Convergence::Window(5), 0);
+  EXPECT_EQ(steps->saved_steps, 4000 - 400 - steps->step);
+  EXPECT_EQ(fewer.last.step, 4000 - steps->saved_steps);
+  EXPECT_EQ(fewer.last.num_steps, fewer.last.step);
+  EXPECT_GT(HeldOutPsnr(capture, fewer), HeldOutPsnr(capture, all) - 0.5);
+}
+
+TEST(SceneNeeds, AnUpsideDownDepthPriorIsLeftOut) {
+  Capture capture = Small(DepthPrior::Kind::kDisparity);
+  ReconstructOptions options = RunOf(1500);
+  options.min_depth_agreement = 0.5;
+  EXPECT_EQ(Find(Train(capture, options), "depth"), nullptr);
+  for (View& view : capture.views) {
+    for (float& value : view.depth.values) value = 1 - value;
+  }
+  const Trained trained = Train(capture, options);
+  const SkippedTerm* depth = Find(trained, "depth");
+  ASSERT_NE(depth, nullptr);
+  EXPECT_EQ(depth->step, 1000);  // the end of the second window
+  EXPECT_TRUE(std::isnan(trained.last.depth_loss));
+}
+
+TEST(SceneNeeds, BandsThatAreWorthNothingAreNotStored) {
+  const Capture capture = Small();
+  ReconstructOptions options = RunOf(1600);
+  options.min_band_gain = 100;
+  const Trained trained = Train(capture, options);
+  ASSERT_NE(Find(trained, "bands"), nullptr);
+  EXPECT_EQ(trained.gaussians.sh_degree, 0);
+  options.min_band_gain = 1e-9;
+  EXPECT_EQ(Train(capture, options).gaussians.sh_degree, 3);
+}
+
+// All three decisions fall into the run.
+TEST(SceneNeeds, ARunThatGoesOnDecidesTheSame) {
+  Capture capture = Small(DepthPrior::Kind::kDisparity);
+  for (View& view : capture.views) {
+    for (float& value : view.depth.values) value = 1 - value;
+  }
+  ReconstructOptions options = RunOf(3000);
+  options.min_loss_fall = 0.9;
+  options.min_band_gain = 100;
+  options.min_depth_agreement = 0.5;
+  const Trained unbroken = Train(capture, options);
+  for (const char* term : {"depth", "bands", "steps"}) {
+    ASSERT_NE(Find(unbroken, term), nullptr) << term;
+  }
+  const auto backend = MakeCpuBackend(1);
+  const auto reconstructor = Reconstructor::Create(*backend, capture, options).value();
+  int64_t step = 0;
+  for (const int64_t broken_after : {499, 500, 731, 1000, 1003}) {
+    for (; step < broken_after; ++step) ASSERT_OK(reconstructor->Step());
+    ASSERT_OK_AND_ASSIGN(const ReconstructCheckpoint checkpoint, reconstructor->Save());
+    ASSERT_OK_AND_ASSIGN(const auto resumed,
+                         Reconstructor::Resume(*backend, capture, options, checkpoint));
+    while (!resumed->done()) ASSERT_OK(resumed->Step());
+    EXPECT_EQ(resumed->Result().planes, unbroken.gaussians.planes) << "after " << broken_after;
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg
