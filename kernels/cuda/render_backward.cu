@@ -57,11 +57,16 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   s.g_grad = p.color_grad[num_pixels + pixel];
   s.b_grad = p.color_grad[2 * num_pixels + pixel];
   if constexpr (kDepth) s.depth_grad = p.depth_grad[pixel];
+  const float alpha_grad = p.alpha_grad == nullptr ? 0 : p.alpha_grad[pixel];
+  if (s.r_grad == 0 && s.g_grad == 0 && s.b_grad == 0 && s.depth_grad == 0 && alpha_grad == 0) {
+    s.end = 0;  // it has nothing to say: ignored, or as the photograph
+    return s;
+  }
   const int64_t in_tiles = int64_t{tile} * kTilePixels + cell * 32 + lane;
   const float4 all = p.pixel_color[in_tiles];
   s.transmittance = all.w;
   s.behind = s.r_grad * p.background[0] + s.g_grad * p.background[1] + s.b_grad * p.background[2];
-  if (p.alpha_grad != nullptr) s.behind -= p.alpha_grad[pixel];
+  s.behind -= alpha_grad;
   if (s.end <= first + kBucketSize) return s;
   // Behind this bucket lies what the pixel gathered after it, seen with transmittance 1.
   s.end = first + kBucketSize;

@@ -131,6 +131,35 @@ TEST_P(RenderBackwardTest, MatchesReferenceGradientOfInverseDepth) {
   }
 }
 
+// A pixel counts if any of its gradients is not zero.
+TEST_P(RenderBackwardTest, IsTheSumOfWhatEachImageGivesAlone) {
+  constexpr int64_t kNumPixels = 40 * 30;
+  Rendered scene(*backend_, RandomScene({.count = 80}), TestView(40, 30));
+  scene.Render();
+  const auto color = RandomValues(3 * kNumPixels, 1), alpha = RandomValues(kNumPixels, 2),
+             depth = RandomValues(kNumPixels, 3);
+  const std::vector<float> none(kNumPixels), black(3 * kNumPixels);
+  scene.Backward(color, alpha, depth);
+  const auto want = InDouble(scene.ParameterGradient());
+  std::vector<double> sum(want.size(), 0.0);
+  const auto add = [&] {
+    const auto part = scene.ParameterGradient();
+    EXPECT_TRUE(std::ranges::any_of(part, [](float g) { return g != 0; }));
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += double{part[i]};
+  };
+  for (int c = 0; c < 3; ++c) {
+    std::vector<float> one = black;
+    std::copy_n(color.begin() + c * kNumPixels, kNumPixels, one.begin() + c * kNumPixels);
+    scene.Backward(one, none, none);
+    add();
+  }
+  scene.Backward(black, alpha, none);
+  add();
+  scene.Backward(black, none, depth);
+  add();
+  EXPECT_LT(RelativeError(sum, want), 1e-5);
+}
+
 TEST_P(RenderBackwardTest, EmptyAlphaAndDepthGradientsAreZeros) {
   Rendered scene(*backend_, RandomScene({.count = 50}), TestView(40, 30));
   scene.Render();

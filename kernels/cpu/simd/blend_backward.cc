@@ -87,8 +87,9 @@ PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
           shape.opacity, sums[6], sums[7],        sums[8],        sums[9]};
 }
 
-// The tile's part of the gradients; pixels outside the image have seen no entry. Returns how many
-// entries have been blended somewhere.
+// The tile's part of the gradients; pixels outside the image have seen no entry, and those whose
+// gradients are all zero (ignored ones, say) count as if they had not. Returns how many entries
+// have been blended somewhere else.
 PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, TileGrads& out) {
   float most = 0;
   const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
@@ -103,14 +104,20 @@ PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, Til
     r.Store(out.r + pixel);
     g.Store(out.g + pixel);
     b.Store(out.b + pixel);
-    load(image.depth).Store(out.depth + pixel);
+    const Lanes depth = load(image.depth), alpha = load(image.alpha);
+    depth.Store(out.depth + pixel);
+    float alpha_grad[kLanes];
+    alpha.Store(alpha_grad);
     load(image.transmittance).Store(out.transmittance + pixel);
     const Lanes background =
         MulAdd(r, Lanes(image.background[0]),
                MulAdd(g, Lanes(image.background[1]), b * Lanes(image.background[2])));
-    (background - load(image.alpha)).Store(out.behind + pixel);
+    (background - alpha).Store(out.behind + pixel);
     for (int i = 0; i < kLanes; ++i) {
-      const float last = i < count ? static_cast<float>(image.last[at + i]) : 0.0f;
+      const int at_lane = pixel + i;
+      const bool any = out.r[at_lane] != 0 || out.g[at_lane] != 0 || out.b[at_lane] != 0 ||
+                       out.depth[at_lane] != 0 || alpha_grad[i] != 0;
+      const float last = i < count && any ? static_cast<float>(image.last[at + i]) : 0.0f;
       out.last[pixel + i] = last;
       most = Max(most, last);
     }
