@@ -92,6 +92,26 @@ UnreadReport RunUnread(LoadedServer& server, int num_streams) {
   return report;
 }
 
+namespace {
+
+// Asks again, as clients do, while the first work of the streams fills the queue: the server says
+// UNAVAILABLE with a time to wait then.
+grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  v1::GetJobRequest request;
+  request.set_name(name);
+  while (true) {
+    grpc::ClientContext context;
+    v1::Job job;
+    const grpc::Status status = jobs.GetJob(&context, request, &job);
+    const v1::ErrorDetail detail = DetailOf(status);
+    if (detail.reason() != "BUSY" || absl::Now() > deadline) return status;
+    absl::SleepFor(absl::Seconds(detail.retry_after().seconds()));
+  }
+}
+
+}  // namespace
+
 CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
   std::atomic<int> num_open = 0;
   std::vector<std::unique_ptr<v1::JobService::Stub>> stubs;
@@ -112,11 +132,7 @@ CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
   while (beyond->Read(&event)) {
   }
   report.beyond = beyond->Finish();
-  grpc::ClientContext asking;
-  v1::GetJobRequest get;
-  get.set_name(server.idle_job);
-  v1::Job job;
-  report.meanwhile = stubs.front()->GetJob(&asking, get, &job);
+  report.meanwhile = AskAsTold(*stubs.front(), server.idle_job);
   for (const auto& watcher : watchers) watcher->Cancel();
   while (num_open > 0) absl::SleepFor(absl::Milliseconds(1));
   report.num_streams_after = server.AwaitStreams(0);
