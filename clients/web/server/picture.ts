@@ -1,0 +1,43 @@
+// GET /api/picture?model=M&view=V[&content=color|depth|features]: a view of a model as a picture.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { create } from '@bufbuild/protobuf';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { RenderRequest_Content, RenderRequestSchema } from '../gen/pepeseg/v1/render_pb';
+import { abortedWith, need, queryOf, sendError } from './answer';
+import type { Channel } from './channel';
+import { routing } from './channel';
+
+const contents: Record<string, RenderRequest_Content> = {
+  color: RenderRequest_Content.COLOR,
+  features: RenderRequest_Content.FEATURES,
+};
+
+export async function getPicture(
+  channel: Channel,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
+  const query = queryOf(request);
+  try {
+    const model = need(query, 'model');
+    const content = contents[query.get('content') ?? 'color'];
+    if (content === undefined) throw new ConnectError('content is unknown', Code.InvalidArgument);
+    const rendered = await channel.segmentation.render(
+      create(RenderRequestSchema, {
+        model,
+        content,
+        featureScale: Number(query.get('scale') ?? '0.5'),
+        viewpoint: { place: { case: 'view', value: need(query, 'view') } },
+      }),
+      { signal: abortedWith(response), timeoutMs: 60_000, headers: routing(model) },
+    );
+    response.writeHead(200, {
+      'content-type': 'image/png',
+      'content-length': rendered.png.length,
+      'cache-control': model.endsWith('/live') ? 'no-store' : 'private, max-age=86400, immutable',
+    });
+    response.end(rendered.png);
+  } catch (error) {
+    sendError(response, error);
+  }
+}

@@ -1,0 +1,85 @@
+// The RPCs that the app asks for, passed on to the server as they are. What is not listed here is
+// not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts).
+import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
+import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
+import { ConnectError } from '@connectrpc/connect';
+import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
+import { JobService } from '../gen/pepeseg/v1/job_service_pb';
+import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
+import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
+import type { Channel } from './channel';
+import { routing } from './channel';
+
+/** The first question to a model loads it. */
+const defaultTimeoutMs = 120_000;
+
+type Message = MessageShape<DescMessage>;
+
+/** The fields by which a request names its scene, or what belongs to one. */
+export function resourceOf(request: Message): string | undefined {
+  const fields = request as unknown as Record<string, unknown>;
+  for (const field of ['scene', 'parent', 'model', 'name', 'first']) {
+    const value = fields[field];
+    if (typeof value === 'string' && value.startsWith('scenes/')) return value;
+  }
+  return undefined;
+}
+
+/** The server's error without its headers, which are about another connection. */
+export function passedOn(error: unknown): ConnectError {
+  const from = ConnectError.from(error);
+  const to = new ConnectError(from.rawMessage, from.code);
+  to.details = from.details;
+  return to;
+}
+
+type UnaryCall = (request: Message, options: object) => Promise<Message>;
+type StreamCall = (request: Message, options: object) => AsyncIterable<Message>;
+
+function passUnary(call: UnaryCall) {
+  return async (request: Message, context: HandlerContext) => {
+    try {
+      return await call(request, {
+        signal: context.signal,
+        timeoutMs: context.timeoutMs() ?? defaultTimeoutMs,
+        headers: routing(resourceOf(request)),
+      });
+    } catch (error) {
+      throw passedOn(error);
+    }
+  };
+}
+
+function passStream(call: StreamCall) {
+  return async function* (request: Message, context: HandlerContext) {
+    try {
+      const options = { signal: context.signal, headers: routing(resourceOf(request)) };
+      for await (const message of call(request, options)) yield message;
+    } catch (error) {
+      throw passedOn(error);
+    }
+  };
+}
+
+export function addRoutes(router: ConnectRouter, channel: Channel): void {
+  const { scenes, datasets, jobs, segmentation } = channel;
+  const own = new Set(['writeFiles', 'readFile', 'segmentStream', 'exportSelection', 'evaluate']);
+  const pairs = [
+    [SceneService, scenes],
+    [DatasetService, datasets],
+    [JobService, jobs],
+    [SegmentationService, segmentation],
+  ] as const;
+  for (const [service, client] of pairs) {
+    const calls = client as unknown as Record<string, UnaryCall & StreamCall>;
+    for (const method of service.methods) {
+      const call = calls[method.localName];
+      if (own.has(method.localName) || !call) continue;
+      if (method.methodKind === 'unary') {
+        router.rpc(method, passUnary(call) as never);
+      } else if (method.methodKind === 'server_streaming') {
+        router.rpc(method, passStream(call) as never);
+      }
+    }
+  }
+}
