@@ -131,7 +131,7 @@ export function PhotoView(props: Props): JSX.Element {
   };
 
   return (
-    <div class="stage" style={{ '--ratio': `${width / height}` }}>
+    <div class="stage">
       <div
         class={`picture ${tool === 'box' ? 'drawing' : ''}`}
         role="application"

@@ -78,7 +78,7 @@ function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProp
   return (
     <div class="slider">
       <label for={id}>{name}</label>
-      <output for={id}>{input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (chosen for you)'}`}</output>
+      <output for={id}>{input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (auto)'}`}</output>
       <input
         id={id}
         type="range"

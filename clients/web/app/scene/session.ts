@@ -83,11 +83,15 @@ export class SceneSession {
     this.pose({ kind: 'label', label });
   }
 
-  /** While a slider moves. */
+  /**
+   * While a slider moves. The other one stays where the answer put it: what is dragged is then all
+   * that changes, and the server need not look for the best of both (40 ms in place of 3).
+   */
   drag(change: Grain): void {
-    const { question, grain } = this.state.get();
+    const { question, grain, answer } = this.state.get();
     if (!question) return;
-    this.state.patch({ grain: { ...grain, ...change } });
+    const held = { scale: grain.scale ?? answer?.scale, threshold: grain.threshold ?? answer?.threshold };
+    this.state.patch({ grain: { ...held, ...change } });
     this.send();
   }
 

@@ -91,10 +91,11 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   });
   if (!view) return <p class="loading">The model has no views.</p>;
 
+  const { width = 4, height = 3 } = view.camera ?? {};
   const place = { view: shown };
   const here = samePlace(placeOf(question), place) ? question : undefined;
   return (
-    <div class="workbench">
+    <div class="workbench" style={{ '--ratio': `${width / height}` }}>
       {narrow && (
         <div class="segmented panes" role="group" aria-label="What is shown">
           <button type="button" aria-pressed={pane === 'view'} onClick={() => setPane('view')}>
