@@ -12,6 +12,7 @@ export default defineConfig({
       name: 'e2e',
       testDir: 'tests/e2e',
       timeout: 120_000,
+      expect: { timeout: 15_000 },
       use: {
         viewport: { width: 1440, height: 900 },
         launchOptions: {

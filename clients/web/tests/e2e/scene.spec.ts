@@ -56,8 +56,7 @@ async function pictures(name: string): Promise<void> {
   await noSeriousFindings();
   await page.emulateMedia({ colorScheme: 'light' });
   await page.setViewportSize({ width: 390, height: 844 });
-  await page.waitForTimeout(300);
-  await page.screenshot({ path: undefined, fullPage: true });
+  await page.waitForTimeout(300); // for the 3D view to follow
   await screenshot(page, `${name}-390`);
   await noSeriousFindings();
   await page.setViewportSize({ width: 1440, height: 900 });
@@ -80,7 +79,7 @@ test('an upload goes on after a reload', async () => {
   await pictures('new-scene');
 
   const network = await context.newCDPSession(page);
-  const slow = { offline: false, latency: 5, downloadThroughput: -1, uploadThroughput: 400_000 };
+  const slow = { offline: false, latency: 5, downloadThroughput: -1, uploadThroughput: 150_000 };
   await network.send('Network.emulateNetworkConditions', slow);
   let numSent = 0;
   page.on('request', (request) => (numSent += request.method() === 'PUT' ? 1 : 0));
@@ -89,11 +88,11 @@ test('an upload goes on after a reload', async () => {
   const phase = page.locator('[data-phase=sending]');
   await expect(phase).toBeVisible();
   await expect.poll(async () => Number(await bar.getAttribute('value')), { timeout: 60_000 }).toBeGreaterThan(0.3);
-  await pictures('upload');
   const sentBefore = numSent;
   await page.reload();
   await expect(phase).toBeVisible();
   expect(Number(await bar.getAttribute('value'))).toBeGreaterThan(0.25);
+  await pictures('upload');
   await network.send('Network.emulateNetworkConditions', { ...slow, uploadThroughput: -1 });
   await page.waitForURL(/\/jobs\//);
   // 49 files: those that were there were not sent again, but for what the reload cut off.

@@ -51,7 +51,7 @@ export class Stack {
     mkdirSync(this.data);
     const scopes = 'read,write,train';
     const create = ['keys', 'create', '--data', this.data, '--project', 'lab', '--scopes', scopes];
-    const key = /pk_\S+/.exec(execFileSync(join(bin, 'pepesegd'), create, { encoding: 'utf8' }))?.[0];
+    const key = /pk_\S+/.exec(execFileSync(join(bin, 'pepesegd'), create, { encoding: 'utf8', stdio: 'pipe' }))?.[0];
     if (!key) throw new Error('pepesegd keys create prints no key');
     this.key = key;
     writeFileSync(join(this.folder, 'key'), `${key}\n`, { mode: 0o600 });
