@@ -9,6 +9,7 @@ import { TrainingScreen } from './screens/training_screen';
 import { UploadScreen } from './screens/upload_screen';
 import './styles/base.css';
 import './styles/controls.css';
+import './styles/dialog.css';
 import './styles/screens.css';
 import './styles/workbench.css';
 import { resumeUploads } from './upload/uploads';

@@ -4,6 +4,7 @@ import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { openChannel } from './channel';
 import { ConfigError, readConfig, usage } from './config';
+import { Photographs } from './photographs';
 import { createWebServer } from './web_server';
 
 function run(): void {
@@ -13,7 +14,10 @@ function run(): void {
   }
   const here = dirname(fileURLToPath(import.meta.url));
   const config = readConfig(process.argv.slice(2), process.env, join(here, '../app'));
-  const server = createWebServer(config, openChannel(config));
+  const server = createWebServer(config, {
+    channel: openChannel(config),
+    photographs: new Photographs(config.photoFolder),
+  });
   server.on('error', (error) => {
     console.error(`pepeseg-web: ${error.message}`);
     process.exit(1);

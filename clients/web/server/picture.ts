@@ -4,8 +4,9 @@ import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { RenderRequest_Content, RenderRequestSchema } from '../gen/pepeseg/v1/render_pb';
 import { abortedWith, need, queryOf, sendError } from './answer';
-import type { Channel } from './channel';
+import type { BackEnd } from './back_end';
 import { routing } from './channel';
+import { passedOn } from './passed_on';
 
 const contents: Record<string, RenderRequest_Content> = {
   color: RenderRequest_Content.COLOR,
@@ -13,11 +14,12 @@ const contents: Record<string, RenderRequest_Content> = {
 };
 
 export async function getPicture(
-  channel: Channel,
+  { channel }: BackEnd,
   request: IncomingMessage,
   response: ServerResponse,
 ): Promise<void> {
   const query = queryOf(request);
+  const signal = abortedWith(response);
   try {
     const model = need(query, 'model');
     const content = contents[query.get('content') ?? 'color'];
@@ -29,7 +31,7 @@ export async function getPicture(
         featureScale: Number(query.get('scale') ?? '0.5'),
         viewpoint: { place: { case: 'view', value: need(query, 'view') } },
       }),
-      { signal: abortedWith(response), timeoutMs: 60_000, headers: routing(model) },
+      { signal, timeoutMs: 60_000, headers: routing(model) },
     );
     response.writeHead(200, {
       'content-type': 'image/png',
@@ -38,6 +40,6 @@ export async function getPicture(
     });
     response.end(rendered.png);
   } catch (error) {
-    sendError(response, error);
+    sendError(response, passedOn(error, signal));
   }
 }

@@ -5,8 +5,9 @@ import { Code, ConnectError } from '@connectrpc/connect';
 import type { ExportSelectionRequest, ExportSelectionResponse_Header } from '../gen/pepeseg/v1/render_pb';
 import { ExportSelectionRequestSchema } from '../gen/pepeseg/v1/render_pb';
 import { abortedWith, need, queryOf, sendError, written } from './answer';
-import type { Channel } from './channel';
+import type { BackEnd } from './back_end';
 import { routing } from './channel';
+import { passedOn } from './passed_on';
 import { crc32c } from './crc32c';
 
 function question(query: URLSearchParams): ExportSelectionRequest {
@@ -36,11 +37,16 @@ function begin(response: ServerResponse, header: ExportSelectionResponse_Header,
   });
 }
 
-export async function getPly(channel: Channel, request: IncomingMessage, response: ServerResponse): Promise<void> {
+export async function getPly(
+  { channel }: BackEnd,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
   const query = queryOf(request);
+  const signal = abortedWith(response);
   try {
     const stream = channel.segmentation.exportSelection(question(query), {
-      signal: abortedWith(response),
+      signal,
       headers: routing(need(query, 'model')),
     });
     for await (const { part } of stream) {
@@ -55,6 +61,6 @@ export async function getPly(channel: Channel, request: IncomingMessage, respons
     }
     response.end();
   } catch (error) {
-    sendError(response, error);
+    sendError(response, passedOn(error, signal));
   }
 }

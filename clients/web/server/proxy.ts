@@ -2,13 +2,13 @@
 // not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts).
 import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
-import { ConnectError } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
 import { JobService } from '../gen/pepeseg/v1/job_service_pb';
 import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
-import type { Channel } from './channel';
+import type { BackEnd } from './back_end';
 import { routing } from './channel';
+import { passedOn } from './passed_on';
 
 /** The first question to a model loads it. */
 const defaultTimeoutMs = 120_000;
@@ -25,14 +25,6 @@ export function resourceOf(request: Message): string | undefined {
   return undefined;
 }
 
-/** The server's error without its headers, which are about another connection. */
-export function passedOn(error: unknown): ConnectError {
-  const from = ConnectError.from(error);
-  const to = new ConnectError(from.rawMessage, from.code);
-  to.details = from.details;
-  return to;
-}
-
 type UnaryCall = (request: Message, options: object) => Promise<Message>;
 type StreamCall = (request: Message, options: object) => AsyncIterable<Message>;
 
@@ -45,7 +37,7 @@ function passUnary(call: UnaryCall) {
         headers: routing(resourceOf(request)),
       });
     } catch (error) {
-      throw passedOn(error);
+      throw passedOn(error, context.signal);
     }
   };
 }
@@ -56,14 +48,14 @@ function passStream(call: StreamCall) {
       const options = { signal: context.signal, headers: routing(resourceOf(request)) };
       for await (const message of call(request, options)) yield message;
     } catch (error) {
-      throw passedOn(error);
+      throw passedOn(error, context.signal);
     }
   };
 }
 
-export function addRoutes(router: ConnectRouter, channel: Channel): void {
+export function addRoutes(router: ConnectRouter, { channel, photographs }: BackEnd): void {
   const { scenes, datasets, jobs, segmentation } = channel;
-  const own = new Set(['writeFiles', 'readFile', 'segmentStream', 'exportSelection', 'evaluate']);
+  const own = new Set(['writeFiles', 'readFile', 'segmentStream', 'exportSelection', 'evaluate', 'deleteScene']);
   const pairs = [
     [SceneService, scenes],
     [DatasetService, datasets],
@@ -82,4 +74,10 @@ export function addRoutes(router: ConnectRouter, channel: Channel): void {
       }
     }
   }
+  const remove = passUnary(scenes.deleteScene as unknown as UnaryCall);
+  router.rpc(SceneService.method.deleteScene, (async (request: Message, context: HandlerContext) => {
+    const answer = await remove(request, context);
+    await photographs.forget(resourceOf(request) ?? '');
+    return answer;
+  }) as never);
 }

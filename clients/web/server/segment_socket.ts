@@ -7,9 +7,11 @@ import {
   SegmentStreamRequestSchema,
   SegmentStreamResponseSchema,
 } from '../gen/pepeseg/v1/segmentation_service_pb';
-import { ConnectError } from '@connectrpc/connect';
+import type { ConnectError } from '@connectrpc/connect';
+import { Code } from '@connectrpc/connect';
 import type { Channel } from './channel';
 import { routing } from './channel';
+import { passedOn } from './passed_on';
 
 /** The newest request that was not sent on yet: an older one is superseded here already. */
 export class Newest<T> implements AsyncIterable<T> {
@@ -41,8 +43,7 @@ export class Newest<T> implements AsyncIterable<T> {
 }
 
 /** WebSocket close codes of an application: 4000 and the gRPC code. */
-function closeWith(socket: WebSocket, error: unknown): void {
-  const { code, rawMessage } = ConnectError.from(error);
+function closeWith(socket: WebSocket, { code, rawMessage }: ConnectError): void {
   socket.close(4000 + code, Buffer.from(rawMessage).subarray(0, 120).toString());
 }
 
@@ -57,9 +58,10 @@ export function serveSegmentStream(channel: Channel, socket: WebSocket): void {
       for await (const answer of channel.segmentation.segmentStream(requests, options)) {
         socket.send(toBinary(SegmentStreamResponseSchema, answer));
       }
-      socket.close(1000);
+      // The server ends a stream only when it stops.
+      socket.close(4000 + Code.Unavailable);
     } catch (error) {
-      closeWith(socket, error);
+      closeWith(socket, passedOn(error, gone.signal));
     }
   };
 

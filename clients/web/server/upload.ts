@@ -7,9 +7,11 @@ import { Code, ConnectError } from '@connectrpc/connect';
 import type { WriteFilesRequest } from '../gen/pepeseg/v1/dataset_service_pb';
 import { WriteFilesRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
 import { need, queryOf, sendError } from './answer';
-import type { Channel } from './channel';
+import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { crc32c } from './crc32c';
+import { passedOn } from './passed_on';
+import type { PhotographCopy } from './photographs';
 
 const chunkBytes = 1 << 20;
 /** Of a refused body so much is read on, for the browser to see the answer. */
@@ -38,12 +40,16 @@ export async function* pieces(body: AsyncIterable<Uint8Array>): AsyncGenerator<U
   if (size > 0) yield Buffer.concat(waiting);
 }
 
-async function* messages(request: IncomingMessage): AsyncGenerator<WriteFilesRequest> {
+async function* messages(
+  request: IncomingMessage,
+  copy: PhotographCopy | undefined,
+): AsyncGenerator<WriteFilesRequest> {
   const query = queryOf(request);
   const offset = query.get('offset') ?? '0';
   const header = { upload: need(query, 'upload'), path: need(query, 'path'), offset: BigInt(offset) };
   yield part({ case: 'header', value: header as never });
   for await (const data of pieces(request)) {
+    await copy?.add(data);
     yield part({ case: 'chunk', value: { data, crc32c: crc32c(data) } as never });
   }
   yield part({ case: 'end', value: {} as never });
@@ -60,24 +66,31 @@ function drain(request: IncomingMessage): void {
 }
 
 export async function putFile(
-  channel: Channel,
+  { channel, photographs }: BackEnd,
   request: IncomingMessage,
   response: ServerResponse,
 ): Promise<void> {
   const gone = new AbortController();
   request.on('aborted', () => gone.abort());
+  let copy: PhotographCopy | undefined;
   try {
     const query = queryOf(request);
-    if (!/^\d{1,15}$/.test(query.get('offset') ?? '0')) {
+    const [upload, path, offset] = [need(query, 'upload'), need(query, 'path'), query.get('offset') ?? '0'];
+    if (!/^\d{1,15}$/.test(offset)) {
       throw new ConnectError('offset is no number of bytes', Code.InvalidArgument);
     }
-    await channel.datasets.writeFiles(messages(request), {
+    // An upload that the key may not write to leaves nothing here.
+    await channel.datasets.getUpload({ name: upload }, { signal: gone.signal, headers: routing(upload) });
+    copy = await photographs.copy(upload, path, Number(offset));
+    await channel.datasets.writeFiles(messages(request, copy), {
       signal: gone.signal,
-      headers: routing(need(query, 'upload')),
+      headers: routing(upload),
     });
+    await copy?.end(true);
     response.writeHead(200, { 'content-type': 'application/json' }).end('{}');
   } catch (error) {
-    sendError(response, error);
+    await copy?.end(false);
+    sendError(response, passedOn(error, gone.signal));
     if (!request.complete) drain(request);
   }
 }

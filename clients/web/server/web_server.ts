@@ -3,9 +3,10 @@ import type { IncomingMessage, Server, ServerResponse } from 'node:http';
 import { createServer } from 'node:http';
 import { connectNodeAdapter } from '@connectrpc/connect-node';
 import { WebSocketServer } from 'ws';
-import type { Channel } from './channel';
+import type { BackEnd } from './back_end';
 import type { Config } from './config';
 import { refusal } from './guard';
+import { getPhoto } from './photo';
 import { getPicture } from './picture';
 import { getPly } from './ply';
 import { addRoutes } from './proxy';
@@ -13,12 +14,13 @@ import { serveSegmentStream } from './segment_socket';
 import { sendFile } from './static_files';
 import { putFile } from './upload';
 
-type Way = (channel: Channel, request: IncomingMessage, response: ServerResponse) => Promise<void>;
+type Way = (backEnd: BackEnd, request: IncomingMessage, response: ServerResponse) => Promise<void>;
 
 const ways: Record<string, Way> = {
   'PUT /api/file': putFile,
   'GET /api/ply': getPly,
   'GET /api/picture': getPicture,
+  'GET /api/photo': getPhoto,
 };
 
 /** As the server's own limit. */
@@ -31,9 +33,9 @@ function common(response: ServerResponse): void {
   response.setHeader('cross-origin-opener-policy', 'same-origin');
 }
 
-export function createWebServer(config: Config, channel: Channel): Server {
+export function createWebServer(config: Config, backEnd: BackEnd): Server {
   const rpc = connectNodeAdapter({
-    routes: (router) => addRoutes(router, channel),
+    routes: (router) => addRoutes(router, backEnd),
     requestPathPrefix: '/api/rpc',
     grpc: false,
     grpcWeb: false,
@@ -48,7 +50,7 @@ export function createWebServer(config: Config, channel: Channel): Server {
     }
     const path = (request.url ?? '/').split('?')[0] ?? '/';
     const way = ways[`${request.method} ${path}`];
-    if (way) return void way(channel, request, response);
+    if (way) return void way(backEnd, request, response);
     if (path.startsWith('/api/rpc/')) return rpc(request, response);
     if (path.startsWith('/api/')) return void response.writeHead(404).end();
     if (request.method === 'GET' || request.method === 'HEAD') {
@@ -59,11 +61,11 @@ export function createWebServer(config: Config, channel: Channel): Server {
   // A video of gigabytes takes as long as it takes; headers do not.
   server.requestTimeout = 0;
   server.headersTimeout = 20_000;
-  addSockets(server, config, channel);
+  addSockets(server, config, backEnd);
   return server;
 }
 
-function addSockets(server: Server, config: Config, channel: Channel): void {
+function addSockets(server: Server, config: Config, { channel }: BackEnd): void {
   const sockets = new WebSocketServer({ noServer: true, maxPayload: maxMessageBytes });
   server.on('upgrade', (request, socket, head) => {
     const path = (request.url ?? '/').split('?')[0];

@@ -52,6 +52,11 @@ export function pictureUrl(model: string, view: string, content?: string): strin
   return `/api/picture?${query({ model, view, content })}`;
 }
 
+/** As it was uploaded, where the back end has it; without a path, any one of the scene. */
+export function photoUrl(scene: string, path?: string): string {
+  return `/api/photo?${query({ scene, path })}`;
+}
+
 export interface PlyOptions {
   selection?: string;
   complement?: boolean;

@@ -6,11 +6,16 @@ import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
 import type { Box, Point, Question } from './prompt';
 
+export type Source = 'photo' | 'rendering';
 export type Tool = 'include' | 'exclude' | 'box';
 
 interface Props {
   view: View;
-  picture: string;
+  /** Of the photograph; it may be missing. */
+  photo: string;
+  rendering: string;
+  source: Source;
+  onSource: (source: Source) => void;
   mask: Mask | undefined;
   /** Of this view, if it is about it. */
   question: Question | undefined;
@@ -61,12 +66,14 @@ function Marks({ question, drawn, cursor }: { question: Question | undefined; dr
 }
 
 export function PhotoView(props: Props): JSX.Element {
-  const { view, picture, mask, question, tool, numAnswers, onPoint, onBox } = props;
+  const { view, photo, rendering, source, onSource, mask, question, tool, numAnswers, onPoint, onBox } = props;
   const { width = 1, height = 1 } = view.camera ?? {};
   const canvas = useRef<HTMLCanvasElement>(null);
   const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
   const [drawn, setDrawn] = useState<Box>();
   const [cursor, setCursor] = useState<Spot>();
+  const [missing, setMissing] = useState('');
+  const hasPhoto = missing !== photo;
 
   useEffect(() => {
     if (canvas.current) paintMask(canvas.current, mask?.rle);
@@ -148,12 +155,29 @@ export function PhotoView(props: Props): JSX.Element {
         onFocus={(event) => (event.currentTarget as Element).matches(':focus-visible') && setCursor(cursor ?? { x: width / 2, y: height / 2 })}
         onBlur={() => setCursor(undefined)}
       >
-        <img src={picture} width={width} height={height} alt="" draggable={false} />
+        <img
+          src={hasPhoto && source === 'photo' ? photo : rendering}
+          width={width}
+          height={height}
+          alt=""
+          draggable={false}
+          onError={() => hasPhoto && source === 'photo' && setMissing(photo)}
+        />
         <canvas ref={canvas} class="overlay" aria-hidden="true" />
         <svg class="overlay" viewBox={`0 0 ${width} ${height}`} aria-hidden="true">
           <Marks question={question} drawn={drawn} cursor={cursor} />
         </svg>
       </div>
+      {hasPhoto && (
+        <button
+          type="button"
+          class="source"
+          aria-label={source === 'photo' ? 'Photograph: show the rendering' : 'Rendering: show the photograph'}
+          onClick={() => onSource(source === 'photo' ? 'rendering' : 'photo')}
+        >
+          {source === 'photo' ? 'Photograph' : 'Rendering'}
+        </button>
+      )}
     </div>
   );
 }

@@ -29,6 +29,7 @@ const list: readonly (readonly [string, string])[] = [
   ['Enter, Shift + Enter', 'Include, exclude what is under the cursor'],
   ['1, 2, 3', 'Take a proposal'],
   ['[ and ]', 'View before, next view'],
+  ['V', 'Photograph or rendering'],
   ['I, E, B', 'Include, exclude, box'],
   ['L', 'Name the segment'],
   ['S', 'Select in 3D'],

@@ -2,7 +2,7 @@
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { pictureUrl, sceneIdOf } from '../api/clients';
+import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { steadily } from '../api/server_link';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
@@ -12,7 +12,7 @@ import { DownloadTools } from './download_tools';
 import { Filmstrip } from './filmstrip';
 import { LabelTools } from './label_tools';
 import { SceneLabels } from './labels';
-import type { Tool } from './photo_view';
+import type { Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
 import { placeOf, samePlace } from './prompt';
 import { GrainTools, PromptTools } from './segment_tools';
@@ -55,6 +55,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
   const [pane, setPane] = useState<'view' | '3d'>('view');
+  const [source, setSource] = useState<Source>('photo');
   const [help, setHelp] = useState(false);
   const narrow = useNarrow();
   const pictureOf = (of: View) => pictureUrl(session.model, of.view);
@@ -83,6 +84,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     b: () => setTool('box'),
+    v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
     l: () => document.getElementById('label-text')?.focus(),
     s: () => selectWith(session, selections, 'select'),
     t: () => selections.show('tinted'),
@@ -109,7 +111,10 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
       {(!narrow || pane === 'view') && (
         <PhotoView
           view={view}
-          picture={pictureOf(view)}
+          photo={photoUrl(scene.name, `images/${shown}`)}
+          rendering={pictureOf(view)}
+          source={source}
+          onSource={setSource}
           mask={answer?.masks.get(shown)}
           question={here}
           tool={tool}

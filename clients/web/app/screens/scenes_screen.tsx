@@ -12,6 +12,7 @@ import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
 import { Icon } from '../components/icons';
+import { ScenePhoto } from '../components/photo';
 import { bytesText, countText, dateText } from '../format';
 import { Link } from '../router';
 import { useStore } from '../store';
@@ -64,7 +65,7 @@ function SceneCard({ scene, onDelete }: { scene: Scene; onDelete: () => void }):
           {model && view ? (
             <img src={pictureUrl(model.name, view)} alt="" loading="lazy" />
           ) : (
-            <Icon name="photo" />
+            <ScenePhoto scene={scene.name} />
           )}
         </div>
         <h2>{title}</h2>

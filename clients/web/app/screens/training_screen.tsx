@@ -2,14 +2,16 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
-import { jobs, sceneIdOf } from '../api/clients';
+import { jobs, pictureUrl, sceneIdOf, scenes } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
+import { useAsked } from '../api/use_asked';
 import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
 import { Icon } from '../components/icons';
+import { ScenePhoto } from '../components/photo';
 import { bytesText, durationText, secondsOf } from '../format';
 import { Link } from '../router';
 import { Curve } from '../training/curve';
@@ -113,6 +115,16 @@ function Curves({ training }: { training: Training }): JSX.Element {
   );
 }
 
+/** The first view as the new model shows it; undefined while there is none. */
+function usePreview(model: string | undefined): string | undefined {
+  const { value } = useAsked(
+    async (signal) =>
+      model ? (await scenes.listViews({ parent: model, pageSize: 1 }, { signal })).views[0]?.view : undefined,
+    [model],
+  );
+  return model && value ? pictureUrl(model, value) : undefined;
+}
+
 export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
   const name = `jobs/${jobId}`;
   const { training, failure } = useTraining(name);
@@ -128,6 +140,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
     }
   };
   const running = job && !hasEnded(job.state);
+  const preview = usePreview(job?.model);
   return (
     <div class="screen" data-state={job ? jobStates[job.state] : ''}>
       <Header title={sceneId ? `Training ${sceneId}` : 'Training'} back="/">
@@ -145,6 +158,9 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
         {job && (
           <div class="training">
             <div class="card">
+              <div class="preview">
+                {preview ? <img src={preview} alt="" /> : <ScenePhoto scene={job.scene} />}
+              </div>
               <Stages training={training} />
             </div>
             <div class="card">

@@ -91,7 +91,8 @@ test('an upload goes on after a reload', async () => {
   const sentBefore = numSent;
   await page.reload();
   await expect(phase).toBeVisible();
-  expect(Number(await bar.getAttribute('value'))).toBeGreaterThan(0.25);
+  // What three files on their way had in buffers may be lost: each is about a twentieth of all.
+  expect(Number(await bar.getAttribute('value'))).toBeGreaterThan(0.15);
   await pictures('upload');
   await network.send('Network.emulateNetworkConditions', { ...slow, uploadThroughput: -1 });
   await page.waitForURL(/\/jobs\//);

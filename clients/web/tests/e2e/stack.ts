@@ -76,7 +76,8 @@ export class Stack {
     const portFile = join(this.folder, 'web.port');
     const main = join(web, 'dist/server/main.js');
     const args = [main, '--server', `127.0.0.1:${this.serverPort}`, '--key-file', join(this.folder, 'key')];
-    const listen = ['--listen', `127.0.0.1:${this.webPort}`, '--port-file', portFile];
+    const photos = ['--photos', join(this.folder, 'photos')];
+    const listen = ['--listen', `127.0.0.1:${this.webPort}`, '--port-file', portFile, ...photos];
     this.web = start(process.execPath, [...args, ...listen], 'web.log');
     this.webPort = await portIn(portFile, this.web);
   }

@@ -1,4 +1,5 @@
 import type { IncomingMessage } from 'node:http';
+import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
 import { ConfigError, readConfig } from '../../server/config';
 import { crc32c } from '../../server/crc32c';
@@ -6,6 +7,7 @@ import { refusal } from '../../server/guard';
 import { Newest } from '../../server/segment_socket';
 import { pieces } from '../../server/upload';
 import { resourceOf } from '../../server/proxy';
+import { passedOn } from '../../server/passed_on';
 import { routing } from '../../server/channel';
 
 function request(headers: Record<string, string>): IncomingMessage {
@@ -85,4 +87,16 @@ test('calls carry the scene for the gateway', () => {
   expect(routing(message({ name: 'scenes/a/models/1' }))).toEqual({ 'x-scene': 'a' });
   expect(routing(message({ scene: 'scenes/b', dataset: 'scenes/b/datasets/1' }))).toEqual({ 'x-scene': 'b' });
   expect(routing(message({ name: 'jobs/j1' }))).toEqual({});
+});
+
+test('a connection that was lost is no cancellation', () => {
+  const here = new AbortController();
+  const cut = new ConnectError('http/2 stream closed with error code CANCEL (0x8)', Code.Canceled);
+  expect(passedOn(cut, here.signal).code).toBe(Code.Unavailable);
+  expect(passedOn(new ConnectError('no', Code.Internal), here.signal).code).toBe(Code.Internal);
+  const busy = new ConnectError('a job is running', Code.Aborted);
+  busy.details = [{ type: 'pepeseg.v1.ErrorDetail', value: new Uint8Array() }];
+  expect(passedOn(busy, here.signal).code).toBe(Code.Aborted);
+  here.abort();
+  expect(passedOn(cut, here.signal).code).toBe(Code.Canceled);
 });
