@@ -15,29 +15,33 @@ const tools: readonly { tool: Tool; name: string; icon: 'plus' | 'minus' | 'box'
 interface ToolsProps {
   tool: Tool;
   onTool: (tool: Tool) => void;
-  session: SceneSession;
 }
 
-export function PromptTools({ tool, onTool, session }: ToolsProps): JSX.Element {
+export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
+  return (
+    <div class="segmented" role="group" aria-label="What a click does">
+      {tools.map(({ tool: other, name, icon }) => (
+        <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
+          <Icon name={icon} />
+          {name}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+/** What goes with the title: undo, clear. */
+export function QuestionButtons({ session }: { session: SceneSession }): JSX.Element {
   const { question, canUndo } = useStore(session.state);
   return (
-    <div class="row">
-      <div class="segmented" role="group" aria-label="What a click does">
-        {tools.map(({ tool: other, name, icon }) => (
-          <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
-            <Icon name={icon} />
-            {name}
-          </button>
-        ))}
-      </div>
-      <span class="spacer" />
+    <>
       <button type="button" class="bare" aria-label="Undo" disabled={!canUndo} onClick={() => session.undo()}>
         <Icon name="undo" />
       </button>
       <button type="button" class="bare" aria-label="Clear" disabled={!question} onClick={() => session.clear()}>
         <Icon name="close" />
       </button>
-    </div>
+    </>
   );
 }
 

@@ -6,7 +6,7 @@ import AxeBuilder from '@axe-core/playwright';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { clickView, numAnswers, overlayIou, screenshot, settled, truthOf } from './on_screen';
-import { Stack, shelf } from './stack';
+import { Stack, artefacts, shelf } from './stack';
 
 test.describe.configure({ mode: 'serial' });
 
@@ -107,8 +107,10 @@ test('a training is followed over a reload and a restart of the server', async (
   const numSamples = async () => Number(await psnr.getAttribute('data-samples'));
   await expect.poll(numSamples, { timeout: 300_000 }).toBeGreaterThan(4);
   const before = await numSamples();
+  const first = (await psnr.getAttribute('data-first')) ?? '';
   await page.reload();
   await expect.poll(numSamples, { timeout: 30_000 }).toBeGreaterThanOrEqual(before);
+  await expect(psnr).toHaveAttribute('data-first', first);
   await pictures('training');
 
   await stack.killServer();
@@ -154,6 +156,8 @@ test('a selection in 3D is tinted, and the screen is a picture', async () => {
   await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
   await page.waitForTimeout(1500); // Spark sorts after the first picture
   await pictures('scene');
+  // Of the project's README.
+  await page.screenshot({ path: join(artefacts, 'scene.jpg'), type: 'jpeg', quality: 82 });
   for (const how of ['Only it', 'Without it', 'Tinted']) {
     await page.getByRole('button', { name: how, exact: true }).click();
     await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
@@ -270,7 +274,7 @@ test('the page goes on when the server was killed and is started again', async (
 
 test('by keyboard alone', async () => {
   await page.goto(stack.url);
-  await expect(page.getByText('Ready')).toBeVisible();
+  await expect(page.getByText('Ready').first()).toBeVisible();
   await pictures('scenes');
   await page.getByRole('link', { name: 'Kitchen shelf' }).focus();
   await page.keyboard.press('Enter');
