@@ -123,6 +123,7 @@ test('a training is followed over a reload and a restart of the server', async (
 });
 
 test('a click segments the book, in all views', async () => {
+  test.setTimeout(300_000);
   await page.getByRole('link', { name: 'Open the scene' }).click();
   await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
   const truth = await truthOf(page, view, book);
@@ -150,19 +151,25 @@ test('a click segments the book, in all views', async () => {
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
 });
 
-test('a selection in 3D is tinted, and the screen is a picture', async () => {
+/** Until the 3D view shows the selection so, and Spark has sorted. */
+async function shownInSplats(how: string): Promise<void> {
+  const there = page.locator(`.splats[data-status=ready][data-shown=${how}]`);
+  await expect(there).toBeVisible({ timeout: 60_000 });
+  await page.waitForTimeout(2500);
+}
+
+test('a selection in 3D is tinted, shown alone and left out', async () => {
+  test.setTimeout(300_000);
   await page.getByRole('button', { name: 'Select in 3D' }).click();
   await expect(page.getByText('Gaussians selected.')).toBeVisible({ timeout: 60_000 });
-  await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
-  await page.waitForTimeout(1500); // Spark sorts after the first picture
-  await pictures('scene');
+  await shownInSplats('tinted');
   // Of the project's README.
   await page.screenshot({ path: join(artefacts, 'scene.jpg'), type: 'jpeg', quality: 82 });
-  for (const how of ['Only it', 'Without it', 'Tinted']) {
-    await page.getByRole('button', { name: how, exact: true }).click();
-    await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
-    await page.waitForTimeout(1000);
-    await screenshot(page, `scene-${how.toLowerCase().replace(' ', '-')}`);
+  await pictures('scene');
+  for (const [name, how] of [['Only it', 'isolated'], ['Without', 'hidden']] as const) {
+    await page.getByRole('button', { name, exact: true }).click();
+    await shownInSplats(how);
+    await screenshot(page, `scene-${how}`);
   }
 });
 
