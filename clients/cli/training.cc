@@ -94,6 +94,7 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
 
 std::vector<std::string> Settings(const TrainingFlags& flags) {
   std::vector<std::string> settings;
+  if (!flags.preset.empty()) settings.push_back("preset=" + flags.preset);
   if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
   if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
   if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
@@ -128,6 +129,10 @@ absl::StatusOr<v1::Job> StartTraining(const Connection& connection, const std::s
 void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
   verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
+  verb.add_option("--preset", flags.preset,
+                  "What options that are not given are taken from: preview, as soon as there is "
+                  "something to click on; standard, the defaults; best, however long it takes")
+      ->check(CLI::IsMember({"preview", "standard", "best"}));
   verb.add_option("--steps", flags.steps, "Steps of the reconstruction");
   verb.add_option("--feature-steps", flags.feature_steps, "Steps of the feature training");
   verb.add_option("--image-scale", flags.image_scale, "Shrink the photographs by this, (0, 1]");

@@ -15,6 +15,7 @@ struct TrainingFlags {
   std::string scene;
   std::string dataset;
   std::vector<std::string> settings;
+  std::string preset;
   std::string steps;
   std::string feature_steps;
   std::string image_scale;
