@@ -10,6 +10,7 @@
 #include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/stage_one_flags.h"
 
@@ -22,7 +23,8 @@ struct BenchOptions {
   std::string name = "run";
   int num_scores = 10;
   int num_seeds = 1;
-  bool strip_depth = false, strip_masks = false;
+  bool strip_masks = false;
+  CaptureFaults faults;
   bool kernels = false;
   ReconstructOptions reconstruct;
 };
@@ -74,9 +76,9 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
 
 absl::Status Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
+  Spoil(options.faults, pack);
   Capture& capture = pack.capture;
   for (View& view : capture.views) {
-    if (options.strip_depth) view.depth = {};
     if (options.strip_masks) view.masks = {};
   }
   std::vector<KernelTime> times;
@@ -105,7 +107,7 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--scores", options.num_scores);
   app.add_option("--seeds", options.num_seeds);
-  app.add_flag("--no-depth", options.strip_depth);
+  pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--no-masks", options.strip_masks);
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
   pepeseg::AddStageOneFlags(app, options.reconstruct);

@@ -20,9 +20,9 @@
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/decomposition_scores.h"
-#include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
@@ -38,7 +38,7 @@ struct BenchOptions {
   std::string name = "run";
   int num_threads = 0;
   int num_seeds = 1;
-  CaptureShare share;
+  CaptureFaults faults;
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
@@ -245,7 +245,7 @@ absl::Status Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
   if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
   std::vector<KernelTime> times;
-  Reduce(options.share, pack);
+  Spoil(options.faults, pack);
   const auto backend =
       MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
@@ -287,9 +287,7 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
-  app.add_flag("--no-depth", options.share.without_depth);
-  app.add_option("--every-view", options.share.every_view, "only every n-th training view");
-  app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
+  pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
   app.add_flag("--prompts", options.prompts,
