@@ -1,5 +1,4 @@
 // The verb that goes all the way: photographs in, segments out, scored.
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -14,6 +13,7 @@
 #include "clients/cli/file_bytes.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/status_macros.h"
+#include "clients/cli/stopwatch.h"
 #include "clients/cli/training.h"
 #include "clients/cli/upload.h"
 #include "clients/cli/watch.h"
@@ -45,16 +45,6 @@ struct DemoFlags {
   std::string scene;
   std::vector<std::string> settings;
   FixedQuestion question{0.3, 0.75};
-};
-
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 absl::Status Upload(const Connection& connection, const DemoFlags& flags, const std::string& scene,

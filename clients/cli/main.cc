@@ -57,6 +57,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::cli::AddDrain(app, shell);
   pepeseg::cli::AddHealth(app, shell);
   pepeseg::cli::AddDemo(app, shell);
+  pepeseg::cli::AddBench(app, shell);
 }
 
 void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {

@@ -56,5 +56,6 @@ void AddTop(CLI::App& app, Shell& shell);
 void AddDrain(CLI::App& app, Shell& shell);
 void AddHealth(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
+void AddBench(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::cli
