@@ -20,9 +20,9 @@
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/decomposition_scores.h"
-#include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
@@ -38,7 +38,7 @@ struct BenchOptions {
   std::string name = "run";
   int num_threads = 0;
   int num_seeds = 1;
-  CaptureShare share;
+  CaptureFaults faults;
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
@@ -53,7 +53,7 @@ struct BenchOptions {
 // What stage one leaves; seconds below 0: it was read.
 struct Geometry {
   Gaussians gaussians;
-  double seconds = -1;
+  double seconds = -1, core_seconds = 0;
   double psnr = 0;
 };
 
@@ -62,7 +62,7 @@ struct Row {
   uint64_t seed;
   const TruthLevel* level;
   const Geometry* geometry;
-  double feature_seconds, evaluate_seconds;
+  double feature_seconds, feature_core_seconds, evaluate_seconds;
   OneClickScores scores;
 };
 
@@ -76,9 +76,10 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
   } else {
     ReconstructOptions stage = options.reconstruct;
     stage.seed = seed;
-    const double start = Now();
+    const double start = Now(), core_start = CoreNow();
     ASSIGN_OR_RETURN(geometry.gaussians, Reconstruct(backend, capture, stage, GoOn));
     geometry.seconds = Now() - start;
+    geometry.core_seconds = CoreNow() - core_start;
     if (!options.gaussians.empty()) {
       RETURN_IF_ERROR(WriteGaussianPly(options.gaussians, geometry.gaussians));
     }
@@ -109,8 +110,11 @@ void PrintHeader(const OneClickOptions& protocol) {
     rule += "---|";
   }
   std::printf("Fixed scales: mIoU at the threshold %.2f.\n\n", protocol.fixed_threshold);
-  std::printf("%s stage one s | stage two s | evaluation s | Gaussians | PSNR |\n", head.c_str());
-  std::printf("%s---|---|---|---|---|\n", rule.c_str());
+  std::printf(
+      "%s stage one s | stage two s | evaluation s | Gaussians | PSNR | stage one core s | "
+      "stage two core s |\n",
+      head.c_str());
+  std::printf("%s---|---|---|---|---|---|---|\n", rule.c_str());
   std::fflush(stdout);
 }
 
@@ -123,8 +127,9 @@ void PrintRow(const BenchOptions& options, const Row& row) {
   for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
   const double seconds = row.geometry->seconds;
   seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
-  std::printf(" %.2f | %.2f | %ld | %.2f |\n", row.feature_seconds, row.evaluate_seconds,
-              static_cast<long>(row.geometry->gaussians.count), row.geometry->psnr);
+  std::printf(" %.2f | %.2f | %ld | %.3f | %.2f | %.2f |\n", row.feature_seconds,
+              row.evaluate_seconds, static_cast<long>(row.geometry->gaussians.count),
+              row.geometry->psnr, row.geometry->core_seconds, row.feature_core_seconds);
   std::fflush(stdout);
 }
 
@@ -208,9 +213,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   FeatureOptions stage = options.features;
   stage.seed += run;
   Model model;
-  const double start = Now();
+  const double start = Now(), core_start = CoreNow();
   ASSIGN_OR_RETURN(model.field, GetField(backend, pack.capture, geometry, options, stage));
-  const double feature_seconds = Now() - start;
+  const double feature_seconds = Now() - start, feature_core_seconds = CoreNow() - core_start;
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
   for (const View& view : pack.capture.views) {
@@ -226,7 +231,12 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     ASSIGN_OR_RETURN(OneClickScores scores,
                      EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level),
                                       options.protocol, [] { return absl::OkStatus(); }));
-    const Row row = {stage.seed,       &level, &geometry, feature_seconds, Now() - evaluate_start,
+    const Row row = {stage.seed,
+                     &level,
+                     &geometry,
+                     feature_seconds,
+                     feature_core_seconds,
+                     Now() - evaluate_start,
                      std::move(scores)};
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
@@ -245,7 +255,7 @@ absl::Status Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
   if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
   std::vector<KernelTime> times;
-  Reduce(options.share, pack);
+  Spoil(options.faults, pack);
   const auto backend =
       MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
@@ -287,9 +297,7 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
-  app.add_flag("--no-depth", options.share.without_depth);
-  app.add_option("--every-view", options.share.every_view, "only every n-th training view");
-  app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
+  pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
   app.add_flag("--prompts", options.prompts,
