@@ -98,8 +98,8 @@ class _Awaiting:
             try:
                 return await method(step.request, timeout=CALL_SECONDS, metadata=metadata)
             except grpc.RpcError as error:
-                pause = patience.pause_after(errors.from_rpc(error), step.repeatable)
-            await asyncio.sleep(pause)
+                failure = errors.from_rpc(error)
+            await asyncio.sleep(patience.pause_after(failure, step.repeatable))
 
     async def _send(self, step: Send) -> Any:
         call = self._services.method(step)(metadata=metadata_of(self._metadata, step.scene))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar, Union
+from typing import Any, TypeVar, Union
 import secrets
 import time
 
@@ -149,8 +149,8 @@ class LocalFailure:
             self.error = error
             raise
 
-    def explain(self, error: grpc.RpcError) -> NoReturn:
-        raise self.error or errors.from_rpc(error)
+    def reason_of(self, error: grpc.RpcError) -> Exception:
+        return self.error or errors.from_rpc(error)
 
 
 class Blocking:
@@ -213,8 +213,8 @@ class Blocking:
             try:
                 return method(step.request, timeout=CALL_SECONDS, metadata=metadata)
             except grpc.RpcError as error:
-                pause = patience.pause_after(errors.from_rpc(error), step.repeatable)
-            time.sleep(pause)
+                failure = errors.from_rpc(error)
+            time.sleep(patience.pause_after(failure, step.repeatable))
 
     def _send(self, step: Send) -> Any:
         requests = LocalFailure(step.requests)
@@ -222,7 +222,7 @@ class Blocking:
         try:
             return self._services.method(step)(requests, metadata=metadata)
         except grpc.RpcError as error:
-            requests.explain(error)
+            raise requests.reason_of(error) from None
 
 
 def new_request_id() -> str:
