@@ -210,6 +210,7 @@ class Client(SceneClient):
         await self.close()
 
     scenes = awaited(of_scenes.list_scenes)
+    create_scene = awaited(of_scenes.create_scene)
     delete_scene = awaited(of_scenes.delete_scene)
     model = awaited(of_scenes.model)
     models = awaited(of_scenes.list_models)

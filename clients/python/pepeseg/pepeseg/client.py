@@ -117,6 +117,7 @@ class Client(SceneClient):
         self.close()
 
     scenes = blocking(of_scenes.list_scenes)
+    create_scene = blocking(of_scenes.create_scene)
     delete_scene = blocking(of_scenes.delete_scene)
     model = blocking(of_scenes.model)
     models = blocking(of_scenes.list_models)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pepeseg.calls import Place, Steps, Unary, all_pages
+from pepeseg import errors
+from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
 from pepeseg.v1 import scene_service_pb2
 
 
@@ -72,6 +73,23 @@ def list_scenes(at: Place) -> Steps[list[Scene]]:
         )
         for scene in found
     ]
+
+
+def create_scene(at: Place, display_name: str = "") -> Steps[None]:
+    """Makes the scene where it is not there yet.
+
+    Raises:
+        InvalidArgumentError: the id is no RFC 1034 label.
+    """
+    request = scene_service_pb2.CreateSceneRequest(
+        scene_id=at.scene.removeprefix("scenes/"),
+        scene=scene_service_pb2.Scene(display_name=display_name),
+        request_id=new_request_id(),
+    )
+    try:
+        yield Unary("scenes", "CreateScene", request, at.scene)
+    except errors.AlreadyExistsError:
+        pass
 
 
 def delete_scene(at: Place) -> Steps[None]:

@@ -15,7 +15,8 @@ from pepeseg.calls import Pause, Place, Send, Steps, Unary, Work, new_request_id
 from pepeseg.crc32c import crc32c
 from pepeseg.dataset import Dataset, DatasetFile, read_folder
 from pepeseg.progress import Bar
-from pepeseg.v1 import dataset_service_pb2, scene_service_pb2
+from pepeseg.scenes import create_scene
+from pepeseg.v1 import dataset_service_pb2
 
 _CHUNK_BYTES = 1 << 20
 _FIRST_PAUSE = 0.25
@@ -176,23 +177,6 @@ def _warn_of(dataset: Dataset) -> None:
     more = len(dataset.missing) - _NAMES_TOLD
     rest = f" and {more} more" if more > 0 else ""
     warnings.warn(f"photographs that the poses name are missing: {named}{rest}", stacklevel=2)
-
-
-def create_scene(at: Place, display_name: str = "") -> Steps[None]:
-    """Makes the scene where it is not there yet.
-
-    Raises:
-        InvalidArgumentError: the id is no RFC 1034 label.
-    """
-    request = scene_service_pb2.CreateSceneRequest(
-        scene_id=at.scene.removeprefix("scenes/"),
-        scene=scene_service_pb2.Scene(display_name=display_name),
-        request_id=new_request_id(),
-    )
-    try:
-        yield Unary("scenes", "CreateScene", request, at.scene)
-    except errors.AlreadyExistsError:
-        pass
 
 
 def upload(
