@@ -28,6 +28,7 @@ from pepeseg.errors import (
     UnimplementedError,
 )
 from pepeseg.labels import Label
+from pepeseg.png import Picture
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, ViewMask
 from pepeseg.subsets import Decomposition, Export, Level, Segment
@@ -61,6 +62,7 @@ __all__ = [
     "OutOfRangeError",
     "PepesegError",
     "PermissionDeniedError",
+    "Picture",
     "Proposal",
     "ResourceExhaustedError",
     "Scene",

@@ -93,7 +93,8 @@ def _train(client: Client, arguments: argparse.Namespace) -> None:
 
 def _print_model(client: Client, job: str) -> None:
     model = client.wait(job, progress=True)
-    metrics = "".join(f"  {name} {value:.4g}" for name, value in sorted(model.metrics.items()))
+    scores = [name for name in ("psnr", "ssim", "lpips") if name in model.metrics]
+    metrics = "".join(f"  {name} {model.metrics[name]:.4g}" for name in scores)
     print(f"{model.name}: {model.num_gaussians} Gaussians{metrics}")
 
 

@@ -79,8 +79,10 @@ def _show(event: job_service_pb2.JobEvent, bar: Bar) -> None:
     elif kind == "term_skipped":
         skipped = event.term_skipped
         bar.say(f"{skipped.stage}: {skipped.term} skipped: {skipped.reason}")
-    elif kind == "stage_ended" and event.stage_ended.skipped:
-        bar.say(f"{event.stage_ended.stage}: skipped: {event.stage_ended.skipped}")
+    elif kind == "stage_ended":
+        bar.close()
+        if event.stage_ended.skipped:
+            bar.say(f"{event.stage_ended.stage}: skipped: {event.stage_ended.skipped}")
 
 
 def wait(

@@ -113,3 +113,13 @@ def encode(pixels: npt.NDArray[Any]) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, bits, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
     body = _chunk(b"IDAT", zlib.compress(filtered.tobytes(), 1))
     return _MAGIC + _chunk(b"IHDR", header) + body + _chunk(b"IEND", b"")
+
+
+class Picture:
+    """Pixels that a notebook shows: bool, uint8 or uint16 [height, width], or uint8 [height, width, 3]."""
+
+    def __init__(self, pixels: npt.NDArray[Any]) -> None:
+        self._pixels = pixels
+
+    def _repr_png_(self) -> bytes:
+        return encode(self._pixels)

@@ -36,9 +36,8 @@ class Bar:
                 total=total, desc=title, unit=self._unit, unit_scale=self._scaled
             )
         self._bar.total = total
-        self._bar.n = done
         self._bar.set_postfix_str(note, refresh=False)
-        self._bar.refresh()
+        self._bar.update(done - self._bar.n)
 
     def say(self, text: str) -> None:
         """A line above the bar."""
