@@ -91,8 +91,8 @@ def test_errors_are_the_same(server, trained, tmp_path):
         with pytest.raises(pepeseg.NotFoundError):
             async for _ in client.watch("jobs/j999"):
                 pass
-        (tmp_path / "a.jpg").write_bytes(b"a")
-        (tmp_path / "b.jpg").write_bytes(b"b")
+        for name in "ab":
+            (tmp_path / f"{name}.jpg").write_bytes(os.urandom(100))
         other = client.of("vanished-too")
         with pytest.raises(FileNotFoundError):
             await other.upload(tmp_path, progress=lambda *_: (tmp_path / "b.jpg").unlink())

@@ -1,0 +1,59 @@
+// What a question costs the C++ client, from the call to the mask's pixels; of the Python client's
+// the same is in python_mask_bench.py, which runs this. Prints the milliseconds of each answer.
+//   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentRequest
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+#include "clients/cli/channel.h"
+#include "clients/cli/connection.h"
+#include "clients/cli/mask.h"
+#include "clients/cli/questions.h"
+
+namespace pepeseg::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Milliseconds; below 0: it failed, and standard error says why.
+double AskOnce(const Connection& connection, const v1::SegmentRequest& request) {
+  const Clock::time_point start = Clock::now();
+  const auto answer = AskSegment(connection, request);
+  if (!answer.ok() || answer->masks().empty()) {
+    std::fprintf(stderr, "%s\n", answer.status().ToString().c_str());
+    return -1;
+  }
+  const auto mask = DecodeRle(answer->masks(0).rle());
+  if (!mask.ok() || mask->empty()) {
+    std::fprintf(stderr, "%s\n", mask.status().ToString().c_str());
+    return -1;
+  }
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+int Run(const char* server, const char* file, int repeats) {
+  v1::SegmentRequest request;
+  std::ifstream stream(file, std::ios::binary);
+  const auto channel = OpenChannel(server, {});
+  if (!request.ParseFromIstream(&stream) || !channel.ok()) return EXIT_FAILURE;
+  const Connection connection(*channel);
+  if (AskOnce(connection, request) < 0) return EXIT_FAILURE;  // connects
+  for (int i = 0; i < repeats; ++i) {
+    const double ms = AskOnce(connection, request);
+    if (ms < 0) return EXIT_FAILURE;
+    std::printf("%.4f\n", ms);
+  }
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+}  // namespace pepeseg::cli
+
+int main(int argc, char** argv) {
+  if (argc != 4) {
+    std::fprintf(stderr, "usage: %s SERVER FILE REPEATS\n", argv[0]);
+    return 2;
+  }
+  return pepeseg::cli::Run(argv[1], argv[2], std::atoi(argv[3]));
+}
