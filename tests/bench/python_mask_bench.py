@@ -103,7 +103,7 @@ def main() -> int:
         try:
             with pepeseg.Client("shelf", server=server.address) as client:
                 client.upload(SHELF)
-                client.train(steps=1000, feature_steps=500, progress=True)
+                client.train(steps=1000, feature_steps=500)
                 view = client.views()[0]
                 large = enlarged(view.camera, 1.8)
                 print("| pixels | Python ms | C++ ms | ratio |\n|---|---|---|---|")

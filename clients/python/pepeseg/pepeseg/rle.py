@@ -50,11 +50,28 @@ def decode(rle: prompt_pb2.CocoRle) -> BoolMask:
     np.cumsum(counts[2::2], out=counts[2::2])
     if counts.size and counts.min() < 0 or counts.sum() != height * width:
         raise damaged(f"mask: the runs do not fill {width}x{height} pixels")
-    columns = np.zeros(height * width, np.bool_)
-    ends = np.cumsum(counts)
-    for start, end in zip(ends[0::2].tolist(), ends[1::2].tolist()):
-        columns[start:end] = True
-    return np.ascontiguousarray(columns.reshape(width, height).T)
+    return _fill(np.cumsum(counts)[:-1], height, width)
+
+
+def _fill(borders: npt.NDArray[np.int64], height: int, width: int) -> BoolMask:
+    """The mask whose runs, down the columns, end at `borders`, the first being of zeros.
+
+    A pixel differs from the one above it where a border is; all rows follow by exclusive or, eight
+    pixels at once. That spares the transposition of what is filled column by column.
+    """
+    if height * width == 0:
+        return np.zeros((height, width), np.bool_)
+    if (np.diff(borders) == 0).any():  # of runs of no length: two borders are none
+        places, times = np.unique(borders, return_counts=True)
+        borders = places[times % 2 == 1]
+    borders = borders[borders < height * width]
+    changes = np.zeros((height, -(-width // 8) * 8), np.uint8)
+    changes[0, :width] = np.searchsorted(borders, np.arange(0, height * width, height)) & 1
+    columns, rows = np.divmod(borders, height)
+    changes[rows, columns] ^= 1
+    words = changes.view(np.uint64)
+    np.bitwise_xor.accumulate(words, axis=0, out=words)
+    return np.ascontiguousarray(changes[:, :width]).view(np.bool_)
 
 
 def _write_count(value: int) -> str:

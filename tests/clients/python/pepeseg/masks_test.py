@@ -26,13 +26,22 @@ class TestRle:
         counts = [6, 1, 40, 2, -26]
         assert encoded.counts == "".join(spell(count) for count in counts)
 
-    @pytest.mark.parametrize("shape", [(1, 1), (3, 5), (120, 160), (1, 2000), (2000, 1)])
+    @pytest.mark.parametrize("shape", [(1, 1), (3, 5), (7, 8), (120, 160), (97, 161), (1, 2000), (2000, 1)])
     def test_comes_back(self, shape):
         draws = np.random.default_rng(7).random(shape)
         for mask in (draws < 0, draws < 2, draws < 0.5, draws < 0.01, disc(*shape)):
             decoded = rle.decode(rle.encode(mask))
             assert decoded.dtype == np.bool_ and decoded.flags.c_contiguous
             assert np.array_equal(decoded, mask)
+
+    def test_runs_of_no_length_are_read(self):
+        # 0 zeros, 1 one, 0 zeros, 2 ones; and a last run of none.
+        for counts in ([0, 1, 0, 2], [0, 3, 0]):
+            text = "".join(spell(n - counts[i - 2] if i > 2 else n) for i, n in enumerate(counts))
+            message = prompt_pb2.CocoRle(height=3, width=1, counts=text)
+            assert rle.decode(message).all()
+        nothing = rle.decode(prompt_pb2.CocoRle(height=0, width=0, counts=""))
+        assert nothing.shape == (0, 0)
 
     def test_integers_are_not_zero_inside(self):
         assert rle.decode(rle.encode(np.array([[0, 255], [1, 0]]))).tolist() == [
