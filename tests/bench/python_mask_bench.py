@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """A mask over RPC as a NumPy array, against the C++ client's time for the same question.
 
-Starts a server of the build, trains the shelf, and asks both clients in turns, each in a process that
-lives on: what is timed is the call and the decoding of its answer. Exit 1: the ratio is over the limit.
+Starts a server of the build, trains the shelf, and asks both clients in turns. Timed is the call
+and the decoding of its answer, within each process. Exit 1: the ratio is over the limit.
 
     tests/bench/python_mask_bench.py build/bin [--rounds 20] [--repeats 50] [--limit 1.5]
 """
@@ -20,7 +20,9 @@ import tempfile
 import time
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in ("clients/python/pepeseg", "tests/clients/python/pepeseg")]
+sys.path[:0] = [
+    str(ROOT / folder) for folder in ("clients/python/pepeseg", "tests/clients/python/pepeseg")
+]
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -74,8 +76,8 @@ def enlarged(camera, factor):
 
 
 def compare(arguments, client, address, view, question):
-    """Median milliseconds of the Python and the C++ client, asked in turns, and the median ratio of a
-    round."""
+    """Median milliseconds of the Python and the C++ client, asked in turns, and the median of the
+    rounds' ratios."""
     program = arguments.programs / "pepeseg_mask_bench"
     with tempfile.TemporaryDirectory() as folder:
         request = Path(folder) / "request"
@@ -110,9 +112,7 @@ def main() -> int:
                 for name, where, factor in (("640x480", view, 1), ("1152x864", large, 1.8)):
                     click = [[440 * factor, 280 * factor]]
                     question = {"points": click, "scale": 0.3, "threshold": 0.75}
-                    python, cpp, ratio = compare(
-                        arguments, client, server.address, where, question
-                    )
+                    python, cpp, ratio = compare(arguments, client, server.address, where, question)
                     print(f"| {name} | {python:.2f} | {cpp:.2f} | {ratio:.2f} |", flush=True)
                     worst = max(worst, ratio)
         finally:

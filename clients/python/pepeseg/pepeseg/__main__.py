@@ -245,7 +245,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--model", default="live", metavar="NUMBER")
     parser.add_argument("--key-file", type=Path, metavar="FILE", help="with an API key or a JWT")
     parser.add_argument("--tls", action="store_true")
-    parser.add_argument("--ca", type=Path, metavar="PEM", help="who signed the server's certificate")
+    parser.add_argument(
+        "--ca", type=Path, metavar="PEM", help="who signed the server's certificate"
+    )
     parser.add_argument("--certificate", type=Path, metavar="PEM", help="this client's")
     parser.add_argument("--certificate-key", type=Path, metavar="PEM")
     _add_verbs(parser)

@@ -37,6 +37,7 @@ from pepeseg.v1 import job_service_pb2
 P = ParamSpec("P")
 T = TypeVar("T")
 
+
 class _Awaiting:
     """Takes steps one after the other, awaiting each."""
 

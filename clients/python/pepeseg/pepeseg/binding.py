@@ -47,9 +47,10 @@ class SceneClient(ABC):
             model: number of the model that is asked; "live" is the newest.
             server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else
                 127.0.0.1:50051.
-            key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else PEPESEG_KEY.
-            ca: PEM file, who may have signed the server's certificate; else PEPESEG_CA, else who the
-                system trusts.
+            key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else
+                PEPESEG_KEY.
+            ca: PEM file, who may have signed the server's certificate; else PEPESEG_CA, else who
+                the system trusts.
             certificate, certificate_key: PEM files of this client; else PEPESEG_CERTIFICATE and
                 PEPESEG_CERTIFICATE_KEY.
             tls: also meant by https://, `ca` and `certificate`.
@@ -64,7 +65,8 @@ class SceneClient(ABC):
         self._open(look_through(login), patience)
 
     @abstractmethod
-    def _open(self, connection: Connection, patience: float) -> None: ...
+    def _open(self, connection: Connection, patience: float) -> None:
+        ...
 
     @property
     def place(self) -> Place:
@@ -83,18 +85,22 @@ class Runs(Protocol):
     """A client that blocks."""
 
     @property
-    def place(self) -> Place: ...
+    def place(self) -> Place:
+        ...
 
-    def run(self, steps: Steps[T]) -> T: ...
+    def run(self, steps: Steps[T]) -> T:
+        ...
 
 
 class RunsAsync(Protocol):
     """A client that awaits."""
 
     @property
-    def place(self) -> Place: ...
+    def place(self) -> Place:
+        ...
 
-    async def run(self, steps: Steps[T]) -> T: ...
+    async def run(self, steps: Steps[T]) -> T:
+        ...
 
 
 def _told_as(method: Any, operation: Callable[..., Any]) -> None:

@@ -1,7 +1,7 @@
 """What operations are made of: steps that a client takes, blocking or awaiting.
 
-An operation is written once, as a generator that yields steps and is sent what they came to, or has the
-step's exception raised in it. `Client` and `aio.Client` take the steps.
+An operation is written once, as a generator that yields steps and is sent what they came to, or has
+the step's exception raised in it. `Client` and `aio.Client` take the steps.
 """
 
 from __future__ import annotations
@@ -230,7 +230,9 @@ def new_request_id() -> str:
     return secrets.token_hex(16)
 
 
-def all_pages(service: str, method: str, request: Any, items: str, scene: str = "") -> Steps[list[Any]]:
+def all_pages(
+    service: str, method: str, request: Any, items: str, scene: str = ""
+) -> Steps[list[Any]]:
     """The items of a list, page after page."""
     found: list[Any] = []
     request.page_size = 1000

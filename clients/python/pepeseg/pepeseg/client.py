@@ -88,9 +88,9 @@ class Client(SceneClient):
             client.train(progress=True)
             mask = client.segment("0001.jpg", points=[[320, 240]]).mask
 
-    Every call raises a subclass of `PepesegError`. Calls that a busy or stopping server has turned away
-    (UNAVAILABLE) are made again, as it says or with growing pauses, for `patience` seconds; uploads and
-    watched jobs have more patience of their own.
+    Every call raises a subclass of `PepesegError`. Calls that a busy or stopping server has turned
+    away (UNAVAILABLE) are made again, as it says or with growing pauses, for `patience` seconds;
+    uploads and watched jobs have more patience of their own.
     """
 
     def _open(self, connection: Connection, patience: float) -> None:

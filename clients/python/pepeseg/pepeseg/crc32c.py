@@ -1,8 +1,8 @@
 """CRC-32C (Castagnoli), which the contract wants of each chunk, by NumPy alone.
 
-The bytes are a polynomial over GF(2), a 32-bit word a coefficient group. The upper part of the words,
-times x to the power of its distance, is added to the lower one until one word is left: half as many
-words a round, all of a round at once.
+The bytes are a polynomial over GF(2), a 32-bit word a coefficient group. The upper part of the
+words, times x to the power of its distance, is added to the lower one until one word is left: half
+as many words a round, all of a round at once.
 """
 
 from __future__ import annotations

@@ -183,8 +183,8 @@ def read_folder(folder: str | os.PathLike[str], depth_kind: str = "depth") -> Da
         loose, left_out = _take_loose(root, left_out)
         if not loose:
             raise refused(
-                f"{root}: no photographs ({', '.join(_PHOTOGRAPHS)} in it or in its images/) and no "
-                f"video ({', '.join(_VIDEOS)})"
+                f"{root}: no photographs ({', '.join(_PHOTOGRAPHS)} in it or in its images/) and "
+                f"no video ({', '.join(_VIDEOS)})"
             )
         files += loose
     return Dataset(sorted(files, key=lambda file: file.name), left_out)

@@ -16,8 +16,8 @@ class PepesegError(Exception):
     Attributes:
         message: for people.
         code: the gRPC code.
-        reason: stable and for programs, as "BAD_FIELD" or "NO_MODEL"; empty where the answer did not
-            come from the server.
+        reason: stable and for programs, as "BAD_FIELD" or "NO_MODEL"; empty where the answer did
+            not come from the server.
         field, resource, limit, value: as in ErrorDetail of the contract; may be empty.
         retry_after: seconds after which asking again makes sense; None: not by waiting.
     """
@@ -42,7 +42,7 @@ class PepesegError(Exception):
 
 
 class InvalidArgumentError(PepesegError, ValueError):
-    """A value or a file is refused: `field`, `value`, `limit`. Also what is refused here, unsent."""
+    """A value or a file is refused: `field`, `value`, `limit`. Also what is refused unsent."""
 
 
 class NotFoundError(PepesegError, LookupError):

@@ -2,7 +2,8 @@
 
     client.upload(importers.nerfstudio("garden"))
 
-Photographs that the poses name and that are not there are in `Dataset.missing`; `upload` warns of them.
+Photographs that the poses name and that are not there are in `Dataset.missing`; `upload` warns of
+them.
 """
 
 from __future__ import annotations
@@ -175,9 +176,7 @@ def _find_model(root: Path) -> Path:
     raise not_there(f"{root}: no cameras and images, .bin or .txt, in it or its sparse/0 or sparse")
 
 
-def _photographs(
-    names: list[str], images: Path
-) -> tuple[dict[str, DatasetFile], list[str]]:
+def _photographs(names: list[str], images: Path) -> tuple[dict[str, DatasetFile], list[str]]:
     files, missing = {}, []
     for name in names:
         key = _plain(name)
@@ -188,14 +187,12 @@ def _photographs(
     return files, missing
 
 
-def colmap(
-    folder: str | os.PathLike[str], images: str | os.PathLike[str] | None = None
-) -> Dataset:
-    """A COLMAP model (.bin or .txt, in the folder or its sparse/0, sparse or colmap/sparse/0) with its
-    photographs.
+def colmap(folder: str | os.PathLike[str], images: str | os.PathLike[str] | None = None) -> Dataset:
+    """A COLMAP model (.bin or .txt, in the folder or its sparse/0, sparse or colmap/sparse/0) with
+    its photographs.
 
-    Taken are the photographs that have a pose, points3D, and masks/, ignore_mask.png, ignore/, depth/
-    and disparity/ of the folder where there are any.
+    Taken are the photographs that have a pose, points3D, and masks/, ignore_mask.png, ignore/,
+    depth/ and disparity/ of the folder where there are any.
 
     Args:
         images: where the photographs are; None: the folder's images/, else the folder.
@@ -206,7 +203,9 @@ def colmap(
     """
     root = Path(folder)
     model = _find_model(root)
-    suffix = ".bin" if all((model / f"{s}.bin").is_file() for s in ("cameras", "images")) else ".txt"
+    suffix = (
+        ".bin" if all((model / f"{s}.bin").is_file() for s in ("cameras", "images")) else ".txt"
+    )
     names = _read_names(model / f"images{suffix}")
     below = root / "images"
     source = Path(images) if images is not None else below if below.is_dir() else root

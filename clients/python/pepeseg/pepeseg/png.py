@@ -102,7 +102,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def encode(pixels: npt.NDArray[Any]) -> bytes:
-    """Of bool [height, width] (0 and 255), uint8 or uint16 [height, width], or uint8 [height, width, 3]."""
+    """Of bool (0 and 255), uint8 or uint16 [height, width], or of uint8 [height, width, 3]."""
     if pixels.dtype == np.bool_:
         pixels = pixels.astype(np.uint8) * 255
     bits = 16 if pixels.dtype == np.uint16 else 8
@@ -116,7 +116,7 @@ def encode(pixels: npt.NDArray[Any]) -> bytes:
 
 
 class Picture:
-    """Pixels that a notebook shows: bool, uint8 or uint16 [height, width], or uint8 [height, width, 3]."""
+    """Pixels that a notebook shows, of a type and shape that `encode` takes."""
 
     def __init__(self, pixels: npt.NDArray[Any]) -> None:
         self._pixels = pixels

@@ -170,8 +170,8 @@ def segment(
         similarity: whether the answer has similarity maps, too.
 
     Raises:
-        InvalidArgumentError: a point outside the view or on nothing, an unknown view, a value out of
-            range.
+        InvalidArgumentError: a point outside the view or on nothing, an unknown view, a value out
+            of range.
         NotFoundError: no such scene, model or label.
         FailedPreconditionError: the scene has no model yet.
         ResourceExhaustedError: the model does not fit into memory, or the answer is over 4 MiB: ask

@@ -141,9 +141,7 @@ def get_selection(at: Place, selection: int | str) -> Steps[SelectionInfo]:
 def list_selections(at: Place) -> Steps[list[SelectionInfo]]:
     """The selections of the scene, newest first."""
     request = selection_pb2.ListSelectionsRequest(parent=at.scene)
-    found = yield from all_pages(
-        "segmentation", "ListSelections", request, "selections", at.scene
-    )
+    found = yield from all_pages("segmentation", "ListSelections", request, "selections", at.scene)
     return [parse_selection(selection) for selection in found]
 
 

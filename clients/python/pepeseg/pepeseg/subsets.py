@@ -1,4 +1,4 @@
-"""Some of a model's Gaussians: segments of a decomposition and selections; pictures and PLYs of them."""
+"""Some of a model's Gaussians: segments and selections; pictures and PLYs of them."""
 
 from __future__ import annotations
 
@@ -108,9 +108,7 @@ def selection_name(at: Place, selection: SelectionInfo | int | str) -> str:
 
 
 def to_segment_ref(segment: Segment) -> decomposition_pb2.SegmentRef:
-    return decomposition_pb2.SegmentRef(
-        scales=segment.scales, level=segment.level, id=segment.id
-    )
+    return decomposition_pb2.SegmentRef(scales=segment.scales, level=segment.level, id=segment.id)
 
 
 def to_subset(at: Place, subset: Subset, without: bool) -> render_pb2.Subset:
@@ -268,9 +266,7 @@ def export(
         DataLossError: the bytes fail their checksum.
         OSError: the file cannot be written.
     """
-    request = render_pb2.ExportSelectionRequest(
-        model=at.model, subset=to_subset(at, of, without)
-    )
+    request = render_pb2.ExportSelectionRequest(model=at.model, subset=to_subset(at, of, without))
     target = Path(path)
     beside = target.with_name(target.name + ".part")
     try:

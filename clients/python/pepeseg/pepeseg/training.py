@@ -163,9 +163,7 @@ def estimate(
     """
     message = _merge(steps, feature_steps, image_scale, options)
     name = yield from _dataset_name(at, dataset)
-    request = job_service_pb2.EstimateTrainingRequest(
-        scene=at.scene, dataset=name, options=message
-    )
+    request = job_service_pb2.EstimateTrainingRequest(scene=at.scene, dataset=name, options=message)
     answer: job_service_pb2.EstimateTrainingResponse = yield Unary(
         "jobs", "EstimateTraining", request, at.scene
     )

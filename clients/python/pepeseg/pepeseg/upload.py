@@ -1,4 +1,4 @@
-"""Brings files to the server: what it does not have, from where it broke off, each chunk checked."""
+"""Brings files to the server: what it lacks, from where it broke off, each chunk checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A server of the build, and on it the shelf with a model of few steps on a quarter of its pixels."""
+"""A server of the build, and on it the shelf with a model of few steps at a quarter of its size."""
 
 from __future__ import annotations
 

@@ -18,15 +18,17 @@ def disc(height, width):
 
 class TestRle:
     def test_as_pycocotools_writes_it(self):
-        # Down the columns: 6 zeros, 1 one, 40 zeros, 3 ones, 14 zeros; from the fourth on, each as its
-        # difference to the one before the last: 3 - 1, 14 - 40.
+        # Down the columns: 6 zeros, 1 one, 40 zeros, 3 ones, 14 zeros; from the fourth on, each as
+        # its difference to the one before the last: 3 - 1, 14 - 40.
         mask = np.zeros(64, bool)
         mask[6] = mask[47:50] = True
         encoded = rle.encode(mask.reshape(8, 8).T)
         counts = [6, 1, 40, 2, -26]
         assert encoded.counts == "".join(spell(count) for count in counts)
 
-    @pytest.mark.parametrize("shape", [(1, 1), (3, 5), (7, 8), (120, 160), (97, 161), (1, 2000), (2000, 1)])
+    @pytest.mark.parametrize(
+        "shape", [(1, 1), (3, 5), (7, 8), (120, 160), (97, 161), (1, 2000), (2000, 1)]
+    )
     def test_comes_back(self, shape):
         draws = np.random.default_rng(7).random(shape)
         for mask in (draws < 0, draws < 2, draws < 0.5, draws < 0.01, disc(*shape)):
@@ -130,7 +132,9 @@ def filtered(pixels):
     )
 
     def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     end = chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")

@@ -58,7 +58,10 @@ def test_progress_is_told_without_tqdm(monkeypatch, capsys):
     bar = Bar("step")
     for step in range(1, 101):
         bar.show("features", step, 100)
-    assert capsys.readouterr().err.splitlines() == ["features: 1/100 step", "features: 100/100 step"]
+    assert capsys.readouterr().err.splitlines() == [
+        "features: 1/100 step",
+        "features: 100/100 step",
+    ]
 
 
 def test_everything_public_says_what_it_does():
@@ -72,7 +75,7 @@ def test_everything_public_says_what_it_does():
 
 def test_the_wheel_has_all_and_runs(tmp_path):
     source = tmp_path / "source"
-    shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__", ".mypy_cache"))
     build = "import setuptools.build_meta as b, sys; b.build_wheel(sys.argv[1])"
     subprocess.run(
         [sys.executable, "-c", build, tmp_path], cwd=source, check=True, capture_output=True

@@ -99,7 +99,9 @@ class TestPropose:
     def test_each_proposal_is_shown_by_its_scale_and_threshold(self, client):
         proposals = client.propose(VIEW, points=POINT, max_proposals=3)
         assert 1 <= len(proposals) <= 3
-        assert [p.support for p in proposals] == sorted((p.support for p in proposals), reverse=True)
+        assert [p.support for p in proposals] == sorted(
+            (p.support for p in proposals), reverse=True
+        )
         best = proposals[0]
         assert best.mask.shape == (120, 160) and best.area == best.mask.sum()
         shown = client.segment(VIEW, points=POINT, scale=best.scale, threshold=best.threshold)
