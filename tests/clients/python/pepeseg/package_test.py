@@ -15,7 +15,7 @@ from PIL import Image
 import pytest
 
 import pepeseg
-from conftest import ROOT
+from conftest import ROOT, SHELF
 from pepeseg.__main__ import main
 
 PACKAGE = ROOT / "clients" / "python" / "pepeseg"
@@ -133,8 +133,6 @@ class TestCommandLine:
         assert usage.value.code == 2
 
     def test_upload_train_and_watch(self, server, tmp_path, capsys):
-        from conftest import SHELF
-
         small = ["--steps", 20, "--feature-steps", 10, "--image-scale", 0.125]
         assert self.run(server, "upload", "line", SHELF, "--layout", "colmap") == 0
         assert self.run(server, "train", "line", *small, "-o", "features.num_pixels=50") == 0

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 import pepeseg
-from conftest import SMALL
+from conftest import SHELF, SMALL, Pepesegd
 from pepeseg.training import to_options
 from pepeseg.v1 import job_service_pb2, training_options_pb2
 
@@ -110,11 +110,9 @@ class TestTraining:
             assert not [scene for scene in client.scenes() if scene.id == "broken"]
 
     def test_a_watch_outlives_the_server(self, tmp_path):
-        from conftest import SHELF, Pepesegd
-
         running = Pepesegd(tmp_path)
         try:
-            with pepeseg.Client("shelf", server=running.address) as client:
+            with pepeseg.Client("shelf", server=running.address, patience=60) as client:
                 client.upload(SHELF)
                 job = client.start_training(steps=30000, image_scale=0.25)
                 kinds = []

@@ -227,7 +227,7 @@ class TestUpload:
 
     def test_goes_on_at_the_last_committed_byte_after_kill_9(self, tmp_path):
         (tmp_path / "server").mkdir()
-        size = 60 * MIB
+        size = 64 * MIB
         (tmp_path / "photos").mkdir()
         (tmp_path / "photos" / "large.jpg").write_bytes(os.urandom(size))
         running = Pepesegd(tmp_path / "server")
@@ -235,7 +235,7 @@ class TestUpload:
 
         def kill_once(done, total):
             told.append(done)
-            if done == 52 * MIB and told.count(done) == 1:
+            if done == 62 * MIB and told.count(done) == 1:
                 running.kill()
                 threading.Timer(0.5, running.start).start()
 
