@@ -1,11 +1,14 @@
 """Trainings and their jobs."""
 
+import json
 import threading
 
+import numpy as np
 import pytest
 
 import pepeseg
 from conftest import SHELF, SMALL, Pepesegd
+from pepeseg import importers
 from pepeseg.training import to_options
 from pepeseg.v1 import job_service_pb2, training_options_pb2
 
@@ -126,3 +129,35 @@ class TestTraining:
                 assert kinds[-1] == "state_changed"
         finally:
             running.stop()
+
+    def test_a_folder_of_nerfstudio_is_trained_in_its_own_frame(self, server, client, tmp_path):
+        (tmp_path / "train").mkdir()
+        (tmp_path / "masks" / "train").mkdir(parents=True)
+        frames = []
+        for view in client.views():
+            # The file has the photograph's whole size, and names it without its suffix.
+            (tmp_path / "train" / view.name).symlink_to(SHELF / "images" / view.name)
+            mask = f"{view.name.removesuffix('.jpg')}.json"
+            (tmp_path / "masks" / "train" / mask).symlink_to(SHELF / "masks" / mask)
+            world_from_cam = np.linalg.inv(view.camera.cam_from_world) @ np.diag([1, -1, -1, 1])
+            frames.append(
+                {
+                    "file_path": f"train/{view.name.removesuffix('.jpg')}",
+                    "transform_matrix": world_from_cam.tolist(),
+                    "fl_x": view.camera.fx * 4,
+                    "fl_y": view.camera.fy * 4,
+                    "cx": view.camera.cx * 4,
+                    "cy": view.camera.cy * 4,
+                }
+            )
+        (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames}))
+        with pepeseg.Client("nerfstudio", server=server.address) as other:
+            other.upload(importers.nerfstudio(tmp_path))
+            few = {"priors.depth": "none", "features.num_pixels": 50}
+            model = other.train(steps=20, feature_steps=10, image_scale=0.25, options=few)
+            assert model.sources == {"poses": "given", "masks": "given", "depth": "none"}
+            for ours, theirs in zip(client.views(), other.views()):
+                assert theirs.name == f"train/{ours.name}"
+                assert np.allclose(theirs.camera.cam_from_world, ours.camera.cam_from_world)
+                assert theirs.camera.fx == pytest.approx(ours.camera.fx)
+            other.delete_scene()
