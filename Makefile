@@ -21,7 +21,7 @@ help:
 	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
-	@echo 'make bench     measure the kernels'
+	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
 	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
@@ -50,8 +50,10 @@ test: build
 	cd $(BUILD) && $(CTEST)
 
 bench: $(BUILD)/CMakeCache.txt packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench
+	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench pepeseg_mask_bench pepesegd \
+	  pepeseg-worker
 	$(BUILD)/bin/pepeseg_step_bench
+	tests/bench/python_mask_bench.py $(BUILD)/bin
 
 # Each bounded in count and time; the short forms are part of `make test`.
 stress: $(BUILD)/CMakeCache.txt
