@@ -38,6 +38,11 @@ def levels_of(record):
     return list(dict.fromkeys(level for run in record["runs"] for level in run["levels"]))
 
 
+def megabytes(runs, key):
+    known = [run[key] for run in runs if key in run]
+    return f"{1e-6 * measured.mean(known):.1f}" if known else "-"
+
+
 def curve_rows(record):
     rows = []
     for name, runs in by_name(record).items():
@@ -53,14 +58,13 @@ def curve_rows(record):
                   for level in levels_of(record) if level in runs[0]["levels"]]
         row.append("; ".join(scores) or "-")
         row.append(f"{measured.mean([run['num_gaussians'] for run in runs]):.0f}")
-        row.append(f"{1e-6 * measured.mean([run['num_bytes'] for run in runs]):.1f}")
-        row.append(f"{1e-6 * measured.mean([run['peak_memory_bytes'] for run in runs]):.0f}")
+        row += [megabytes(runs, "num_bytes"), megabytes(runs, "peak_device_bytes")]
         rows.append(row)
     return rows
 
 
 CURVE_HEADING = ["scene, device", "training", "s", "core s", "steps", "PSNR", "SSIM",
-                 "mIoU / mBIoU", "Gaussians", "model MB", "memory MB"]
+                 "mIoU / mBIoU", "Gaussians", "model MB", "device MB"]
 
 
 def share_rows(record):
@@ -95,7 +99,7 @@ def tables(records):
     lines += ["", "Mean (least to most) over the seeds. s: wall time of stages one and two together; "
               "core s: of all cores together. PSNR, SSIM: held-out views. mIoU / mBIoU: one click, "
               "scale and threshold chosen on the clicked view, scored on the others. Steps: done, "
-              "by stage.", ""]
+              "by stage. Device MB: of the training's, at most (CPU: of its arrays).", ""]
     lines += measured.markdown(CURVE_HEADING, [row for record in records
                                                for row in curve_rows(record)])
     shares = [row for record in records for row in share_rows(record)]

@@ -54,7 +54,8 @@ struct BenchOptions {
 struct Geometry {
   Gaussians gaussians;
   double seconds = -1, core_seconds = 0;
-  double psnr = 0;
+  int64_t num_steps = 0;  // done
+  ImageScores held_out;
 };
 
 // One row of the table.
@@ -63,10 +64,18 @@ struct Row {
   const TruthLevel* level;
   const Geometry* geometry;
   double feature_seconds, feature_core_seconds, evaluate_seconds;
+  int64_t num_feature_steps;
+  size_t bytes;  // of the device, at most so far
   OneClickScores scores;
 };
 
-absl::Status GoOn(const StepReport& /*report*/) { return absl::OkStatus(); }
+// Counts the steps of a stage.
+auto CountTo(int64_t& num_steps) {
+  return [&num_steps](const StepReport& report) {
+    num_steps = report.step;
+    return absl::OkStatus();
+  };
+}
 
 absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
                                      const BenchOptions& options, uint64_t seed) {
@@ -77,7 +86,8 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
     ReconstructOptions stage = options.reconstruct;
     stage.seed = seed;
     const double start = Now(), core_start = CoreNow();
-    ASSIGN_OR_RETURN(geometry.gaussians, Reconstruct(backend, capture, stage, GoOn));
+    ASSIGN_OR_RETURN(geometry.gaussians,
+                     Reconstruct(backend, capture, stage, CountTo(geometry.num_steps)));
     geometry.seconds = Now() - start;
     geometry.core_seconds = CoreNow() - core_start;
     if (!options.gaussians.empty()) {
@@ -85,18 +95,18 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
     }
   }
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, geometry.gaussians));
-  geometry.psnr = Mean(scores).psnr;
+  geometry.held_out = Mean(scores);
   return geometry;
 }
 
 absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
                                       const Geometry& geometry, const BenchOptions& options,
-                                      const FeatureOptions& stage) {
+                                      const FeatureOptions& stage, int64_t& num_steps) {
   if (!options.field.empty() && std::filesystem::exists(options.field)) {
     return ReadFeatureFile(options.field, options.field);
   }
   ASSIGN_OR_RETURN(FeatureField field,
-                   TrainFeatures(backend, capture, geometry.gaussians, stage, GoOn));
+                   TrainFeatures(backend, capture, geometry.gaussians, stage, CountTo(num_steps)));
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
 }
@@ -112,9 +122,9 @@ void PrintHeader(const OneClickOptions& protocol) {
   std::printf("Fixed scales: mIoU at the threshold %.2f.\n\n", protocol.fixed_threshold);
   std::printf(
       "%s stage one s | stage two s | evaluation s | Gaussians | PSNR | stage one core s | "
-      "stage two core s |\n",
+      "stage two core s | SSIM | steps | feature steps | MB |\n",
       head.c_str());
-  std::printf("%s---|---|---|---|---|---|---|\n", rule.c_str());
+  std::printf("%s---|---|---|---|---|---|---|---|---|---|---|\n", rule.c_str());
   std::fflush(stdout);
 }
 
@@ -127,9 +137,12 @@ void PrintRow(const BenchOptions& options, const Row& row) {
   for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
   const double seconds = row.geometry->seconds;
   seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
-  std::printf(" %.2f | %.2f | %ld | %.3f | %.2f | %.2f |\n", row.feature_seconds,
+  std::printf(" %.2f | %.2f | %ld | %.3f | %.2f | %.2f |", row.feature_seconds,
               row.evaluate_seconds, static_cast<long>(row.geometry->gaussians.count),
-              row.geometry->psnr, row.geometry->core_seconds, row.feature_core_seconds);
+              row.geometry->held_out.psnr, row.geometry->core_seconds, row.feature_core_seconds);
+  std::printf(" %.4f | %ld | %ld | %.0f |\n", row.geometry->held_out.ssim,
+              static_cast<long>(row.geometry->num_steps), static_cast<long>(row.num_feature_steps),
+              1e-6 * static_cast<double>(row.bytes));
   std::fflush(stdout);
 }
 
@@ -212,9 +225,11 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      const Geometry& geometry, int run) {
   FeatureOptions stage = options.features;
   stage.seed += run;
+  int64_t num_steps = 0;
   Model model;
   const double start = Now(), core_start = CoreNow();
-  ASSIGN_OR_RETURN(model.field, GetField(backend, pack.capture, geometry, options, stage));
+  ASSIGN_OR_RETURN(model.field,
+                   GetField(backend, pack.capture, geometry, options, stage, num_steps));
   const double feature_seconds = Now() - start, feature_core_seconds = CoreNow() - core_start;
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
@@ -237,6 +252,8 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      feature_seconds,
                      feature_core_seconds,
                      Now() - evaluate_start,
+                     num_steps,
+                     backend.peak_bytes_in_use(),
                      std::move(scores)};
     PrintRow(options, row);
     if (options.entities) PrintEntities(row);
@@ -285,6 +302,7 @@ absl::Status Run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Segmentation of a capture pack, scored by the one-click protocol");
   pepeseg::BenchOptions options;
+  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
   pepeseg::AddStageOneFlags(app, options.reconstruct);
   pepeseg::AddStageTwoFlags(app, options.features);
   app.add_option("pack", options.pack)->required();
