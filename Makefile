@@ -10,6 +10,7 @@ SHELL := /bin/bash
 BUILD ?= build
 JOBS ?= $(shell nproc)
 CMAKE_ARGS ?=
+UNITY ?= ON
 STRESS_SECONDS ?= 600
 FUZZ_SECONDS ?= 10
 SOAK_SECONDS ?= 3600
@@ -40,7 +41,7 @@ packages:
 
 # Configured once: the build itself notices later changes of CMake's files.
 $(BUILD)/CMakeCache.txt: | packages
-	cmake -S . -B $(BUILD) $(GENERATOR) $(CMAKE_ARGS)
+	cmake -S . -B $(BUILD) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) $(CMAKE_ARGS)
 
 build: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS)
@@ -87,8 +88,8 @@ gateway-test: $(BUILD)/CMakeCache.txt
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt
-	$(MAKE) --no-print-directory build
-	tests/layering/lint.sh $(BUILD) $(JOBS)
+	cmake -S . -B $(BUILD)-lint $(GENERATOR) $(CMAKE_ARGS)
+	tests/layering/lint.sh $(BUILD)-lint $(JOBS)
 
 # Debian's gRPC, Protobuf and Abseil are not instrumented: a container that they grew would look
 # overflown to code that is. The quarantine counts against what tests allow a decoder to take; some

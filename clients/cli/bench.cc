@@ -9,19 +9,19 @@
 #include "absl/time/time.h"
 #include "clients/cli/bench_record.h"
 #include "clients/cli/bench_truth.h"
-#include "clients/cli/dataset_folder.h"
 #include "clients/cli/evaluation.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/stopwatch.h"
 #include "clients/cli/training.h"
 #include "clients/cli/upload.h"
 #include "clients/cli/watch.h"
+#include "clients/cpp/dataset_folder.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -66,31 +66,27 @@ absl::Time TimeOf(const google::protobuf::Timestamp& time) {
 }
 
 // Queued, watched to its end.
-absl::Status Train(const Connection& connection, const std::string& dataset, const Plan& plan,
+absl::Status Train(const Client& client, const std::string& dataset, const Plan& plan,
                    BenchRun& run) {
   std::vector<std::string> settings = plan.settings;
   settings.push_back(absl::StrCat("reconstruct.seed=", run.seed));
   settings.push_back(absl::StrCat("features.seed=", run.seed));
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(const v1::Job job,
-                   StartTraining(connection, SceneOf(dataset), dataset, settings));
-  ASSIGN_OR_RETURN(run.job, WatchJob(connection, job.name(), [&](const v1::JobEvent& event) {
+  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(client, SceneOf(dataset), dataset, settings));
+  ASSIGN_OR_RETURN(run.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
                      if (!event.has_progress()) return;
                      run.steps[event.progress().stage()] = event.progress().step();
                    }));
   run.seconds["request_to_model"] = watch.Seconds();
   run.seconds["queue"] =
       absl::ToDoubleSeconds(TimeOf(run.job.start_time()) - TimeOf(run.job.create_time()));
-  v1::GetModelRequest request;
-  request.set_name(run.job.model());
-  Call call(SceneOf(dataset), kCallSeconds);
-  return FromGrpc(connection.scenes->GetModel(call, request, &run.model));
+  ASSIGN_OR_RETURN(run.model, client.GetModel(run.job.model()));
+  return absl::OkStatus();
 }
 
 // One point in the middle of the first held-out view, granularity left to the server, twice. Where
 // there is nothing under it, nothing is measured.
-absl::Status Click(const Connection& connection, const std::vector<v1::View>& views,
-                   BenchRun& run) {
+absl::Status Click(const Client& client, const std::vector<v1::View>& views, BenchRun& run) {
   v1::SegmentRequest request;
   request.set_model(run.model.name());
   for (const v1::View& view : views) {
@@ -104,7 +100,7 @@ absl::Status Click(const Connection& connection, const std::vector<v1::View>& vi
   }
   for (const char* name : {"first_click", "next_click"}) {
     const Stopwatch watch;
-    const auto answer = AskSegment(connection, request);
+    const auto answer = client.Segment(request);
     if (absl::IsFailedPrecondition(answer.status())) return absl::OkStatus();
     RETURN_IF_ERROR(answer.status());
     run.seconds[name] = watch.Seconds();
@@ -112,46 +108,38 @@ absl::Status Click(const Connection& connection, const std::vector<v1::View>& vi
   return absl::OkStatus();
 }
 
-absl::Status Score(const Connection& connection, const fs::path& dataset,
+absl::Status Score(const Client& client, const fs::path& dataset,
                    const std::vector<TruthLevel>& truth, const std::vector<v1::View>& views,
                    BenchRun& run) {
   for (const TruthLevel& level : truth) {
     ASSIGN_OR_RETURN(const v1::EvaluateRequest request,
                      EvaluateRequestOf(dataset, level, run.model.name(), views));
-    ASSIGN_OR_RETURN(v1::EvaluateResponse scores, AskEvaluate(connection, request));
+    ASSIGN_OR_RETURN(v1::EvaluateResponse scores, client.Evaluate(request));
     run.levels.emplace_back(level.name, std::move(scores));
   }
   return absl::OkStatus();
 }
 
-absl::Status DeleteModel(const Connection& connection, const std::string& model) {
-  v1::DeleteModelRequest request;
-  request.set_name(model);
-  google::protobuf::Empty answer;
-  Call call(SceneOf(model), kCallSeconds);
-  return FromGrpc(connection.scenes->DeleteModel(call, request, &answer));
-}
-
-absl::StatusOr<BenchRun> RunPlan(const Connection& connection, const BenchFlags& flags,
+absl::StatusOr<BenchRun> RunPlan(const Client& client, const BenchFlags& flags,
                                  const std::string& dataset, const Plan& plan, uint64_t seed) {
   BenchRun run;
   run.name = plan.name;
   run.seed = seed;
-  RETURN_IF_ERROR(Train(connection, dataset, plan, run));
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, run.model.name()));
+  RETURN_IF_ERROR(Train(client, dataset, plan, run));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(run.model.name()));
   ASSIGN_OR_RETURN(const std::vector<TruthLevel> truth, FindTruth(flags.folder));
   // Trained without masks it answers no questions.
   const auto masks = run.model.sources().find("masks");
   if (masks != run.model.sources().end() && masks->second != "none") {
-    RETURN_IF_ERROR(Click(connection, views, run));
-    RETURN_IF_ERROR(Score(connection, flags.folder, truth, views, run));
+    RETURN_IF_ERROR(Click(client, views, run));
+    RETURN_IF_ERROR(Score(client, flags.folder, truth, views, run));
   }
-  RETURN_IF_ERROR(DeleteModel(connection, run.model.name()));
+  RETURN_IF_ERROR(client.DeleteModel(run.model.name()));
   return run;
 }
 
 absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   const std::string scene = SceneName(
       flags.scene.empty() ? absl::StrCat("bench-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   BenchRecord record;
@@ -164,12 +152,12 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
   ASSIGN_OR_RETURN(const DatasetFolder folder,
                    ReadDatasetFolder(flags.folder, flags.disparity ? v1::FILE_KIND_DISPARITY
                                                                    : v1::FILE_KIND_DEPTH));
-  RETURN_IF_ERROR(EnsureScene(connection, scene));
-  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(connection, scene, folder));
+  RETURN_IF_ERROR(client.EnsureScene(scene));
+  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
   record.upload_seconds = watch.Seconds();
   for (const Plan& plan : PlansOf(flags)) {
     for (int seed = 1; seed <= flags.num_seeds; ++seed) {
-      ASSIGN_OR_RETURN(BenchRun run, RunPlan(connection, flags, dataset.name(), plan, seed));
+      ASSIGN_OR_RETURN(BenchRun run, RunPlan(client, flags, dataset.name(), plan, seed));
       if (!shell.json) Print(RunLine(run));
       record.runs.push_back(std::move(run));
       // After each run: what was measured stays when a later one fails.
@@ -222,4 +210,4 @@ void AddBench(CLI::App& app, Shell& shell) {
   });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,7 +4,7 @@
 #include "absl/strings/str_format.h"
 #include "clients/cli/shell.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -93,4 +93,4 @@ std::string RunLine(const BenchRun& run) {
   return line;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -10,7 +10,7 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // One training and what it came to.
 struct BenchRun {
@@ -42,4 +42,4 @@ nlohmann::ordered_json ToJson(const BenchRecord& record);
 // For a person, while it runs.
 std::string RunLine(const BenchRun& run);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

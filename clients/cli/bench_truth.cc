@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/file_bytes.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -92,4 +92,4 @@ absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const fs::path& dataset,
   return request;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -10,7 +10,7 @@
 #include "pepeseg/v1/evaluation.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // What a dataset's folder knows of what is to be segmented: label images of one level.
 struct TruthLevel {
@@ -32,4 +32,4 @@ absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const std::filesystem::pat
                                                       const std::string& model,
                                                       const std::vector<v1::View>& views);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -8,7 +8,7 @@
 #include "clients/cli/bench_truth.h"
 #include "tests/testing/temp_folder.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -132,4 +132,4 @@ TEST(BenchRecord, WithoutAClickThereIsNoTimeToIt) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli
