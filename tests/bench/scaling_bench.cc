@@ -141,8 +141,8 @@ absl::StatusOr<Measured> Measure(const BenchOptions& options, const Size& size) 
   ASSIGN_OR_RETURN(const Gaussians gaussians,
                    MeasureStageOne(*backend, capture, options.num_steps, measured));
   RETURN_IF_ERROR(MeasureStageTwo(*backend, capture, gaussians, options.num_steps, measured));
-  RETURN_IF_ERROR(backend->status());
-  measured.bytes = backend->peak_bytes_in_use();
+  if (!backend->error().empty()) return absl::ResourceExhaustedError(backend->error());
+  measured.bytes = static_cast<int64_t>(backend->peak_bytes_in_use());
   return measured;
 }
 
@@ -175,12 +175,17 @@ absl::Status Climb(const BenchOptions& options, const std::string& dimension) {
   if (dimension == "views") size.views = std::max(2, size.views / 4);
   if (dimension == "pixels") size.width /= 2;
   if (dimension == "gaussians") size.gaussians /= 8;
-  for (;;) {
-    ASSIGN_OR_RETURN(const Measured measured, Measure(options, size));
-    PrintRow(dimension, size, measured);
-    if (SecondsOf(measured, options.num_steps) > options.max_seconds) break;
+  for (int step = 0;; ++step) {
+    const auto measured = Measure(options, size);
+    if (!measured.ok() && step > 0) {  // it does not fit any more
+      std::printf("# %s: %s\n", dimension.c_str(), measured.status().ToString().c_str());
+      break;
+    }
+    RETURN_IF_ERROR(measured.status());
+    PrintRow(dimension, size, *measured);
+    if (SecondsOf(*measured, options.num_steps) > options.max_seconds) break;
     // What would need twice as much is not tried.
-    if (2 * static_cast<double>(measured.bytes) > options.max_bytes) break;
+    if (2 * static_cast<double>(measured->bytes) > options.max_bytes) break;
     if (dimension == "masks" && size.cuts >= kMostCuts) break;
     Grow(dimension, size);
   }
