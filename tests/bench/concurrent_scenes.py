@@ -48,8 +48,14 @@ def measure(arguments, flags, number):
     click = ["--view", first_view(arguments.dataset), "--point", arguments.point,
              "--threshold", "0"]
     row = {"scenes": number}
-    row["train s"] = timed(lambda scene: pepeseg(arguments.programs, "train", scene, *flags), scenes)
-    ask = lambda scene: pepeseg(arguments.programs, "--json", "segment", scene, *click)
+
+    def train(scene):
+        pepeseg(arguments.programs, "train", scene, *flags)
+
+    def ask(scene):
+        pepeseg(arguments.programs, "--json", "segment", scene, *click)
+
+    row["train s"] = timed(train, scenes)
     row["first click s"] = timed(ask, scenes)
     row["next click s"] = timed(ask, scenes)
     return row
@@ -59,10 +65,10 @@ def table(record):
     rows = record["rows"]
     heading = list(rows[0])
     lines = [f"`concurrent_scenes.py`: {record['machine']}; commit {record['commit']}; "
-             f"{record['dataset']}; flags `{' '.join(record['flags'])}`. A click includes the start "
-             "of the client.", ""]
-    lines += measured.markdown(heading, [[row["scenes"]] + [f"{row[cost]:.2f}" for cost in heading[1:]]
-                                         for row in rows])
+             f"{record['dataset']}; flags `{' '.join(record['flags'])}`. A click includes the "
+             "start of the client.", ""]
+    cells = [[row["scenes"]] + [f"{row[cost]:.2f}" for cost in heading[1:]] for row in rows]
+    lines += measured.markdown(heading, cells)
     if len(rows) > 1:
         fits = [measured.exponent([row["scenes"] for row in rows], [row[cost] for row in rows])
                 for cost in heading[1:]]

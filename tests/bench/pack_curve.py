@@ -4,8 +4,9 @@
     pack_curve.py --programs build/bin --out FOLDER PACK [-- FLAG...]
 
 For machines without what the service needs, as a bare one with a GPU. Trains the lengths and the
-presets by pepeseg_segment_bench (by pepeseg_curve_bench, stage one only, where the pack has no ground
-truth) and writes FOLDER/record.json after each. FLAGs go to every run: --device cuda --seeds 3.
+presets by pepeseg_segment_bench (by pepeseg_curve_bench, stage one only, where the pack has no
+ground truth) and writes FOLDER/record.json after each. FLAGs go to every run: --device
+cuda --seeds 3.
 """
 
 import argparse
@@ -58,7 +59,7 @@ def device_of(flags):
 
 def measure(arguments, flags):
     record = {"record": "pack_curve.py",
-              "dataset": os.path.splitext(os.path.basename(arguments.pack))[0],
+              "dataset": arguments.scene or os.path.splitext(os.path.basename(arguments.pack))[0],
               "device": device_of(flags), "machine": measured.machine(),
               "commit": measured.commit(), "settings": " ".join(flags), "runs": []}
     os.makedirs(arguments.out, exist_ok=True)
@@ -83,6 +84,7 @@ def main():
     parser.add_argument("pack")
     parser.add_argument("--programs", default="build/bin")
     parser.add_argument("--out", required=True)
+    parser.add_argument("--scene", help="name in the record, as \"desk 160x120\"; the pack's")
     parser.add_argument("--steps", default="500,1000,2000,5000", help="of both stages")
     parser.add_argument("--presets", default="preview,standard,best")
     measure(parser.parse_args(words[:split]), words[split + 1:])

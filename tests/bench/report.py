@@ -43,6 +43,12 @@ def megabytes(runs, key):
     return f"{1e-6 * measured.mean(known):.1f}" if known else "-"
 
 
+def level_cell(runs, level):
+    iou, boundary = ([100 * run["levels"][level][score] for run in runs]
+                     for score in ("miou", "mbiou"))
+    return f"{level} {measured.spread(iou, 1)} / {measured.mean(boundary):.1f}"
+
+
 def curve_rows(record):
     rows = []
     for name, runs in by_name(record).items():
@@ -53,10 +59,8 @@ def curve_rows(record):
                               for stage in ("reconstruct", "features")))
         row.append(measured.spread([run["psnr"] for run in runs], 2))
         row.append(measured.spread([run["ssim"] for run in runs], 4))
-        scores = [f"{level} {measured.spread([100 * run['levels'][level]['miou'] for run in runs], 1)}"
-                  f" / {measured.mean([100 * run['levels'][level]['mbiou'] for run in runs]):.1f}"
-                  for level in levels_of(record) if level in runs[0]["levels"]]
-        row.append("; ".join(scores) or "-")
+        row.append("; ".join(level_cell(runs, level) for level in levels_of(record)
+                             if level in runs[0]["levels"]) or "-")
         row.append(f"{measured.mean([run['num_gaussians'] for run in runs]):.0f}")
         row += [megabytes(runs, "num_bytes"), megabytes(runs, "peak_device_bytes")]
         rows.append(row)
@@ -96,7 +100,7 @@ def tables(records):
                      f"commit {record.get('commit', 'not told')}; "
                      f"settings {record.get('settings', 'not told')}; "
                      f"{max(run['seed'] for run in record['runs'])} seeds")
-    lines += ["", "Mean (least to most) over the seeds. s: wall time of stages one and two together; "
+    lines += ["", "Mean (least to most) over the seeds. s: wall time of both stages together; "
               "core s: of all cores together. PSNR, SSIM: held-out views. mIoU / mBIoU: one click, "
               "scale and threshold chosen on the clicked view, scored on the others. Steps: done, "
               "by stage. Device MB: of the training's, at most (CPU: of its arrays).", ""]
@@ -105,9 +109,9 @@ def tables(records):
     shares = [row for record in records for row in share_rows(record)]
     if shares:
         lines += ["", "## From the request to the first click", "",
-                  "Upload to the first answer; shares of that time. The first click loads the model; "
-                  "the next one is the same again. `between`: starting the worker, handing results "
-                  "over.", ""]
+                  "Upload to the first answer; shares of that time. The first click loads the "
+                  "model; the next one is the same again. `between`: starting the worker, handing "
+                  "results over.", ""]
         lines += measured.markdown(SHARE_HEADING, shares)
     return lines
 

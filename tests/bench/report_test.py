@@ -26,7 +26,8 @@ TABLE = """Fixed scales: mIoU at the threshold 0.75.
 
 def run(name, seed, psnr, iou, seconds=10.0):
     return {"name": name, "seed": seed, "psnr": psnr, "ssim": 0.9, "num_gaussians": 1000,
-            "num_bytes": 2e6, "peak_device_bytes": 3e8, "steps": {"reconstruct": 70, "features": 30},
+            "num_bytes": 2e6, "peak_device_bytes": 3e8,
+            "steps": {"reconstruct": 70, "features": 30},
             "seconds": {"upload": 1, "queue": 0, "prepare": 1, "reconstruct": seconds - 4,
                         "features": 4, "between": 1, "first_click": 1,
                         "request_to_click": seconds + 4, "next_click": 0.01},
