@@ -4,8 +4,8 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress gateway-test lint asan tsan fuzz image image-test \
-  deploy-check web web-app web-test
+.PHONY: help packages build demo test bench curves stress gateway-test lint asan tsan fuzz image \
+  image-test deploy-check web web-app web-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -14,6 +14,8 @@ UNITY ?= ON
 STRESS_SECONDS ?= 600
 FUZZ_SECONDS ?= 10
 SOAK_SECONDS ?= 3600
+SCENE ?= tests/data/apc_shelf
+CURVES ?=
 GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
 CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -22,6 +24,8 @@ help:
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
+	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
+	@echo '               record, table and plots in $(BUILD)/curves; hours'
 	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
@@ -56,6 +60,11 @@ bench: $(BUILD)/CMakeCache.txt packages
 	  pepeseg-worker
 	$(BUILD)/bin/pepeseg_step_bench
 	tests/bench/python_mask_bench.py $(BUILD)/bin
+
+curves: $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages.txt deploy/packages-bench.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	PYTHON=/usr/bin/python3 tests/bench/bench.sh $(BUILD) $(BUILD)/curves $(SCENE) $(CURVES)
 
 # Each bounded in count and time; the short forms are part of `make test`.
 stress: $(BUILD)/CMakeCache.txt

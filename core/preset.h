@@ -6,7 +6,7 @@
 
 namespace pepeseg {
 
-// How long a training may take for what it gives (tests/bench/results/curves.md).
+// How long a training may take for what it gives (tests/bench/results/curves/curves.md).
 enum class Preset {
   kPreview = 1,   // as soon as there is something to click on
   kStandard = 2,  // the defaults: where the curves bend

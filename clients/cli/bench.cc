@@ -19,6 +19,7 @@
 #include "clients/cli/watch.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -34,7 +35,7 @@ struct BenchFlags {
   std::vector<int> steps{500, 1000, 2000, 5000};
   int num_seeds = 3;
   std::string image_scale;
-  bool disparity = false;
+  std::string depth_kind = "depth";
   std::vector<std::string> settings;
   std::vector<std::string> facts;  // NAME=VALUE
 };
@@ -149,9 +150,9 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
     record.facts.insert(split);
   }
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(const DatasetFolder folder,
-                   ReadDatasetFolder(flags.folder, flags.disparity ? v1::FILE_KIND_DISPARITY
-                                                                   : v1::FILE_KIND_DEPTH));
+  const v1::FileKind in_depth =
+      flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
+  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
   RETURN_IF_ERROR(client.EnsureScene(scene));
   ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
   record.upload_seconds = watch.Seconds();
@@ -195,7 +196,9 @@ void AddBench(CLI::App& app, Shell& shell) {
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
   verb->add_option("--image-scale", flags->image_scale, "Shrink the photographs by this, (0, 1]");
-  verb->add_flag("--disparity", flags->disparity, "depth/ holds disparity");
+  verb->add_option("--depth-kind", flags->depth_kind, "What depth/ holds, as for upload")
+      ->check(CLI::IsMember({"depth", "disparity"}))
+      ->capture_default_str();
   verb->add_option("-o,--option", flags->settings, "NAME=VALUE, of every training")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);

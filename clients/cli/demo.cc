@@ -16,6 +16,7 @@
 #include "clients/cli/watch.h"
 #include "clients/cpp/dataset_folder.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

@@ -8,6 +8,7 @@
 #include "clients/cli/shell.h"
 #include "clients/cli/training.h"
 #include "clients/cpp/option_setting.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

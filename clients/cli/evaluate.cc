@@ -8,6 +8,7 @@
 #include "clients/cli/evaluation.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

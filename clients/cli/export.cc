@@ -7,6 +7,7 @@
 #include "clients/cli/shell.h"
 #include "clients/cli/subset.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

@@ -11,6 +11,7 @@
 #include "clients/cli/shell.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/call.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 

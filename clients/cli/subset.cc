@@ -4,6 +4,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/resource_names.h"
 
 namespace pepeseg::client::cli {
 

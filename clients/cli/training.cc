@@ -15,6 +15,7 @@
 #include "clients/cli/watch.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/option_setting.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

@@ -16,7 +16,7 @@ means() {
       ++runs[$4]
       for (k = 6; k <= 9; ++k) sum[$4, k] += 100 * $k
       for (k = 6; k <= NF; ++k) last[k] = $k
-      seconds[$4] += $(NF - 6); gaussians = $(NF - 4); psnr = $(NF - 3)
+      seconds[$4] += $(NF - 10); gaussians = $(NF - 8); psnr = $(NF - 7)
     }
     END {
       for (i = 1; i <= levels; ++i) {

@@ -27,6 +27,7 @@ struct BenchOptions {
   CaptureFaults faults;
   bool kernels = false;
   ReconstructOptions reconstruct;
+  FeatureOptions features;  // of presets alone
 };
 
 // Means, and the PSNR of each view.
@@ -89,7 +90,8 @@ absl::Status Run(const BenchOptions& options) {
   if (backend == nullptr) return absl::UnavailableError("no such device");
   std::printf(
       "| run | seed | step | stage one s | Gaussians | PSNR | SSIM | PSNR by view | loss | "
-      "void renders | MB | stage one core s |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+      "void renders | MB | stage one core s "
+      "|\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (int k = 0; k < options.num_seeds; ++k) {
     RETURN_IF_ERROR(Train(*backend, capture, options, options.reconstruct.seed + k));
   }
@@ -116,6 +118,7 @@ int main(int argc, char** argv) {
   pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--no-masks", options.strip_masks);
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
+  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
   pepeseg::AddStageOneFlags(app, options.reconstruct);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);

@@ -1,4 +1,4 @@
-"""What the scripts of this folder share: tables of the bench programs, spreads, fits, the machine."""
+"""What the scripts of this folder share: tables of the programs, spreads, fits, the machine."""
 
 import math
 import os

@@ -38,6 +38,17 @@ def levels_of(record):
     return list(dict.fromkeys(level for run in record["runs"] for level in run["levels"]))
 
 
+def megabytes(runs, key):
+    known = [run[key] for run in runs if key in run]
+    return f"{1e-6 * measured.mean(known):.1f}" if known else "-"
+
+
+def level_cell(runs, level):
+    iou, boundary = ([100 * run["levels"][level][score] for run in runs]
+                     for score in ("miou", "mbiou"))
+    return f"{level} {measured.spread(iou, 1)} / {measured.mean(boundary):.1f}"
+
+
 def curve_rows(record):
     rows = []
     for name, runs in by_name(record).items():
@@ -48,19 +59,16 @@ def curve_rows(record):
                               for stage in ("reconstruct", "features")))
         row.append(measured.spread([run["psnr"] for run in runs], 2))
         row.append(measured.spread([run["ssim"] for run in runs], 4))
-        scores = [f"{level} {measured.spread([100 * run['levels'][level]['miou'] for run in runs], 1)}"
-                  f" / {measured.mean([100 * run['levels'][level]['mbiou'] for run in runs]):.1f}"
-                  for level in levels_of(record) if level in runs[0]["levels"]]
-        row.append("; ".join(scores) or "-")
+        row.append("; ".join(level_cell(runs, level) for level in levels_of(record)
+                             if level in runs[0]["levels"]) or "-")
         row.append(f"{measured.mean([run['num_gaussians'] for run in runs]):.0f}")
-        row.append(f"{1e-6 * measured.mean([run['num_bytes'] for run in runs]):.1f}")
-        row.append(f"{1e-6 * measured.mean([run['peak_memory_bytes'] for run in runs]):.0f}")
+        row += [megabytes(runs, "num_bytes"), megabytes(runs, "peak_device_bytes")]
         rows.append(row)
     return rows
 
 
 CURVE_HEADING = ["scene, device", "training", "s", "core s", "steps", "PSNR", "SSIM",
-                 "mIoU / mBIoU", "Gaussians", "model MB", "memory MB"]
+                 "mIoU / mBIoU", "Gaussians", "model MB", "device MB"]
 
 
 def share_rows(record):
@@ -92,18 +100,18 @@ def tables(records):
                      f"commit {record.get('commit', 'not told')}; "
                      f"settings {record.get('settings', 'not told')}; "
                      f"{max(run['seed'] for run in record['runs'])} seeds")
-    lines += ["", "Mean (least to most) over the seeds. s: wall time of stages one and two together; "
+    lines += ["", "Mean (least to most) over the seeds. s: wall time of both stages together; "
               "core s: of all cores together. PSNR, SSIM: held-out views. mIoU / mBIoU: one click, "
               "scale and threshold chosen on the clicked view, scored on the others. Steps: done, "
-              "by stage.", ""]
+              "by stage. Device MB: of the training's, at most (CPU: of its arrays).", ""]
     lines += measured.markdown(CURVE_HEADING, [row for record in records
                                                for row in curve_rows(record)])
     shares = [row for record in records for row in share_rows(record)]
     if shares:
         lines += ["", "## From the request to the first click", "",
-                  "Upload to the first answer; shares of that time. The first click loads the model; "
-                  "the next one is the same again. `between`: starting the worker, handing results "
-                  "over.", ""]
+                  "Upload to the first answer; shares of that time. The first click loads the "
+                  "model; the next one is the same again. `between`: starting the worker, handing "
+                  "results over.", ""]
         lines += measured.markdown(SHARE_HEADING, shares)
     return lines
 

@@ -9,6 +9,7 @@ import unittest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 # pylint: disable=wrong-import-position
 import measured
+import pack_curve
 import report
 import scaling
 import variants
@@ -25,7 +26,8 @@ TABLE = """Fixed scales: mIoU at the threshold 0.75.
 
 def run(name, seed, psnr, iou, seconds=10.0):
     return {"name": name, "seed": seed, "psnr": psnr, "ssim": 0.9, "num_gaussians": 1000,
-            "num_bytes": 2e6, "peak_memory_bytes": 3e8, "steps": {"reconstruct": 70, "features": 30},
+            "num_bytes": 2e6, "peak_device_bytes": 3e8,
+            "steps": {"reconstruct": 70, "features": 30},
             "seconds": {"upload": 1, "queue": 0, "prepare": 1, "reconstruct": seconds - 4,
                         "features": 4, "between": 1, "first_click": 1,
                         "request_to_click": seconds + 4, "next_click": 0.01},
@@ -96,6 +98,32 @@ class Report(unittest.TestCase):
         self.assertEqual(report.share_rows(without), [])
         self.assertIn("-", report.curve_rows(without)[0])
         self.assertTrue(report.tables([without]))
+
+
+class PackCurve(unittest.TestCase):
+    ROW = {"seed": "2", "PSNR": "30.5", "SSIM": "0.9", "Gaussians": "100", "stage one s": "3",
+           "stage one core s": "5", "MB": "7"}
+
+    def test_the_levels_of_a_seed_are_one_run(self):
+        scores = {"entities": "3", "mIoU": "0.5", "mBIoU": "0.4", "oracle mIoU": "0.6",
+                  "oracle mBIoU": "0.5", "stage two s": "1", "stage two core s": "2",
+                  "steps": "90", "feature steps": "80"}
+        rows = [dict(self.ROW, level=level, **scores) for level in ("part", "object")]
+        (run_of_both,) = pack_curve.runs_of("x", rows, ["at most 12 MB of the device"])
+        self.assertEqual(list(run_of_both["levels"]), ["part", "object"])
+        self.assertEqual(run_of_both["steps"], {"reconstruct": 90, "features": 80})
+        self.assertEqual(run_of_both["peak_device_bytes"], 12e6)
+        self.assertTrue(report.tables([dict(record(), runs=[run_of_both])]))
+
+    def test_stage_one_alone(self):
+        (alone,) = pack_curve.runs_of("x", [dict(self.ROW, step="70")], [])
+        self.assertEqual(alone["steps"], {"reconstruct": 70})
+        self.assertEqual(alone["levels"], {})
+
+    def test_tells_the_device_of_the_flags(self):
+        self.assertEqual(pack_curve.device_of(["--seeds", "3"]), "cpu")
+        self.assertEqual(pack_curve.device_of(["--device", "cuda"]), "cuda")
+        self.assertEqual(pack_curve.device_of(["--device=cuda"]), "cuda")
 
 
 class Scaling(unittest.TestCase):

@@ -16,7 +16,7 @@ import sys
 
 import measured
 
-COSTS = ["set-up s", "step core ms", "preparation s", "feature step core ms", "MB"]
+COSTS = ["set-up core s", "step core ms", "preparation core s", "feature step core ms", "MB"]
 CUDA_COSTS = ["set-up s", "step ms", "preparation s", "feature step ms", "MB"]
 
 
