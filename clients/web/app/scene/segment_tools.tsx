@@ -76,6 +76,8 @@ interface SliderProps {
   chosen: boolean;
   disabled: boolean;
   onInput: (value: number) => void;
+  /** It was let go. */
+  onChange: () => void;
 }
 
 function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProps): JSX.Element {
@@ -114,6 +116,7 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
         chosen={grain.scale !== undefined}
         disabled={!question}
         onInput={(scale) => session.drag({ scale })}
+        onChange={() => session.rest()}
       />
       <details>
         <summary>More</summary>
@@ -127,6 +130,7 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
           chosen={grain.threshold !== undefined}
           disabled={!question}
           onInput={(threshold) => session.drag({ threshold })}
+          onChange={() => session.rest()}
         />
       </details>
     </>

@@ -2,10 +2,9 @@
 import { cpSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import AxeBuilder from '@axe-core/playwright';
-import type { BrowserContext, Page } from '@playwright/test';
+import type { BrowserContext, Locator, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
-import { clickView, numAnswers, overlayIou, screenshot, settled, truthOf } from './on_screen';
+import { clickView, dragBox, numAnswers, overlayIou, picturesOf, screenshot, settled, truthOf } from './on_screen';
 import { Stack, artefacts, shelf } from './stack';
 
 test.describe.configure({ mode: 'serial' });
@@ -40,27 +39,7 @@ test.afterEach(() => {
   expect(faults.splice(0)).toEqual([]);
 });
 
-async function noSeriousFindings(): Promise<void> {
-  const { violations } = await new AxeBuilder({ page }).analyze();
-  const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
-  const told = serious.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html.slice(0, 120)).join(' | ')}`);
-  expect(told).toEqual([]);
-}
-
-/** On a wide and on a narrow screen, light and dark. */
-async function pictures(name: string): Promise<void> {
-  await screenshot(page, `${name}-1440`);
-  await noSeriousFindings();
-  await page.emulateMedia({ colorScheme: 'dark' });
-  await screenshot(page, `${name}-1440-dark`);
-  await noSeriousFindings();
-  await page.emulateMedia({ colorScheme: 'light' });
-  await page.setViewportSize({ width: 390, height: 844 });
-  await page.waitForTimeout(300); // for the 3D view to follow
-  await screenshot(page, `${name}-390`);
-  await noSeriousFindings();
-  await page.setViewportSize({ width: 1440, height: 900 });
-}
+const pictures = (name: string) => picturesOf(page, name);
 
 test('no scenes yet', async () => {
   await page.goto(stack.url);
@@ -214,16 +193,18 @@ test('a segment is named, and asked for by its name', async () => {
 
 test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   test.setTimeout(400_000);
-  const saving = page.waitForEvent('download');
-  await page.getByRole('link', { name: 'Scene (PLY)' }).click();
-  const ply = await (await saving).path();
+  const saved = async (link: Locator) => {
+    const download = page.waitForEvent('download');
+    await link.click();
+    return (await download).path();
+  };
+  const ply = await saved(page.getByRole('link', { name: 'Scene (PLY)' }));
   const head = readFileSync(ply).subarray(0, 400).toString('latin1');
   const count = Number(/element vertex (\d+)/.exec(head)?.[1]);
   expect(count).toBeGreaterThan(1000);
 
-  const coco = page.waitForEvent('download');
-  await page.getByRole('button', { name: 'COCO (JSON)' }).click();
-  const json = JSON.parse(readFileSync(await (await coco).path(), 'utf8')) as {
+  const coco = await saved(page.getByRole('button', { name: 'COCO (JSON)' }));
+  const json = JSON.parse(readFileSync(coco, 'utf8')) as {
     images: unknown[];
     categories: { name: string }[];
     annotations: { image_id: number; area: number }[];
@@ -232,9 +213,8 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   expect(json.categories.map(({ name }) => name)).toEqual(['Bunny book']);
   expect(json.annotations.length).toBeGreaterThan(10);
 
-  const masks = page.waitForEvent('download');
-  await page.getByRole('button', { name: 'Masks (PNG)' }).click();
-  expect(readFileSync(await (await masks).path()).subarray(0, 2).toString()).toBe('PK');
+  const masks = await saved(page.getByRole('button', { name: 'Masks (PNG)' }));
+  expect(readFileSync(masks).subarray(0, 2).toString()).toBe('PK');
 
   // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
   const folder = mkdtempSync(join(tmpdir(), 'pepeseg-ply-'));
@@ -268,6 +248,31 @@ test('a click in 3D segments what is seen there', async () => {
   const overlay = page.locator('.splats .overlay').first();
   await expect(overlay).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
+});
+
+test('a box, a point, what is not meant, undo', async () => {
+  const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
+  await page.keyboard.press('Escape');
+  await expect.poll(area).toBe(0);
+  // Around the box of tissues.
+  await dragBox(page, [0.54, 0.52], [0.77, 0.84]);
+  const drawn = 0.23 * 0.32 * 640 * 480;
+  await expect.poll(area, { timeout: 30_000 }).toBeGreaterThan(0.5 * drawn);
+  const boxArea = await area();
+  expect(boxArea).toBeLessThan(1.3 * drawn);
+
+  await clickView(page, [0.37, 0.6]);
+  await expect(page.locator('.chip').first()).toBeVisible({ timeout: 30_000 });
+  const included = await area();
+  await clickView(page, [0.34, 0.45], true);
+  await expect(page.locator('.mark.negative')).toHaveCount(1);
+  await expect.poll(area, { timeout: 30_000 }).toBeLessThan(included);
+  await page.keyboard.press('Control+z');
+  await expect(page.locator('.mark.negative')).toHaveCount(0);
+  await expect.poll(area, { timeout: 30_000 }).toBe(included);
+  await page.keyboard.press('Control+z');
+  await expect(page.locator('.mark-box')).toHaveCount(1);
+  await expect.poll(area, { timeout: 30_000 }).toBe(boxArea);
 });
 
 test('the page goes on when the server was killed and is started again', async () => {
