@@ -29,7 +29,12 @@ export function sendError(response: ServerResponse, error: unknown): void {
     code: from.code,
     message: from.rawMessage,
     ...(detail && {
-      detail: { reason: detail.reason, resource: detail.resource, limit: detail.limit, value: detail.value },
+      detail: {
+        reason: detail.reason,
+        resource: detail.resource,
+        limit: detail.limit,
+        value: detail.value,
+      },
     }),
   };
   response.writeHead(httpStatus[from.code] ?? 500, {

@@ -100,7 +100,8 @@ export function readConfig(args: string[], env: NodeJS.ProcessEnv, appFolder: st
     tls,
     hosts: new Set(['localhost', '127.0.0.1', '[::1]', ...(values.host ?? [])]),
     appFolder,
-    photoFolder: values.photos ?? join(env.XDG_CACHE_HOME || join(homedir(), '.cache'), 'pepeseg-web'),
+    photoFolder:
+      values.photos ?? join(env.XDG_CACHE_HOME || join(homedir(), '.cache'), 'pepeseg-web'),
     portFile: values['port-file'],
   };
 }

@@ -38,7 +38,10 @@ export async function getPhoto(
       // The same name may be uploaded anew, with another dataset.
       'cache-control': 'private, max-age=60',
     });
-    file.createReadStream({ start: 0 }).on('error', () => response.destroy()).pipe(response);
+    file
+      .createReadStream({ start: 0 })
+      .on('error', () => response.destroy())
+      .pipe(response);
   } catch (error) {
     sendError(response, passedOn(error, abortedWith(response)));
   }

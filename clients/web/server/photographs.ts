@@ -68,7 +68,10 @@ export class Photographs {
     const scene = sceneIdOf(upload);
     if (!scene || !photograph.test(path)) return undefined;
     const folder = join(this.folder, scene);
-    const made = await mkdir(folder, { recursive: true, mode: 0o700 }).then(() => true, () => false);
+    const made = await mkdir(folder, { recursive: true, mode: 0o700 }).then(
+      () => true,
+      () => false,
+    );
     return made ? PhotographCopy.begin(join(folder, fileName(path)), offset) : undefined;
   }
 
@@ -87,7 +90,8 @@ export class Photographs {
 
   async forget(scene: string): Promise<void> {
     const id = sceneIdOf(scene);
-    if (id) await rm(join(this.folder, id), { recursive: true, force: true }).catch(() => undefined);
+    if (id)
+      await rm(join(this.folder, id), { recursive: true, force: true }).catch(() => undefined);
   }
 
   private async first(folder: string): Promise<string | undefined> {

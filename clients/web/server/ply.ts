@@ -2,7 +2,10 @@
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
-import type { ExportSelectionRequest, ExportSelectionResponse_Header } from '../gen/pepeseg/v1/render_pb';
+import type {
+  ExportSelectionRequest,
+  ExportSelectionResponse_Header,
+} from '../gen/pepeseg/v1/render_pb';
 import { ExportSelectionRequestSchema } from '../gen/pepeseg/v1/render_pb';
 import { abortedWith, need, queryOf, sendError, written } from './answer';
 import type { BackEnd } from './back_end';
@@ -22,7 +25,11 @@ function question(query: URLSearchParams): ExportSelectionRequest {
   return request;
 }
 
-function begin(response: ServerResponse, header: ExportSelectionResponse_Header, query: URLSearchParams): void {
+function begin(
+  response: ServerResponse,
+  header: ExportSelectionResponse_Header,
+  query: URLSearchParams,
+): void {
   const name = query.get('download')?.replace(/[^\w.-]/g, '_');
   response.writeHead(200, {
     'content-type': 'application/octet-stream',

@@ -55,7 +55,14 @@ function passStream(call: StreamCall) {
 
 export function addRoutes(router: ConnectRouter, { channel, photographs }: BackEnd): void {
   const { scenes, datasets, jobs, segmentation } = channel;
-  const own = new Set(['writeFiles', 'readFile', 'segmentStream', 'exportSelection', 'evaluate', 'deleteScene']);
+  const own = new Set([
+    'writeFiles',
+    'readFile',
+    'segmentStream',
+    'exportSelection',
+    'evaluate',
+    'deleteScene',
+  ]);
   const pairs = [
     [SceneService, scenes],
     [DatasetService, datasets],
@@ -75,7 +82,10 @@ export function addRoutes(router: ConnectRouter, { channel, photographs }: BackE
     }
   }
   const remove = passUnary(scenes.deleteScene as unknown as UnaryCall);
-  router.rpc(SceneService.method.deleteScene, (async (request: Message, context: HandlerContext) => {
+  router.rpc(SceneService.method.deleteScene, (async (
+    request: Message,
+    context: HandlerContext,
+  ) => {
     const answer = await remove(request, context);
     await photographs.forget(resourceOf(request) ?? '');
     return answer;

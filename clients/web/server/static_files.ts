@@ -27,7 +27,11 @@ const contentSecurity = [
   "frame-ancestors 'none'",
 ].join('; ');
 
-export async function sendFile(folder: string, request: IncomingMessage, response: ServerResponse): Promise<void> {
+export async function sendFile(
+  folder: string,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
   let path = '/';
   try {
     path = decodeURIComponent(new URL(request.url ?? '/', 'http://app').pathname);
@@ -46,7 +50,9 @@ export async function sendFile(folder: string, request: IncomingMessage, respons
   response.writeHead(200, {
     'content-type': types[extname(sent)] ?? 'application/octet-stream',
     // Vite names what it builds by content.
-    'cache-control': inside.startsWith('assets/') ? 'public, max-age=31536000, immutable' : 'no-cache',
+    'cache-control': inside.startsWith('assets/')
+      ? 'public, max-age=31536000, immutable'
+      : 'no-cache',
     'content-security-policy': contentSecurity,
   });
   if (request.method === 'HEAD') {

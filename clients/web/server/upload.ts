@@ -26,7 +26,7 @@ export async function* pieces(body: AsyncIterable<Uint8Array>): AsyncGenerator<U
   let waiting: Uint8Array[] = [];
   let size = 0;
   for await (const data of body) {
-    for (let at = 0; at < data.length; ) {
+    for (let at = 0; at < data.length;) {
       const taken = data.subarray(at, at + chunkBytes - size);
       waiting.push(taken);
       size += taken.length;
@@ -46,7 +46,11 @@ async function* messages(
 ): AsyncGenerator<WriteFilesRequest> {
   const query = queryOf(request);
   const offset = query.get('offset') ?? '0';
-  const header = { upload: need(query, 'upload'), path: need(query, 'path'), offset: BigInt(offset) };
+  const header = {
+    upload: need(query, 'upload'),
+    path: need(query, 'path'),
+    offset: BigInt(offset),
+  };
   yield part({ case: 'header', value: header as never });
   for await (const data of pieces(request)) {
     await copy?.add(data);
@@ -75,12 +79,19 @@ export async function putFile(
   let copy: PhotographCopy | undefined;
   try {
     const query = queryOf(request);
-    const [upload, path, offset] = [need(query, 'upload'), need(query, 'path'), query.get('offset') ?? '0'];
+    const [upload, path, offset] = [
+      need(query, 'upload'),
+      need(query, 'path'),
+      query.get('offset') ?? '0',
+    ];
     if (!/^\d{1,15}$/.test(offset)) {
       throw new ConnectError('offset is no number of bytes', Code.InvalidArgument);
     }
     // An upload that the key may not write to leaves nothing here.
-    await channel.datasets.getUpload({ name: upload }, { signal: gone.signal, headers: routing(upload) });
+    await channel.datasets.getUpload(
+      { name: upload },
+      { signal: gone.signal, headers: routing(upload) },
+    );
     copy = await photographs.copy(upload, path, Number(offset));
     await channel.datasets.writeFiles(messages(request, copy), {
       signal: gone.signal,

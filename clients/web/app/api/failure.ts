@@ -39,7 +39,10 @@ const adviceByCode: Partial<Record<Code, string>> = {
 
 /** fetch tells a lost connection by a TypeError, whatever the browser's words. */
 function isNetwork(error: ConnectError): boolean {
-  return error.cause instanceof TypeError || /failed to fetch|networkerror|load failed/i.test(error.rawMessage);
+  return (
+    error.cause instanceof TypeError ||
+    /failed to fetch|networkerror|load failed/i.test(error.rawMessage)
+  );
 }
 
 function sentence(text: string): string {

@@ -10,7 +10,10 @@ export interface Asked<T> {
   readonly ask: () => void;
 }
 
-export function useAsked<T>(question: (signal: AbortSignal) => Promise<T>, about: unknown[]): Asked<T> {
+export function useAsked<T>(
+  question: (signal: AbortSignal) => Promise<T>,
+  about: unknown[],
+): Asked<T> {
   const [value, setValue] = useState<T>();
   const [failure, setFailure] = useState<Failure>();
   const [round, setRound] = useState(0);

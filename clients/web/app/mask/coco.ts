@@ -3,7 +3,13 @@ import type { Rle } from './rle';
 
 export interface ViewMasks {
   readonly category: string;
-  readonly masks: readonly { view: string; rle: Rle; area: number; box: readonly number[]; score: number }[];
+  readonly masks: readonly {
+    view: string;
+    rle: Rle;
+    area: number;
+    box: readonly number[];
+    score: number;
+  }[];
 }
 
 export interface CocoView {
@@ -12,10 +18,23 @@ export interface CocoView {
   readonly height: number;
 }
 
-export function cocoJson(scene: string, views: readonly CocoView[], segments: readonly ViewMasks[]): object {
-  const images = views.map(({ view, width, height }, i) => ({ id: i + 1, file_name: view, width, height }));
+export function cocoJson(
+  scene: string,
+  views: readonly CocoView[],
+  segments: readonly ViewMasks[],
+): object {
+  const images = views.map(({ view, width, height }, i) => ({
+    id: i + 1,
+    file_name: view,
+    width,
+    height,
+  }));
   const imageIds = new Map(images.map(({ id, file_name }) => [file_name, id]));
-  const categories = segments.map(({ category }, i) => ({ id: i + 1, name: category, supercategory: '' }));
+  const categories = segments.map(({ category }, i) => ({
+    id: i + 1,
+    name: category,
+    supercategory: '',
+  }));
   const found = segments.flatMap(({ masks }, category) =>
     masks
       .filter(({ view, area }) => area > 0 && imageIds.has(view))

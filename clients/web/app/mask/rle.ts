@@ -9,7 +9,7 @@ export interface Rle {
 
 export function runsOf(counts: string): number[] {
   const runs: number[] = [];
-  for (let at = 0; at < counts.length; ) {
+  for (let at = 0; at < counts.length;) {
     let value = 0;
     let shift = 0;
     let bits: number;
@@ -37,7 +37,13 @@ export function decodeRle({ height, width, counts }: Rle): Uint8Array {
   return pixels;
 }
 
-function fillColumns(pixels: Uint8Array, from: number, to: number, height: number, width: number): void {
+function fillColumns(
+  pixels: Uint8Array,
+  from: number,
+  to: number,
+  height: number,
+  width: number,
+): void {
   let row = from % height;
   let column = (from - row) / height;
   for (let i = from; i < to; ++i) {

@@ -13,7 +13,11 @@ export function saveBlob(blob: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(url), 60_000);
 }
 
-export function saveCoco(scene: string, views: readonly CocoView[], segments: readonly ViewMasks[]): void {
+export function saveCoco(
+  scene: string,
+  views: readonly CocoView[],
+  segments: readonly ViewMasks[],
+): void {
   const text = JSON.stringify(cocoJson(scene, views, segments), undefined, 1);
   saveBlob(new Blob([text], { type: 'application/json' }), `${scene}-coco.json`);
 }
@@ -30,5 +34,8 @@ export async function saveMasks(scene: string, segments: readonly ViewMasks[]): 
   }
   // PNGs are compressed already.
   const zip = zipSync(files, { level: 0 });
-  saveBlob(new Blob([zip as Uint8Array<ArrayBuffer>], { type: 'application/zip' }), `${scene}-masks.zip`);
+  saveBlob(
+    new Blob([zip as Uint8Array<ArrayBuffer>], { type: 'application/zip' }),
+    `${scene}-masks.zip`,
+  );
 }

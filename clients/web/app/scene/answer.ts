@@ -1,5 +1,8 @@
 // What the server answered, as the screen shows it.
-import type { ProposeScalesResponse, SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type {
+  ProposeScalesResponse,
+  SegmentResponse,
+} from '../../gen/pepeseg/v1/segmentation_service_pb';
 import type { Rle } from '../mask/rle';
 
 export interface Mask {
@@ -29,7 +32,13 @@ export interface Proposal {
   readonly mask: Mask;
 }
 
-function maskOf({ view, mask, area, score, box }: SegmentResponse['masks'][number]): Mask | undefined {
+function maskOf({
+  view,
+  mask,
+  area,
+  score,
+  box,
+}: SegmentResponse['masks'][number]): Mask | undefined {
   if (mask.case !== 'rle') return undefined;
   const { height, width, counts } = mask.value;
   const edges = box ? [box.x, box.y, box.width, box.height] : [0, 0, 0, 0];
@@ -48,7 +57,12 @@ export function answerOf(response: SegmentResponse): Answer {
   };
 }
 
-const names: readonly (readonly string[])[] = [[], ['Object'], ['Part', 'Object'], ['Part', 'Object', 'Group']];
+const names: readonly (readonly string[])[] = [
+  [],
+  ['Object'],
+  ['Part', 'Object'],
+  ['Part', 'Object', 'Group'],
+];
 
 /** The three that most scales and thresholds show, the smallest thing first. */
 export function proposalsOf({ proposals }: ProposeScalesResponse): Proposal[] {

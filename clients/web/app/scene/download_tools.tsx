@@ -30,7 +30,9 @@ interface Props {
 async function segmentsOf({ session, labels }: Props): Promise<ViewMasks[]> {
   const named = labels.list.get();
   if (named.length === 0) {
-    const masks = [...(session.state.get().answer?.masks.values() ?? [])].filter(({ view }) => view);
+    const masks = [...(session.state.get().answer?.masks.values() ?? [])].filter(
+      ({ view }) => view,
+    );
     return masks.length > 0 ? [{ category: 'segment', masks }] : [];
   }
   const segments: ViewMasks[] = [];
@@ -61,37 +63,61 @@ export function DownloadTools(props: Props): JSX.Element {
     }
   };
   const sizes = () =>
-    views.map(({ view, camera }) => ({ view, width: camera?.width ?? 0, height: camera?.height ?? 0 }));
+    views.map(({ view, camera }) => ({
+      view,
+      width: camera?.width ?? 0,
+      height: camera?.height ?? 0,
+    }));
   const nothing = busy || (named.length === 0 && !answer);
-  const what = named.length > 0 ? `of ${named.length} ${named.length === 1 ? 'label' : 'labels'}` : 'of the segment';
+  const what =
+    named.length > 0
+      ? `of ${named.length} ${named.length === 1 ? 'label' : 'labels'}`
+      : 'of the segment';
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
       <div class="row wrap">
-        <a class="button" href={plyUrl(session.model, { download: `${sceneId}.ply` })} download={`${sceneId}.ply`}>
+        <a
+          class="button"
+          href={plyUrl(session.model, { download: `${sceneId}.ply` })}
+          download={`${sceneId}.ply`}
+        >
           <Icon name="download" />
           Scene (PLY)
         </a>
         {selection && (
           <a
             class="button"
-            href={plyUrl(session.model, { selection: selection.name, download: `${sceneId}-selection.ply` })}
+            href={plyUrl(session.model, {
+              selection: selection.name,
+              download: `${sceneId}-selection.ply`,
+            })}
             download={`${sceneId}-selection.ply`}
           >
             <Icon name="download" />
             Selection (PLY)
           </a>
         )}
-        <button type="button" disabled={nothing} onClick={() => void save((all) => saveMasks(sceneId, all))}>
+        <button
+          type="button"
+          disabled={nothing}
+          onClick={() => void save((all) => saveMasks(sceneId, all))}
+        >
           <Icon name="download" />
           Masks (PNG)
         </button>
-        <button type="button" disabled={nothing} onClick={() => void save((all) => saveCoco(sceneId, sizes(), all))}>
+        <button
+          type="button"
+          disabled={nothing}
+          onClick={() => void save((all) => saveCoco(sceneId, sizes(), all))}
+        >
           <Icon name="download" />
           COCO (JSON)
         </button>
       </div>
-      <p class="quiet">Masks and COCO: {what}, in all {views.length} views.</p>
+      <p class="quiet">
+        Masks and COCO: {what}, in all {views.length} views.
+      </p>
       <FailureNote failure={failure} close={() => setFailure(undefined)} />
     </section>
   );

@@ -48,7 +48,15 @@ function boxOf(a: Spot, b: Spot): Box {
   return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
 }
 
-function Marks({ question, drawn, cursor }: { question: Question | undefined; drawn: Box | undefined; cursor: Spot | undefined }) {
+function Marks({
+  question,
+  drawn,
+  cursor,
+}: {
+  question: Question | undefined;
+  drawn: Box | undefined;
+  cursor: Spot | undefined;
+}) {
   const points = question?.kind === 'points' ? question.points : [];
   const box = drawn ?? (question?.kind === 'box' ? question.box : undefined);
   return (
@@ -60,13 +68,30 @@ function Marks({ question, drawn, cursor }: { question: Question | undefined; dr
         </g>
       ))}
       {box && <rect class="mark-box" {...box} />}
-      {cursor && <path class="cursor" d={`M${cursor.x - 14} ${cursor.y}h28M${cursor.x} ${cursor.y - 14}v28`} />}
+      {cursor && (
+        <path
+          class="cursor"
+          d={`M${cursor.x - 14} ${cursor.y}h28M${cursor.x} ${cursor.y - 14}v28`}
+        />
+      )}
     </>
   );
 }
 
 export function PhotoView(props: Props): JSX.Element {
-  const { view, photo, rendering, source, onSource, mask, question, tool, numAnswers, onPoint, onBox } = props;
+  const {
+    view,
+    photo,
+    rendering,
+    source,
+    onSource,
+    mask,
+    question,
+    tool,
+    numAnswers,
+    onPoint,
+    onBox,
+  } = props;
   const { width = 1, height = 1 } = view.camera ?? {};
   const canvas = useRef<HTMLCanvasElement>(null);
   const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
@@ -152,7 +177,10 @@ export function PhotoView(props: Props): JSX.Element {
         onPointerUp={release}
         onPointerCancel={cancel}
         onKeyDown={key}
-        onFocus={(event) => (event.currentTarget as Element).matches(':focus-visible') && setCursor(cursor ?? { x: width / 2, y: height / 2 })}
+        onFocus={(event) =>
+          (event.currentTarget as Element).matches(':focus-visible') &&
+          setCursor(cursor ?? { x: width / 2, y: height / 2 })
+        }
         onBlur={() => setCursor(undefined)}
       >
         <img
@@ -172,7 +200,9 @@ export function PhotoView(props: Props): JSX.Element {
         <button
           type="button"
           class="source"
-          aria-label={source === 'photo' ? 'Photograph: show the rendering' : 'Rendering: show the photograph'}
+          aria-label={
+            source === 'photo' ? 'Photograph: show the rendering' : 'Rendering: show the photograph'
+          }
           onClick={() => onSource(source === 'photo' ? 'rendering' : 'photo')}
         >
           {source === 'photo' ? 'Photograph' : 'Rendering'}

@@ -3,7 +3,10 @@ import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
 import type { SegmentRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
-import { SegmentRequestSchema, SegmentRequest_Targets_Group } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import {
+  SegmentRequestSchema,
+  SegmentRequest_Targets_Group,
+} from '../../gen/pepeseg/v1/segmentation_service_pb';
 
 /** A pinhole camera somewhere, as the contract says it. */
 export interface FreeCamera {
@@ -69,7 +72,10 @@ export function promptOf(question: Question): MessageInitShape<typeof PromptSche
   return { view, what: { case: 'points', value: { points } } };
 }
 
-export function granularityOf({ scale, threshold }: Grain): MessageInitShape<typeof GranularitySchema> {
+export function granularityOf({
+  scale,
+  threshold,
+}: Grain): MessageInitShape<typeof GranularitySchema> {
   return {
     ...(scale !== undefined && { scale: { case: 'scaleQuantile', value: scale } as const }),
     ...(threshold !== undefined && { threshold }),

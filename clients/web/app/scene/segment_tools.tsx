@@ -21,7 +21,12 @@ export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
   return (
     <div class="segmented" role="group" aria-label="What a click does">
       {tools.map(({ tool: other, name, icon }) => (
-        <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
+        <button
+          key={other}
+          type="button"
+          aria-pressed={tool === other}
+          onClick={() => onTool(other)}
+        >
           <Icon name={icon} />
           {name}
         </button>
@@ -35,10 +40,22 @@ export function QuestionButtons({ session }: { session: SceneSession }): JSX.Ele
   const { question, canUndo } = useStore(session.state);
   return (
     <>
-      <button type="button" class="bare" aria-label="Undo" disabled={!canUndo} onClick={() => session.undo()}>
+      <button
+        type="button"
+        class="bare"
+        aria-label="Undo"
+        disabled={!canUndo}
+        onClick={() => session.undo()}
+      >
         <Icon name="undo" />
       </button>
-      <button type="button" class="bare" aria-label="Clear" disabled={!question} onClick={() => session.clear()}>
+      <button
+        type="button"
+        class="bare"
+        aria-label="Clear"
+        disabled={!question}
+        onClick={() => session.clear()}
+      >
         <Icon name="close" />
       </button>
     </>
@@ -84,7 +101,9 @@ function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProp
   return (
     <div class="slider">
       <label for={id}>{name}</label>
-      <output for={id}>{input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (auto)'}`}</output>
+      <output for={id}>
+        {input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (auto)'}`}
+      </output>
       <input
         id={id}
         type="range"

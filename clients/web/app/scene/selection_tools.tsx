@@ -27,10 +27,17 @@ const combinations = [
 ] as const;
 
 /** With what the question's own view was answered with, so that what is seen is what is taken. */
-export function selectWith(session: SceneSession, selections: SceneSelections, how: keyof typeof operations): void {
+export function selectWith(
+  session: SceneSession,
+  selections: SceneSelections,
+  how: keyof typeof operations,
+): void {
   const { question, grain, answer } = session.state.get();
   if (!question || !answer) return;
-  const used = { scale: grain.scale ?? answer.scale, threshold: grain.threshold ?? answer.threshold };
+  const used = {
+    scale: grain.scale ?? answer.scale,
+    threshold: grain.threshold ?? answer.threshold,
+  };
   void selections.select(question, used, operations[how]);
 }
 
@@ -65,7 +72,12 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
         </button>
         {selection &&
           combinations.map(([how, name]) => (
-            <button key={how} type="button" disabled={!ready} onClick={() => selectWith(session, selections, how)}>
+            <button
+              key={how}
+              type="button"
+              disabled={!ready}
+              onClick={() => selectWith(session, selections, how)}
+            >
               {name}
             </button>
           ))}
@@ -79,7 +91,12 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
       {selection && (
         <div class="segmented" role="group" aria-label="How the selection is shown in 3D">
           {showings.map(([how, name]) => (
-            <button key={how} type="button" aria-pressed={showing === how} onClick={() => selections.show(how)}>
+            <button
+              key={how}
+              type="button"
+              aria-pressed={showing === how}
+              onClick={() => selections.show(how)}
+            >
               {name}
             </button>
           ))}

@@ -90,7 +90,10 @@ export class SceneSession {
   drag(change: Grain): void {
     const { question, grain, answer } = this.state.get();
     if (!question) return;
-    const held = { scale: grain.scale ?? answer?.scale, threshold: grain.threshold ?? answer?.threshold };
+    const held = {
+      scale: grain.scale ?? answer?.scale,
+      threshold: grain.threshold ?? answer?.threshold,
+    };
     this.state.patch({ grain: { ...held, ...change } });
     clearTimeout(this.settling);
     this.elsewhere.abort();
@@ -165,7 +168,8 @@ export class SceneSession {
     if (!question) return;
     const place = placeOf(question);
     const own = place && 'view' in place ? place.view : '';
-    const views = place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
+    const views =
+      place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
     this.state.patch({ busy: true });
     this.newestSequence = this.socket.ask(segmentRequest(this.model, question, grain, views));
     if (andOtherViews) this.askOtherViews();
@@ -204,11 +208,17 @@ export class SceneSession {
     this.elsewhere = new AbortController();
     const { signal } = this.elsewhere;
     const used = this.state.get().answer;
-    const fixed = { scale: grain.scale ?? used?.scale, threshold: grain.threshold ?? used?.threshold };
+    const fixed = {
+      scale: grain.scale ?? used?.scale,
+      threshold: grain.threshold ?? used?.threshold,
+    };
     try {
       if (question.kind === 'points' && proposals.length === 0) {
         const request = { model: this.model, prompt: promptOf(question), maxProposals: 5 };
-        const answer = await steadily(() => segmentation.proposeScales(request, { signal }), signal);
+        const answer = await steadily(
+          () => segmentation.proposeScales(request, { signal }),
+          signal,
+        );
         if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
       }
       const request = segmentRequest(this.model, question, fixed, 'all');

@@ -23,7 +23,11 @@ interface Props {
   onPoint: (camera: FreeCamera, point: Point) => void;
 }
 
-export function partsOf(model: string, selection: string | undefined, showing: Showing): SplatPart[] {
+export function partsOf(
+  model: string,
+  selection: string | undefined,
+  showing: Showing,
+): SplatPart[] {
   if (!selection || showing === 'all') return [{ url: plyUrl(model), tinted: false }];
   const chosen = { url: plyUrl(model, { selection }), tinted: showing === 'tinted' };
   const rest = { url: plyUrl(model, { selection, complement: true }), tinted: false };
@@ -60,7 +64,9 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
           viewer.current = new module.SplatViewer(canvas.current, views, () => moved.current());
           setMade((n) => n + 1);
         } catch {
-          setStatus({ error: 'This browser shows no 3D (WebGL 2). Segmenting photographs works all the same.' });
+          setStatus({
+            error: 'This browser shows no 3D (WebGL 2). Segmenting photographs works all the same.',
+          });
         }
       },
       () => setStatus({ error: 'The 3D view could not be loaded: reload the page.' }),
@@ -97,7 +103,10 @@ export function SplatPane(props: Props): JSX.Element {
     setStale(true);
   });
   const points = question?.kind === 'points' && 'camera' in question.place ? question.points : [];
-  const camera = question && question.kind !== 'label' && 'camera' in question.place ? question.place.camera : undefined;
+  const camera =
+    question && question.kind !== 'label' && 'camera' in question.place
+      ? question.place.camera
+      : undefined;
   useEffect(() => {
     if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
   }, [mask, stale]);
@@ -129,7 +138,11 @@ export function SplatPane(props: Props): JSX.Element {
     event.stopPropagation();
   };
   return (
-    <div class="splats" data-status={typeof status === 'string' ? status : 'error'} data-shown={shown}>
+    <div
+      class="splats"
+      data-status={typeof status === 'string' ? status : 'error'}
+      data-shown={shown}
+    >
       <canvas
         ref={canvas}
         class="splats-canvas"
@@ -140,16 +153,35 @@ export function SplatPane(props: Props): JSX.Element {
         onPointerUp={release}
         onKeyDown={key}
       />
-      <canvas ref={overlay} class="overlay" aria-hidden="true" data-area={stale ? 0 : (mask?.area ?? 0)} />
+      <canvas
+        ref={overlay}
+        class="overlay"
+        aria-hidden="true"
+        data-area={stale ? 0 : (mask?.area ?? 0)}
+      />
       {camera && !stale && (
         <svg class="overlay" viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
           {points.map(({ x, y, negative }) => (
-            <circle key={`${x},${y}`} class={negative ? 'mark negative' : 'mark'} cx={x} cy={y} r="7" />
+            <circle
+              key={`${x},${y}`}
+              class={negative ? 'mark negative' : 'mark'}
+              cx={x}
+              cy={y}
+              r="7"
+            />
           ))}
         </svg>
       )}
-      {status === 'loading' && <p class="pane-note" role="status">Loading the model …</p>}
-      {typeof status === 'object' && <p class="pane-note" role="alert">{status.error}</p>}
+      {status === 'loading' && (
+        <p class="pane-note" role="status">
+          Loading the model …
+        </p>
+      )}
+      {typeof status === 'object' && (
+        <p class="pane-note" role="alert">
+          {status.error}
+        </p>
+      )}
     </div>
   );
 }

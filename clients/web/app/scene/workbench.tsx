@@ -65,7 +65,8 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   useEffect(() => session.show(shown), [session, shown]);
 
   const step = (by: number) => {
-    const next = views[(views.findIndex((other) => other.view === shown) + by + views.length) % views.length];
+    const next =
+      views[(views.findIndex((other) => other.view === shown) + by + views.length) % views.length];
     if (next) setView(next);
   };
   const takeProposal = (i: number) => () => {
@@ -136,36 +137,63 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           onPoint={(camera, point) => session.addPoint({ camera }, point)}
         />
       )}
-      <Filmstrip views={views} current={shown} masks={answer?.masks} pictureOf={pictureOf} onPick={setView} />
+      <Filmstrip
+        views={views}
+        current={shown}
+        masks={answer?.masks}
+        pictureOf={pictureOf}
+        onPick={setView}
+      />
       <aside class="tools" aria-label="Tools">
         <section aria-labelledby="segment-title">
           <div class="row">
             <h2 id="segment-title">Segment</h2>
             <span class="spacer" />
             <QuestionButtons session={session} />
-            <button type="button" class="bare" aria-label="Keyboard and mouse" onClick={() => setHelp(true)}>
+            <button
+              type="button"
+              class="bare"
+              aria-label="Keyboard and mouse"
+              onClick={() => setHelp(true)}
+            >
               <Icon name="help" />
             </button>
           </div>
           <PromptTools tool={tool} onTool={setTool} />
           <p class="quiet" role="status" aria-busy={busy}>
-            {question ? describeAnswer(answer?.masks.get(shown)?.area, answer?.masks) : 'Click a thing in the view or in 3D.'}
+            {question
+              ? describeAnswer(answer?.masks.get(shown)?.area, answer?.masks)
+              : 'Click a thing in the view or in 3D.'}
           </p>
           <FailureNote failure={failure} close={() => session.closeFailure()} />
           <GrainTools session={session} />
         </section>
         <SelectionTools session={session} selections={selections} />
         <LabelTools session={session} labels={labels} shownView={shown} />
-        <DownloadTools sceneId={sceneIdOf(scene.name)} session={session} selections={selections} labels={labels} views={views} />
+        <DownloadTools
+          sceneId={sceneIdOf(scene.name)}
+          session={session}
+          selections={selections}
+          labels={labels}
+          views={views}
+        />
       </aside>
       {help && <ShortcutList onClose={() => setHelp(false)} />}
     </div>
   );
 }
 
-function describeAnswer(area: number | undefined, masks: ReadonlyMap<string, { view: string; area: number }> | undefined): string {
+function describeAnswer(
+  area: number | undefined,
+  masks: ReadonlyMap<string, { view: string; area: number }> | undefined,
+): string {
   if (!masks) return 'Looking …';
   const seen = [...masks.values()].filter((mask) => mask.view && mask.area > 0).length;
-  const here = area === undefined ? '' : area === 0 ? 'Not seen in this view. ' : `${area.toLocaleString('en')} pixels here. `;
+  const here =
+    area === undefined
+      ? ''
+      : area === 0
+        ? 'Not seen in this view. '
+        : `${area.toLocaleString('en')} pixels here. `;
   return `${here}Seen in ${seen} ${seen === 1 ? 'view' : 'views'}.`;
 }

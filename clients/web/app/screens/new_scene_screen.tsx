@@ -39,8 +39,8 @@ function DropZone({ onFiles }: { onFiles: (files: DroppedFile[]) => void }): JSX
         <strong>Drop photographs, a folder or a video here</strong>
       </p>
       <p class="quiet">
-        Twenty or more photographs of the same things from all around. A folder may also bring poses,
-        masks and depth.
+        Twenty or more photographs of the same things from all around. A folder may also bring
+        poses, masks and depth.
       </p>
       <div class="row center">
         <button type="button" onClick={() => files.current?.click()}>
@@ -50,7 +50,15 @@ function DropZone({ onFiles }: { onFiles: (files: DroppedFile[]) => void }): JSX
           Choose a folder
         </button>
       </div>
-      <input ref={files} id="files" type="file" multiple hidden aria-label="Files" onChange={picked} />
+      <input
+        ref={files}
+        id="files"
+        type="file"
+        multiple
+        hidden
+        aria-label="Files"
+        onChange={picked}
+      />
       <input
         ref={folder}
         id="folder"
@@ -113,7 +121,9 @@ export function NewSceneScreen(): JSX.Element {
     setDataset(readDataset(dropped));
     if (name === '') setName(nameOf(dropped));
   };
-  const hasPictures = dataset?.files.some(({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO);
+  const hasPictures = dataset?.files.some(
+    ({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO,
+  );
   const submit = async (event: Event) => {
     event.preventDefault();
     if (!dataset || !hasPictures || name.trim() === '') return;
@@ -146,10 +156,18 @@ export function NewSceneScreen(): JSX.Element {
           </label>
           <TrainingChoice options={training} onOptions={setTraining} />
           <label class="check">
-            <input type="checkbox" checked={trains} onChange={(event) => setTrains(event.currentTarget.checked)} />
+            <input
+              type="checkbox"
+              checked={trains}
+              onChange={(event) => setTrains(event.currentTarget.checked)}
+            />
             Train when everything is uploaded
           </label>
-          <button type="submit" class="primary" disabled={!hasPictures || name.trim() === '' || busy}>
+          <button
+            type="submit"
+            class="primary"
+            disabled={!hasPictures || name.trim() === '' || busy}
+          >
             {busy ? 'Reading …' : trains ? 'Upload and train' : 'Upload'}
           </button>
         </form>

@@ -18,7 +18,12 @@ async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
 function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
   const views = useAsked((signal) => allViews(scene.liveModel, signal), [scene.liveModel]);
   if (views.failure) return <FailureNote failure={views.failure} again={views.ask} />;
-  if (!views.value) return <p class="loading" role="status">Loading the model …</p>;
+  if (!views.value)
+    return (
+      <p class="loading" role="status">
+        Loading the model …
+      </p>
+    );
   return <SceneWorkbench scene={scene} views={views.value} />;
 }
 
@@ -34,7 +39,9 @@ export function SceneScreen({ sceneId }: { sceneId: string }): JSX.Element {
       <main>
         <FailureNote failure={scene.failure} again={scene.ask} />
         {scene.value?.liveModel && <SceneWithModel scene={scene.value} />}
-        {scene.value && !scene.value.liveModel && <SceneWithoutModel scene={scene.value} again={scene.ask} />}
+        {scene.value && !scene.value.liveModel && (
+          <SceneWithoutModel scene={scene.value} again={scene.ask} />
+        )}
       </main>
     </div>
   );

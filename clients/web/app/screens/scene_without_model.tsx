@@ -20,7 +20,8 @@ interface Props {
 
 export function SceneWithoutModel({ scene }: Props): JSX.Element {
   const list = useAsked(
-    async (signal) => (await datasets.listDatasets({ parent: scene.name, pageSize: 1000 }, { signal })).datasets,
+    async (signal) =>
+      (await datasets.listDatasets({ parent: scene.name, pageSize: 1000 }, { signal })).datasets,
     [scene.name],
   );
   const past = useAsked(
@@ -33,7 +34,12 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
   const train = async () => {
     if (!dataset) return;
     setFailure(undefined);
-    const request = { scene: scene.name, dataset: dataset.name, options: training, requestId: newRequestId() };
+    const request = {
+      scene: scene.name,
+      dataset: dataset.name,
+      options: training,
+      requestId: newRequestId(),
+    };
     try {
       const job = await steadily(() => jobs.trainScene(request));
       goTo(`/jobs/${lastId(job.name)}`);
@@ -45,7 +51,8 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
     <div class="card narrow">
       {scene.activeJob ? (
         <p>
-          It is being trained. <Link to={`/jobs/${lastId(scene.activeJob)}`}>Watch the training</Link>
+          It is being trained.{' '}
+          <Link to={`/jobs/${lastId(scene.activeJob)}`}>Watch the training</Link>
         </p>
       ) : (
         <p>There is no model of this scene yet.</p>
@@ -53,7 +60,8 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
       {!scene.activeJob && dataset && (
         <>
           <p class="quiet">
-            {String(dataset.numFiles)} files, {bytesText(dataset.numBytes)}, of {dateText(dataset.sealTime)}.
+            {String(dataset.numFiles)} files, {bytesText(dataset.numBytes)}, of{' '}
+            {dateText(dataset.sealTime)}.
           </p>
           <TrainingChoice options={training} onOptions={setTraining} />
           <button type="button" class="primary" onClick={() => void train()}>
@@ -71,7 +79,8 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
       <ul class="plain">
         {past.value?.map((job) => (
           <li key={job.name}>
-            <Link to={`/jobs/${lastId(job.name)}`}>{dateText(job.createTime)}</Link>: {jobStates[job.state]}
+            <Link to={`/jobs/${lastId(job.name)}`}>{dateText(job.createTime)}</Link>:{' '}
+            {jobStates[job.state]}
             {job.error && `: ${job.error.message}`}
           </li>
         ))}

@@ -29,7 +29,9 @@ interface Known {
 async function know(scene: Scene, signal: AbortSignal): Promise<Known> {
   const [model, views, job] = await Promise.all([
     scene.liveModel ? scenes.getModel({ name: scene.liveModel }, { signal }) : undefined,
-    scene.liveModel ? scenes.listViews({ parent: scene.liveModel, pageSize: 1 }, { signal }) : undefined,
+    scene.liveModel
+      ? scenes.listViews({ parent: scene.liveModel, pageSize: 1 }, { signal })
+      : undefined,
     scene.activeJob ? jobs.getJob({ name: scene.activeJob }, { signal }) : undefined,
   ]);
   return { model, view: views?.views[0]?.view ?? '', job };
@@ -38,7 +40,10 @@ async function know(scene: Scene, signal: AbortSignal): Promise<Known> {
 function stateOf(scene: Scene, job: Job | undefined): string {
   if (scene.activeJob) {
     const { step = 0n, numSteps = 0n } = job?.progress ?? {};
-    const share = numSteps > 0n ? ` – ${job?.stage}, ${Math.round((100 * Number(step)) / Number(numSteps))} %` : '';
+    const share =
+      numSteps > 0n
+        ? ` – ${job?.stage}, ${Math.round((100 * Number(step)) / Number(numSteps))} %`
+        : '';
     return `Training${share}`;
   }
   return scene.liveModel ? 'Ready' : 'No model yet';
@@ -48,7 +53,10 @@ function stateOf(scene: Scene, job: Job | undefined): string {
 const followMs = 3000;
 
 function SceneCard({ scene, onDelete }: { scene: Scene; onDelete: () => void }): JSX.Element {
-  const { value, ask } = useAsked((signal) => know(scene, signal), [scene.liveModel, scene.activeJob]);
+  const { value, ask } = useAsked(
+    (signal) => know(scene, signal),
+    [scene.liveModel, scene.activeJob],
+  );
   useEffect(() => {
     if (!scene.activeJob) return undefined;
     const timer = setInterval(ask, followMs);
@@ -104,7 +112,9 @@ function UploadCard({ task }: { task: UploadTask }): JSX.Element {
       </Link>
       <p>
         <span class="state busy">
-          {state.phase === 'failed' ? 'Upload does not go on' : `Uploading – ${Math.round(100 * share)} %`}
+          {state.phase === 'failed'
+            ? 'Upload does not go on'
+            : `Uploading – ${Math.round(100 * share)} %`}
         </span>
       </p>
       <progress max={1} value={share} aria-label="Upload" />
@@ -151,7 +161,11 @@ export function ScenesScreen(): JSX.Element {
       </Header>
       <main>
         <FailureNote failure={failure ?? list.failure} again={list.failure && list.ask} />
-        {!list.value && !list.failure && <p class="loading" role="status">Asking for the scenes …</p>}
+        {!list.value && !list.failure && (
+          <p class="loading" role="status">
+            Asking for the scenes …
+          </p>
+        )}
         {list.value?.length === 0 && sending.length === 0 && (
           <div class="empty">
             <Icon name="photo" />

@@ -27,7 +27,11 @@ function Stages({ training }: { training: Training }): JSX.Element {
         const run = runs.get(stage);
         const state = run?.state ?? 'waiting';
         return (
-          <li key={stage} class={state} aria-current={job?.stage === stage && state === 'running' ? 'step' : undefined}>
+          <li
+            key={stage}
+            class={state}
+            aria-current={job?.stage === stage && state === 'running' ? 'step' : undefined}
+          >
             <span class="dot">{state === 'done' && <Icon name="check" />}</span>
             <span>{name}</span>
             <span class="quiet" title={run?.skipped}>
@@ -51,7 +55,8 @@ function Now({ training }: { training: Training }): JSX.Element | null {
     <div class="now">
       <progress max={1} value={share} aria-label={`${name}: steps done`} />
       <p role="status">
-        {name}: step {Number(progress.step).toLocaleString('en')} of {Number(progress.numSteps).toLocaleString('en')}
+        {name}: step {Number(progress.step).toLocaleString('en')} of{' '}
+        {Number(progress.numSteps).toLocaleString('en')}
         {progress.eta && `, about ${durationText(secondsOf(progress.eta))} left`}
       </p>
       <p class="quiet">
@@ -63,7 +68,13 @@ function Now({ training }: { training: Training }): JSX.Element | null {
   );
 }
 
-function Outcome({ training, sceneId }: { training: Training; sceneId: string }): JSX.Element | null {
+function Outcome({
+  training,
+  sceneId,
+}: {
+  training: Training;
+  sceneId: string;
+}): JSX.Element | null {
   const { job, metrics } = training;
   if (!job || !hasEnded(job.state)) return null;
   if (job.state === JobState.SUCCEEDED) {
@@ -76,7 +87,8 @@ function Outcome({ training, sceneId }: { training: Training; sceneId: string })
           <strong>The scene is ready.</strong>
           {psnr !== undefined && (
             <p>
-              Held-out views: PSNR {psnr.toFixed(2)} dB{ssim !== undefined && `, SSIM ${ssim.toFixed(3)}`}
+              Held-out views: PSNR {psnr.toFixed(2)} dB
+              {ssim !== undefined && `, SSIM ${ssim.toFixed(3)}`}
             </p>
           )}
         </div>
@@ -91,10 +103,12 @@ function Outcome({ training, sceneId }: { training: Training; sceneId: string })
     <div class={`note ${failed ? 'bad' : ''}`} role="status">
       <Icon name="warn" />
       <div>
-        <strong>{failed ? job.error?.message || 'The training failed.' : 'The training was cancelled.'}</strong>
+        <strong>
+          {failed ? job.error?.message || 'The training failed.' : 'The training was cancelled.'}
+        </strong>
         <p>
-          The photographs are still there: <Link to={`/scenes/${sceneId}`}>train again</Link>, with other
-          options or as before.
+          The photographs are still there: <Link to={`/scenes/${sceneId}`}>train again</Link>, with
+          other options or as before.
         </p>
       </div>
     </div>
@@ -119,7 +133,9 @@ function Curves({ training }: { training: Training }): JSX.Element {
 function usePreview(model: string | undefined): string | undefined {
   const { value } = useAsked(
     async (signal) =>
-      model ? (await scenes.listViews({ parent: model, pageSize: 1 }, { signal })).views[0]?.view : undefined,
+      model
+        ? (await scenes.listViews({ parent: model, pageSize: 1 }, { signal })).views[0]?.view
+        : undefined,
     [model],
   );
   return model && value ? pictureUrl(model, value) : undefined;
@@ -152,8 +168,16 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
       </Header>
       <main>
         <FailureNote failure={failure ?? refused} />
-        {!job && !failure && <p class="loading" role="status">Asking for the training …</p>}
-        {job?.state === JobState.QUEUED && <p class="note" role="status">It waits for other trainings to end.</p>}
+        {!job && !failure && (
+          <p class="loading" role="status">
+            Asking for the training …
+          </p>
+        )}
+        {job?.state === JobState.QUEUED && (
+          <p class="note" role="status">
+            It waits for other trainings to end.
+          </p>
+        )}
         {job && <Outcome training={training} sceneId={sceneId} />}
         {job && (
           <div class="training">

@@ -49,8 +49,8 @@ function Progress({ task }: { task: UploadTask }): JSX.Element {
       </p>
       {!record.kept && (
         <p class="note bad">
-          Keep this page open: the browser has no room for a copy of the files. After a reload drop the
-          same files again, and the upload goes on from where it was.
+          Keep this page open: the browser has no room for a copy of the files. After a reload drop
+          the same files again, and the upload goes on from where it was.
         </p>
       )}
       <FailureNote failure={failure} again={() => void task.run()} />

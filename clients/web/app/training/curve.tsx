@@ -33,7 +33,9 @@ export function Curve({ title, unit = '', samples, numSteps, digits = 2 }: Props
   const x = (step: number) => (step / end) * width;
   const y = (value: number) => height - 4 - ((value - low) / (high - low || 1)) * (height - 8);
   const line = thinned(samples)
-    .map(({ step, value }, i) => `${i === 0 ? 'M' : 'L'}${x(step).toFixed(1)} ${y(value).toFixed(1)}`)
+    .map(
+      ({ step, value }, i) => `${i === 0 ? 'M' : 'L'}${x(step).toFixed(1)} ${y(value).toFixed(1)}`,
+    )
     .join('');
   return (
     <figure class="curve" data-samples={samples.length} data-first={samples[0]?.step}>
@@ -41,7 +43,12 @@ export function Curve({ title, unit = '', samples, numSteps, digits = 2 }: Props
         <span>{title}</span>
         <strong>{last ? `${text(last.value)}${unit && ` ${unit}`}` : '–'}</strong>
       </figcaption>
-      <svg viewBox={`0 0 ${width} ${height}`} preserveAspectRatio="none" role="img" aria-label={`${title} over the steps`}>
+      <svg
+        viewBox={`0 0 ${width} ${height}`}
+        preserveAspectRatio="none"
+        role="img"
+        aria-label={`${title} over the steps`}
+      >
         {[0.25, 0.5, 0.75].map((share) => (
           <path key={share} class="grid" d={`M0 ${height * share}H${width}`} />
         ))}

@@ -59,7 +59,9 @@ function NumberField({ name, hint, value, onValue, ...limits }: NumberFieldProps
         inputMode="decimal"
         value={value ?? ''}
         placeholder={hint}
-        onInput={({ currentTarget: { value: text } }) => onValue(text === '' ? undefined : Number(text))}
+        onInput={({ currentTarget: { value: text } }) =>
+          onValue(text === '' ? undefined : Number(text))
+        }
         {...limits}
       />
     </label>
@@ -100,14 +102,23 @@ export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
           hint="server’s default"
           min={1}
           value={options.reconstruct?.numSteps}
-          onValue={(value) => change((to) => ((to.reconstruct ??= create(ReconstructOptionsSchema)).numSteps = rounded(value)))}
+          onValue={(value) =>
+            change(
+              (to) =>
+                ((to.reconstruct ??= create(ReconstructOptionsSchema)).numSteps = rounded(value)),
+            )
+          }
         />
         <NumberField
           name="Steps of features"
           hint="server’s default"
           min={1}
           value={options.features?.numSteps}
-          onValue={(value) => change((to) => ((to.features ??= create(FeatureOptionsSchema)).numSteps = rounded(value)))}
+          onValue={(value) =>
+            change(
+              (to) => ((to.features ??= create(FeatureOptionsSchema)).numSteps = rounded(value)),
+            )
+          }
         />
         <NumberField
           name="Shrink photographs to"
@@ -116,7 +127,9 @@ export function TrainingChoice({ options, onOptions }: Props): JSX.Element {
           max={1}
           step="0.05"
           value={options.import?.imageScale}
-          onValue={(value) => change((to) => ((to.import ??= create(ImportOptionsSchema)).imageScale = value))}
+          onValue={(value) =>
+            change((to) => ((to.import ??= create(ImportOptionsSchema)).imageScale = value))
+          }
         />
       </details>
     </fieldset>

@@ -49,7 +49,11 @@ export const noTraining: Training = {
 };
 
 /** A step that comes again, after a restart from a checkpoint, takes the place of what followed. */
-function extended(samples: readonly Sample[], step: number, value: number | undefined): readonly Sample[] {
+function extended(
+  samples: readonly Sample[],
+  step: number,
+  value: number | undefined,
+): readonly Sample[] {
   if (value === undefined) return samples;
   const last = samples.at(-1);
   const kept = last && last.step >= step ? samples.filter((sample) => sample.step < step) : samples;
@@ -73,7 +77,10 @@ function progressed(training: Training, progress: JobProgress): Training {
 
 /** What is known after an event. */
 export function after(training: Training, { sequence, event }: JobEvent): Training {
-  const known = { ...training, sequence: sequence > training.sequence ? sequence : training.sequence };
+  const known = {
+    ...training,
+    sequence: sequence > training.sequence ? sequence : training.sequence,
+  };
   const { job } = training;
   switch (event.case) {
     case 'snapshot':
@@ -87,8 +94,16 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
     case 'stageEnded': {
       const { stage, elapsed, skipped, metrics } = event.value;
       const state = skipped ? 'skipped' : 'done';
-      const stages = new Map(training.stages).set(stage, { state, seconds: secondsOf(elapsed), skipped });
-      return { ...known, stages, metrics: new Map([...training.metrics, ...Object.entries(metrics)]) };
+      const stages = new Map(training.stages).set(stage, {
+        state,
+        seconds: secondsOf(elapsed),
+        skipped,
+      });
+      return {
+        ...known,
+        stages,
+        metrics: new Map([...training.metrics, ...Object.entries(metrics)]),
+      };
     }
     case 'progress':
       return progressed(known, event.value);
@@ -127,7 +142,8 @@ interface Kept {
 function recall(job: string): Training {
   try {
     const text = sessionStorage.getItem(storeName(job)) ?? '';
-    const { sequence, stages, metrics, ...rest } = JSON.parse(text) as Kept & Pick<Training, 'loss' | 'psnr' | 'gaussians' | 'featureLoss' | 'notes'>;
+    const { sequence, stages, metrics, ...rest } = JSON.parse(text) as Kept &
+      Pick<Training, 'loss' | 'psnr' | 'gaussians' | 'featureLoss' | 'notes'>;
     const maps = { stages: new Map(stages), metrics: new Map(metrics) };
     return { ...noTraining, ...rest, ...maps, sequence: BigInt(sequence) };
   } catch {
@@ -135,7 +151,11 @@ function recall(job: string): Training {
   }
 }
 
-async function watch(name: string, signal: AbortSignal, show: (training: Training) => void): Promise<void> {
+async function watch(
+  name: string,
+  signal: AbortSignal,
+  show: (training: Training) => void,
+): Promise<void> {
   const backoff = new Backoff();
   let training = recall(name);
   for (;;) {

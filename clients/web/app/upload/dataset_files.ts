@@ -46,9 +46,7 @@ const folders: readonly [folder: RegExp, name: RegExp, kind: FileKind][] = [
 ];
 
 export function kindOf(path: string): FileKind | undefined {
-  return (
-    exact[path] ?? folders.find(([folder, name]) => folder.test(path) && name.test(path))?.[2]
-  );
+  return exact[path] ?? folders.find(([folder, name]) => folder.test(path) && name.test(path))?.[2];
 }
 
 /** The folder that all files lie in, with its slash: what was dropped is itself the scene's. */

@@ -29,7 +29,8 @@ export function sendFile({ upload, path, offset, file, progress, signal }: Sendi
     request.setRequestHeader('content-type', 'application/octet-stream');
     request.upload.onprogress = (event) => progress(offset + event.loaded);
     request.onload = () => (request.status === 200 ? resolve() : reject(errorOf(request)));
-    request.onerror = () => reject(new ConnectError('The server does not answer', Code.Unavailable));
+    request.onerror = () =>
+      reject(new ConnectError('The server does not answer', Code.Unavailable));
     request.onabort = () => reject(new DOMException('given up', 'AbortError'));
     signal.addEventListener('abort', () => request.abort(), { once: true });
     request.send(offset === 0 ? file : file.slice(offset));

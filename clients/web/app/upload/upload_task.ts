@@ -141,7 +141,10 @@ export class UploadTask {
         await backoff.wait(failure.what, failure.retryMs, this.signal);
       }
       const { name } = now;
-      now = await steadily(() => datasets.getUpload({ name }, { signal: this.signal }), this.signal);
+      now = await steadily(
+        () => datasets.getUpload({ name }, { signal: this.signal }),
+        this.signal,
+      );
       backoff.reset();
     }
     return upload.name.replace('/uploads/', '/datasets/');
@@ -172,7 +175,14 @@ export class UploadTask {
           show();
         };
         const file = await this.fileAt(path);
-        await sendFile({ upload: upload.name, path, offset: offsets.get(path) ?? 0, file, progress, signal });
+        await sendFile({
+          upload: upload.name,
+          path,
+          offset: offsets.get(path) ?? 0,
+          file,
+          progress,
+          signal,
+        });
         sent.set(path, file.size);
         show();
       }
@@ -199,7 +209,10 @@ export class UploadTask {
     if (training === undefined) return undefined;
     const options = fromJsonString(TrainingOptionsSchema, training);
     const request = { scene: `scenes/${sceneId}`, dataset, options, requestId: id };
-    const job = await steadily(() => jobs.trainScene(request, { signal: this.signal }), this.signal);
+    const job = await steadily(
+      () => jobs.trainScene(request, { signal: this.signal }),
+      this.signal,
+    );
     return lastId(job.name);
   }
 }

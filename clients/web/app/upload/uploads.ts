@@ -42,7 +42,15 @@ export async function beginUpload(upload: NewUpload): Promise<UploadTask> {
   const { files, sceneId, displayName, training } = upload;
   const listed = files.map(({ path, kind, file }) => ({ path, kind, size: file.size, sha256: '' }));
   const id = newRequestId();
-  const record = { id, sceneId, displayName, training, files: listed, createTime: Date.now(), kept: true };
+  const record = {
+    id,
+    sceneId,
+    displayName,
+    training,
+    files: listed,
+    createTime: Date.now(),
+    kept: true,
+  };
   const kept = await keep(record, files);
   const blobs = new Map(files.map(({ path, file }) => [path, file]));
   const task = new UploadTask({ ...record, kept }, blobs);

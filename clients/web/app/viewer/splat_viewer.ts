@@ -88,7 +88,9 @@ export class SplatViewer {
     const ahead = new Vector3(0, 0, -1).applyQuaternion(pose.rotation);
     const toTarget = this.controls.target.clone().sub(pose.position).dot(ahead);
     this.camera.position.copy(pose.position);
-    this.controls.target.copy(pose.position).addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
+    this.controls.target
+      .copy(pose.position)
+      .addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
     this.camera.fov = fieldOfView(view);
     this.camera.updateProjectionMatrix();
     this.controls.update();

@@ -13,7 +13,8 @@ export function screenshot(page: Page, name: string): Promise<Buffer> {
 async function noSeriousFindings(page: Page): Promise<void> {
   const { violations } = await new AxeBuilder({ page }).analyze();
   const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
-  const places = (nodes: { html: string }[]) => nodes.map(({ html }) => html.slice(0, 120)).join(' | ');
+  const places = (nodes: { html: string }[]) =>
+    nodes.map(({ html }) => html.slice(0, 120)).join(' | ');
   expect(serious.map(({ id, nodes }) => `${id}: ${places(nodes)}`)).toEqual([]);
 }
 
@@ -57,7 +58,9 @@ export async function truthOf(page: Page, view: string, value: number): Promise<
       for (let i = 0; i < data.length / 4; ++i) {
         if (data[4 * i] === grey) spots.push([i % image.width, Math.floor(i / image.width)]);
       }
-      const mean = [0, 1].map((axis) => spots.reduce((sum, spot) => sum + spot[axis as 0 | 1], 0) / spots.length);
+      const mean = [0, 1].map(
+        (axis) => spots.reduce((sum, spot) => sum + spot[axis as 0 | 1], 0) / spots.length,
+      );
       const [cx = 0, cy = 0] = mean;
       const far = ([x, y]: [number, number]) => (x - cx) ** 2 + (y - cy) ** 2;
       const nearest = spots.reduce((best, spot) => (far(spot) < far(best) ? spot : best));
@@ -98,7 +101,11 @@ export function overlayIou(page: Page, { labels, value }: Truth): Promise<number
 }
 
 /** Clicks at shares of the view's width and height. */
-export async function clickView(page: Page, [x, y]: readonly [number, number], shift = false): Promise<void> {
+export async function clickView(
+  page: Page,
+  [x, y]: readonly [number, number],
+  shift = false,
+): Promise<void> {
   const edges = await page.locator('.picture').boundingBox();
   if (!edges) throw new Error('no view on the screen');
   if (shift) await page.keyboard.down('Shift');
@@ -107,10 +114,15 @@ export async function clickView(page: Page, [x, y]: readonly [number, number], s
 }
 
 /** From one corner to the other, in shares of the view's width and height. */
-export async function dragBox(page: Page, from: readonly [number, number], to: readonly [number, number]): Promise<void> {
+export async function dragBox(
+  page: Page,
+  from: readonly [number, number],
+  to: readonly [number, number],
+): Promise<void> {
   const edges = await page.locator('.picture').boundingBox();
   if (!edges) throw new Error('no view on the screen');
-  const at = ([x, y]: readonly [number, number]) => [edges.x + x * edges.width, edges.y + y * edges.height] as const;
+  const at = ([x, y]: readonly [number, number]) =>
+    [edges.x + x * edges.width, edges.y + y * edges.height] as const;
   await page.mouse.move(...at(from));
   await page.mouse.down();
   await page.mouse.move(...at([(from[0] + to[0]) / 2, (from[1] + to[1]) / 2]));
@@ -130,4 +142,29 @@ export async function settled(page: Page, before: number): Promise<void> {
     before,
     { timeout: 60_000 },
   );
+}
+
+/** Until the 3D view shows the selection so, and Spark has sorted. */
+export async function shownInSplats(page: Page, how: string): Promise<void> {
+  const there = page.locator(`.splats[data-status=ready][data-shown=${how}]`);
+  await expect(there).toBeVisible({ timeout: 60_000 });
+  await page.waitForTimeout(2500);
+}
+
+/** While the scale is dragged to and fro for four seconds. */
+export async function answersPerSecond(page: Page): Promise<number> {
+  const edges = await page.getByLabel('Scale').boundingBox();
+  if (!edges) throw new Error('no slider');
+  const y = edges.y + edges.height / 2;
+  await page.mouse.move(edges.x + 10, y);
+  await page.mouse.down();
+  const before = await numAnswers(page);
+  const begin = Date.now();
+  for (let i = 0; Date.now() - begin < 4000; ++i) {
+    await page.mouse.move(edges.x + (0.5 - 0.48 * Math.cos(i / 20)) * edges.width, y);
+    await page.waitForTimeout(8);
+  }
+  const rate = (1000 * ((await numAnswers(page)) - before)) / (Date.now() - begin);
+  await page.mouse.up();
+  return rate;
 }

@@ -1,10 +1,21 @@
 // A scene from a drop of photographs to a PLY, in Chromium, against a server of its own.
-import { cpSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
-import { tmpdir } from 'node:os';
+import { readFileSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
-import type { BrowserContext, Locator, Page } from '@playwright/test';
+import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
-import { clickView, dragBox, numAnswers, overlayIou, picturesOf, screenshot, settled, truthOf } from './on_screen';
+import {
+  answersPerSecond,
+  clickView,
+  dragBox,
+  numAnswers,
+  overlayIou,
+  picturesOf,
+  screenshot,
+  settled,
+  shownInSplats,
+  truthOf,
+} from './on_screen';
+import { numGaussians, readCoco, saved, shelfWith } from './saved_files';
 import { Stack, artefacts, shelf } from './stack';
 
 test.describe.configure({ mode: 'serial' });
@@ -22,11 +33,15 @@ test.beforeAll(async ({ browser }) => {
   stack = new Stack();
   await stack.startServer();
   await stack.startWeb();
-  context = await browser.newContext({ viewport: { width: 1440, height: 900 }, acceptDownloads: true });
+  context = await browser.newContext({
+    viewport: { width: 1440, height: 900 },
+    acceptDownloads: true,
+  });
   page = await context.newPage();
   page.on('pageerror', (error) => faults.push(error.message));
   page.on('request', (request) => {
-    if (JSON.stringify(request.headers()).includes(stack.key)) faults.push('the key is in the browser');
+    if (JSON.stringify(request.headers()).includes(stack.key))
+      faults.push('the key is in the browser');
   });
 });
 
@@ -66,7 +81,9 @@ test('an upload goes on after a reload', async () => {
   const bar = page.getByRole('progressbar');
   const phase = page.locator('[data-phase=sending]');
   await expect(phase).toBeVisible();
-  await expect.poll(async () => Number(await bar.getAttribute('value')), { timeout: 60_000 }).toBeGreaterThan(0.3);
+  await expect
+    .poll(async () => Number(await bar.getAttribute('value')), { timeout: 60_000 })
+    .toBeGreaterThan(0.3);
   const sentBefore = numSent;
   await page.reload();
   await expect(phase).toBeVisible();
@@ -118,54 +135,43 @@ test('a click segments the book, in all views', async () => {
     await settled(page, then);
     ious.push(await overlayIou(page, truth));
   }
-  console.log(`IoU of the click: ${ious.map((iou) => iou.toFixed(3)).join(', ')} (chosen, proposals)`);
+  console.log(
+    `IoU of the click: ${ious.map((iou) => iou.toFixed(3)).join(', ')} (chosen, proposals)`,
+  );
   const best = ious.indexOf(Math.max(...ious));
   expect(ious[best]).toBeGreaterThan(0.8);
   if (best > 0) {
     const then = await numAnswers(page);
-    await page.locator('.chips .chip').nth(best - 1).click();
+    await page
+      .locator('.chips .chip')
+      .nth(best - 1)
+      .click();
     await settled(page, then);
   }
   // Of fifteen views all show the book.
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
 });
 
-/** Until the 3D view shows the selection so, and Spark has sorted. */
-async function shownInSplats(how: string): Promise<void> {
-  const there = page.locator(`.splats[data-status=ready][data-shown=${how}]`);
-  await expect(there).toBeVisible({ timeout: 60_000 });
-  await page.waitForTimeout(2500);
-}
-
 test('a selection in 3D is tinted, shown alone and left out', async () => {
   test.setTimeout(300_000);
   await page.getByRole('button', { name: 'Select in 3D' }).click();
   await expect(page.getByText('Gaussians selected.')).toBeVisible({ timeout: 60_000 });
-  await shownInSplats('tinted');
+  await shownInSplats(page, 'tinted');
   // Of the project's README.
   await page.screenshot({ path: join(artefacts, 'scene.jpg'), type: 'jpeg', quality: 82 });
   await pictures('scene');
-  for (const [name, how] of [['Only it', 'isolated'], ['Without', 'hidden']] as const) {
+  for (const [name, how] of [
+    ['Only it', 'isolated'],
+    ['Without', 'hidden'],
+  ] as const) {
     await page.getByRole('button', { name, exact: true }).click();
-    await shownInSplats(how);
+    await shownInSplats(page, how);
     await screenshot(page, `scene-${how}`);
   }
 });
 
 test('the slider answers while it is dragged', async () => {
-  const edges = await page.getByLabel('Scale').boundingBox();
-  if (!edges) throw new Error('no slider');
-  const y = edges.y + edges.height / 2;
-  await page.mouse.move(edges.x + 10, y);
-  await page.mouse.down();
-  const before = await numAnswers(page);
-  const begin = Date.now();
-  for (let i = 0; Date.now() - begin < 4000; ++i) {
-    await page.mouse.move(edges.x + (0.5 - 0.48 * Math.cos(i / 20)) * edges.width, y);
-    await page.waitForTimeout(8);
-  }
-  const rate = (1000 * ((await numAnswers(page)) - before)) / (Date.now() - begin);
-  await page.mouse.up();
+  const rate = await answersPerSecond(page);
   console.log(`slider: ${rate.toFixed(1)} answers a second`);
   expect(rate).toBeGreaterThanOrEqual(Number(process.env.PEPESEG_MIN_ANSWERS ?? 15));
 });
@@ -189,35 +195,20 @@ test('a segment is named, and asked for by its name', async () => {
 
 test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   test.setTimeout(400_000);
-  const saved = async (link: Locator) => {
-    const download = page.waitForEvent('download');
-    await link.click();
-    return (await download).path();
-  };
-  const ply = await saved(page.getByRole('link', { name: 'Scene (PLY)' }));
-  const head = readFileSync(ply).subarray(0, 400).toString('latin1');
-  const count = Number(/element vertex (\d+)/.exec(head)?.[1]);
+  const ply = await saved(page, page.getByRole('link', { name: 'Scene (PLY)' }));
+  const count = numGaussians(ply);
   expect(count).toBeGreaterThan(1000);
 
-  const coco = await saved(page.getByRole('button', { name: 'COCO (JSON)' }));
-  const json = JSON.parse(readFileSync(coco, 'utf8')) as {
-    images: unknown[];
-    categories: { name: string }[];
-    annotations: { image_id: number; area: number }[];
-  };
+  const json = readCoco(await saved(page, page.getByRole('button', { name: 'COCO (JSON)' })));
   expect(json.images).toHaveLength(15);
   expect(json.categories.map(({ name }) => name)).toEqual(['Bunny book']);
   expect(json.annotations.length).toBeGreaterThan(10);
 
-  const masks = await saved(page.getByRole('button', { name: 'Masks (PNG)' }));
+  const masks = await saved(page, page.getByRole('button', { name: 'Masks (PNG)' }));
   expect(readFileSync(masks).subarray(0, 2).toString()).toBe('PK');
 
   // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
-  const folder = mkdtempSync(join(tmpdir(), 'pepeseg-ply-'));
-  for (const part of ['images', 'sparse', 'masks']) {
-    cpSync(join(shelf, part), join(folder, part), { recursive: true });
-  }
-  cpSync(ply, join(folder, 'gaussians.ply'));
+  const folder = shelfWith(ply);
   await page.goto(`${stack.url}/new`);
   await page.setInputFiles('#folder', folder);
   await page.getByLabel('Name').fill('Again');
@@ -240,7 +231,10 @@ test('a click in 3D segments what is seen there', async () => {
   const edges = await splats.boundingBox();
   if (!edges) throw new Error('no 3D view');
   // The 3D view looks as the first view does, at the same shape.
-  await page.mouse.click(edges.x + truth.inside[0] * edges.width, edges.y + truth.inside[1] * edges.height);
+  await page.mouse.click(
+    edges.x + truth.inside[0] * edges.width,
+    edges.y + truth.inside[1] * edges.height,
+  );
   const overlay = page.locator('.splats .overlay').first();
   await expect(overlay).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });

@@ -1,7 +1,16 @@
 // A pepesegd that asks for keys, with a data folder of its own, and the app's back end, which has one.
 import type { ChildProcess } from 'node:child_process';
 import { execFileSync, spawn } from 'node:child_process';
-import { closeSync, existsSync, mkdirSync, mkdtempSync, openSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import {
+  closeSync,
+  existsSync,
+  mkdirSync,
+  mkdtempSync,
+  openSync,
+  readFileSync,
+  rmSync,
+  writeFileSync,
+} from 'node:fs';
 import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -16,8 +25,10 @@ export const shelf = join(root, 'tests/data/apc_shelf');
 
 async function portIn(file: string, child: ChildProcess): Promise<number> {
   for (let i = 0; i < 600; ++i) {
-    if (existsSync(file) && readFileSync(file, 'utf8') !== '') return Number(readFileSync(file, 'utf8'));
-    if (child.exitCode !== null) throw new Error(`it ended with ${child.exitCode}: see ${artefacts}`);
+    if (existsSync(file) && readFileSync(file, 'utf8') !== '')
+      return Number(readFileSync(file, 'utf8'));
+    if (child.exitCode !== null)
+      throw new Error(`it ended with ${child.exitCode}: see ${artefacts}`);
     await new Promise((wake) => setTimeout(wake, 100));
   }
   throw new Error('it does not listen');
@@ -51,7 +62,9 @@ export class Stack {
     mkdirSync(this.data);
     const scopes = 'read,write,train';
     const create = ['keys', 'create', '--data', this.data, '--project', 'lab', '--scopes', scopes];
-    const key = /pk_\S+/.exec(execFileSync(join(bin, 'pepesegd'), create, { encoding: 'utf8', stdio: 'pipe' }))?.[0];
+    const key = /pk_\S+/.exec(
+      execFileSync(join(bin, 'pepesegd'), create, { encoding: 'utf8', stdio: 'pipe' }),
+    )?.[0];
     if (!key) throw new Error('pepesegd keys create prints no key');
     this.key = key;
     writeFileSync(join(this.folder, 'key'), `${key}\n`, { mode: 0o600 });
@@ -75,7 +88,13 @@ export class Stack {
   async startWeb(): Promise<void> {
     const portFile = join(this.folder, 'web.port');
     const main = join(web, 'dist/server/main.js');
-    const args = [main, '--server', `127.0.0.1:${this.serverPort}`, '--key-file', join(this.folder, 'key')];
+    const args = [
+      main,
+      '--server',
+      `127.0.0.1:${this.serverPort}`,
+      '--key-file',
+      join(this.folder, 'key'),
+    ];
     const photos = ['--photos', join(this.folder, 'photos')];
     const listen = ['--listen', `127.0.0.1:${this.webPort}`, '--port-file', portFile, ...photos];
     this.web = start(process.execPath, [...args, ...listen], 'web.log');

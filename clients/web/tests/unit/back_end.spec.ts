@@ -19,7 +19,11 @@ const hosts = new Set(['localhost', '127.0.0.1', '[::1]']);
 test('pages of this back end may ask', () => {
   expect(refusal(request({ host: '127.0.0.1:8080' }), hosts)).toBeUndefined();
   expect(refusal(request({ host: '[::1]:8080' }), hosts)).toBeUndefined();
-  const own = { host: 'localhost:8080', origin: 'http://localhost:8080', 'sec-fetch-site': 'same-origin' };
+  const own = {
+    host: 'localhost:8080',
+    origin: 'http://localhost:8080',
+    'sec-fetch-site': 'same-origin',
+  };
   expect(refusal(request(own), hosts)).toBeUndefined();
 });
 
@@ -37,11 +41,15 @@ test('nobody else may', () => {
 test('what it listens on and where the key goes', () => {
   const read = (args: string[], env = {}) => readConfig(args, env, '/app');
   expect(read([]).serverUrl).toBe('http://127.0.0.1:50051');
-  expect(read([], { PEPESEG_SERVER: 'https://gateway:8443' }).serverUrl).toBe('https://gateway:8443');
+  expect(read([], { PEPESEG_SERVER: 'https://gateway:8443' }).serverUrl).toBe(
+    'https://gateway:8443',
+  );
   expect(read([], { PEPESEG_KEY: 'pk_abc' }).key).toBe('pk_abc');
   expect(() => read(['--listen', '0.0.0.0:80'])).toThrow('--behind-login');
   expect(read(['--listen', '0.0.0.0:80', '--behind-login']).listenPort).toBe(80);
-  expect(() => read(['--server', 'far.example:50051'], { PEPESEG_KEY: 'pk_abc' })).toThrow('not encrypted');
+  expect(() => read(['--server', 'far.example:50051'], { PEPESEG_KEY: 'pk_abc' })).toThrow(
+    'not encrypted',
+  );
   expect(() => read([], { PEPESEG_KEY: 'no key' })).toThrow(ConfigError);
   expect(() => read(['--key-file', '/nowhere/key'])).toThrow('cannot be read');
   expect(() => read(['--nonsense'])).toThrow(ConfigError);
@@ -85,7 +93,9 @@ test('of requests that wait the newest is sent', async () => {
 test('calls carry the scene for the gateway', () => {
   const message = (fields: object) => resourceOf({ $typeName: 'x', ...fields } as never);
   expect(routing(message({ name: 'scenes/a/models/1' }))).toEqual({ 'x-scene': 'a' });
-  expect(routing(message({ scene: 'scenes/b', dataset: 'scenes/b/datasets/1' }))).toEqual({ 'x-scene': 'b' });
+  expect(routing(message({ scene: 'scenes/b', dataset: 'scenes/b/datasets/1' }))).toEqual({
+    'x-scene': 'b',
+  });
   expect(routing(message({ name: 'jobs/j1' }))).toEqual({});
 });
 

@@ -21,7 +21,9 @@ test('the layout of the command-line client', () => {
 });
 
 test('a folder that was dropped is the scene', () => {
-  const { files, leftOut } = readDataset(dropped('shelf/images/b.jpg', 'shelf/images/a.jpg', 'shelf/LICENSE'));
+  const { files, leftOut } = readDataset(
+    dropped('shelf/images/b.jpg', 'shelf/images/a.jpg', 'shelf/LICENSE'),
+  );
   expect(files.map(({ path }) => path)).toEqual(['images/a.jpg', 'images/b.jpg']);
   expect(leftOut).toEqual(['LICENSE']);
 });
@@ -33,7 +35,9 @@ test('a folder of photographs alone', () => {
 
 test('loose files and a video', () => {
   const { files } = readDataset(dropped('walk.mp4', '.DS_Store'));
-  expect(files.map(({ path, kind }) => [path, kind])).toEqual([['videos/walk.mp4', FileKind.VIDEO]]);
+  expect(files.map(({ path, kind }) => [path, kind])).toEqual([
+    ['videos/walk.mp4', FileKind.VIDEO],
+  ]);
 });
 
 test('the folder "images" by itself', () => {
@@ -42,9 +46,9 @@ test('the folder "images" by itself', () => {
 });
 
 test('what it says of them', () => {
-  expect(describe([{ kind: FileKind.IMAGE }, { kind: FileKind.POSES }, { kind: FileKind.IMAGE }])).toBe(
-    '2 photographs, 1 file of poses',
-  );
+  expect(
+    describe([{ kind: FileKind.IMAGE }, { kind: FileKind.POSES }, { kind: FileKind.IMAGE }]),
+  ).toBe('2 photographs, 1 file of poses');
 });
 
 test('ids of scenes are labels of RFC 1034', () => {

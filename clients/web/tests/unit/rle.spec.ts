@@ -20,7 +20,13 @@ function encode(runs: number[]): string {
 }
 
 test('runs survive their encoding, also long ones and shrinking ones', () => {
-  for (const runs of [[5], [0, 9], [1, 2, 3, 4, 5], [100000, 3, 7, 50000, 1, 2], [16, 15, 31, 32, 33, 1]]) {
+  for (const runs of [
+    [5],
+    [0, 9],
+    [1, 2, 3, 4, 5],
+    [100000, 3, 7, 50000, 1, 2],
+    [16, 15, 31, 32, 33, 1],
+  ]) {
     expect(runsOf(encode(runs))).toEqual(runs);
   }
 });
@@ -32,7 +38,9 @@ test('a string of pycocotools is read', () => {
 
 test('columns come first', () => {
   // 3 wide, 2 high: runs 1 0, 3 1, 2 0 down the columns.
-  expect([...decodeRle({ width: 3, height: 2, counts: encode([1, 3, 2]) })]).toEqual([0, 1, 0, 1, 1, 0]);
+  expect([...decodeRle({ width: 3, height: 2, counts: encode([1, 3, 2]) })]).toEqual([
+    0, 1, 0, 1, 1, 0,
+  ]);
 });
 
 test('more pixels than there are do no harm, other characters are an error', () => {
