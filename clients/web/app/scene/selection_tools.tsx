@@ -17,7 +17,7 @@ const showings: readonly [Showing, string][] = [
   ['all', 'Plain'],
   ['tinted', 'Tinted'],
   ['isolated', 'Only it'],
-  ['hidden', 'Without it'],
+  ['hidden', 'Without'],
 ];
 
 const combinations = [
