@@ -21,7 +21,8 @@ help:
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make bench     measure the kernels'
-	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
+	@echo 'make stress    extremes and long runs of the numerics, kills, full disks, flipped bits,'
+	@echo '               overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
 	@echo 'make lint      clang-format, clang-tidy'
@@ -58,7 +59,8 @@ stress: $(BUILD)/CMakeCache.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
 	  stress_kill_worker_test stress_flipped_bits_test \
-	  stress_http2_abuse_test stress_soak_test rpc_residency_test
+	  stress_http2_abuse_test stress_soak_test stress_numerics_test rpc_residency_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_numerics_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test

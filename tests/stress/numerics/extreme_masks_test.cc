@@ -54,9 +54,7 @@ class ExtremeMasks : public BackendTest {
 INSTANTIATE_TEST_SUITE_P(Backends, ExtremeMasks, CpuAndCuda(), BackendName);
 
 size_t NumPixels(const View& view) { return size_t(view.camera.width) * view.camera.height; }
-BinaryMask Everything(const View& view) {
-  return {std::vector<uint8_t>(NumPixels(view), 1)};
-}
+BinaryMask Everything(const View& view) { return {std::vector<uint8_t>(NumPixels(view), 1)}; }
 
 TEST_P(ExtremeMasks, WithoutAnyStageTwoSaysSo) {
   const Capture capture = WithMasks([](const View&) { return std::vector<BinaryMask>(); });
@@ -76,9 +74,8 @@ TEST_P(ExtremeMasks, InOneViewOnlyAreEnough) {
 }
 
 TEST_P(ExtremeMasks, OneThatCoversEverything) {
-  Learn("everything", WithMasks([](const View& view) {
-          return std::vector<BinaryMask>{Everything(view)};
-        }));
+  Learn("everything",
+        WithMasks([](const View& view) { return std::vector<BinaryMask>{Everything(view)}; }));
 }
 
 TEST_P(ExtremeMasks, OfOnePixelEach) {

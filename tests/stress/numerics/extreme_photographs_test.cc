@@ -36,7 +36,15 @@ Capture Painted(uint8_t value) {
   return capture;
 }
 
-TEST_P(ExtremePhotographs, AllBlackIsLearnt) { EXPECT_GT(Learn("black", Painted(0)).psnr, 35); }
+// Before a black background nothing need be seen: once all has faded the stage says so.
+TEST_P(ExtremePhotographs, AllBlackIsLearntUntilNothingIsLeft) {
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.prune_opacity = 0;
+  EXPECT_GT(Learn("black", Painted(0), options).psnr, 35);
+  options = TinyReconstruct(20'000);
+  EXPECT_STATUS(RunStageOne(*backend_, Painted(0), options), absl::StatusCode::kFailedPrecondition,
+                "density control left none");
+}
 TEST_P(ExtremePhotographs, AllWhiteIsLearnt) { EXPECT_GT(Learn("white", Painted(255)).psnr, 15); }
 
 // From different places: no scene looks so.
@@ -73,14 +81,14 @@ TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
   options.max_gaussians = 1;
   const StageOneRun run = Learn("one Gaussian", capture, options);
   EXPECT_EQ(run.gaussians.count, 1);
-  EXPECT_LT(MeanOfLast(run.losses, 0.1), run.losses.front());
+  EXPECT_LT(MeanOfLast(run.losses, 0.1), run.losses.front() - 0.05);
 }
 
 // All on one spot: the distance to the nearest neighbour is 0.
 TEST_P(ExtremePhotographs, PointsOnOneSpotAreTrained) {
   Capture capture = TinyCapture();
   for (ScenePoint& point : capture.points) point.position = capture.points[0].position;
-  EXPECT_LT(MeanOfLast(Learn("one spot", capture).losses, 0.1), 0.5);
+  EXPECT_GT(Learn("one spot", capture).psnr, 14);
 }
 
 TEST_P(ExtremePhotographs, WithoutPointsRandomOnesAreTrained) {

@@ -49,9 +49,8 @@ TEST_P(ExtremePriors, WrongOnesCostLittle) {
   EXPECT_GT(with, none.psnr - kMayCost);
   EXPECT_EQ(none.last.num_skipped_depths, 0);
 
-  const auto constant = Learn("constant", [](DepthPrior& prior) {
-    std::ranges::fill(prior.values, 0.5f);
-  });
+  const auto constant =
+      Learn("constant", [](DepthPrior& prior) { std::ranges::fill(prior.values, 0.5f); });
   EXPECT_GT(constant.psnr, none.psnr - kMayCost);
   EXPECT_GT(constant.last.num_skipped_depths, 0);
 
@@ -61,9 +60,8 @@ TEST_P(ExtremePriors, WrongOnesCostLittle) {
   EXPECT_GT(inverted.psnr, none.psnr - kMayCost);
   EXPECT_GT(inverted.last.num_skipped_depths, 0);
 
-  const auto unknown = Learn("NaN", [](DepthPrior& prior) {
-    std::ranges::fill(prior.values, kUnknown);
-  });
+  const auto unknown =
+      Learn("NaN", [](DepthPrior& prior) { std::ranges::fill(prior.values, kUnknown); });
   EXPECT_EQ(unknown.psnr, none.psnr);  // as if there were none
 }
 

@@ -25,14 +25,15 @@ float Largest(const Gaussians& gaussians, int plane, int num_planes) {
 }
 
 void Print(const char* name, const StageOneRun& run) {
-  std::printf("%s: loss %.5f -> %.5f -> %.5f, held out %.2f dB, %lld Gaussians, largest |mean| %.2f "
-              "|log scale| %.1f |quaternion| %.2f |logit| %.1f |SH| %.1f\n",
-              name, MeanOfFirst(run.losses, 0.02),
-              MeanOfLast({run.losses.begin(), run.losses.begin() + run.losses.size() * 7 / 10}, 0.1),
-              MeanOfLast(run.losses, 0.1), run.psnr, static_cast<long long>(run.gaussians.count),
-              Largest(run.gaussians, kMeanPlane, 3), Largest(run.gaussians, kLogScalePlane, 3),
-              Largest(run.gaussians, kRotationPlane, 4), Largest(run.gaussians, kOpacityPlane, 1),
-              Largest(run.gaussians, kShPlane, NumPlanes(run.gaussians.sh_degree) - kShPlane));
+  std::printf(
+      "%s: loss %.5f -> %.5f -> %.5f, held out %.2f dB, %lld Gaussians, largest |mean| %.2f "
+      "|log scale| %.1f |quaternion| %.2f |logit| %.1f |SH| %.1f\n",
+      name, MeanOfFirst(run.losses, 0.02),
+      MeanOfLast({run.losses.begin(), run.losses.begin() + run.losses.size() * 7 / 10}, 0.1),
+      MeanOfLast(run.losses, 0.1), run.psnr, static_cast<long long>(run.gaussians.count),
+      Largest(run.gaussians, kMeanPlane, 3), Largest(run.gaussians, kLogScalePlane, 3),
+      Largest(run.gaussians, kRotationPlane, 4), Largest(run.gaussians, kOpacityPlane, 1),
+      Largest(run.gaussians, kShPlane, NumPlanes(run.gaussians.sh_degree) - kShPlane));
 }
 
 // What was learnt stays learnt: after the last growth the loss does not rise again.
@@ -90,9 +91,8 @@ TEST_P(LongRuns, StageTwo) {
   const Capture capture = TinyCapture({.depth = DepthPrior::Kind::kDisparity});
   ReconstructOptions geometry = TinyReconstruct(300);
   ASSERT_OK_AND_ASSIGN(const StageOneRun frozen, RunStageOne(*MakeCpu(), capture, geometry));
-  ASSERT_OK_AND_ASSIGN(
-      const StageTwoRun run,
-      RunStageTwo(*backend_, capture, frozen.gaussians, TinyFeatures(NumSteps())));
+  ASSERT_OK_AND_ASSIGN(const StageTwoRun run,
+                       RunStageTwo(*backend_, capture, frozen.gaussians, TinyFeatures(NumSteps())));
   EXPECT_EQ(static_cast<int>(run.losses.size()), NumSteps());
   const float gate = std::abs(
       *std::ranges::max_element(run.field.gate, {}, [](float value) { return std::abs(value); }));

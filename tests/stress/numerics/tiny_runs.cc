@@ -112,8 +112,7 @@ absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture
 
 absl::StatusOr<StageTwoRun> RunStageTwo(Backend& backend, const Capture& capture,
                                         const Gaussians& gaussians, const FeatureOptions& options) {
-  ASSIGN_OR_RETURN(const auto stage,
-                   FeatureStage::Create(backend, capture, gaussians, options));
+  ASSIGN_OR_RETURN(const auto stage, FeatureStage::Create(backend, capture, gaussians, options));
   StageTwoRun run;
   while (!stage->done()) {
     ASSIGN_OR_RETURN(const std::vector<StepReport> reports, stage->Advance());
@@ -138,7 +137,10 @@ double MeanOfLast(const std::vector<double>& values, double share) {
 
 absl::StatusOr<double> ClickIou(Backend& backend, const SyntheticScene& scene,
                                 const Gaussians& gaussians, const FeatureField& field) {
-  Model model = {gaussians, field, {}, SceneRadius(scene.capture), {}, {}};
+  Model model;
+  model.gaussians = gaussians;
+  model.field = field;
+  model.scene_radius = SceneRadius(scene.capture);
   std::vector<LabeledView> labeled;
   for (size_t i = 0; i < scene.capture.views.size(); ++i) {
     const View& view = scene.capture.views[i];
@@ -150,9 +152,8 @@ absl::StatusOr<double> ClickIou(Backend& backend, const SyntheticScene& scene,
   ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(backend, std::move(model)));
   OneClickOptions options;
   options.min_pixels = 12;
-  ASSIGN_OR_RETURN(const OneClickScores scores, EvaluateOneClick(*segmenter, labeled, options, [] {
-                     return absl::OkStatus();
-                   }));
+  ASSIGN_OR_RETURN(const OneClickScores scores,
+                   EvaluateOneClick(*segmenter, labeled, options, [] { return absl::OkStatus(); }));
   return scores.chosen.iou;
 }
 
