@@ -4,15 +4,18 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench stress gateway-test lint asan tsan fuzz image image-test \
-  deploy-check
+.PHONY: help packages build demo test bench curves stress gateway-test lint asan tsan fuzz image \
+  image-test deploy-check web web-app web-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
 CMAKE_ARGS ?=
+UNITY ?= ON
 STRESS_SECONDS ?= 600
 FUZZ_SECONDS ?= 10
 SOAK_SECONDS ?= 3600
+SCENE ?= tests/data/apc_shelf
+CURVES ?=
 GENERATOR = $(shell command -v ninja >/dev/null && echo -G Ninja)
 CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -20,9 +23,16 @@ help:
 	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
+<<<<<<< HEAD
 	@echo 'make bench     measure the kernels'
 	@echo 'make stress    extremes and long runs of the numerics, kills, full disks, flipped bits,'
 	@echo '               overload, a cluster, and ten minutes'
+=======
+	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
+	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
+	@echo '               record, table and plots in $(BUILD)/curves; hours'
+	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
+>>>>>>> main
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
 	@echo 'make lint      clang-format, clang-tidy'
@@ -30,6 +40,8 @@ help:
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'
 	@echo 'make deploy-check   what stands in deploy/ against published schemas (needs npm)'
+	@echo 'make web       the app for browsers, on http://127.0.0.1:8080, and a server if PEPESEG_SERVER'
+	@echo '               names none      make web-test   tries it out in Chromium'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -37,7 +49,7 @@ packages:
 
 # Configured once: the build itself notices later changes of CMake's files.
 $(BUILD)/CMakeCache.txt: | packages
-	cmake -S . -B $(BUILD) $(GENERATOR) $(CMAKE_ARGS)
+	cmake -S . -B $(BUILD) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) $(CMAKE_ARGS)
 
 build: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS)
@@ -50,8 +62,15 @@ test: build
 	cd $(BUILD) && $(CTEST)
 
 bench: $(BUILD)/CMakeCache.txt packages
-	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench
+	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench pepeseg_mask_bench pepesegd \
+	  pepeseg-worker
 	$(BUILD)/bin/pepeseg_step_bench
+	tests/bench/python_mask_bench.py $(BUILD)/bin
+
+curves: $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages.txt deploy/packages-bench.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	PYTHON=/usr/bin/python3 tests/bench/bench.sh $(BUILD) $(BUILD)/curves $(SCENE) $(CURVES)
 
 # Each bounded in count and time; the short forms are part of `make test`.
 stress: $(BUILD)/CMakeCache.txt
@@ -80,8 +99,8 @@ gateway-test: $(BUILD)/CMakeCache.txt
 
 lint:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt
-	$(MAKE) --no-print-directory build
-	tests/layering/lint.sh $(BUILD) $(JOBS)
+	cmake -S . -B $(BUILD)-lint $(GENERATOR) $(CMAKE_ARGS)
+	tests/layering/lint.sh $(BUILD)-lint $(JOBS)
 
 # Debian's gRPC, Protobuf and Abseil are not instrumented: a container that they grew would look
 # overflown to code that is. The quarantine counts against what tests allow a decoder to take; some
@@ -118,3 +137,25 @@ image-test:
 # The only target that asks a registry other than Debian's: npm's, for the schemas.
 deploy-check:
 	tests/deploy/schemas.sh $(BUILD)/schemas
+
+# Node and npm are Debian's, unless there are others. The only build that asks npm's registry.
+WEB = clients/web
+web-app: | packages
+	@command -v npm >/dev/null || deploy/packages.sh deploy/packages-web.txt
+	cd $(WEB) && npm ci --no-audit --no-fund && mkdir -p gen && npm run --silent generate && \
+	  npm run --silent check && npm run --silent build
+
+# WEB_ARGS: of the back end, as --listen 127.0.0.1:9090; `node clients/web/dist/server/main.js --help`.
+WEB_ARGS ?=
+web: web-app
+ifndef PEPESEG_SERVER
+	@$(MAKE) --no-print-directory $(BUILD)/CMakeCache.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
+endif
+	deploy/web.sh $(BUILD) $(WEB_ARGS)
+
+# Pictures of all screens go to $(BUILD)/web-test.
+web-test: web-app $(BUILD)/CMakeCache.txt
+	@deploy/packages.sh deploy/packages-web-test.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
+	cd $(WEB) && PEPESEG_BUILD=$(BUILD) PEPESEG_WEB_OUT=$(BUILD)/web-test npx playwright test

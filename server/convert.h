@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/features/train_features.h"
 #include "core/io/import.h"
+#include "core/preset.h"
 #include "core/priors/prior_options.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
@@ -23,6 +24,7 @@ namespace pepeseg {
 
 // The options of every stage of a training.
 struct TrainingSettings {
+  Preset preset = Preset::kStandard;  // that the stages' options begin from
   ImportOptions import;
   PriorOptions priors;
   SfmOptions sfm;
@@ -30,7 +32,8 @@ struct TrainingSettings {
   FeatureOptions features;
 };
 
-// Lays the fields that are present over `settings`; checks nothing.
+// Applies the preset, if one is given, then lays the fields that are present over `settings`;
+// checks nothing.
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings);
 // The defaults, overlaid and validated: INVALID_ARGUMENT names the field and its range.
 absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto);

@@ -119,6 +119,8 @@ absl::Status Below(const std::string& message, const absl::Status& status) {
 }  // namespace
 
 void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
+  if (proto.has_preset()) settings->preset = static_cast<Preset>(proto.preset());
+  Apply(settings->preset, settings->reconstruct, settings->features);
   OverlayImport(proto.import(), &settings->import);
   OverlayPriors(proto.priors(), &settings->priors);
   OverlaySfm(proto.sfm(), &settings->sfm);
@@ -129,6 +131,7 @@ void Overlay(const v1::TrainingOptions& proto, TrainingSettings* settings) {
 absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOptions& proto) {
   TrainingSettings settings;
   Overlay(proto, &settings);
+  RETURN_IF_ERROR(Below("preset", Validate(settings.preset)));
   RETURN_IF_ERROR(Below("import", Validate(settings.import)));
   RETURN_IF_ERROR(Below("priors", Validate(settings.priors)));
   RETURN_IF_ERROR(Below("sfm", Validate(settings.sfm)));
@@ -139,6 +142,7 @@ absl::StatusOr<TrainingSettings> TrainingSettingsFromProto(const v1::TrainingOpt
 
 v1::TrainingOptions ToProto(const TrainingSettings& settings) {
   v1::TrainingOptions proto;
+  proto.set_preset(static_cast<v1::TrainingPreset>(settings.preset));
   SetImport(settings.import, proto.mutable_import());
   SetPriors(settings.priors, proto.mutable_priors());
   SetSfm(settings.sfm, proto.mutable_sfm());

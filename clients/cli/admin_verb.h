@@ -6,7 +6,7 @@
 #include "clients/cli/shell.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // What a verb of the admin listener does: `Flags` has the listener's address as `admin`.
 template <typename Flags>
@@ -37,4 +37,4 @@ CLI::App& AddAdminVerb(CLI::App& app, Shell& shell, const VerbWords& words,
   return *added;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,17 +4,16 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/export.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/segment_colors.h"
 #include "clients/cli/segment_tree.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/subset.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -37,7 +36,7 @@ absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& ans
 }
 
 // level_N/segment_ID.ply.
-absl::Status WriteSegments(const Connection& connection, const DecomposeFlags& flags,
+absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
                            const Response& answer, int level) {
   const fs::path folder = fs::path(flags.out) / absl::StrCat("level_", level);
   std::error_code error;
@@ -50,14 +49,14 @@ absl::Status WriteSegments(const Connection& connection, const DecomposeFlags& f
   for (const Response::Segment& written : answer.levels(level).segments()) {
     segment.set_id(written.id());
     const fs::path file = folder / absl::StrCat("segment_", written.id(), ".ply");
-    RETURN_IF_ERROR(FetchPly(connection, request, file.string()).status());
+    RETURN_IF_ERROR(client.Export(request, file.string()).status());
   }
   return absl::OkStatus();
 }
 
 // STEM_ids.png of each view.
-absl::Status WriteViews(const Connection& connection, const DecomposeFlags& flags,
-                        const Response& answer, int level) {
+absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Response& answer,
+                        int level) {
   v1::RenderRequest request;
   request.set_model(answer.model());
   request.set_content(v1::RenderRequest::CONTENT_SEGMENTS);
@@ -65,10 +64,10 @@ absl::Status WriteViews(const Connection& connection, const DecomposeFlags& flag
     request.add_decomposition_scales(of_level.scale_quantile());
   }
   request.set_level(level);
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, answer.model()));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(answer.model()));
   for (const v1::View& view : views) {
     request.mutable_viewpoint()->set_view(view.view());
-    ASSIGN_OR_RETURN(const v1::RenderResponse picture, AskRender(connection, request));
+    ASSIGN_OR_RETURN(const v1::RenderResponse picture, client.Render(request));
     ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
     const fs::path path = fs::path(flags.out) / (Stem(view.view()) + "_ids.png");
     RETURN_IF_ERROR(WritePng(path, ColorSegments(ids)));
@@ -77,13 +76,11 @@ absl::Status WriteViews(const Connection& connection, const DecomposeFlags& flag
 }
 
 absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   v1::DecomposeRequest request;
   request.set_model(ModelName(flags.scene, flags.model));
   request.mutable_scales()->Add(flags.scales.begin(), flags.scales.end());
-  Response answer;
-  Call call(SceneOf(request.model()), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Decompose(call, request, &answer)));
+  ASSIGN_OR_RETURN(const Response answer, client.Decompose(request));
   ASSIGN_OR_RETURN(const int level, ChooseLevel(flags, answer));
   if (shell.json) {
     PrintJson(answer);
@@ -91,8 +88,8 @@ absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
     for (const std::string& line : SegmentTree(answer)) Print(line);
   }
   if (flags.out.empty()) return absl::OkStatus();
-  RETURN_IF_ERROR(WriteSegments(connection, flags, answer, level));
-  RETURN_IF_ERROR(WriteViews(connection, flags, answer, level));
+  RETURN_IF_ERROR(WriteSegments(client, flags, answer, level));
+  RETURN_IF_ERROR(WriteViews(client, flags, answer, level));
   Note(absl::StrFormat("%d segments of level %d and pictures of the views are in %s",
                        answer.levels(level).segments_size(), level, flags.out));
   return absl::OkStatus();
@@ -115,4 +112,4 @@ void AddDecompose(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunDecompose(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

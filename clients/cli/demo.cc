@@ -1,5 +1,4 @@
 // The verb that goes all the way: photographs in, segments out, scored.
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -7,18 +6,20 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "clients/cli/dataset_folder.h"
 #include "clients/cli/demo_report.h"
 #include "clients/cli/demo_score.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cli/stopwatch.h"
 #include "clients/cli/training.h"
 #include "clients/cli/upload.h"
 #include "clients/cli/watch.h"
+#include "clients/cpp/dataset_folder.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -47,68 +48,54 @@ struct DemoFlags {
   FixedQuestion question{0.3, 0.75};
 };
 
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-absl::Status Upload(const Connection& connection, const DemoFlags& flags, const std::string& scene,
+absl::Status Upload(const Client& client, const DemoFlags& flags, const std::string& scene,
                     DemoResult& result, std::string& dataset) {
   const Stopwatch watch;
   ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.data));
-  RETURN_IF_ERROR(EnsureScene(connection, scene));
-  ASSIGN_OR_RETURN(const v1::Dataset sealed, UploadFolder(connection, scene, folder));
+  RETURN_IF_ERROR(client.EnsureScene(scene));
+  ASSIGN_OR_RETURN(const v1::Dataset sealed, UploadFolder(client, scene, folder));
   dataset = sealed.name();
   result.stage_seconds["upload"] = watch.Seconds();
   return absl::OkStatus();
 }
 
-absl::Status Train(const Connection& connection, const DemoFlags& flags, const std::string& scene,
+absl::Status Train(const Client& client, const DemoFlags& flags, const std::string& scene,
                    const std::string& dataset, DemoResult& result) {
   const Stopwatch watch;
   std::vector<std::string> settings = DemoSettings();
   settings.insert(settings.end(), flags.settings.begin(), flags.settings.end());
-  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(connection, scene, dataset, settings));
-  ASSIGN_OR_RETURN(result.job, WatchJob(connection, job.name(), [&](const v1::JobEvent& event) {
+  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(client, scene, dataset, settings));
+  ASSIGN_OR_RETURN(result.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
                      if (event.event_case() != v1::JobEvent::kStageEnded) return;
                      const auto& ended = event.stage_ended();
                      result.stage_seconds[ended.stage()] =
                          static_cast<double>(ended.elapsed().seconds()) +
                          static_cast<double>(ended.elapsed().nanos()) * 1e-9;
                    }));
-  v1::GetModelRequest request;
-  request.set_name(result.job.model());
-  Call call(scene, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.scenes->GetModel(call, request, &result.model)));
+  ASSIGN_OR_RETURN(result.model, client.GetModel(result.job.model()));
   result.stage_seconds["train"] = watch.Seconds();
   return absl::OkStatus();
 }
 
 absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   const std::string scene = SceneName(
       flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   DemoResult result;
   result.question = flags.question;
   std::string dataset;
-  RETURN_IF_ERROR(Upload(connection, flags, scene, result, dataset));
-  RETURN_IF_ERROR(Train(connection, flags, scene, dataset, result));
+  RETURN_IF_ERROR(Upload(client, flags, scene, result, dataset));
+  RETURN_IF_ERROR(Train(client, flags, scene, dataset, result));
 
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(const std::vector<v1::View> model_views,
-                   AllViews(connection, result.model.name()));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> model_views, client.ListViews(result.model.name()));
   ASSIGN_OR_RETURN(const std::vector<DemoView> views, ReadHeldOut(flags.data, model_views));
-  ASSIGN_OR_RETURN(result.scores, ScoreProducts(connection, result.model.name(), views,
-                                                DemoProducts(), flags.question));
+  ASSIGN_OR_RETURN(result.scores, ScoreProducts(client, result.model.name(), views, DemoProducts(),
+                                                flags.question));
   result.stage_seconds["questions"] = watch.Seconds();
   const std::string report = ReportJson(result);
   RETURN_IF_ERROR(WriteFile(fs::path(flags.out) / "report.json", report));
-  RETURN_IF_ERROR(WritePictures(flags.out, connection, views, result));
+  RETURN_IF_ERROR(WritePictures(flags.out, client, views, result));
   Print(shell.json ? report : ReportText(result));
   Note(absl::StrCat("report.json and the pictures are in ", flags.out));
   return absl::OkStatus();
@@ -137,4 +124,4 @@ void AddDemo(CLI::App& app, Shell& shell) {
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunDemo(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -7,9 +7,9 @@
 #include "absl/strings/str_replace.h"
 #include "clients/cli/demo_report.h"
 #include "clients/cli/questions.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -63,10 +63,10 @@ absl::Status WriteOverview(const fs::path& folder, const DemoView& view, const P
 
 }  // namespace
 
-absl::Status WritePictures(const fs::path& folder, const Connection& connection,
+absl::Status WritePictures(const fs::path& folder, const Client& client,
                            const std::vector<DemoView>& views, const DemoResult& result) {
   for (const DemoView& view : views) {
-    ASSIGN_OR_RETURN(const Picture render, AskRender(connection, result.model.name(), view.name));
+    ASSIGN_OR_RETURN(const Picture render, RenderView(client, result.model.name(), view.name));
     RETURN_IF_ERROR(WriteOverview(folder, view, render, result));
     const std::vector<ProductScore>& products = result.scores.products;
     for (size_t i = 0; i < products.size(); ++i) {
@@ -76,4 +76,4 @@ absl::Status WritePictures(const fs::path& folder, const Connection& connection,
   return absl::OkStatus();
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

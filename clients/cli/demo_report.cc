@@ -14,7 +14,7 @@
 #include "absl/time/clock.h"
 #include "clients/cli/shell.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -123,4 +123,4 @@ std::string ReportText(const DemoResult& result) {
   return text;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -10,7 +10,7 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 struct DemoResult {
   v1::Job job;
@@ -29,7 +29,7 @@ std::string ReportText(const DemoResult& result);
 
 // Per product and view: photo with label and click | rendering | mask over the photo; and one
 // sheet a view with all products.
-absl::Status WritePictures(const std::filesystem::path& folder, const Connection& connection,
+absl::Status WritePictures(const std::filesystem::path& folder, const Client& client,
                            const std::vector<DemoView>& views, const DemoResult& result);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,9 +4,9 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,4 +57,4 @@ absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const fs::path& data,
   return held_out;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

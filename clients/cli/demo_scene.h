@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/cli/mask.h"
 #include "clients/cli/picture.h"
+#include "clients/cpp/mask.h"
 #include "pepeseg/v1/scene_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // A held-out view with what is known about it; all of the view's size.
 struct DemoView {
@@ -34,4 +34,4 @@ std::span<const Product> DemoProducts();
 absl::StatusOr<std::vector<DemoView>> ReadHeldOut(const std::filesystem::path& data,
                                                   const std::vector<v1::View>& views);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -7,9 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cli/evaluation.h"
 #include "clients/cli/questions.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 v1::EvaluateRequest EvaluateRequestOf(const std::string& model, const std::vector<DemoView>& views,
@@ -32,7 +32,7 @@ v1::EvaluateRequest EvaluateRequestOf(const std::string& model, const std::vecto
 }
 
 // The masks behind the scores at the fixed question, one a view of the entity.
-absl::StatusOr<std::vector<Mask>> AskMasks(const Connection& connection, const std::string& model,
+absl::StatusOr<std::vector<Mask>> AskMasks(const Client& client, const std::string& model,
                                            const v1::EvaluateResponse::Entity& entity,
                                            const FixedQuestion& fixed) {
   v1::SegmentRequest request;
@@ -45,7 +45,7 @@ absl::StatusOr<std::vector<Mask>> AskMasks(const Connection& connection, const s
   request.mutable_granularity()->set_threshold(fixed.threshold);
   for (const auto& view : entity.views()) request.mutable_targets()->add_views(view.view());
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
   if (answer.masks_size() != entity.views_size()) return absl::InternalError("a mask is missing");
   std::vector<Mask> masks;
   for (const auto& view_mask : answer.masks()) {
@@ -62,7 +62,7 @@ size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
   return found == views.end() ? 0 : found->labels.pixels.size();
 }
 
-absl::StatusOr<ProductScore> ScoreProduct(const Connection& connection, const std::string& model,
+absl::StatusOr<ProductScore> ScoreProduct(const Client& client, const std::string& model,
                                           const std::vector<DemoView>& views,
                                           const v1::EvaluateResponse::Entity& entity,
                                           const FixedQuestion& fixed) {
@@ -74,7 +74,7 @@ absl::StatusOr<ProductScore> ScoreProduct(const Connection& connection, const st
     for (const auto& view : entity.views()) masks.emplace_back(SizeOf(views, view.view()));
   } else {
     const auto start = std::chrono::steady_clock::now();
-    ASSIGN_OR_RETURN(masks, AskMasks(connection, model, entity, fixed));
+    ASSIGN_OR_RETURN(masks, AskMasks(client, model, entity, fixed));
     score.query_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
@@ -92,13 +92,13 @@ absl::StatusOr<ProductScore> ScoreProduct(const Connection& connection, const st
 
 }  // namespace
 
-absl::StatusOr<DemoScores> ScoreProducts(const Connection& connection, const std::string& model,
+absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
                                          std::span<const Product> products,
                                          const FixedQuestion& fixed) {
   DemoScores scores;
   ASSIGN_OR_RETURN(scores.evaluation,
-                   AskEvaluate(connection, EvaluateRequestOf(model, views, products, fixed)));
+                   client.Evaluate(EvaluateRequestOf(model, views, products, fixed)));
   for (const Product& product : products) {
     const auto& entities = scores.evaluation.entities();
     const auto entity = std::find_if(entities.begin(), entities.end(), [&](const auto& candidate) {
@@ -108,10 +108,10 @@ absl::StatusOr<DemoScores> ScoreProducts(const Connection& connection, const std
       return absl::InvalidArgumentError(
           absl::StrCat("fewer than two held-out views show ", product.name));
     }
-    ASSIGN_OR_RETURN(ProductScore score, ScoreProduct(connection, model, views, *entity, fixed));
+    ASSIGN_OR_RETURN(ProductScore score, ScoreProduct(client, model, views, *entity, fixed));
     scores.products.push_back(std::move(score));
   }
   return scores;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

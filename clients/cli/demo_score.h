@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "clients/cli/connection.h"
 #include "clients/cli/demo_scene.h"
+#include "clients/cpp/client.h"
 #include "pepeseg/v1/evaluation.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // One scale and threshold for all products.
 struct FixedQuestion {
@@ -39,9 +39,9 @@ struct DemoScores {
 };
 
 // A product that fewer than two held-out views show is an error: the scene has all.
-absl::StatusOr<DemoScores> ScoreProducts(const Connection& connection, const std::string& model,
+absl::StatusOr<DemoScores> ScoreProducts(const Client& client, const std::string& model,
                                          const std::vector<DemoView>& views,
                                          std::span<const Product> products,
                                          const FixedQuestion& fixed);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -7,7 +7,7 @@
 
 #include "clients/cli/picture.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr int kTextScale = 2;     // screen pixels a font pixel
@@ -109,4 +109,4 @@ Picture SideBySide(std::span<const Panel> panels) {
   return sheet;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

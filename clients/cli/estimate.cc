@@ -3,18 +3,16 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/byte_units.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/option_setting.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/training.h"
+#include "clients/cpp/option_setting.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
-
-constexpr double kMib = 1 << 20;
-
-double Mib(int64_t num_bytes) { return static_cast<double>(num_bytes) / kMib; }
 
 void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
   Print(absl::StrFormat("%d photographs of up to %.2f Mpx, %d points, %d files of masks",
@@ -33,18 +31,15 @@ void PrintEstimate(const v1::EstimateTrainingResponse& estimate) {
 }
 
 absl::Status RunEstimate(const Shell& shell, const TrainingFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   v1::EstimateTrainingRequest request;
   request.set_scene(SceneName(flags.scene));
-  ASSIGN_OR_RETURN(const std::string dataset,
-                   DatasetName(connection, request.scene(), flags.dataset));
+  ASSIGN_OR_RETURN(const std::string dataset, DatasetName(client, request.scene(), flags.dataset));
   request.set_dataset(dataset);
   for (const std::string& setting : Settings(flags)) {
     RETURN_IF_ERROR(SetOption(setting, *request.mutable_options()));
   }
-  v1::EstimateTrainingResponse estimate;
-  Call call(request.scene(), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.jobs->EstimateTraining(call, request, &estimate)));
+  ASSIGN_OR_RETURN(const v1::EstimateTrainingResponse estimate, client.EstimateTraining(request));
   shell.json ? PrintJson(estimate) : PrintEstimate(estimate);
   return absl::OkStatus();
 }
@@ -59,4 +54,4 @@ void AddEstimate(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunEstimate(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -6,11 +6,12 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cli/evaluation.h"
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -75,17 +76,17 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   if (!fs::is_directory(flags.folder)) {
     return absl::NotFoundError(absl::StrCat(flags.folder, " is no folder"));
   }
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   v1::EvaluateRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   if (!flags.names.empty()) RETURN_IF_ERROR(AddNames(flags.names, request));
   if (flags.threshold >= -1) request.mutable_options()->set_fixed_threshold(flags.threshold);
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, request.model()));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(request.model()));
   ASSIGN_OR_RETURN(const std::vector<std::string> without, AddLabels(flags, views, request));
   if (!without.empty()) {
     Note(absl::StrCat(without.size(), " held-out views have no labels, as ", without.front()));
   }
-  ASSIGN_OR_RETURN(const v1::EvaluateResponse answer, AskEvaluate(connection, request));
+  ASSIGN_OR_RETURN(const v1::EvaluateResponse answer, client.Evaluate(request));
   if (shell.json) {
     PrintJson(answer);
     return absl::OkStatus();
@@ -115,4 +116,4 @@ void AddEvaluate(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunEvaluate(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -5,13 +5,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "clients/cli/failure.h"
-#include "clients/cli/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
-constexpr double kEvaluateSeconds = 3600;  // a hundred entities on a CPU take a while
 constexpr size_t kNameColumns = 40;
 
 std::string NameOf(const v1::EvaluateResponse::Entity& entity) {
@@ -33,14 +30,6 @@ std::string Row(const v1::EvaluateResponse::Entity& entity, int columns) {
 }
 
 }  // namespace
-
-absl::StatusOr<v1::EvaluateResponse> AskEvaluate(const Connection& connection,
-                                                 const v1::EvaluateRequest& request) {
-  v1::EvaluateResponse answer;
-  Call call(SceneOf(request.model()), kEvaluateSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Evaluate(call, request, &answer)));
-  return answer;
-}
 
 std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer) {
   const std::string last = absl::StrCat("mean of ", answer.entities_size());
@@ -68,4 +57,4 @@ std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer) {
   return rows;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -3,14 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
-#include "clients/cli/connection.h"
 #include "pepeseg/v1/evaluation.pb.h"
 
-namespace pepeseg::cli {
-
-absl::StatusOr<v1::EvaluateResponse> AskEvaluate(const Connection& connection,
-                                                 const v1::EvaluateRequest& request);
+namespace pepeseg::client::cli {
 
 // The lines of a table of the entities, their means, and the fixed scales:
 //   entity             views    IoU   BIoU  scale  threshold  oracle
@@ -24,4 +19,4 @@ absl::StatusOr<v1::EvaluateResponse> AskEvaluate(const Connection& connection,
 // `views`: those scored, beside the reference.
 std::vector<std::string> EvaluationTable(const v1::EvaluateResponse& answer);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -6,26 +6,18 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/types/optional.h"
-#include "clients/cli/intermediary.h"
-#include "pepeseg/v1/errors.pb.h"
+#include "clients/cli/intermediary_advice.h"
+#include "clients/cpp/answer_status.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
-constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 constexpr char kExitCodeUrl[] = "pepeseg.cli/exit_code";
 
 absl::Status WithExitCode(const std::string& message, ExitCode code) {
   absl::Status status = absl::AbortedError(message);
   status.SetPayload(kExitCodeUrl, absl::Cord(std::to_string(code)));
   return status;
-}
-
-std::optional<v1::ErrorDetail> DetailOf(const absl::Status& status) {
-  const absl::optional<absl::Cord> payload = status.GetPayload(kDetailUrl);
-  v1::ErrorDetail detail;
-  if (!payload || !detail.ParseFromString(std::string(*payload))) return std::nullopt;
-  return detail;
 }
 
 std::string PermissionAdvice(const std::string& reason) {
@@ -74,19 +66,6 @@ std::string Advice(const absl::Status& status, const std::string& server) {
 }
 
 }  // namespace
-
-absl::Status FromGrpc(const grpc::Status& status) {
-  if (status.ok()) return absl::OkStatus();
-  absl::Status result(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
-  v1::Status details;
-  v1::ErrorDetail detail;
-  if (details.ParseFromString(status.error_details()) && details.details_size() > 0 &&
-      details.details(0).UnpackTo(&detail)) {
-    result.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
-    return result;
-  }
-  return FromIntermediary(result);
-}
 
 absl::Status JobFailed(const std::string& message) { return WithExitCode(message, kJobFailed); }
 
@@ -153,4 +132,4 @@ std::string ExplainJson(const absl::Status& status) {
       -1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

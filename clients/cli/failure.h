@@ -1,12 +1,10 @@
 #pragma once
 
-#include <grpcpp/support/status.h>
-
 #include <string>
 
 #include "absl/status/status.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // What the program answers to its caller. The README and --help list them.
 enum ExitCode : int {
@@ -25,10 +23,6 @@ enum ExitCode : int {
   kInterrupted = 130,  // Ctrl-C; a job goes on
 };
 
-// The same code and message, and the server's ErrorDetail as a payload; of what a proxy has
-// answered by HTTP, what it means.
-absl::Status FromGrpc(const grpc::Status& status);
-
 absl::Status JobFailed(const std::string& message);
 absl::Status JobCancelled(const std::string& message);
 
@@ -40,4 +34,4 @@ std::string Explain(const absl::Status& status, const std::string& server);
 // {"error": {"code", "message", "exit_code", "reason", "field", ...}} for scripts.
 std::string ExplainJson(const absl::Status& status);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

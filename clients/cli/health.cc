@@ -9,12 +9,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr double kAnswerSeconds = 5;
@@ -66,4 +66,4 @@ void AddHealth(CLI::App& app, Shell& shell) {
       [service, &shell] { shell.verb = [service, &shell] { return RunHealth(shell, *service); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

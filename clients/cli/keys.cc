@@ -13,13 +13,13 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct KeyFlags {
@@ -122,4 +122,4 @@ void AddKeys(CLI::App& app, Shell& shell) {
       ->required();
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,16 +4,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/all_pages.h"
-#include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct LabelFlags {
@@ -35,7 +34,7 @@ std::string LabelLine(const v1::Label& label) {
 }
 
 // The mask in the file, or of what the points mean in their view.
-absl::StatusOr<v1::MaskImage> FindMask(const Connection& connection, const LabelFlags& flags) {
+absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& flags) {
   v1::MaskImage mask;
   if (!flags.mask.empty()) {
     ASSIGN_OR_RETURN(*mask.mutable_png(), ReadFile(flags.mask));
@@ -45,37 +44,27 @@ absl::StatusOr<v1::MaskImage> FindMask(const Connection& connection, const Label
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   *request.mutable_granularity() = ToGranularity(flags.granularity);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
   if (answer.masks_size() != 1) return absl::InternalError("no mask was answered");
   *mask.mutable_rle() = answer.masks(0).rle();
   return mask;
 }
 
 absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   v1::CreateLabelRequest request;
   request.set_parent(SceneName(flags.prompt.scene));
   request.set_label_id(flags.id);
-  request.set_request_id(NewRequestId());
   request.mutable_label()->set_text(flags.text);
   request.mutable_label()->set_view(flags.prompt.view);
-  ASSIGN_OR_RETURN(*request.mutable_label()->mutable_mask(), FindMask(connection, flags));
-  v1::Label label;
-  Call call(request.parent(), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->CreateLabel(call, request, &label)));
+  ASSIGN_OR_RETURN(*request.mutable_label()->mutable_mask(), FindMask(client, flags));
+  ASSIGN_OR_RETURN(const v1::Label label, client.CreateLabel(std::move(request)));
   shell.json ? PrintJson(label) : Print(LabelLine(label));
   return absl::OkStatus();
 }
 
-absl::Status ListLabels(const Shell& shell, const Connection& connection,
-                        const std::string& scene) {
-  v1::ListLabelsRequest request;
-  request.set_parent(scene);
-  ASSIGN_OR_RETURN(const auto all,
-                   AllPages<v1::ListLabelsResponse>(
-                       request, scene, [&](Call& call, const auto& asked, auto* page) {
-                         return connection.segmentation->ListLabels(call, asked, page);
-                       }));
+absl::Status ListLabels(const Shell& shell, const Client& client, const std::string& scene) {
+  ASSIGN_OR_RETURN(const auto all, client.ListLabels(scene));
   if (shell.json) {
     PrintJson(all);
   } else {
@@ -85,14 +74,10 @@ absl::Status ListLabels(const Shell& shell, const Connection& connection,
 }
 
 absl::Status RunLabels(const Shell& shell, const LabelsFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   const std::string scene = SceneName(flags.scene);
-  if (flags.remove.empty()) return ListLabels(shell, connection, scene);
-  v1::DeleteLabelRequest request;
-  request.set_name(absl::StrCat(scene, "/labels/", flags.remove));
-  google::protobuf::Empty answer;
-  Call call(scene, kCallSeconds);
-  return FromGrpc(connection.segmentation->DeleteLabel(call, request, &answer));
+  if (flags.remove.empty()) return ListLabels(shell, client, scene);
+  return client.DeleteLabel(absl::StrCat(scene, "/labels/", flags.remove));
 }
 
 }  // namespace
@@ -122,4 +107,4 @@ void AddLabels(CLI::App& app, Shell& shell) {
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunLabels(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

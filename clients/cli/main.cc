@@ -13,7 +13,7 @@
 
 namespace {
 
-using pepeseg::cli::Shell;
+using pepeseg::client::cli::Shell;
 
 constexpr char kFooter[] = R"(Exit codes:
   0 done               1 unexpected fault       2 wrong command line
@@ -28,38 +28,39 @@ constexpr char kFooter[] = R"(Exit codes:
 void LeaveOnInterrupt(int /*signal*/) {
   constexpr std::string_view kLine = "\ninterrupted; a job that runs goes on: see `pepeseg jobs`\n";
   [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kLine.data(), kLine.size());
-  _exit(pepeseg::cli::kInterrupted);
+  _exit(pepeseg::client::cli::kInterrupted);
 }
 
 void AddVerbs(CLI::App& app, Shell& shell) {
-  pepeseg::cli::AddScenes(app, shell);
-  pepeseg::cli::AddUpload(app, shell);
-  pepeseg::cli::AddEstimate(app, shell);
-  pepeseg::cli::AddTrain(app, shell);
-  pepeseg::cli::AddWatch(app, shell);
-  pepeseg::cli::AddCancel(app, shell);
-  pepeseg::cli::AddJobs(app, shell);
-  pepeseg::cli::AddSegment(app, shell);
-  pepeseg::cli::AddPropose(app, shell);
-  pepeseg::cli::AddRender(app, shell);
-  pepeseg::cli::AddLabel(app, shell);
-  pepeseg::cli::AddLabels(app, shell);
-  pepeseg::cli::AddSelect(app, shell);
-  pepeseg::cli::AddSelections(app, shell);
-  pepeseg::cli::AddCombine(app, shell);
-  pepeseg::cli::AddDecompose(app, shell);
-  pepeseg::cli::AddEvaluate(app, shell);
-  pepeseg::cli::AddExport(app, shell);
-  pepeseg::cli::AddResidents(app, shell);
-  pepeseg::cli::AddKeys(app, shell);
-  pepeseg::cli::AddQuota(app, shell);
-  pepeseg::cli::AddTop(app, shell);
-  pepeseg::cli::AddDrain(app, shell);
-  pepeseg::cli::AddHealth(app, shell);
-  pepeseg::cli::AddDemo(app, shell);
+  pepeseg::client::cli::AddScenes(app, shell);
+  pepeseg::client::cli::AddUpload(app, shell);
+  pepeseg::client::cli::AddEstimate(app, shell);
+  pepeseg::client::cli::AddTrain(app, shell);
+  pepeseg::client::cli::AddWatch(app, shell);
+  pepeseg::client::cli::AddCancel(app, shell);
+  pepeseg::client::cli::AddJobs(app, shell);
+  pepeseg::client::cli::AddSegment(app, shell);
+  pepeseg::client::cli::AddPropose(app, shell);
+  pepeseg::client::cli::AddRender(app, shell);
+  pepeseg::client::cli::AddLabel(app, shell);
+  pepeseg::client::cli::AddLabels(app, shell);
+  pepeseg::client::cli::AddSelect(app, shell);
+  pepeseg::client::cli::AddSelections(app, shell);
+  pepeseg::client::cli::AddCombine(app, shell);
+  pepeseg::client::cli::AddDecompose(app, shell);
+  pepeseg::client::cli::AddEvaluate(app, shell);
+  pepeseg::client::cli::AddExport(app, shell);
+  pepeseg::client::cli::AddResidents(app, shell);
+  pepeseg::client::cli::AddKeys(app, shell);
+  pepeseg::client::cli::AddQuota(app, shell);
+  pepeseg::client::cli::AddTop(app, shell);
+  pepeseg::client::cli::AddDrain(app, shell);
+  pepeseg::client::cli::AddHealth(app, shell);
+  pepeseg::client::cli::AddDemo(app, shell);
+  pepeseg::client::cli::AddBench(app, shell);
 }
 
-void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {
+void AddLogin(CLI::App& app, pepeseg::client::cli::Login& login) {
   app.add_option("--key-file", login.key_file,
                  "File with the key, or the token (JWT), that the server or the gateway before it "
                  "asks for; else it is taken from PEPESEG_KEY")
@@ -80,7 +81,7 @@ void AddLogin(CLI::App& app, pepeseg::cli::Login& login) {
 
 // What the verb that was chosen comes to.
 absl::Status RunVerb(Shell& shell) {
-  auto channel = pepeseg::cli::OpenChannel(shell.server, shell.login);
+  auto channel = pepeseg::client::cli::OpenChannel(shell.server, shell.login);
   if (!channel.ok()) return channel.status();
   shell.channel = *std::move(channel);
   return shell.verb();
@@ -101,15 +102,15 @@ int Run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? pepeseg::cli::kSuccess : pepeseg::cli::kUsage;
+    return app.exit(error) == 0 ? pepeseg::client::cli::kSuccess : pepeseg::client::cli::kUsage;
   }
 
   const absl::Status status = RunVerb(shell);
   if (!status.ok()) {
-    if (shell.json) pepeseg::cli::Print(pepeseg::cli::ExplainJson(status));
-    pepeseg::cli::Note(pepeseg::cli::Explain(status, shell.server));
+    if (shell.json) pepeseg::client::cli::Print(pepeseg::client::cli::ExplainJson(status));
+    pepeseg::client::cli::Note(pepeseg::client::cli::Explain(status, shell.server));
   }
-  return pepeseg::cli::ExitCodeOf(status);
+  return pepeseg::client::cli::ExitCodeOf(status);
 }
 
 }  // namespace
@@ -120,6 +121,6 @@ int main(int argc, char** argv) {
     return Run(argc, argv);
   } catch (const std::exception& error) {  // of the parser's set-up, or no memory
     std::fprintf(stderr, "pepeseg: %s\n", error.what());
-    return pepeseg::cli::kUnexpected;
+    return pepeseg::client::cli::kUnexpected;
   }
 }

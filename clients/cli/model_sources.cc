@@ -5,9 +5,9 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 std::string SourcesText(const v1::Model& model) {
   // In the order in which they are made, then whatever a newer server tells.
@@ -26,15 +26,11 @@ std::string SourcesText(const v1::Model& model) {
   return text;
 }
 
-absl::Status PrintSources(const Connection& connection, const std::string& model) {
-  v1::GetModelRequest request;
-  request.set_name(model);
-  v1::Model answer;
-  Call call(SceneOf(model), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.scenes->GetModel(call, request, &answer)));
+absl::Status PrintSources(const Client& client, const std::string& model) {
+  ASSIGN_OR_RETURN(const v1::Model answer, client.GetModel(model));
   const std::string text = SourcesText(answer);
   if (!text.empty()) Print("trained on: " + text);
   return absl::OkStatus();
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

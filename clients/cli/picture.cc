@@ -10,10 +10,10 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/file_bytes.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr int kMaxSide = 16384;  // pixels; a larger one is no photograph of ours
@@ -163,4 +163,4 @@ Picture Resized(const Picture& picture, int width, int height) {
   return result;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

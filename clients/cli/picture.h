@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 struct Rgb {
   uint8_t r = 0, g = 0, b = 0;
@@ -74,4 +74,4 @@ struct Panel {
 // Panels of one size from left to right, a caption above each.
 Picture SideBySide(std::span<const Panel> panels);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

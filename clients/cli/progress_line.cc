@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -94,4 +94,4 @@ void ProgressLine::Say(const std::string& text) {
   open_ = false;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -5,7 +5,7 @@
 
 #include "pepeseg/v1/job_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // "reconstruct [#####.....]  1200/2400  loss 0.0612  21.3 dB  84,120 Gaussians  ETA 1:05", cut to
 // `columns`.
@@ -36,4 +36,4 @@ class ProgressLine {
   std::chrono::steady_clock::time_point next_;
 };
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

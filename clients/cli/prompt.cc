@@ -3,11 +3,11 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/file_bytes.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 // "120,88.5".
@@ -102,10 +102,6 @@ v1::Granularity ToGranularity(const GranularityFlags& flags) {
   return granularity;
 }
 
-std::string ModelName(const std::string& scene, const std::string& model) {
-  return absl::StrCat(SceneName(scene), "/models/", model);
-}
-
 absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags) {
   v1::PointsPrompt prompt;
   for (const std::string& text : flags.positive) {
@@ -134,4 +130,4 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   return prompt;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -5,9 +5,10 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "clients/cpp/resource_names.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // What is pointed at, and in which view of which model.
 struct PromptFlags {
@@ -32,13 +33,10 @@ struct GranularityFlags {
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
 
-// "scenes/shelf/models/live".
-std::string ModelName(const std::string& scene, const std::string& model);
-
 // INVALID_ARGUMENT: a point that is none.
 absl::StatusOr<v1::PointsPrompt> ParsePoints(const PromptFlags& flags);
 // What is pointed at, and its view. INVALID_ARGUMENT: a point or a box that is none; NOT_FOUND: no
 // such file.
 absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -8,9 +8,9 @@
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -33,12 +33,12 @@ void PrintAnswer(const v1::ProposeScalesResponse& answer) {
 }
 
 // STEM_1.png, the best, and so on.
-absl::Status WriteOverlays(const Connection& connection, const ProposeFlags& flags,
+absl::Status WriteOverlays(const Client& client, const ProposeFlags& flags,
                            const v1::ProposeScalesRequest& request,
                            const v1::ProposeScalesResponse& answer) {
   for (int i = 0; i < answer.proposals_size(); ++i) {
     ASSIGN_OR_RETURN(const Picture overlay,
-                     OverlayOf(connection, answer.model(), answer.proposals(i).mask(),
+                     OverlayOf(client, answer.model(), answer.proposals(i).mask(),
                                request.prompt().points().points()));
     const fs::path path =
         fs::path(flags.out) / absl::StrCat(Stem(flags.prompt.view), "_", i + 1, ".png");
@@ -52,11 +52,9 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   request.set_max_proposals(flags.max_proposals);
-  const Connection connection(shell.channel);
-  v1::ProposeScalesResponse answer;
-  Call call(SceneOf(request.model()), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->ProposeScales(call, request, &answer)));
-  if (!flags.out.empty()) RETURN_IF_ERROR(WriteOverlays(connection, flags, request, answer));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::ProposeScalesResponse answer, client.ProposeScales(request));
+  if (!flags.out.empty()) RETURN_IF_ERROR(WriteOverlays(client, flags, request, answer));
   shell.json ? PrintJson(answer) : PrintAnswer(answer);
   if (!flags.out.empty()) Note(absl::StrCat("overlays are in ", flags.out));
   return absl::OkStatus();
@@ -75,4 +73,4 @@ void AddPropose(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunPropose(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -8,12 +8,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/mask.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/mask.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -53,7 +53,7 @@ absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
 }
 
 // STEM_mask.png, and STEM_overlay.png over the rendering.
-absl::Status WriteMask(const Connection& connection, const SegmentFlags& flags,
+absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
                        const v1::SegmentRequest& request, const v1::SegmentResponse& answer,
                        const v1::SegmentResponse::ViewMask& view) {
   ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
@@ -63,7 +63,7 @@ absl::Status WriteMask(const Connection& connection, const SegmentFlags& flags,
   RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
   Points points;
   if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
-  ASSIGN_OR_RETURN(const Picture overlay, OverlayOf(connection, answer.model(), view, points));
+  ASSIGN_OR_RETURN(const Picture overlay, OverlayOf(client, answer.model(), view, points));
   return WritePng(stem.string() + "_overlay.png", overlay);
 }
 
@@ -79,11 +79,11 @@ void PrintAnswer(const v1::SegmentResponse& answer) {
 
 absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   ASSIGN_OR_RETURN(const v1::SegmentRequest request, BuildRequest(flags));
-  const Connection connection(shell.channel);
-  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, AskSegment(connection, request));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
   for (const auto& mask : answer.masks()) {
     if (!flags.out.empty()) {
-      RETURN_IF_ERROR(WriteMask(connection, flags, request, answer, mask));
+      RETURN_IF_ERROR(WriteMask(client, flags, request, answer, mask));
     }
   }
   shell.json ? PrintJson(answer) : PrintAnswer(answer);
@@ -93,35 +93,19 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
 
 }  // namespace
 
-absl::StatusOr<v1::SegmentResponse> AskSegment(const Connection& connection,
-                                               const v1::SegmentRequest& request) {
-  v1::SegmentResponse answer;
-  Call call(SceneOf(request.model()), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Segment(call, request, &answer)));
-  return answer;
-}
-
-absl::StatusOr<v1::RenderResponse> AskRender(const Connection& connection,
-                                             const v1::RenderRequest& request) {
-  v1::RenderResponse answer;
-  Call call(SceneOf(request.model()), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Render(call, request, &answer)));
-  return answer;
-}
-
-absl::StatusOr<Picture> AskRender(const Connection& connection, const std::string& model,
-                                  const std::string& view) {
+absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
+                                   const std::string& view) {
   v1::RenderRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
-  ASSIGN_OR_RETURN(const v1::RenderResponse answer, AskRender(connection, request));
+  ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
   return DecodePicture(answer.png(), view);
 }
 
-absl::StatusOr<Picture> OverlayOf(const Connection& connection, const std::string& model,
+absl::StatusOr<Picture> OverlayOf(const Client& client, const std::string& model,
                                   const v1::SegmentResponse::ViewMask& view, const Points& points) {
   ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
-  ASSIGN_OR_RETURN(Picture overlay, AskRender(connection, model, view.view()));
+  ASSIGN_OR_RETURN(Picture overlay, RenderView(client, model, view.view()));
   if (overlay.width != view.rle().width() || overlay.height != view.rle().height()) {
     return absl::InternalError(absl::StrCat(view.view(), ": mask and rendering differ in size"));
   }
@@ -151,4 +135,4 @@ void AddSegment(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunSegment(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

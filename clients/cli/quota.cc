@@ -10,13 +10,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct QuotaFlags {
@@ -100,4 +100,4 @@ void AddQuota(CLI::App& app, Shell& shell) {
   });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -6,14 +6,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/subset.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -66,15 +66,15 @@ void PrintPicture(const Shell& shell, const Request& request, const v1::RenderRe
 
 absl::Status RunRender(const Shell& shell, const RenderFlags& flags) {
   ASSIGN_OR_RETURN(Request request, BuildRequest(flags));
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   std::vector<std::string> names = flags.views;
   if (names.empty()) {
-    ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, request.model()));
+    ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(request.model()));
     for (const v1::View& view : views) names.push_back(view.view());
   }
   for (const std::string& view : names) {
     request.mutable_viewpoint()->set_view(view);
-    ASSIGN_OR_RETURN(const v1::RenderResponse answer, AskRender(connection, request));
+    ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
     const fs::path path = fs::path(flags.out) / (Stem(view) + ".png");
     RETURN_IF_ERROR(WriteFile(path, answer.png()));
     PrintPicture(shell, request, answer, path);
@@ -105,4 +105,4 @@ void AddRender(CLI::App& app, Shell& shell) {
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunRender(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -7,13 +7,15 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/admin_verb.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/failure.h"
+#include "clients/cli/byte_units.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct ResidentFlags {
@@ -28,8 +30,6 @@ using Stub = v1::AdminService::Stub;
 std::string ModelOf(const ResidentFlags& flags) {
   return absl::StrCat(SceneName(flags.scene), "/models/", flags.model);
 }
-
-double Mib(int64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
 
 std::string UseLine(const char* kind, const v1::MemoryUse& use) {
   return absl::StrFormat("%s: %.1f of %.1f MiB reserved", kind, Mib(use.reserved_bytes()),
@@ -115,4 +115,4 @@ void AddResidents(CLI::App& app, Shell& shell) {
   pinning.add_flag("--off", pin->off, "Let it be evicted again");
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -3,14 +3,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/all_pages.h"
-#include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/model_sources.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct ScenesFlags {
@@ -25,12 +25,8 @@ std::string SceneLine(const v1::Scene& scene) {
   return line;
 }
 
-absl::Status ListScenes(const Shell& shell, const Connection& connection) {
-  v1::ListScenesRequest request;
-  ASSIGN_OR_RETURN(const auto all, AllPages<v1::ListScenesResponse>(
-                                       request, "", [&](Call& call, const auto& asked, auto* page) {
-                                         return connection.scenes->ListScenes(call, asked, page);
-                                       }));
+absl::Status ListScenes(const Shell& shell, const Client& client) {
+  ASSIGN_OR_RETURN(const auto all, client.ListScenes());
   if (shell.json) {
     PrintJson(all);
   } else {
@@ -40,21 +36,12 @@ absl::Status ListScenes(const Shell& shell, const Connection& connection) {
 }
 
 // The scene's live model with what was measured of it, and its views.
-absl::Status DescribeScene(const Shell& shell, const Connection& connection,
-                           const std::string& name) {
-  v1::GetSceneRequest request;
-  request.set_name(name);
-  v1::Scene scene;
-  Call call(name, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.scenes->GetScene(call, request, &scene)));
+absl::Status DescribeScene(const Shell& shell, const Client& client, const std::string& name) {
+  ASSIGN_OR_RETURN(const v1::Scene scene, client.GetScene(name));
   shell.json ? PrintJson(scene) : Print(SceneLine(scene));
   if (scene.live_model().empty()) return absl::OkStatus();
-  v1::GetModelRequest model_request;
-  model_request.set_name(scene.live_model());
-  v1::Model model;
-  Call model_call(name, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.scenes->GetModel(model_call, model_request, &model)));
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, model.name()));
+  ASSIGN_OR_RETURN(const v1::Model model, client.GetModel(scene.live_model()));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(model.name()));
   if (shell.json) {
     PrintJson(model);
     for (const v1::View& view : views) PrintJson(view);
@@ -73,19 +60,11 @@ absl::Status DescribeScene(const Shell& shell, const Connection& connection,
   return absl::OkStatus();
 }
 
-absl::Status RemoveScene(const Connection& connection, const std::string& name) {
-  v1::DeleteSceneRequest request;
-  request.set_name(name);
-  google::protobuf::Empty answer;
-  Call call(name, kCallSeconds);
-  return FromGrpc(connection.scenes->DeleteScene(call, request, &answer));
-}
-
 absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
-  const Connection connection(shell.channel);
-  if (flags.scene.empty()) return ListScenes(shell, connection);
-  if (flags.remove) return RemoveScene(connection, SceneName(flags.scene));
-  return DescribeScene(shell, connection, SceneName(flags.scene));
+  const Client client(shell.channel);
+  if (flags.scene.empty()) return ListScenes(shell, client);
+  if (flags.remove) return client.DeleteScene(flags.scene);
+  return DescribeScene(shell, client, SceneName(flags.scene));
 }
 
 }  // namespace
@@ -99,4 +78,4 @@ void AddScenes(CLI::App& app, Shell& shell) {
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunScenes(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -5,13 +5,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr size_t kViewsShown = 20;
-constexpr size_t kNameColumns = 40;
+constexpr size_t kViewColumns = 40;
 
 std::string Row(const std::string& name, const v1::ImageScores& scores, size_t columns) {
   std::string row = absl::StrFormat("%-*s  %6.2f  %6.3f", static_cast<int>(columns), name,
@@ -22,8 +22,8 @@ std::string Row(const std::string& name, const v1::ImageScores& scores, size_t c
 
 // A long name's end tells more than its start.
 std::string Shortened(const std::string& name) {
-  if (name.size() <= kNameColumns) return name;
-  return absl::StrCat("...", name.substr(name.size() - kNameColumns + 3));
+  if (name.size() <= kViewColumns) return name;
+  return absl::StrCat("...", name.substr(name.size() - kViewColumns + 3));
 }
 
 v1::ImageScores MeanOf(const std::vector<v1::View>& views) {
@@ -72,10 +72,10 @@ std::vector<std::string> ScoreTable(std::span<const v1::View> views) {
   return rows;
 }
 
-absl::Status PrintScores(const Connection& connection, const std::string& model) {
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, AllViews(connection, model));
+absl::Status PrintScores(const Client& client, const std::string& model) {
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(model));
   for (const std::string& row : ScoreTable(views)) Print(row);
   return absl::OkStatus();
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "clients/cli/connection.h"
+#include "clients/cpp/client.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // The lines of a table of the held-out views and their mean, or nothing when no view was scored. Of
 // many views the worst by PSNR:
@@ -17,6 +17,6 @@ namespace pepeseg::cli {
 std::vector<std::string> ScoreTable(std::span<const v1::View> views);
 
 // That of a model, to standard output.
-absl::Status PrintScores(const Connection& connection, const std::string& model);
+absl::Status PrintScores(const Client& client, const std::string& model);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 // Of hue in [0, 1), 6 sextants; saturation and value in [0, 1].
@@ -39,4 +39,4 @@ Picture ColorSegments(const Grey16Picture& ids) {
   return picture;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -3,7 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using Response = v1::DecomposeResponse;
@@ -41,4 +41,4 @@ std::vector<std::string> SegmentTree(const Response& answer) {
   return lines;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -6,16 +6,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/all_pages.h"
-#include "clients/cli/connection.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/picture.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -79,20 +78,13 @@ void SetBase(const SelectFlags& flags, v1::SelectRequest& request) {
 }
 
 // STEM_selection.png: the selection alone, from the prompt's view.
-absl::Status WritePicture(const Connection& connection, const SelectFlags& flags,
+absl::Status WritePicture(const Client& client, const SelectFlags& flags,
                           const v1::Selection& selection) {
   v1::RenderRequest request;
   request.set_model(selection.model());
   request.mutable_viewpoint()->set_view(flags.prompt.view);
   request.mutable_subset()->set_selection(selection.name());
-  v1::RenderResponse answer;
-  Call call(SceneOf(selection.model()), kCallSeconds);
-  const absl::Status status = FromGrpc(connection.segmentation->Render(call, request, &answer));
-  if (absl::IsUnimplemented(status)) {
-    Note("no picture: the server does not render selections");
-    return absl::OkStatus();
-  }
-  RETURN_IF_ERROR(status);
+  ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
   ASSIGN_OR_RETURN(const Picture picture, DecodePicture(answer.png(), flags.prompt.view));
   const fs::path path = fs::path(flags.out) / (Stem(flags.prompt.view) + "_selection.png");
   RETURN_IF_ERROR(WritePng(path, picture));
@@ -111,24 +103,14 @@ absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   request.set_num_views(flags.num_views);
   request.set_keep_disconnected(flags.keep_disconnected);
   SetBase(flags, request);
-  request.set_request_id(NewRequestId());
-  const Connection connection(shell.channel);
-  v1::Selection selection;
-  Call call(SceneOf(request.model()), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->Select(call, request, &selection)));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::Selection selection, client.Select(std::move(request)));
   PrintSelection(shell, selection);
-  return flags.out.empty() ? absl::OkStatus() : WritePicture(connection, flags, selection);
+  return flags.out.empty() ? absl::OkStatus() : WritePicture(client, flags, selection);
 }
 
-absl::Status ListSelections(const Shell& shell, const Connection& connection,
-                            const std::string& scene) {
-  v1::ListSelectionsRequest request;
-  request.set_parent(scene);
-  ASSIGN_OR_RETURN(const auto all,
-                   AllPages<v1::ListSelectionsResponse>(
-                       request, scene, [&](Call& call, const auto& asked, auto* page) {
-                         return connection.segmentation->ListSelections(call, asked, page);
-                       }));
+absl::Status ListSelections(const Shell& shell, const Client& client, const std::string& scene) {
+  ASSIGN_OR_RETURN(const auto all, client.ListSelections(scene));
   if (shell.json) {
     PrintJson(all);
   } else {
@@ -137,53 +119,24 @@ absl::Status ListSelections(const Shell& shell, const Connection& connection,
   return absl::OkStatus();
 }
 
-absl::Status RemoveSelection(const Connection& connection, const std::string& name) {
-  v1::DeleteSelectionRequest request;
-  request.set_name(name);
-  google::protobuf::Empty answer;
-  Call call(SceneOf(name), kCallSeconds);
-  return FromGrpc(connection.segmentation->DeleteSelection(call, request, &answer));
-}
-
-absl::StatusOr<v1::Selection> AskUndo(const Connection& connection, const std::string& name) {
-  v1::UndoSelectionRequest request;
-  request.set_name(name);
-  v1::Selection base;
-  Call call(SceneOf(name), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->UndoSelection(call, request, &base)));
-  return base;
-}
-
-absl::StatusOr<v1::Selection> AskSelection(const Connection& connection, const std::string& name) {
-  v1::GetSelectionRequest request;
-  request.set_name(name);
-  v1::Selection selection;
-  Call call(SceneOf(name), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->GetSelection(call, request, &selection)));
-  return selection;
-}
-
 absl::Status RunSelections(const Shell& shell, const SelectionsFlags& flags) {
-  const Connection connection(shell.channel);
-  if (flags.number == 0) return ListSelections(shell, connection, SceneName(flags.scene));
+  const Client client(shell.channel);
+  if (flags.number == 0) return ListSelections(shell, client, SceneName(flags.scene));
   const std::string name = SelectionName(flags.scene, flags.number);
-  if (flags.remove) return RemoveSelection(connection, name);
+  if (flags.remove) return client.DeleteSelection(name);
   ASSIGN_OR_RETURN(const v1::Selection selection,
-                   flags.undo ? AskUndo(connection, name) : AskSelection(connection, name));
+                   flags.undo ? client.UndoSelection(name) : client.GetSelection(name));
   PrintSelection(shell, selection);
   return absl::OkStatus();
 }
 
 absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   v1::CombineSelectionsRequest request;
   request.set_first(SelectionName(flags.scene, flags.first));
   request.set_second(SelectionName(flags.scene, flags.second));
   request.set_operation(Operations().at(flags.operation));
-  request.set_request_id(NewRequestId());
-  v1::Selection selection;
-  Call call(SceneName(flags.scene), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.segmentation->CombineSelections(call, request, &selection)));
+  ASSIGN_OR_RETURN(const v1::Selection selection, client.CombineSelections(std::move(request)));
   PrintSelection(shell, selection);
   return absl::OkStatus();
 }
@@ -242,4 +195,4 @@ void AddCombine(CLI::App& app, Shell& shell) {
       [flags, &shell] { shell.verb = [&, flags] { return RunCombine(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

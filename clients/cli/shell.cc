@@ -4,7 +4,7 @@
 
 #include <cstdio>
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 std::string ToJson(const google::protobuf::Message& message) {
   google::protobuf::util::JsonPrintOptions options;
@@ -24,4 +24,4 @@ void PrintJson(const google::protobuf::Message& message) { Print(ToJson(message)
 
 void Note(const std::string& line) { std::fputs((line + "\n").c_str(), stderr); }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

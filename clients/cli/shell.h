@@ -8,9 +8,9 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "clients/cli/channel.h"
+#include "clients/cpp/channel.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // What the command line said: the options that every verb shares, and the verb that was chosen.
 struct Shell {
@@ -56,5 +56,6 @@ void AddTop(CLI::App& app, Shell& shell);
 void AddDrain(CLI::App& app, Shell& shell);
 void AddHealth(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
+void AddBench(CLI::App& app, Shell& shell);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

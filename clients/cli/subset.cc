@@ -3,9 +3,10 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "clients/cli/connection.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/resource_names.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 void AddScalesFlag(CLI::App& verb, std::vector<double>& scales) {
   verb.add_option("--scales", scales,
@@ -48,4 +49,4 @@ absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::stri
   return subset;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

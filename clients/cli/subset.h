@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/render.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // Which of a model's Gaussians are meant.
 struct SubsetFlags {
@@ -23,4 +23,4 @@ void AddScalesFlag(CLI::App& verb, std::vector<double>& scales);
 // Of a scene. INVALID_ARGUMENT: a segment that is no LEVEL:ID, --without nothing.
 absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::string& scene);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -11,19 +11,19 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/top_screen.h"
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/call.h"
+#include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr auto kPace = std::chrono::seconds(2);
-constexpr double kAnswerSeconds = 10;
+constexpr double kTopSeconds = 10;
 
 struct TopFlags {
   std::string admin;
@@ -32,9 +32,9 @@ struct TopFlags {
 
 absl::StatusOr<TopSnapshot> TakeSnapshot(v1::AdminService::Stub& admin) {
   TopSnapshot snapshot;
-  Call status("", kAnswerSeconds);
+  Call status("", kTopSeconds);
   RETURN_IF_ERROR(FromGrpc(admin.GetStatus(status, {}, &snapshot.status)));
-  Call resident("", kAnswerSeconds);
+  Call resident("", kTopSeconds);
   RETURN_IF_ERROR(FromGrpc(admin.ListResident(resident, {}, &snapshot.resident)));
   return snapshot;
 }
@@ -73,7 +73,7 @@ absl::Status RunDrain(const Shell& shell, const DrainFlags& flags) {
   v1::DrainRequest request;
   request.set_draining(!flags.off);
   TopSnapshot snapshot;
-  Call call("", kAnswerSeconds);
+  Call call("", kTopSeconds);
   RETURN_IF_ERROR(FromGrpc(admin->Drain(call, request, &snapshot.status)));
   shell.json ? PrintJson(snapshot.status) : Print(TopLines(snapshot, absl::Now()).front());
   return absl::OkStatus();
@@ -110,4 +110,4 @@ void AddDrain(CLI::App& app, Shell& shell) {
   });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

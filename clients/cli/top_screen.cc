@@ -2,9 +2,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/byte_units.h"
 #include "clients/cli/progress_line.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr size_t kColumns = 120;
@@ -40,14 +41,14 @@ std::string PoolLine(const v1::ServerStatus::Pool& pool) {
                          pool.num_threads(), pool.num_queued(), pool.max_queued());
 }
 
-std::string JobLine(const v1::Job& job) {
+std::string RunningLine(const v1::Job& job) {
   const std::string what = job.has_progress()    ? ProgressText(job.progress(), kColumns)
                            : job.stage().empty() ? "begins"
                                                  : job.stage();
   return absl::StrFormat("%-10s  %-24s  %s", job.name(), job.scene(), what);
 }
 
-std::string ModelLine(const v1::ResidentModel& model) {
+std::string ResidentLine(const v1::ResidentModel& model) {
   return absl::StrFormat("%-32s  %8.1f + %8.1f MiB  %d maps, %d in flight%s", model.name(),
                          Mib(model.host_bytes()), Mib(model.device_bytes()), model.cached_maps(),
                          model.queries_in_flight(), model.pinned() ? ", pinned" : "");
@@ -68,13 +69,13 @@ std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now) {
   lines.push_back("");
   lines.push_back(absl::StrCat("jobs: ", status.running_jobs_size(), " running, ",
                                status.num_queued_jobs(), " queued"));
-  for (const v1::Job& job : status.running_jobs()) lines.push_back(JobLine(job));
+  for (const v1::Job& job : status.running_jobs()) lines.push_back(RunningLine(job));
   lines.push_back("");
   lines.push_back(absl::StrCat(
       "models in memory: ", resident.models_size(), "; host ", UseText(resident.host()),
       resident.has_device() ? absl::StrCat("; device ", UseText(resident.device())) : ""));
-  for (const v1::ResidentModel& model : resident.models()) lines.push_back(ModelLine(model));
+  for (const v1::ResidentModel& model : resident.models()) lines.push_back(ResidentLine(model));
   return lines;
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -7,7 +7,7 @@
 #include "pepeseg/v1/admin_service.pb.h"
 #include "pepeseg/v1/server_status.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 struct TopSnapshot {
   v1::ServerStatus status;
@@ -17,4 +17,4 @@ struct TopSnapshot {
 // The screen of `pepeseg top`: the server, its pools, the jobs that run, the models in memory.
 std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

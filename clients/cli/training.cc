@@ -8,16 +8,17 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
-#include "clients/cli/all_pages.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/model_sources.h"
-#include "clients/cli/option_setting.h"
 #include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
 #include "clients/cli/watch.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/option_setting.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 struct TrainFlags : TrainingFlags {
@@ -30,33 +31,29 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
     Print(absl::StrJoin(OptionNames(v1::TrainingOptions()), "\n"));
     return absl::OkStatus();
   }
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   const std::string scene = SceneName(flags.scene);
-  ASSIGN_OR_RETURN(const std::string dataset, DatasetName(connection, scene, flags.dataset));
-  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(connection, scene, dataset, Settings(flags)));
+  ASSIGN_OR_RETURN(const std::string dataset, DatasetName(client, scene, flags.dataset));
+  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(client, scene, dataset, Settings(flags)));
   if (flags.detach) {
     shell.json ? PrintJson(job) : Print(job.name());
     return absl::OkStatus();
   }
   Note(job.name());
   ASSIGN_OR_RETURN(const v1::Job ended,
-                   WatchJob(connection, job.name(), [](const v1::JobEvent& /*event*/) {}));
+                   WatchJob(client, job.name(), [](const v1::JobEvent& /*event*/) {}));
   if (shell.json) {
     PrintJson(ended);
     return absl::OkStatus();
   }
   Print(absl::StrCat("trained: ", ended.model()));
-  RETURN_IF_ERROR(PrintSources(connection, ended.model()));
-  return PrintScores(connection, ended.model());
+  RETURN_IF_ERROR(PrintSources(client, ended.model()));
+  return PrintScores(client, ended.model());
 }
 
 absl::Status RunCancel(const Shell& shell, const std::string& job) {
-  const Connection connection(shell.channel);
-  v1::CancelJobRequest request;
-  request.set_name(JobName(job));
-  v1::Job answer;
-  Call call("", kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.jobs->CancelJob(call, request, &answer)));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const v1::Job answer, client.CancelJob(job));
   shell.json ? PrintJson(answer) : Print(absl::StrCat(answer.name(), ": told to stop"));
   return absl::OkStatus();
 }
@@ -74,14 +71,8 @@ std::string JobLine(const v1::Job& job) {
 }
 
 absl::Status RunJobs(const Shell& shell, const std::string& scene) {
-  const Connection connection(shell.channel);
-  v1::ListJobsRequest request;
-  if (!scene.empty()) request.set_scene(SceneName(scene));
-  ASSIGN_OR_RETURN(const auto all,
-                   AllPages<v1::ListJobsResponse>(
-                       request, request.scene(), [&](Call& call, const auto& asked, auto* page) {
-                         return connection.jobs->ListJobs(call, asked, page);
-                       }));
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const auto all, client.ListJobs(scene));
   if (shell.json) {
     PrintJson(all);
   } else {
@@ -94,6 +85,7 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
 
 std::vector<std::string> Settings(const TrainingFlags& flags) {
   std::vector<std::string> settings;
+  if (!flags.preset.empty()) settings.push_back("preset=" + flags.preset);
   if (!flags.steps.empty()) settings.push_back("reconstruct.num_steps=" + flags.steps);
   if (!flags.feature_steps.empty()) settings.push_back("features.num_steps=" + flags.feature_steps);
   if (!flags.image_scale.empty()) settings.push_back("import.image_scale=" + flags.image_scale);
@@ -101,33 +93,33 @@ std::vector<std::string> Settings(const TrainingFlags& flags) {
   return settings;
 }
 
-absl::StatusOr<std::string> DatasetName(const Connection& connection, const std::string& scene,
+absl::StatusOr<std::string> DatasetName(const Client& client, const std::string& scene,
                                         const std::string& dataset) {
   if (absl::StrContains(dataset, "/")) return dataset;
   if (!dataset.empty()) return absl::StrCat(scene, "/datasets/", dataset);
-  ASSIGN_OR_RETURN(const v1::Dataset newest, NewestDataset(connection, scene));
+  ASSIGN_OR_RETURN(const v1::Dataset newest, client.NewestDataset(scene));
   return newest.name();
 }
 
-absl::StatusOr<v1::Job> StartTraining(const Connection& connection, const std::string& scene,
+absl::StatusOr<v1::Job> StartTraining(const Client& client, const std::string& scene,
                                       const std::string& dataset,
                                       const std::vector<std::string>& settings) {
   v1::TrainSceneRequest request;
   request.set_scene(scene);
   request.set_dataset(dataset);
-  request.set_request_id(NewRequestId());
   for (const std::string& setting : settings) {
     RETURN_IF_ERROR(SetOption(setting, *request.mutable_options()));
   }
-  v1::Job job;
-  Call call(scene, kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.jobs->TrainScene(call, request, &job)));
-  return job;
+  return client.Train(std::move(request));
 }
 
 void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
   verb.add_option("--dataset", flags.dataset, "Number of the dataset; the newest by default");
+  verb.add_option("--preset", flags.preset,
+                  "What options that are not given are taken from: preview, as soon as there is "
+                  "something to click on; standard, the defaults; best, however long it takes")
+      ->check(CLI::IsMember({"preview", "standard", "best"}));
   verb.add_option("--steps", flags.steps, "Steps of the reconstruction");
   verb.add_option("--feature-steps", flags.feature_steps, "Steps of the feature training");
   verb.add_option("--image-scale", flags.image_scale, "Shrink the photographs by this, (0, 1]");
@@ -160,4 +152,4 @@ void AddJobs(CLI::App& app, Shell& shell) {
   verb->callback([scene, &shell] { shell.verb = [&, scene] { return RunJobs(shell, *scene); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -8,60 +8,16 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/checksums.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/send_files.h"
+#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
-#include "clients/cli/status_macros.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 constexpr size_t kNamesShown = 10;
-
-absl::StatusOr<v1::CreateUploadRequest> Declare(const std::string& scene,
-                                                const DatasetFolder& folder) {
-  v1::CreateUploadRequest request;
-  request.set_parent(scene);
-  for (const FolderFile& file : folder.files) {
-    ASSIGN_OR_RETURN(const FileDigest digest, DigestFile(file.path));
-    v1::FileDeclaration* declaration = request.add_files();
-    declaration->set_path(file.name);
-    declaration->set_kind(file.kind);
-    declaration->set_size(digest.size);
-    declaration->set_sha256(digest.sha256);
-  }
-  return request;
-}
-
-// The same for the same files, so that the program finds an upload again that it has begun before.
-std::string RequestIdOf(const v1::CreateUploadRequest& request) {
-  Sha256 digest;
-  for (const v1::FileDeclaration& file : request.files()) {
-    digest.Add(absl::StrCat(file.path(), "\n", static_cast<int>(file.kind()), " ", file.size(), " ",
-                            file.sha256(), "\n"));
-  }
-  return absl::StrCat("files-", digest.Finish());
-}
-
-absl::StatusOr<v1::Upload> Create(const Connection& connection,
-                                  const v1::CreateUploadRequest& request) {
-  v1::Upload upload;
-  Call call(request.parent(), kCallSeconds);
-  RETURN_IF_ERROR(FromGrpc(connection.datasets->CreateUpload(call, request, &upload)));
-  return upload;
-}
-
-// One that goes on, or a new one where that was sealed.
-absl::StatusOr<v1::Upload> Open(const Connection& connection, const std::string& scene,
-                                const DatasetFolder& folder) {
-  ASSIGN_OR_RETURN(v1::CreateUploadRequest request, Declare(scene, folder));
-  request.set_request_id(RequestIdOf(request));
-  ASSIGN_OR_RETURN(v1::Upload upload, Create(connection, request));
-  if (!upload.sealed()) return upload;
-  request.set_request_id(NewRequestId());
-  return Create(connection, request);
-}
 
 void NoteLeftOut(const std::vector<std::string>& names) {
   for (size_t i = 0; i < std::min(names.size(), kNamesShown); ++i) {
@@ -93,10 +49,10 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
     }
     return absl::OkStatus();
   }
-  const Connection connection(shell.channel);
+  const Client client(shell.channel);
   const std::string scene = SceneName(flags.scene);
-  RETURN_IF_ERROR(EnsureScene(connection, scene));
-  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(connection, scene, folder));
+  RETURN_IF_ERROR(client.EnsureScene(scene));
+  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
   if (shell.json) {
     PrintJson(dataset);
   } else {
@@ -109,20 +65,15 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
 
 }  // namespace
 
-absl::StatusOr<v1::Dataset> UploadFolder(const Connection& connection, const std::string& scene,
+absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string& scene,
                                          const DatasetFolder& folder) {
-  ASSIGN_OR_RETURN(v1::Upload upload, Open(connection, scene, folder));
-  return FinishUpload(connection, std::move(upload), folder);
-}
-
-absl::Status EnsureScene(const Connection& connection, const std::string& scene) {
-  v1::CreateSceneRequest request;
-  request.set_scene_id(scene.substr(std::string("scenes/").size()));
-  request.set_request_id(NewRequestId());
-  v1::Scene answer;
-  Call call(scene, kCallSeconds);
-  const absl::Status status = FromGrpc(connection.scenes->CreateScene(call, request, &answer));
-  return status.code() == absl::StatusCode::kAlreadyExists ? absl::OkStatus() : status;
+  ProgressLine line;
+  UploadProgress progress;
+  progress.bytes = [&line](int64_t num_there, int64_t num_bytes) {
+    line.Show(UploadText(num_there, num_bytes, line.columns()), num_there == num_bytes);
+  };
+  progress.note = [&line](const std::string& what) { line.Say(what); };
+  return client.Upload(scene, folder, progress);
 }
 
 void AddUpload(CLI::App& app, Shell& shell) {
@@ -145,4 +96,4 @@ void AddUpload(CLI::App& app, Shell& shell) {
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunUpload(shell, *flags); }; });
 }
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

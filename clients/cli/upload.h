@@ -3,19 +3,16 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "clients/cli/connection.h"
-#include "clients/cli/dataset_folder.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/dataset_folder.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // Declares the files, sends what the server does not have of them, seals. Shows its progress. Goes
 // on with an upload of the same files that was broken off. Errors: the server's, naming the file;
 // DATA_LOSS when a file changed under the upload.
-absl::StatusOr<v1::Dataset> UploadFolder(const Connection& connection, const std::string& scene,
+absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string& scene,
                                          const DatasetFolder& folder);
 
-// Makes the scene unless it is there.
-absl::Status EnsureScene(const Connection& connection, const std::string& scene);
-
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -4,10 +4,10 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
-#include "clients/cli/connection.h"
+#include "clients/cpp/client.h"
 #include "pepeseg/v1/job_service.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 
 // Sees every event of a watched job, heartbeats left out.
 using EventFn = absl::FunctionRef<void(const v1::JobEvent&)>;
@@ -15,7 +15,6 @@ using EventFn = absl::FunctionRef<void(const v1::JobEvent&)>;
 // Follows a job to its end, with progress on standard error; reconnects for half a minute when the
 // server goes away, and misses nothing. Returns the ended job; its own failure or cancellation is
 // an error with that exit code.
-absl::StatusOr<v1::Job> WatchJob(const Connection& connection, const std::string& job,
-                                 EventFn on_event);
+absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event);
 
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

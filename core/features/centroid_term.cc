@@ -14,7 +14,7 @@ namespace pepeseg {
 namespace {
 
 constexpr float kMovedShare = 0.1f;  // of a centroid towards a cluster that is seen again
-constexpr uint64_t kStream = 0xd1b54a32d192ed03u;  // apart from the sampler's
+constexpr uint64_t kCentroidStream = 0xd1b54a32d192ed03u;  // apart from the sampler's
 
 double Dot(const float* a, const float* b) {
   double sum = 0;
@@ -55,7 +55,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
       first_step_(static_cast<int>(std::lround(options.centroid_from * options.num_steps))),
       every_(options.centroid_every),
       max_pixels_(options.centroid_pixels),
-      random_(options.seed ^ kStream) {
+      random_(options.seed ^ kCentroidStream) {
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
   // Of what is pulled. 0.9 (method.md) at the lower scale pulls parts that touch onto one another.
   constexpr float kUpperCosine = 0.9f, kLowerCosine = 0.97f;

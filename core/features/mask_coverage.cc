@@ -8,9 +8,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxGridPixels = 16'384;  // of a view
-constexpr double kMaxCoverage = 0.1;       // of a background pixel, see Coverage
-constexpr double kMinAlpha = 0.5;          // where less is blended nothing is known
+constexpr double kMaxCellsOfView = 16'384;  // of a view
+constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
+constexpr double kMinAlpha = 0.5;           // where less is blended nothing is known
 
 bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
 bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[pixel] != 0; }
@@ -19,7 +19,7 @@ bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[
 std::vector<int32_t> GridPixels(const View& view) {
   const int width = view.camera.width, height = view.camera.height;
   const int stride = std::max(
-      1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / kMaxGridPixels))));
+      1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / kMaxCellsOfView))));
   std::vector<int32_t> pixels;
   for (int y = stride / 2; y < height; y += stride) {
     for (int x = stride / 2; x < width; x += stride) {

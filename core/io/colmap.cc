@@ -9,6 +9,7 @@
 #include "core/io/colmap_records.h"
 #include "core/io/file_bytes.h"
 #include "core/io/file_name.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -16,10 +17,6 @@ namespace {
 
 // images.bin also holds every 2D point: 24 bytes each, thousands a view.
 constexpr int64_t kMaxFileBytes = int64_t{16} << 30;
-
-absl::Status Refused(const std::string& where, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
-}
 
 bool AllFinite(const double* values, int count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });

@@ -6,15 +6,12 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/byte_reader.h"
 #include "core/io/colmap_records.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 // COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
 namespace pepeseg {
 namespace {
-
-absl::Status Refused(const std::string& where, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
-}
 
 struct CountLimits {
   const char* what;

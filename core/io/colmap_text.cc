@@ -7,15 +7,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/io/colmap_records.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 // COLMAP's text files: a record a line (two for an image), '#' before comments.
 namespace pepeseg {
 namespace {
-
-absl::Status Refused(const std::string& where, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
-}
 
 class Lines {
  public:

@@ -5,16 +5,13 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/file_bytes.h"
 #include "core/io/image_header.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 #include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
 
 namespace pepeseg {
 namespace {
-
-absl::Status Refused(absl::string_view name, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
-}
 
 struct Decoded {
   ImageHeader header;

@@ -9,16 +9,13 @@
 #include "core/io/file_name.h"
 #include "core/io/npy.h"
 #include "core/io/pfm.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr double kMaxShapeError = 0.01;
-
-absl::Status Refused(absl::string_view name, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
-}
 
 absl::StatusOr<FloatImage> Decode(const std::filesystem::path& path, const std::string& name) {
   const std::string suffix = Suffix(name);

@@ -10,6 +10,7 @@
 #include "core/io/byte_reader.h"
 #include "core/io/file_bytes.h"
 #include "core/io/half.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -20,10 +21,6 @@ constexpr uint32_t kVersion = 1;
 constexpr uint64_t kMaxGaussians = 50'000'000;
 constexpr uint32_t kMaxQuantiles = 1'000'000;
 constexpr int64_t kMaxFileBytes = int64_t{4} << 30;
-
-absl::Status Refused(absl::string_view name, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
-}
 
 template <class T>
 std::string_view BytesOf(const T& values) {

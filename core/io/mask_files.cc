@@ -7,6 +7,7 @@
 #include "core/io/decode_image.h"
 #include "core/io/file_bytes.h"
 #include "core/io/file_name.h"
+#include "core/io/refused.h"
 #include "core/io/rle.h"
 #include "core/status_macros.h"
 #include "nlohmann/json.hpp"
@@ -18,10 +19,6 @@ using nlohmann::json;
 
 constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
 constexpr int64_t kMaxBitsetBytes = int64_t{1} << 30;
-
-absl::Status Refused(absl::string_view where, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(where, ": ", why));
-}
 
 absl::Status CheckSize(absl::string_view where, int64_t width, int64_t height,
                        const PhotoSize& photo) {

@@ -11,16 +11,13 @@
 #include "core/io/byte_reader.h"
 #include "core/io/half.h"
 #include "core/io/image_header.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr absl::string_view kMagic("\x93NUMPY", 6);
-
-absl::Status Refused(absl::string_view name, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
-}
 
 // The text of the Python dict that heads the file; the reader stands behind it.
 std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader& reader) {

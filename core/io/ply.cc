@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/io/file_bytes.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -81,10 +82,6 @@ double LoadAs(PlyType type, const char* from) {
       return Load<double>(from);
   }
   return 0;
-}
-
-absl::Status Refused(absl::string_view name, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(name, ": ", why));
 }
 
 // The header's text up to and with "end_header\n", at the front of `bytes`; empty: none.

@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "core/io/atomic_file.h"
+#include "core/io/refused.h"
 #include "core/status_macros.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgcodecs.hpp"
@@ -40,10 +41,6 @@ bool HasTag(std::span<const uint8_t> bytes, size_t at, absl::string_view tag) {
                     [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
 }
 
-absl::Status Refused(const VideoTask& task, absl::string_view why) {
-  return absl::InvalidArgumentError(absl::StrCat(task.name, ": ", why));
-}
-
 cv::Mat SmallGrey(const cv::Mat& frame, int side) {
   cv::Mat grey, small;
   cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
@@ -70,7 +67,7 @@ class Reader {
     std::error_code error;
     const std::filesystem::path path = std::filesystem::canonical(task_.path, error);
     if (error || !std::filesystem::is_regular_file(path, error)) {
-      return Refused(task_, "is no regular file");
+      return Refused(task_.name, "is no regular file");
     }
     std::array<char, 16> start{};
     std::ifstream file(path, std::ios::binary);
@@ -79,7 +76,7 @@ class Reader {
       return absl::InternalError(absl::StrCat(task_.name, ": cannot be read"));
     }
     if (!IsVideo({reinterpret_cast<const uint8_t*>(start.data()), start.size()})) {
-      return Refused(task_, "is no MP4, MOV, WebM, MKV or AVI video by its first bytes");
+      return Refused(task_.name, "is no MP4, MOV, WebM, MKV or AVI video by its first bytes");
     }
     return Try([&] { return OpenDecoder(path.string()); });
   }
@@ -101,7 +98,7 @@ class Reader {
     RETURN_IF_ERROR(Try([&] {
       const bool decoded = video_.retrieve(frame) && !frame.empty() && frame.type() == CV_8UC3;
       if (!decoded) {
-        return Refused(task_, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
+        return Refused(task_.name, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
       }
       return CheckPixels(frame.cols, frame.rows);  // it may be of another size than the file says
     }));
@@ -113,7 +110,7 @@ class Reader {
     try {
       return call();
     } catch (const cv::Exception& error) {
-      return Refused(task_, absl::StrCat("OpenCV: ", error.what()));
+      return Refused(task_.name, absl::StrCat("OpenCV: ", error.what()));
     }
   }
 
@@ -122,7 +119,8 @@ class Reader {
 
  private:
   absl::Status OpenDecoder(const std::string& path) {
-    if (!video_.open(path, cv::CAP_FFMPEG)) return Refused(task_, "is no video that FFmpeg reads");
+    if (!video_.open(path, cv::CAP_FFMPEG))
+      return Refused(task_.name, "is no video that FFmpeg reads");
     video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
     const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
     const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
@@ -137,12 +135,12 @@ class Reader {
     if (width >= 1 && height >= 1 && width * height <= static_cast<double>(kMaxVideoPixels)) {
       return absl::OkStatus();
     }
-    return Refused(task_, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
-                                       kMaxVideoPixels, " in all"));
+    return Refused(task_.name, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
+                                            kMaxVideoPixels, " in all"));
   }
 
   absl::Status TooLong() const {
-    return Refused(task_,
+    return Refused(task_.name,
                    absl::StrCat("over ", kMaxVideoFrames, " frames: upload a shorter video"));
   }
 
@@ -252,7 +250,7 @@ absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64
     while (frame < wanted) {
       ASSIGN_OR_RETURN(const bool more, reader.Skip());
       if (!more)
-        return Refused(task, absl::StrCat("ends at frame ", frame + 1, " when read again"));
+        return Refused(task.name, absl::StrCat("ends at frame ", frame + 1, " when read again"));
       ++frame;
       RETURN_IF_ERROR(Tell(progress, num_frames + frame, 2 * num_frames));
     }
@@ -279,7 +277,7 @@ absl::StatusOr<std::vector<VideoFrame>> ExtractFrames(const VideoTask& task,
                                                       VideoProgressFn progress) {
   std::vector<Candidate> candidates;
   ASSIGN_OR_RETURN(const int64_t num_frames, FindCandidates(task, progress, candidates));
-  if (candidates.empty()) return Refused(task, "has no frame that decodes");
+  if (candidates.empty()) return Refused(task.name, "has no frame that decodes");
   return WriteChosen(task, num_frames, Choose(candidates, num_frames, task.max_frames), progress);
 }
 

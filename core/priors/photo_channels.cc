@@ -9,8 +9,8 @@ namespace pepeseg {
 namespace {
 
 constexpr int kColorBins = 12;
-constexpr int kDirections = 6;  // of the gradient, modulo 180 degrees
-constexpr float kNoise = 2;     // lightness; gradients below it have no direction
+constexpr int kNumGradientDirections = 6;  // of the gradient, modulo 180 degrees
+constexpr float kNoise = 2;                // lightness; gradients below it have no direction
 // Shading and shadows change the lightness within a thing more than its colour.
 constexpr float kLightnessWeight = 0.1f, kColorWeight = 0.42f, kTextureWeight = 0.06f;
 
@@ -43,7 +43,7 @@ std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
   cv::Mat dx, dy;
   cv::Sobel(lightness, dx, CV_32F, 1, 0, 3, 1.0 / 8);
   cv::Sobel(lightness, dy, CV_32F, 0, 1, 3, 1.0 / 8);
-  std::vector<cv::Mat> bins = Planes(1 + kDirections, lightness.size());
+  std::vector<cv::Mat> bins = Planes(1 + kNumGradientDirections, lightness.size());
   for (int y = 0; y < lightness.rows; ++y) {
     for (int x = 0; x < lightness.cols; ++x) {
       const float gx = dx.at<float>(y, x), gy = dy.at<float>(y, x);
@@ -51,12 +51,12 @@ std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
       const float share = size / (size + kNoise);
       auto turn = static_cast<float>(std::atan2(gy, gx) / CV_PI);  // (-1, 1]
       if (turn < 0) turn += 1;
-      const float at = turn * kDirections;
-      const int bin = static_cast<int>(at) % kDirections;
+      const float at = turn * kNumGradientDirections;
+      const int bin = static_cast<int>(at) % kNumGradientDirections;
       const float next = at - std::floor(at);
       bins[0].at<float>(y, x) = 1 - share;
       bins[1 + bin].at<float>(y, x) += share * (1 - next);
-      bins[1 + (bin + 1) % kDirections].at<float>(y, x) += share * next;
+      bins[1 + (bin + 1) % kNumGradientDirections].at<float>(y, x) += share * next;
     }
   }
   return bins;

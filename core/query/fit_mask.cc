@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMaxSamples = 512;  // pixels under the mask whose features are looked at
+constexpr size_t kMaxMaskSamples = 512;  // pixels under the mask whose features are looked at
 constexpr int kMaxClusters = 4;
 constexpr double kClusterCost = 0.02;  // IoU that each further cluster must bring: few carry over
 constexpr double kMinShare = 0.1;      // of the samples, for a cluster to count
@@ -42,11 +42,11 @@ std::vector<int32_t> SamplesOf(std::span<const uint8_t> mask) {
   for (size_t i = 0; i < mask.size(); ++i) {
     if (mask[i] != 0) inside.push_back(static_cast<int32_t>(i));
   }
-  if (inside.size() <= kMaxSamples) return inside;
+  if (inside.size() <= kMaxMaskSamples) return inside;
   std::vector<int32_t> samples;
-  samples.reserve(kMaxSamples);
-  for (size_t i = 0; i < kMaxSamples; ++i)
-    samples.push_back(inside[i * inside.size() / kMaxSamples]);
+  samples.reserve(kMaxMaskSamples);
+  for (size_t i = 0; i < kMaxMaskSamples; ++i)
+    samples.push_back(inside[i * inside.size() / kMaxMaskSamples]);
   return samples;
 }
 

@@ -16,7 +16,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr absl::string_view kPrefix = "x-pepeseg-";
+constexpr absl::string_view kHeaderPrefix = "x-pepeseg-";
 constexpr size_t kMaxSubjectBytes = 128;
 
 // Only certificates that the listener has verified become properties of the connection.
@@ -35,7 +35,7 @@ std::vector<std::string> CertificateNames(const grpc::ServerContextBase& context
 absl::StatusOr<std::string> One(const char* name, const std::vector<std::string>& values) {
   if (values.size() == 1) return values[0];
   return absl::InvalidArgumentError(
-      absl::StrCat(kPrefix, name, " is there ", values.size(), " times, not once"));
+      absl::StrCat(kHeaderPrefix, name, " is there ", values.size(), " times, not once"));
 }
 
 }  // namespace
@@ -44,7 +44,7 @@ Vouching VouchingOf(const grpc::ServerContextBase& context) {
   Vouching vouching;
   for (const auto& [key, value] : context.client_metadata()) {
     const absl::string_view name(key.data(), key.size());
-    if (!absl::StartsWith(name, kPrefix)) continue;
+    if (!absl::StartsWith(name, kHeaderPrefix)) continue;
     vouching.is_there = true;
     const std::string text(value.data(), value.size());
     if (name == "x-pepeseg-project") vouching.projects.push_back(text);

@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-std::string Name(const std::string& scene, int64_t number) {
+std::string DatasetName(const std::string& scene, int64_t number) {
   return absl::StrCat("scenes/", scene, "/datasets/", number);
 }
 
@@ -105,9 +105,9 @@ absl::StatusOr<DatasetRow> FindEarlier(soci::session& sql, const DatasetRow& wan
   query.scene = wanted.scene;
   query.dataset = number;
   if (!SameFiles(SelectFiles(sql, query), files)) {
-    return absl::AlreadyExistsError(absl::StrCat("request_id '", wanted.request_id,
-                                                 "' was used to create ",
-                                                 Name(wanted.scene, number), " of other files"));
+    return absl::AlreadyExistsError(
+        absl::StrCat("request_id '", wanted.request_id, "' was used to create ",
+                     DatasetName(wanted.scene, number), " of other files"));
   }
   return SelectDataset(sql, wanted.scene, number);
 }
@@ -137,7 +137,7 @@ absl::StatusOr<DatasetRow> Seal(soci::session& sql, const DatasetRow& dataset) {
   const std::vector<DatasetFileRow> missing = SelectFiles(sql, query);
   if (!missing.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
-        Name(dataset.scene, dataset.number), ": ", missing.size(), " of ", dataset.num_files,
+        DatasetName(dataset.scene, dataset.number), ": ", missing.size(), " of ", dataset.num_files,
         " files are not uploaded, the first is '", missing[0].path, "'"));
   }
   const int64_t now = absl::ToUnixMicros(absl::Now());
@@ -153,7 +153,7 @@ absl::StatusOr<DatasetRow> SelectDataset(soci::session& sql, const std::string& 
   RETURN_IF_ERROR(CheckScene(sql, scene));
   std::vector<DatasetRow> rows = SelectDatasets(sql, scene, "=", number, 1);
   if (rows.empty()) {
-    return absl::NotFoundError(absl::StrCat(Name(scene, number), " does not exist"));
+    return absl::NotFoundError(absl::StrCat(DatasetName(scene, number), " does not exist"));
   }
   return rows[0];
 }
@@ -220,7 +220,8 @@ absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, i
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path});
     if (rows.empty()) {
-      return absl::NotFoundError(absl::StrCat(Name(scene, number), " has no file '", path, "'"));
+      return absl::NotFoundError(
+          absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
     }
     return rows[0];
   });
@@ -231,7 +232,7 @@ absl::Status Store::MarkFileStored(const std::string& scene, int64_t number,
   return database_->Transact([&](soci::session& sql) -> absl::Status {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
     if (dataset.state == DatasetState::kSealed) {
-      return absl::FailedPreconditionError(absl::StrCat(Name(scene, number), " is sealed"));
+      return absl::FailedPreconditionError(absl::StrCat(DatasetName(scene, number), " is sealed"));
     }
     soci::statement update =
         (sql.prepare << "UPDATE dataset_files SET stored = 1 WHERE scene = :scene"
@@ -239,7 +240,8 @@ absl::Status Store::MarkFileStored(const std::string& scene, int64_t number,
          soci::use(dataset.scene), soci::use(number), soci::use(path));
     update.execute(true);
     if (update.get_affected_rows() == 1) return absl::OkStatus();
-    return absl::NotFoundError(absl::StrCat(Name(scene, number), " has no file '", path, "'"));
+    return absl::NotFoundError(
+        absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
   });
 }
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int64_t kMaxLabelsNamed = 20;  // in an error
 
-std::string Name(const std::string& scene, const std::string& id) {
+std::string LabelName(const std::string& scene, const std::string& id) {
   return absl::StrCat("scenes/", scene, "/labels/", id);
 }
 
@@ -42,7 +42,7 @@ absl::Status NoLabelError(soci::session& sql, const std::string& scene, const st
     ids.push_back(label.id);
   }
   return absl::NotFoundError(
-      absl::StrCat(Name(scene, id), " does not exist; ",
+      absl::StrCat(LabelName(scene, id), " does not exist; ",
                    ids.empty() ? "the scene has no labels" : "the scene has ",
                    absl::StrJoin(ids, ", "), ids.size() == kMaxLabelsNamed ? " and others" : ""));
 }
@@ -68,11 +68,12 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
     if (!earlier.empty()) {
       return absl::AlreadyExistsError(
           absl::StrCat("request_id '", label.request_id, "' was used to create ",
-                       Name(label.scene, earlier[0].id), ", of another view, mask or text"));
+                       LabelName(label.scene, earlier[0].id), ", of another view, mask or text"));
     }
   }
   if (!SelectLabels(sql, label.scene, "id =", {1, label.id}).empty()) {
-    return absl::AlreadyExistsError(absl::StrCat(Name(label.scene, label.id), " exists already"));
+    return absl::AlreadyExistsError(
+        absl::StrCat(LabelName(label.scene, label.id), " exists already"));
   }
   LabelRow row = label;
   const int64_t now = absl::ToUnixMicros(absl::Now());

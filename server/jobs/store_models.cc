@@ -9,7 +9,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kNewest = std::numeric_limits<int64_t>::max();
+constexpr int64_t kNewestModel = std::numeric_limits<int64_t>::max();
 
 // Models of a scene whose number stands to `key` as `condition` says, newest first.
 std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
@@ -61,7 +61,7 @@ absl::StatusOr<ModelRow> Store::GetModel(const std::string& scene, int64_t numbe
 
 absl::StatusOr<ModelRow> Store::GetLiveModel(const std::string& scene) {
   return database_->Read<ModelRow>([&](soci::session& sql) -> absl::StatusOr<ModelRow> {
-    std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewest);
+    std::vector<ModelRow> rows = SelectModels(sql, scene, "<", {1, ""}, kNewestModel);
     if (!rows.empty()) return rows[0];  // every question comes by here
     RETURN_IF_ERROR(CheckScene(sql, scene));
     return NoModelError(sql, scene);
@@ -72,7 +72,7 @@ absl::StatusOr<Page<ModelRow>> Store::ListModels(const std::string& scene,
                                                  const PageRequest& page) {
   const std::string list = absl::StrCat("models/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestModel));
   return database_->Query<Page<ModelRow>>(
       [&](soci::session& sql) -> absl::StatusOr<Page<ModelRow>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));

@@ -9,9 +9,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kNewest = std::numeric_limits<int64_t>::max();
+constexpr int64_t kNewestSelection = std::numeric_limits<int64_t>::max();
 
-std::string Name(const std::string& scene, int64_t number) {
+std::string SelectionName(const std::string& scene, int64_t number) {
   return absl::StrCat("scenes/", scene, "/selections/", number);
 }
 
@@ -46,7 +46,7 @@ absl::StatusOr<SelectionRow> SelectSelection(soci::session& sql, const std::stri
   RETURN_IF_ERROR(CheckScene(sql, scene));
   const std::vector<SelectionRow> rows = SelectSelections(sql, scene, "=", {1, ""}, number);
   if (rows.empty()) {
-    return absl::NotFoundError(absl::StrCat(Name(scene, number), " does not exist"));
+    return absl::NotFoundError(absl::StrCat(SelectionName(scene, number), " does not exist"));
   }
   return rows[0];
 }
@@ -64,7 +64,7 @@ absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
   ASSIGN_OR_RETURN(SelectionRow earlier, SelectSelection(sql, scene, number));
   if (earlier.request_digest == request_digest) return earlier;
   return absl::AlreadyExistsError(absl::StrCat("request_id '", request_id, "' was used to create ",
-                                               Name(scene, number),
+                                               SelectionName(scene, number),
                                                " by asking for something else"));
 }
 
@@ -123,7 +123,7 @@ absl::StatusOr<Page<SelectionRow>> Store::ListSelections(const std::string& scen
                                                          const PageRequest& page) {
   const std::string list = absl::StrCat("selections/", scene);
   ASSIGN_OR_RETURN(const PageStart start, StartPage(list, page));
-  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewest));
+  ASSIGN_OR_RETURN(const int64_t key, NumberKey(start, kNewestSelection));
   return database_->Query<Page<SelectionRow>>(
       [&](soci::session& sql) -> absl::StatusOr<Page<SelectionRow>> {
         RETURN_IF_ERROR(CheckScene(sql, scene));

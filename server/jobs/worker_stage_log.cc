@@ -1,6 +1,7 @@
 #include "server/jobs/worker_stage_log.h"
 
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <utility>
@@ -14,11 +15,26 @@ namespace {
 // More would drown the log; the rest is counted.
 constexpr size_t kMaxWarnings = 100;
 
+// Of this process and of the programs that it has run, on all cores together.
+double CoreSeconds() {
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  double sum = 0;
+  for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    getrusage(who, &usage);
+    sum += seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  }
+  return sum;
+}
+
 }  // namespace
 
 absl::Status StageLog::Start(const std::string& stage) {
   stage_ = stage;
   num_skipped_ = 0;
+  core_seconds_before_ = CoreSeconds();
   if (stop_.stop) return absl::CancelledError("stopped before stage " + stage);
   spdlog::info("stage {} begins", stage);
   return progress_.StartStage(stage);
@@ -30,6 +46,7 @@ absl::Status StageLog::End(const std::map<std::string, double>& metrics,
   spdlog::info("stage {} took {:.2f} s", stage_, seconds);
   std::map<std::string, double> told = metrics;
   told["seconds_" + stage_] = seconds;
+  told["core_seconds_" + stage_] = CoreSeconds() - core_seconds_before_;
   for (const auto& [name, value] : told) metrics_[name] = value;
   return progress_.EndStage(told, std::move(end));
 }

@@ -37,7 +37,7 @@ class StageLog {
   void WarnOf(std::span<const std::string> messages);
 
   const std::string& stage() const { return stage_; }
-  // Of all stages so far, and "seconds_STAGE" of each.
+  // Of all stages so far, and "seconds_STAGE" and "core_seconds_STAGE" of each.
   const std::map<std::string, double>& metrics() const { return metrics_; }
 
  private:
@@ -45,6 +45,7 @@ class StageLog {
   WorkerProgress progress_;
   std::string stage_;
   size_t num_skipped_ = 0;  // told of in the stage
+  double core_seconds_before_ = 0;
   std::map<std::string, double> metrics_;
 };
 

@@ -10,9 +10,9 @@ namespace pepeseg {
 namespace {
 
 constexpr int kNumThreads = 2;  // a model's load takes one for long
-constexpr size_t kMaxQueuedCalls = 100;
+constexpr size_t kMaxQueuedAdminCalls = 100;
 // Requests are small; the list of what is in memory, or of what runs, may be long.
-constexpr int kMaxMessageBytes = 4 << 20;
+constexpr int kMaxAdminRequestBytes = 4 << 20;
 
 ServiceContext OnPool(ServiceContext context, WorkerPool* pool) {
   context.pool = pool;
@@ -22,7 +22,7 @@ ServiceContext OnPool(ServiceContext context, WorkerPool* pool) {
 }  // namespace
 
 AdminListener::AdminListener(const ServiceContext& context, Operations& operations)
-    : pool_(std::make_unique<WorkerPool>(kNumThreads, kMaxQueuedCalls)),
+    : pool_(std::make_unique<WorkerPool>(kNumThreads, kMaxQueuedAdminCalls)),
       service_(OnPool(context, pool_.get()), operations) {}
 
 absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listener& where,
@@ -31,7 +31,7 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
                                                                     RpcMetrics& metrics) {
   std::unique_ptr<AdminListener> listener(new AdminListener(context, operations));
   grpc::ServerBuilder builder;
-  SetLimits(builder, {kMaxMessageBytes, absl::Hours(1)});
+  SetLimits(builder, {kMaxAdminRequestBytes, absl::Hours(1)});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));

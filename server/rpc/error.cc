@@ -11,7 +11,7 @@ namespace {
 
 constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 // grpc-message is percent-encoded (up to three times as long), the details are base64.
-constexpr size_t kMaxMessageBytes = 640;
+constexpr size_t kMaxStatusMessageBytes = 640;
 constexpr size_t kMaxValueBytes = 256;
 
 // Bytes of the well-formed UTF-8 character at the start of `text`; 0: it is none.
@@ -112,7 +112,7 @@ v1::Status ToProto(const absl::Status& status) {
   v1::Status proto;
   if (status.ok()) return proto;
   proto.set_code(static_cast<int>(status.code()));
-  proto.set_message(Utf8Prefix(std::string(status.message()), kMaxMessageBytes));
+  proto.set_message(Utf8Prefix(std::string(status.message()), kMaxStatusMessageBytes));
   proto.add_details()->PackFrom(DetailOf(status));
   return proto;
 }

@@ -42,7 +42,7 @@ void Overlay(const google::protobuf::RepeatedField<double>& values, std::vector<
   if (!values.empty()) option->assign(values.begin(), values.end());
 }
 
-v1::EvaluateResponse::Choice ToProto(const OneClickChoice& choice) {
+v1::EvaluateResponse::Choice ChoiceToProto(const OneClickChoice& choice) {
   v1::EvaluateResponse::Choice proto;
   proto.set_scale_quantile(choice.scale);
   proto.set_threshold(choice.threshold);
@@ -56,8 +56,8 @@ void FillEntity(const EntityScore& score, v1::EvaluateResponse::Entity* entity) 
   entity->set_click_x(score.click.x);
   entity->set_click_y(score.click.y);
   entity->set_missing(score.missing);
-  *entity->mutable_chosen() = ToProto(score.chosen);
-  *entity->mutable_oracle() = ToProto(score.oracle);
+  *entity->mutable_chosen() = ChoiceToProto(score.chosen);
+  *entity->mutable_oracle() = ChoiceToProto(score.oracle);
   entity->mutable_fixed_iou()->Assign(score.fixed_iou.begin(), score.fixed_iou.end());
   for (const EntityViewScore& view : score.views) {
     v1::EvaluateResponse::ViewScore& proto = *entity->add_views();
@@ -127,8 +127,8 @@ void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request
     if (name != request.entity_names().end()) entity->set_name(name->second);
   }
   response->mutable_left_out()->Assign(scores.left_out.begin(), scores.left_out.end());
-  *response->mutable_chosen() = ToProto(scores.chosen);
-  *response->mutable_oracle() = ToProto(scores.oracle);
+  *response->mutable_chosen() = ChoiceToProto(scores.chosen);
+  *response->mutable_oracle() = ChoiceToProto(scores.oracle);
   response->mutable_fixed_iou()->Assign(scores.fixed_iou.begin(), scores.fixed_iou.end());
 }
 

@@ -18,7 +18,6 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMaxDisplayNameBytes = 256;
 constexpr std::string_view kCollection = "keys/";
 constexpr size_t kIdLength = 16;
 
@@ -38,12 +37,6 @@ v1::ApiKey KeyToProto(const KeyRow& row) {
   if (row.revoke_time != absl::InfinitePast())
     *key.mutable_revoke_time() = ToProto(row.revoke_time);
   return key;
-}
-
-absl::Status CheckProject(const std::string& project) {
-  if (IsSceneId(project)) return absl::OkStatus();  // a label, too
-  return BadField("project", project,
-                  "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
 }
 
 absl::StatusOr<int> ScopesFromProto(const v1::CreateKeyRequest& request) {
@@ -83,11 +76,8 @@ absl::StatusOr<std::string> ParseKeyName(const std::string& name) {
 
 absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
                              v1::CreateKeyResponse* response) {
-  RETURN_IF_ERROR(CheckProject(request.project()));
-  if (request.display_name().size() > kMaxDisplayNameBytes) {
-    return BadField("display_name", absl::StrCat(request.display_name().size()),
-                    absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
-  }
+  RETURN_IF_ERROR(CheckId(request.project(), "project"));
+  RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
   ASSIGN_OR_RETURN(const int scopes, ScopesFromProto(request));
   ASSIGN_OR_RETURN(const absl::Time expire_time, ExpiryFromProto(request));
   ASSIGN_OR_RETURN(NewKey key, MakeKey());
@@ -103,7 +93,7 @@ absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
 
 absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
                             v1::ListKeysResponse* response) {
-  if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project()));
+  if (!request.project().empty()) RETURN_IF_ERROR(CheckId(request.project(), "project"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.ListKeys(request.project(), page));

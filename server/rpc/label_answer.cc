@@ -38,11 +38,7 @@ v1::Label WithMask(const LabelRow& row) {
 }
 
 absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
-  if (!IsSceneId(request.label_id())) {
-    return BadField(
-        "label_id", request.label_id(),
-        "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
-  }
+  RETURN_IF_ERROR(CheckId(request.label_id(), "label_id"));
   const size_t size = request.label().text().size();
   if (size > kMaxTextBytes) {
     return BadField("label.text", absl::StrCat(size),

@@ -12,13 +12,7 @@
 namespace pepeseg {
 namespace {
 
-absl::Status CheckProject(const std::string& project) {
-  if (IsSceneId(project)) return absl::OkStatus();  // a label, too
-  return BadField("project", project,
-                  "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
-}
-
-void ToProto(const Quota& quota, v1::Quota* proto) {
+void QuotaToProto(const Quota& quota, v1::Quota* proto) {
   proto->set_stored_bytes(quota.stored_bytes);
   proto->set_open_uploads(quota.open_uploads);
   proto->set_queued_jobs(quota.queued_jobs);
@@ -45,8 +39,8 @@ absl::Status FillUsage(const ServiceContext& context, const std::string& project
   used.queries_per_second = context.quotas->QueryRate(project);
   used.resident_bytes = context.models->BytesOf(project);
   response->set_project(project);
-  ToProto(quota, response->mutable_quota());
-  ToProto(used, response->mutable_used());
+  QuotaToProto(quota, response->mutable_quota());
+  QuotaToProto(used, response->mutable_used());
   return absl::OkStatus();
 }
 
@@ -55,13 +49,13 @@ absl::Status FillUsage(const ServiceContext& context, const std::string& project
 absl::Status AnswerGetProjectUsage(const ServiceContext& context,
                                    const v1::GetProjectUsageRequest& request,
                                    v1::ProjectUsage* response) {
-  RETURN_IF_ERROR(CheckProject(request.project()));
+  RETURN_IF_ERROR(CheckId(request.project(), "project"));
   return FillUsage(context, request.project(), response);
 }
 
 absl::Status AnswerSetQuota(const ServiceContext& context, const v1::SetQuotaRequest& request,
                             v1::ProjectUsage* response) {
-  RETURN_IF_ERROR(CheckProject(request.project()));
+  RETURN_IF_ERROR(CheckId(request.project(), "project"));
   ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
   RETURN_IF_ERROR(context.store->SetProjectQuota(request.project(), quota).status());
   context.quotas->Forget(request.project());

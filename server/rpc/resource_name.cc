@@ -15,6 +15,7 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMaxNameBytes = 256;
+constexpr size_t kMaxDisplayNameBytes = 256;
 
 bool AllDigits(std::string_view text) {
   return !text.empty() && std::all_of(text.begin(), text.end(), absl::ascii_isdigit);
@@ -42,6 +43,18 @@ bool IsSceneId(std::string_view id) {
   return std::all_of(id.begin(), id.end(), [](char c) {
     return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-';
   });
+}
+
+absl::Status CheckId(const std::string& id, const std::string& field) {
+  if (IsSceneId(id)) return absl::OkStatus();
+  return BadField(field, id,
+                  "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
+}
+
+absl::Status CheckDisplayName(const std::string& name, const std::string& field) {
+  if (name.size() <= kMaxDisplayNameBytes) return absl::OkStatus();
+  return BadField(field, absl::StrCat(name.size()),
+                  absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
 }
 
 absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field) {

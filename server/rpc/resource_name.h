@@ -26,6 +26,10 @@ struct SceneLabel {
 
 // RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
 bool IsSceneId(std::string_view id);
+// INVALID_ARGUMENT unless it is such a label, as ids of scenes, projects and labels are.
+absl::Status CheckId(const std::string& id, const std::string& field);
+// INVALID_ARGUMENT beyond 256 bytes.
+absl::Status CheckDisplayName(const std::string& name, const std::string& field);
 
 // "scenes/{scene}": the scene's id.
 absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field);

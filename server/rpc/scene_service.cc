@@ -17,19 +17,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMaxDisplayNameBytes = 256;
 constexpr int kDefaultPageSize = 50;
 
 absl::Status CheckCreate(const v1::CreateSceneRequest& request) {
-  if (!IsSceneId(request.scene_id())) {
-    return BadField(
-        "scene_id", request.scene_id(),
-        "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
-  }
-  if (request.scene().display_name().size() > kMaxDisplayNameBytes) {
-    return BadField("scene.display_name", absl::StrCat(request.scene().display_name().size()),
-                    absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
-  }
+  RETURN_IF_ERROR(CheckId(request.scene_id(), "scene_id"));
+  RETURN_IF_ERROR(CheckDisplayName(request.scene().display_name(), "scene.display_name"));
   return CheckRequestId(request.request_id());
 }
 

@@ -35,7 +35,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMaxMessageBytes = 8 << 20;
+constexpr int kMaxRequestBytes = 8 << 20;
 constexpr int kNumIoThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
@@ -173,7 +173,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  SetLimits(builder, {kMaxMessageBytes, options.max_connection_age});
+  SetLimits(builder, {kMaxRequestBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics.rpc()));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));

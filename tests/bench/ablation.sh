@@ -16,7 +16,7 @@ means() {
       ++runs[$4]
       for (k = 6; k <= 9; ++k) sum[$4, k] += 100 * $k
       for (k = 6; k <= NF; ++k) last[k] = $k
-      seconds[$4] += $(NF - 4); gaussians = $(NF - 2); psnr = $(NF - 1)
+      seconds[$4] += $(NF - 10); gaussians = $(NF - 8); psnr = $(NF - 7)
     }
     END {
       for (i = 1; i <= levels; ++i) {
@@ -49,7 +49,7 @@ row '+ background' pepe "${centroids[@]}" --perception-weight 0
 row '+ perception' pepe "${centroids[@]}"
 row '+ centroids: all' pepe
 row 'all, perception without other views' pepe --no-cross-view
-row '1/4 of the views, masks only' plain4 --every-view 4 "${plain[@]}" "${masks[@]}"
-row '1/4 of the views, all' pepe4 --every-view 4
-row '30 % fewer masks, masks only' plain --drop-masks 0.3 "${plain[@]}" "${masks[@]}"
-row '30 % fewer masks, all' pepe_fewer --drop-masks 0.3
+row '1/4 of the views, masks only' plain4 --keep-views 0.25 "${plain[@]}" "${masks[@]}"
+row '1/4 of the views, all' pepe4 --keep-views 0.25
+row '30 % fewer masks, masks only' plain --keep-masks 0.7 "${plain[@]}" "${masks[@]}"
+row '30 % fewer masks, all' pepe_fewer --keep-masks 0.7

@@ -10,6 +10,7 @@
 #include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/stage_one_flags.h"
 
@@ -22,9 +23,11 @@ struct BenchOptions {
   std::string name = "run";
   int num_scores = 10;
   int num_seeds = 1;
-  bool strip_depth = false, strip_masks = false;
+  bool strip_masks = false;
+  CaptureFaults faults;
   bool kernels = false;
   ReconstructOptions reconstruct;
+  FeatureOptions features;  // of presets alone
 };
 
 // Means, and the PSNR of each view.
@@ -46,6 +49,7 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
   ReconstructOptions stage = options.reconstruct;
   stage.seed = seed;
   double seconds = 0, start = Now();
+  double core_seconds = 0, core_start = CoreNow();
   ASSIGN_OR_RETURN(const auto reconstructor, Reconstructor::Create(backend, capture, stage));
   while (!reconstructor->done()) {
     ASSIGN_OR_RETURN(const StepReport report, reconstructor->Step());
@@ -55,14 +59,16 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
     if (scores_due(report.step) == scores_due(report.step - 1) && !reconstructor->done()) continue;
     backend.Sync();
     seconds += Now() - start;
+    core_seconds += CoreNow() - core_start;
     ASSIGN_OR_RETURN(const std::string cells, Score(backend, capture, reconstructor->Result()));
-    std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f |\n", options.name.c_str(),
-                static_cast<int>(seed), static_cast<int>(report.step), seconds,
-                static_cast<long>(report.num_gaussians), cells.c_str(), report.loss,
+    std::printf("| %s | %d | %d | %.2f | %ld | %s | %.4f | %ld | %.0f | %.2f |\n",
+                options.name.c_str(), static_cast<int>(seed), static_cast<int>(report.step),
+                seconds, static_cast<long>(report.num_gaussians), cells.c_str(), report.loss,
                 static_cast<long>(report.num_void_renders),
-                1e-6 * static_cast<double>(backend.bytes_in_use()));
+                1e-6 * static_cast<double>(backend.bytes_in_use()), core_seconds);
     std::fflush(stdout);
     start = Now();
+    core_start = CoreNow();
   }
   for (const SkippedTerm& skipped : reconstructor->skipped()) {
     std::printf("# %s, seed %d, step %d: %s skipped: %s; saves %d steps\n", options.name.c_str(),
@@ -74,14 +80,18 @@ absl::Status Train(Backend& backend, const Capture& capture, const BenchOptions&
 
 absl::Status Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
+  Spoil(options.faults, pack);
   Capture& capture = pack.capture;
   for (View& view : capture.views) {
-    if (options.strip_depth) view.depth = {};
     if (options.strip_masks) view.masks = {};
   }
   std::vector<KernelTime> times;
   const auto backend = MakeBenchBackend(options.device, 0, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
+  std::printf(
+      "| run | seed | step | stage one s | Gaussians | PSNR | SSIM | PSNR by view | loss | "
+      "void renders | MB | stage one core s "
+      "|\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   for (int k = 0; k < options.num_seeds; ++k) {
     RETURN_IF_ERROR(Train(*backend, capture, options, options.reconstruct.seed + k));
   }
@@ -105,9 +115,10 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--scores", options.num_scores);
   app.add_option("--seeds", options.num_seeds);
-  app.add_flag("--no-depth", options.strip_depth);
+  pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--no-masks", options.strip_masks);
   app.add_flag("--kernels", options.kernels, "device time by kernel; slows the run");
+  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
   pepeseg::AddStageOneFlags(app, options.reconstruct);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status = pepeseg::Run(options);

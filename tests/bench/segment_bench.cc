@@ -1,31 +1,28 @@
 // Segmentation by the one-click protocol: trains both stages on a capture pack and scores every
 // level of its ground truth on the held-out views. One table row a seed and level.
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <string>
 
-#include "absl/strings/str_cat.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
 #include "core/features/train_features.h"
 #include "core/io/feature_file.h"
 #include "core/io/gaussian_ply.h"
 #include "core/query/propose_scales.h"
-#include "core/query/resolve_prompt.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
+#include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/decomposition_scores.h"
-#include "tests/bench/fewer_priors.h"
 #include "tests/bench/granularity.h"
 #include "tests/bench/labeled_views.h"
 #include "tests/bench/prompt_scores.h"
+#include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_one_flags.h"
 #include "tests/bench/stage_two_flags.h"
 
@@ -38,7 +35,7 @@ struct BenchOptions {
   std::string name = "run";
   int num_threads = 0;
   int num_seeds = 1;
-  CaptureShare share;
+  CaptureFaults faults;
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
@@ -50,23 +47,13 @@ struct BenchOptions {
   OneClickOptions protocol;
 };
 
-// What stage one leaves; seconds below 0: it was read.
-struct Geometry {
-  Gaussians gaussians;
-  double seconds = -1;
-  double psnr = 0;
-};
-
-// One row of the table.
-struct Row {
-  uint64_t seed;
-  const TruthLevel* level;
-  const Geometry* geometry;
-  double feature_seconds, evaluate_seconds;
-  OneClickScores scores;
-};
-
-absl::Status GoOn(const StepReport& /*report*/) { return absl::OkStatus(); }
+// Counts the steps of a stage.
+auto CountTo(int64_t& num_steps) {
+  return [&num_steps](const StepReport& report) {
+    num_steps = report.step;
+    return absl::OkStatus();
+  };
+}
 
 absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
                                      const BenchOptions& options, uint64_t seed) {
@@ -76,102 +63,30 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
   } else {
     ReconstructOptions stage = options.reconstruct;
     stage.seed = seed;
-    const double start = Now();
-    ASSIGN_OR_RETURN(geometry.gaussians, Reconstruct(backend, capture, stage, GoOn));
+    const double start = Now(), core_start = CoreNow();
+    ASSIGN_OR_RETURN(geometry.gaussians,
+                     Reconstruct(backend, capture, stage, CountTo(geometry.num_steps)));
     geometry.seconds = Now() - start;
+    geometry.core_seconds = CoreNow() - core_start;
     if (!options.gaussians.empty()) {
       RETURN_IF_ERROR(WriteGaussianPly(options.gaussians, geometry.gaussians));
     }
   }
   ASSIGN_OR_RETURN(const auto scores, ScoreHeldOut(backend, capture, geometry.gaussians));
-  geometry.psnr = Mean(scores).psnr;
+  geometry.held_out = Mean(scores);
   return geometry;
 }
 
 absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
                                       const Geometry& geometry, const BenchOptions& options,
-                                      const FeatureOptions& stage) {
+                                      const FeatureOptions& stage, int64_t& num_steps) {
   if (!options.field.empty() && std::filesystem::exists(options.field)) {
     return ReadFeatureFile(options.field, options.field);
   }
   ASSIGN_OR_RETURN(FeatureField field,
-                   TrainFeatures(backend, capture, geometry.gaussians, stage, GoOn));
+                   TrainFeatures(backend, capture, geometry.gaussians, stage, CountTo(num_steps)));
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
-}
-
-void PrintHeader(const OneClickOptions& protocol) {
-  std::string head =
-      "| run | seed | level | entities | mIoU | mBIoU | oracle mIoU | oracle mBIoU |";
-  std::string rule = "|---|---|---|---|---|---|---|---|";
-  for (const double scale : protocol.fixed_scales) {
-    head += absl::StrCat(" ", scale, " |");
-    rule += "---|";
-  }
-  std::printf("Fixed scales: mIoU at the threshold %.2f.\n\n", protocol.fixed_threshold);
-  std::printf("%s stage one s | stage two s | evaluation s | Gaussians | PSNR |\n", head.c_str());
-  std::printf("%s---|---|---|---|---|\n", rule.c_str());
-  std::fflush(stdout);
-}
-
-void PrintRow(const BenchOptions& options, const Row& row) {
-  const OneClickScores& scores = row.scores;
-  std::printf("| %s | %d | %s | %d | %.4f | %.4f | %.4f | %.4f |", options.name.c_str(),
-              static_cast<int>(row.seed), row.level->name.c_str(),
-              static_cast<int>(scores.entities.size()), scores.chosen.iou,
-              scores.chosen.boundary_iou, scores.oracle.iou, scores.oracle.boundary_iou);
-  for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
-  const double seconds = row.geometry->seconds;
-  seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
-  std::printf(" %.2f | %.2f | %ld | %.2f |\n", row.feature_seconds, row.evaluate_seconds,
-              static_cast<long>(row.geometry->gaussians.count), row.geometry->psnr);
-  std::fflush(stdout);
-}
-
-// As comments, so that the table's rows can be cut out.
-void PrintEntities(const Row& row) {
-  for (const EntityScore& score : row.scores.entities) {
-    const auto id = static_cast<size_t>(score.id);
-    const std::string name = id < row.level->entities.size() ? row.level->entities[id] : "";
-    std::printf(
-        "# %d %s %3d %-16s %2d views, click %s (%.1f, %.1f)%s: %.3f / %.3f at %.2f, %.2f; oracle "
-        "%.3f / %.3f at %.2f, %.2f\n",
-        static_cast<int>(row.seed), row.level->name.c_str(), score.id, name.c_str(),
-        static_cast<int>(score.views.size()), score.views[0].view.c_str(), score.click.x,
-        score.click.y, score.missing ? " on nothing" : "", score.chosen.iou,
-        score.chosen.boundary_iou, score.chosen.scale, score.chosen.threshold, score.oracle.iou,
-        score.oracle.boundary_iou, score.oracle.scale, score.oracle.threshold);
-  }
-}
-
-// A PPM an entity and view: white where it is right, red where it says too much, blue too little.
-absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
-                       const Row& row, const std::string& folder) {
-  for (const EntityScore& score : row.scores.entities) {
-    const auto reference = std::ranges::find_if(
-        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
-    ASSIGN_OR_RETURN(
-        const Query query,
-        ResolvePrompt(segmenter, {reference->view, std::vector<PointPrompt>{score.click}},
-                      {score.chosen.scale, score.chosen.threshold}));
-    for (const LabeledView& view : views) {
-      const ModelView target[] = {view.view};
-      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, target));
-      const SegmentResult& result = results[0];
-      std::ofstream file(
-          absl::StrCat(folder, "/", row.level->name, "_", score.id, "_", view.view.name, ".ppm"),
-          std::ios::binary);
-      file << "P6 " << result.width << " " << result.height << " 255\n";
-      for (size_t i = 0; i < view.labels.size(); ++i) {
-        const bool got = result.mask.pixels[i] != 0, want = view.labels[i] == score.id;
-        const char rgb[3] = {static_cast<char>(got ? 255 : 0),
-                             static_cast<char>(got && want ? 255 : 0),
-                             static_cast<char>(want ? 255 : 0)};
-        file.write(rgb, 3);
-      }
-    }
-  }
-  return absl::OkStatus();
 }
 
 // As comments.
@@ -186,7 +101,8 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 }
 
 // As a comment.
-absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack, const Row& row) {
+absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
+                          const SegmentRow& row) {
   std::vector<std::vector<LabeledView>> levels;
   for (const TruthLevel& level : pack.truth) levels.push_back(LabeledViews(pack.capture, level));
   const auto level = static_cast<size_t>(row.level - pack.truth.data());
@@ -207,10 +123,12 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
                      const Geometry& geometry, int run) {
   FeatureOptions stage = options.features;
   stage.seed += run;
+  int64_t num_steps = 0;
   Model model;
-  const double start = Now();
-  ASSIGN_OR_RETURN(model.field, GetField(backend, pack.capture, geometry, options, stage));
-  const double feature_seconds = Now() - start;
+  const double start = Now(), core_start = CoreNow();
+  ASSIGN_OR_RETURN(model.field,
+                   GetField(backend, pack.capture, geometry, options, stage, num_steps));
+  const double feature_seconds = Now() - start, feature_core_seconds = CoreNow() - core_start;
   model.gaussians = geometry.gaussians;
   model.scene_radius = SceneRadius(pack.capture);
   for (const View& view : pack.capture.views) {
@@ -226,9 +144,16 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     ASSIGN_OR_RETURN(OneClickScores scores,
                      EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level),
                                       options.protocol, [] { return absl::OkStatus(); }));
-    const Row row = {stage.seed,       &level, &geometry, feature_seconds, Now() - evaluate_start,
-                     std::move(scores)};
-    PrintRow(options, row);
+    const SegmentRow row = {stage.seed,
+                            &level,
+                            &geometry,
+                            feature_seconds,
+                            feature_core_seconds,
+                            Now() - evaluate_start,
+                            num_steps,
+                            backend.peak_bytes_in_use(),
+                            std::move(scores)};
+    PrintRow(options.name, row);
     if (options.entities) PrintEntities(row);
     if (options.prompts) {
       RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row));
@@ -245,7 +170,7 @@ absl::Status Run(const BenchOptions& options) {
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
   if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
   std::vector<KernelTime> times;
-  Reduce(options.share, pack);
+  Spoil(options.faults, pack);
   const auto backend =
       MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
@@ -275,6 +200,7 @@ absl::Status Run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Segmentation of a capture pack, scored by the one-click protocol");
   pepeseg::BenchOptions options;
+  pepeseg::AddPresetFlag(app, options.reconstruct, options.features);
   pepeseg::AddStageOneFlags(app, options.reconstruct);
   pepeseg::AddStageTwoFlags(app, options.features);
   app.add_option("pack", options.pack)->required();
@@ -287,9 +213,7 @@ int main(int argc, char** argv) {
   app.add_option("--name", options.name, "first column");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
-  app.add_flag("--no-depth", options.share.without_depth);
-  app.add_option("--every-view", options.share.every_view, "only every n-th training view");
-  app.add_option("--drop-masks", options.share.dropped_masks, "share of the masks");
+  pepeseg::AddFaultFlags(app, options.faults);
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
   app.add_flag("--prompts", options.prompts,

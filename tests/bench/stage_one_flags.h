@@ -2,9 +2,25 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/preset.h"
 #include "core/reconstruct/reconstruct.h"
 
 namespace pepeseg {
+
+// --preset NAME: sets both stages before the other flags are looked at, wherever it stands.
+inline void AddPresetFlag(CLI::App& app, ReconstructOptions& stage_one, FeatureOptions& stage_two) {
+  app.add_option_function<std::string>(
+         "--preset",
+         [&](const std::string& name) {
+           const Preset preset = name == "preview" ? Preset::kPreview
+                                 : name == "best"  ? Preset::kBest
+                                                   : Preset::kStandard;
+           Apply(preset, stage_one, stage_two);
+         },
+         "preview, standard or best")
+      ->check(CLI::IsMember({"preview", "standard", "best"}))
+      ->trigger_on_parse();
+}
 
 // The options of stage one as flags of a bench.
 inline void AddStageOneFlags(CLI::App& app, ReconstructOptions& stage) {

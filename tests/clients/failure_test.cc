@@ -5,9 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "clients/cpp/answer_status.h"
 #include "pepeseg/v1/errors.pb.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using ::testing::AllOf;
@@ -142,4 +143,4 @@ TEST(ExplainJson, SurvivesBytesThatAreNoText) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

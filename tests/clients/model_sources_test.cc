@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 TEST(SourcesText, ComesInTheOrderOfMaking) {
@@ -16,4 +16,4 @@ TEST(SourcesText, ComesInTheOrderOfMaking) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

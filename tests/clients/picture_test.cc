@@ -5,10 +5,10 @@
 
 #include <array>
 
-#include "clients/cli/file_bytes.h"
 #include "clients/cli/questions.h"
+#include "clients/cpp/file_bytes.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -83,4 +83,4 @@ TEST(Stem, NeverLeavesItsFolder) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

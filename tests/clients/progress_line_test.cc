@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using ::testing::HasSubstr;
@@ -41,4 +41,4 @@ TEST(ClockText, ReadsLikeAClock) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

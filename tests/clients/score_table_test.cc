@@ -5,7 +5,7 @@
 
 #include "absl/strings/str_format.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using ::testing::ElementsAre;
@@ -53,4 +53,4 @@ TEST(ScoreTable, OfManyViewsHasTheWorst) {
 TEST(ScoreTable, OfNoScoresIsNone) { EXPECT_THAT(ScoreTable(std::vector<v1::View>(3)), IsEmpty()); }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

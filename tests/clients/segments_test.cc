@@ -9,7 +9,7 @@
 #include "clients/cli/segment_tree.h"
 #include "clients/cli/subset.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using ::testing::ElementsAre;
@@ -122,4 +122,4 @@ TEST(ParseSubset, RefusesWhatNamesNothing) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

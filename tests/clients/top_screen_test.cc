@@ -5,7 +5,7 @@
 
 #include "absl/time/clock.h"
 
-namespace pepeseg::cli {
+namespace pepeseg::client::cli {
 namespace {
 
 using ::testing::Contains;
@@ -53,4 +53,4 @@ TEST(TopScreen, ShowsServerPoolsJobsAndModels) {
 }
 
 }  // namespace
-}  // namespace pepeseg::cli
+}  // namespace pepeseg::client::cli

@@ -53,10 +53,11 @@ size_t MutateInPlace(Mutator mutator, uint8_t* data, size_t size, size_t max_siz
     return pepeseg::fuzz::MutateInPlace(mutator, data, size, max_size, seed);            \
   }
 #else
-#define PEPESEG_FUZZ_TARGET(name)                                                            \
-  static void FuzzBytes(absl::string_view bytes);                                            \
-  [[maybe_unused]] static const bool is_known = pepeseg::fuzz::AddTarget(#name, &FuzzBytes); \
-  static void FuzzBytes(absl::string_view bytes)
+#define PEPESEG_FUZZ_TARGET(name)                        \
+  static void name##FuzzBytes(absl::string_view bytes);  \
+  [[maybe_unused]] static const bool name##_is_known =   \
+      pepeseg::fuzz::AddTarget(#name, &name##FuzzBytes); \
+  static void name##FuzzBytes(absl::string_view bytes)
 #define PEPESEG_FUZZ_MUTATOR(name, mutator) \
-  [[maybe_unused]] static const bool has_mutator = pepeseg::fuzz::AddMutator(#name, mutator);
+  [[maybe_unused]] static const bool name##_has_mutator = pepeseg::fuzz::AddMutator(#name, mutator);
 #endif

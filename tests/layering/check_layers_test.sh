@@ -8,7 +8,7 @@ failures=0
 
 plant() {  # plant FILE INCLUDE
   rm -rf "${tree:?}"/*
-  mkdir -p "$tree"/{core/io,kernels/cuda,kernels/cpu,server/rpc,clients/cli} "$tree/$(dirname "$1")"
+  mkdir -p "$tree"/{core/io,kernels/cuda,kernels/cpu,server/rpc,clients/cli,clients/cpp} "$tree/$(dirname "$1")"
   printf '#pragma once\n#include %s\n' "$2" >"$tree/$1"
 }
 expect_found() {
@@ -42,6 +42,7 @@ expect_found kernels/cuda/render.cu '<Eigen/Core>'
 expect_found clients/cli/main.cc '"core/io/import.h"'
 expect_found clients/cli/main.cc '"server/store.h"'
 expect_found server/main.cc '  "clients/cli/picture.h"'
+expect_found clients/cpp/client.cc '"clients/cli/shell.h"'
 expect_allowed core/io/image.cc '<opencv2/imgcodecs.hpp>'
 expect_allowed core/priors/edges.cc '<opencv2/imgproc.hpp>'
 expect_allowed kernels/cuda/render.cu '<cuda_runtime.h>'

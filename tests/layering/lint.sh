@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# clang-format, headers that compile alone, clang-tidy.   lint.sh BUILD_FOLDER JOBS
+# clang-format, headers that compile alone, clang-tidy, mypy.   lint.sh BUILD_FOLDER JOBS
 # A file that clang-tidy passed is looked at again when its preprocessed text, its compiler flags or
 # the checks have changed: BUILD_FOLDER/lint has what it passed with.
 set -euo pipefail
@@ -28,4 +28,6 @@ cmake --build "$build" -j "$jobs" --target lone_headers
 mkdir -p "$build/lint"
 printf '%s\n' "${files[@]}" | grep '\.cc$' |
   xargs -P "$jobs" -I{} bash -euo pipefail -c 'tidy "$@"' tidy "$build" {}
+cache=$(realpath -m "$build/lint/mypy")
+(cd clients/python/pepeseg && mypy --cache-dir "$cache")
 echo 'lint: clean'

@@ -80,6 +80,47 @@ TEST(TrainingOptions, AbsentFieldsKeepTheDefaults) {
   EXPECT_EQ(effective.import().held_out_every(), ImportOptions().held_out_every);
 }
 
+TEST(TrainingOptions, APresetFillsWhatIsAbsent) {
+  v1::TrainingOptions options;
+  options.set_preset(v1::TRAINING_PRESET_PREVIEW);
+  options.mutable_features()->set_num_steps(77);
+  const auto preview = TrainingSettingsFromProto(options);
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_LT(preview->reconstruct.num_steps, ReconstructOptions().num_steps);
+  EXPECT_EQ(preview->features.num_steps, 77);
+  EXPECT_EQ(preview->features.num_pixels, FeatureOptions().num_pixels);
+  EXPECT_EQ(ToProto(*preview).preset(), v1::TRAINING_PRESET_PREVIEW);
+  // What is effective says the same once more.
+  const auto again = TrainingSettingsFromProto(ToProto(*preview));
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(ToProto(*again).DebugString(), ToProto(*preview).DebugString());
+
+  options.set_preset(v1::TRAINING_PRESET_BEST);
+  const auto best = TrainingSettingsFromProto(options);
+  ASSERT_TRUE(best.ok()) << best.status();
+  EXPECT_GT(best->reconstruct.num_steps, ReconstructOptions().num_steps);
+}
+
+TEST(TrainingOptions, StandardIsTheDefaults) {
+  v1::TrainingOptions options;
+  options.set_preset(v1::TRAINING_PRESET_STANDARD);
+  const auto standard = TrainingSettingsFromProto(options);
+  const auto absent = TrainingSettingsFromProto({});
+  ASSERT_TRUE(standard.ok()) << standard.status();
+  ASSERT_TRUE(absent.ok()) << absent.status();
+  EXPECT_EQ(ToProto(*standard).DebugString(), ToProto(*absent).DebugString());
+}
+
+TEST(TrainingOptions, RefusesAPresetThatIsNone) {
+  v1::TrainingOptions options;
+  for (const int number : {0, 4}) {
+    options.set_preset(static_cast<v1::TrainingPreset>(number));
+    const auto refused = TrainingSettingsFromProto(options).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+    EXPECT_NE(refused.message().find("preset is"), std::string::npos) << refused;
+  }
+}
+
 TEST(TrainingOptions, OutOfRangeNamesTheField) {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(1.5);

@@ -104,8 +104,9 @@ grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
     grpc::ClientContext context;
     v1::Job job;
     const grpc::Status status = jobs.GetJob(&context, request, &job);
+    if (status.ok() || absl::Now() > deadline) return status;
     const v1::ErrorDetail detail = DetailOf(status);
-    if (detail.reason() != "BUSY" || absl::Now() > deadline) return status;
+    if (detail.reason() != "BUSY") return status;
     absl::SleepFor(absl::Seconds(detail.retry_after().seconds()));
   }
 }

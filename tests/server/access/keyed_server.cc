@@ -13,12 +13,6 @@
 namespace pepeseg {
 namespace {
 
-ServerOptions WithAdmin() {
-  ServerOptions options;
-  options.admin = "127.0.0.1:0";
-  return options;
-}
-
 // One operation after the other on a stream.
 class Steps {
  public:

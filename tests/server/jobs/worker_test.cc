@@ -27,6 +27,7 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   EXPECT_EQ(model->views.size(), 15u);
   EXPECT_GT(model->metrics.at("psnr"), 5);
   EXPECT_GT(model->metrics.at("seconds_reconstruct"), 0);
+  EXPECT_GT(model->metrics.at("core_seconds_reconstruct"), 0);
   EXPECT_GT(model->metrics.at("num_masks"), 0);
   EXPECT_THAT(model->facts.at("device"), HasSubstr("cpu (2 threads"));
   EXPECT_THAT(model->facts.at("options"), HasSubstr("\"numSteps\":60"));

@@ -9,12 +9,11 @@
 #include "core/io/rle.h"
 #include "server/rpc/evaluate_answer.h"
 #include "tests/server/png_bytes.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 96, kHeight = 64;
 constexpr char kLeftView[] = "left/0.jpg", kRightView[] = "right.jpg";  // those held out
 constexpr uint16_t kRed = 3, kBlue = 700;
 

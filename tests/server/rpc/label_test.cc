@@ -4,12 +4,10 @@
 
 #include "core/io/encode_png.h"
 #include "core/io/rle.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr int kWidth = 96, kHeight = 64;  // of the views of model_worker.cc
 
 // A scene with the model of model_worker.cc.
 struct LabelTest : ::testing::Test {

@@ -6,8 +6,6 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kWidth = 96, kHeight = 64;  // of the views of model_worker.cc
-
 // Boxes, masks and labels through Segment; points are in segmentation_service_test.cc.
 struct PromptsTest : ShelfModel {
   PromptsTest() {

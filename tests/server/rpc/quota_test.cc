@@ -8,12 +8,6 @@
 namespace pepeseg {
 namespace {
 
-ServerOptions WithAdmin() {
-  ServerOptions options;
-  options.admin = "127.0.0.1:0";
-  return options;
-}
-
 struct QuotaTest : ::testing::Test {
   QuotaTest() : running(PEPESEG_MODEL_WORKER, WithAdmin()) {
     for (const char* scene : {"a", "b"}) running.CreateScene(scene);

@@ -15,8 +15,7 @@ namespace {
 
 using Request = v1::RenderRequest;
 
-constexpr int kWidth = 96, kHeight = 64;
-constexpr int kRed = 32 * kWidth + 30, kBlue = 32 * kWidth + 66, kNothing = 2 * kWidth + 2;
+constexpr int kInRed = 32 * kWidth + 30, kInBlue = 32 * kWidth + 66, kNothing = 2 * kWidth + 2;
 
 struct RenderTest : ShelfModel {
   RenderTest() {
@@ -65,13 +64,13 @@ TEST_F(RenderTest, DepthIsInTheAnswersUnits) {
   request.set_content(Request::CONTENT_DEPTH);
   const std::vector<float> depth = Grey();
   EXPECT_GT(answer.depth_unit(), 0);
-  EXPECT_NEAR(depth[kRed] * answer.depth_unit(), 2, 0.01);
-  EXPECT_NEAR(depth[kBlue] * answer.depth_unit(), 2, 0.01);
+  EXPECT_NEAR(depth[kInRed] * answer.depth_unit(), 2, 0.01);
+  EXPECT_NEAR(depth[kInBlue] * answer.depth_unit(), 2, 0.01);
   EXPECT_EQ(depth[kNothing], 0);
   SetSegment(0, 1, *request.mutable_subset());
   const std::vector<float> red_only = Grey();
-  EXPECT_NEAR(red_only[kRed] * answer.depth_unit(), 2, 0.01);
-  EXPECT_EQ(red_only[kBlue], 0);
+  EXPECT_NEAR(red_only[kInRed] * answer.depth_unit(), 2, 0.01);
+  EXPECT_EQ(red_only[kInBlue], 0);
 }
 
 TEST_F(RenderTest, SegmentsKeepTheirIdsInAllViews) {
@@ -80,8 +79,8 @@ TEST_F(RenderTest, SegmentsKeepTheirIdsInAllViews) {
   for (const auto& [view, shift] : {std::pair("middle.jpg", 0), std::pair("right.jpg", -3)}) {
     request.mutable_viewpoint()->set_view(view);
     const std::vector<float> ids = Grey();
-    EXPECT_EQ(ids[kRed + shift], 1) << view;
-    EXPECT_EQ(ids[kBlue + shift], 2) << view;
+    EXPECT_EQ(ids[kInRed + shift], 1) << view;
+    EXPECT_EQ(ids[kInBlue + shift], 2) << view;
     EXPECT_EQ(ids[kNothing], 0) << view;
   }
   EXPECT_EQ(answer.width(), kWidth);
@@ -93,27 +92,27 @@ TEST_F(RenderTest, FeaturesHaveTheirColourInAllViews) {
   request.set_feature_scale(0.5);
   const Image middle = Colors();
   EXPECT_TRUE(IsBlack(At(middle, kNothing)));
-  EXPECT_GT(std::abs(At(middle, kRed)[0] - At(middle, kBlue)[0]), 200);
+  EXPECT_GT(std::abs(At(middle, kInRed)[0] - At(middle, kInBlue)[0]), 200);
   request.mutable_viewpoint()->set_view("right.jpg");
   const Image right = Colors();
   for (int k = 0; k < 3; ++k) {
-    EXPECT_NEAR(At(right, kRed - 3)[k], At(middle, kRed)[k], 2);
-    EXPECT_NEAR(At(right, kBlue - 3)[k], At(middle, kBlue)[k], 2);
+    EXPECT_NEAR(At(right, kInRed - 3)[k], At(middle, kInRed)[k], 2);
+    EXPECT_NEAR(At(right, kInBlue - 3)[k], At(middle, kInBlue)[k], 2);
   }
 }
 
 TEST_F(RenderTest, ASegmentAloneAndAllWithoutIt) {
   SetSegment(2, 1, *request.mutable_subset());
   const Image alone = Colors();
-  EXPECT_TRUE(IsRed(At(alone, kRed)));
-  EXPECT_TRUE(IsBlack(At(alone, kBlue)));
+  EXPECT_TRUE(IsRed(At(alone, kInRed)));
+  EXPECT_TRUE(IsBlack(At(alone, kInBlue)));
   request.mutable_subset()->set_complement(true);
   const Image without = Colors();
-  EXPECT_TRUE(IsBlack(At(without, kRed)));
-  EXPECT_TRUE(IsBlue(At(without, kBlue)));
+  EXPECT_TRUE(IsBlack(At(without, kInRed)));
+  EXPECT_TRUE(IsBlue(At(without, kInBlue)));
   request.clear_subset();
   const Image all = Colors();
-  EXPECT_TRUE(IsRed(At(all, kRed)) && IsBlue(At(all, kBlue)));
+  EXPECT_TRUE(IsRed(At(all, kInRed)) && IsBlue(At(all, kInBlue)));
 }
 
 TEST_F(RenderTest, AnOverlayTintsItsPixelsAndDrawsTheirBorder) {
@@ -143,11 +142,11 @@ TEST_F(RenderTest, AnOverlayOfASegmentLiesWhereItIsSeen) {
   const Image plain = Colors();
   SetSegment(0, 2, *request.mutable_overlay_subset());
   const Image image = Colors();
-  EXPECT_NEAR(At(image, kBlue)[0], 0.55 * At(plain, kBlue)[0] + 0.45 * 255, 1);
-  EXPECT_EQ(At(image, kRed)[2], At(plain, kRed)[2]);
+  EXPECT_NEAR(At(image, kInBlue)[0], 0.55 * At(plain, kInBlue)[0] + 0.45 * 255, 1);
+  EXPECT_EQ(At(image, kInRed)[2], At(plain, kInRed)[2]);
   EXPECT_EQ(At(image, kNothing)[0], At(plain, kNothing)[0]);
   SetSegment(0, 1, *request.mutable_subset());
-  EXPECT_TRUE(IsBlack(At(Colors(), kBlue))) << "what is not rendered has no overlay";
+  EXPECT_TRUE(IsBlack(At(Colors(), kInBlue))) << "what is not rendered has no overlay";
 }
 
 TEST_F(RenderTest, RefusesContentsThatAreNone) {

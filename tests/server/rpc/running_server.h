@@ -33,6 +33,13 @@ v1::WriteFilesRequest EndPart();
 std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const TestFile& file,
                                              size_t chunk_bytes = 1 << 20);
 
+// The defaults, and an admin listener.
+inline ServerOptions WithAdmin() {
+  ServerOptions options;
+  options.admin = "127.0.0.1:0";
+  return options;
+}
+
 // A server of a test's own, over an in-process channel unless a test asks for the socket.
 struct RunningServer {
   // `settings` but for the data folder, the worker and the device.

@@ -7,6 +7,8 @@
 
 namespace pepeseg {
 
+constexpr int kWidth = 96, kHeight = 64;  // of the views of model_worker.cc
+
 // A server with the model of model_worker.cc as "scenes/shelf/models/1": a red square at pixels
 // about (30, 32) of view middle.jpg and a blue one about (66, 32), 2 units away, each of 10,000
 // Gaussians and one segment of every level: red 1, blue 2.

@@ -1,0 +1,216 @@
+// The verb that draws a dataset's curve: trainings of several lengths and seeds, scored.
+#include <filesystem>
+#include <memory>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "clients/cli/bench_record.h"
+#include "clients/cli/bench_truth.h"
+#include "clients/cli/evaluation.h"
+#include "clients/cli/failure.h"
+#include "clients/cli/questions.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/stopwatch.h"
+#include "clients/cli/training.h"
+#include "clients/cli/upload.h"
+#include "clients/cli/watch.h"
+#include "clients/cpp/dataset_folder.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct BenchFlags {
+  std::string folder;
+  std::string out;
+  std::string scene;
+  std::vector<std::string> presets{"preview", "standard", "best"};
+  std::vector<int> steps{500, 1000, 2000, 5000};
+  int num_seeds = 3;
+  std::string image_scale;
+  std::string depth_kind = "depth";
+  std::vector<std::string> settings;
+  std::vector<std::string> facts;  // NAME=VALUE
+};
+
+// A training without its seed.
+struct Plan {
+  std::string name;
+  std::vector<std::string> settings;
+};
+
+std::vector<Plan> PlansOf(const BenchFlags& flags) {
+  std::vector<std::string> shared = flags.settings;
+  if (!flags.image_scale.empty()) shared.push_back("import.image_scale=" + flags.image_scale);
+  std::vector<Plan> plans;
+  for (const int steps : flags.steps) {
+    plans.push_back({absl::StrCat(steps, " steps"),
+                     {absl::StrCat("reconstruct.num_steps=", steps),
+                      absl::StrCat("features.num_steps=", steps)}});
+  }
+  for (const std::string& preset : flags.presets) plans.push_back({preset, {"preset=" + preset}});
+  for (Plan& plan : plans) {
+    plan.settings.insert(plan.settings.end(), shared.begin(), shared.end());
+  }
+  return plans;
+}
+
+absl::Time TimeOf(const google::protobuf::Timestamp& time) {
+  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+}
+
+// Queued, watched to its end.
+absl::Status Train(const Client& client, const std::string& dataset, const Plan& plan,
+                   BenchRun& run) {
+  std::vector<std::string> settings = plan.settings;
+  settings.push_back(absl::StrCat("reconstruct.seed=", run.seed));
+  settings.push_back(absl::StrCat("features.seed=", run.seed));
+  const Stopwatch watch;
+  ASSIGN_OR_RETURN(const v1::Job job, StartTraining(client, SceneOf(dataset), dataset, settings));
+  ASSIGN_OR_RETURN(run.job, WatchJob(client, job.name(), [&](const v1::JobEvent& event) {
+                     if (!event.has_progress()) return;
+                     run.steps[event.progress().stage()] = event.progress().step();
+                   }));
+  run.seconds["request_to_model"] = watch.Seconds();
+  run.seconds["queue"] =
+      absl::ToDoubleSeconds(TimeOf(run.job.start_time()) - TimeOf(run.job.create_time()));
+  ASSIGN_OR_RETURN(run.model, client.GetModel(run.job.model()));
+  return absl::OkStatus();
+}
+
+// One point in the middle of the first held-out view, granularity left to the server, twice. Where
+// there is nothing under it, nothing is measured.
+absl::Status Click(const Client& client, const std::vector<v1::View>& views, BenchRun& run) {
+  v1::SegmentRequest request;
+  request.set_model(run.model.name());
+  for (const v1::View& view : views) {
+    if (!view.held_out()) continue;
+    request.mutable_prompt()->mutable_view()->set_view(view.view());
+    request.mutable_targets()->add_views(view.view());
+    auto* point = request.mutable_prompt()->mutable_points()->add_points();
+    point->set_x(0.5 * view.camera().width());
+    point->set_y(0.5 * view.camera().height());
+    break;
+  }
+  for (const char* name : {"first_click", "next_click"}) {
+    const Stopwatch watch;
+    const auto answer = client.Segment(request);
+    if (absl::IsFailedPrecondition(answer.status())) return absl::OkStatus();
+    RETURN_IF_ERROR(answer.status());
+    run.seconds[name] = watch.Seconds();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Score(const Client& client, const fs::path& dataset,
+                   const std::vector<TruthLevel>& truth, const std::vector<v1::View>& views,
+                   BenchRun& run) {
+  for (const TruthLevel& level : truth) {
+    ASSIGN_OR_RETURN(const v1::EvaluateRequest request,
+                     EvaluateRequestOf(dataset, level, run.model.name(), views));
+    ASSIGN_OR_RETURN(v1::EvaluateResponse scores, client.Evaluate(request));
+    run.levels.emplace_back(level.name, std::move(scores));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<BenchRun> RunPlan(const Client& client, const BenchFlags& flags,
+                                 const std::string& dataset, const Plan& plan, uint64_t seed) {
+  BenchRun run;
+  run.name = plan.name;
+  run.seed = seed;
+  RETURN_IF_ERROR(Train(client, dataset, plan, run));
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(run.model.name()));
+  ASSIGN_OR_RETURN(const std::vector<TruthLevel> truth, FindTruth(flags.folder));
+  // Trained without masks it answers no questions.
+  const auto masks = run.model.sources().find("masks");
+  if (masks != run.model.sources().end() && masks->second != "none") {
+    RETURN_IF_ERROR(Click(client, views, run));
+    RETURN_IF_ERROR(Score(client, flags.folder, truth, views, run));
+  }
+  RETURN_IF_ERROR(client.DeleteModel(run.model.name()));
+  return run;
+}
+
+absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
+  const Client client(shell.channel);
+  const std::string scene = SceneName(
+      flags.scene.empty() ? absl::StrCat("bench-", absl::ToUnixMillis(absl::Now())) : flags.scene);
+  BenchRecord record;
+  record.dataset = fs::absolute(flags.folder).lexically_normal().filename().string();
+  for (const std::string& fact : flags.facts) {
+    const std::pair<std::string, std::string> split = absl::StrSplit(fact, absl::MaxSplits('=', 1));
+    record.facts.insert(split);
+  }
+  const Stopwatch watch;
+  const v1::FileKind in_depth =
+      flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
+  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
+  RETURN_IF_ERROR(client.EnsureScene(scene));
+  ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
+  record.upload_seconds = watch.Seconds();
+  for (const Plan& plan : PlansOf(flags)) {
+    for (int seed = 1; seed <= flags.num_seeds; ++seed) {
+      ASSIGN_OR_RETURN(BenchRun run, RunPlan(client, flags, dataset.name(), plan, seed));
+      if (!shell.json) Print(RunLine(run));
+      record.runs.push_back(std::move(run));
+      // After each run: what was measured stays when a later one fails.
+      RETURN_IF_ERROR(
+          WriteFile(fs::path(flags.out) / "record.json", ToJson(record).dump(1) + "\n"));
+    }
+  }
+  if (shell.json) Print(ToJson(record).dump());
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddBench(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<BenchFlags>();
+  CLI::App* verb = app.add_subcommand(
+      "bench",
+      "Error against time of a dataset: trainings of several lengths and seeds, scored on "
+      "the held-out views; the record as JSON");
+  verb->add_option("FOLDER", flags->folder,
+                   "The dataset, as for upload, with label images for the scores of segments: "
+                   "gt/LEVEL/STEM.png with gt/labels.json, or labels/STEM.png")
+      ->required();
+  verb->add_option("--out", flags->out, "Folder for record.json")->default_val("build/bench");
+  verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
+  verb->add_option("--presets", flags->presets, "Presets to train")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"preview", "standard", "best", ""}))
+      ->capture_default_str();
+  verb->add_option("--steps", flags->steps,
+                   "Lengths of both stages to train, else standard; 0: none")
+      ->delimiter(',')
+      ->capture_default_str();
+  verb->add_option("--seeds", flags->num_seeds, "Trainings of each, with seeds from 1")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  verb->add_option("--image-scale", flags->image_scale, "Shrink the photographs by this, (0, 1]");
+  verb->add_option("--depth-kind", flags->depth_kind, "What depth/ holds, as for upload")
+      ->check(CLI::IsMember({"depth", "disparity"}))
+      ->capture_default_str();
+  verb->add_option("-o,--option", flags->settings, "NAME=VALUE, of every training")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  verb->add_option("--fact", flags->facts,
+                   "NAME=VALUE for the record, as machine=... or commit=...")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  verb->callback([flags, &shell] {
+    std::erase(flags->steps, 0);
+    std::erase(flags->presets, "");
+    shell.verb = [&, flags] { return RunBench(shell, *flags); };
+  });
+}
+
+}  // namespace pepeseg::client::cli

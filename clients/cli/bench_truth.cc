@@ -1,0 +1,95 @@
+#include "clients/cli/bench_truth.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/file_bytes.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool Exists(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
+
+// Of 8 bits as it is; of 16 bits where all ids fit into 8.
+absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
+  const auto wide = DecodeGrey16(bytes, path.string());
+  if (!wide.ok()) return ReadGreyPicture(path);
+  GreyPicture labels{wide->width, wide->height, {}};
+  labels.pixels.reserve(wide->pixels.size());
+  for (const uint16_t id : wide->pixels) {
+    if (id > 255) {
+      return absl::InvalidArgumentError(absl::StrCat(path.string(), ": the id ", id,
+                                                     " is over 255; `pepeseg evaluate` takes it"));
+    }
+    labels.pixels.push_back(static_cast<uint8_t>(id));
+  }
+  return labels;
+}
+
+absl::StatusOr<std::string> LabelsPng(const fs::path& path, const v1::PinholeCamera& camera) {
+  ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
+  const double step = static_cast<double>(labels.width) / camera.width();
+  if (std::abs(labels.height / step - camera.height()) > 1) {
+    return absl::InvalidArgumentError(absl::StrCat(path.string(), ": ", labels.width, "x",
+                                                   labels.height, " labels, the model's view has ",
+                                                   camera.width(), "x", camera.height()));
+  }
+  return EncodePng(Resized(labels, camera.width(), camera.height()));
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<TruthLevel>> FindTruth(const fs::path& dataset) {
+  const fs::path list = dataset / "gt" / "labels.json";
+  std::vector<TruthLevel> levels;
+  if (!Exists(list)) {
+    if (Exists(dataset / "labels")) levels.push_back({"labels", dataset / "labels", {}});
+    return levels;
+  }
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(list));
+  const auto json = nlohmann::ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(list.string(), ": an object of levels is wanted"));
+  }
+  for (const auto& [name, entities] : json.items()) {
+    TruthLevel level{name, dataset / "gt" / name, {}};
+    int id = 0;
+    for (const auto& entity : entities) {
+      if (entity.is_string()) level.entities[id] = entity.get<std::string>();
+      ++id;
+    }
+    levels.push_back(std::move(level));
+  }
+  return levels;
+}
+
+absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const fs::path& dataset,
+                                                      const TruthLevel& level,
+                                                      const std::string& model,
+                                                      const std::vector<v1::View>& views) {
+  v1::EvaluateRequest request;
+  request.set_model(model);
+  for (const auto& [id, name] : level.entities) (*request.mutable_entity_names())[id] = name;
+  const fs::path ignore = dataset / "ignore_mask.png";
+  for (const v1::View& view : views) {
+    const fs::path path = level.folder / fs::path(view.view()).replace_extension(".png");
+    if (!view.held_out() || !Exists(path)) continue;
+    auto& labels = *request.add_labels();
+    labels.set_view(view.view());
+    ASSIGN_OR_RETURN(*labels.mutable_png(), LabelsPng(path, view.camera()));
+    if (!Exists(ignore)) continue;
+    ASSIGN_OR_RETURN(*labels.mutable_ignore_png(), LabelsPng(ignore, view.camera()));
+  }
+  return request;
+}
+
+}  // namespace pepeseg::client::cli

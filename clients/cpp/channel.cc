@@ -1,0 +1,152 @@
+#include "clients/cpp/channel.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+#include <grpcpp/support/client_interceptor.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client {
+namespace {
+
+constexpr int kMaxAnswerBytes = 64 << 20;
+constexpr char kHttps[] = "https://";
+
+absl::StatusOr<std::string> ReadText(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text((std::istreambuf_iterator<char>(file)), {});
+  if (!file.is_open() || file.bad()) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read"));
+  }
+  return text;
+}
+
+// What is not printable would end the call with a fault that names nothing.
+bool IsKey(const std::string& text) {
+  return text.rfind("pk_", 0) == 0 && std::all_of(text.begin(), text.end(), absl::ascii_isgraph);
+}
+
+bool IsJwt(const std::string& text) {
+  const auto is_allowed = [](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
+  };
+  return std::count(text.begin(), text.end(), '.') == 2 && text.front() != '.' &&
+         text.back() != '.' && text.find("..") == std::string::npos &&
+         std::all_of(text.begin(), text.end(), is_allowed);
+}
+
+// Empty: there is none.
+absl::StatusOr<std::string> FindKey(const Login& login) {
+  std::string from = "PEPESEG_KEY";
+  std::string text;
+  if (!login.key_file.empty()) {
+    from = login.key_file;
+    ASSIGN_OR_RETURN(text, ReadText(login.key_file));
+    text = text.substr(0, text.find('\n'));
+  } else if (const char* value = std::getenv("PEPESEG_KEY")) {
+    text = value;
+  }
+  const std::string key(absl::StripAsciiWhitespace(text));
+  if (key.empty() && login.key_file.empty()) return key;
+  if (!IsKey(key) && !IsJwt(key)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(from,
+                     ": holds no key, which is a line that begins with pk_, and no token "
+                     "(JWT), which is three parts with '.' between them"));
+  }
+  return key;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> TlsCredentials(const Login& login) {
+  if (login.certificate.empty() != login.certificate_key.empty()) {
+    return absl::InvalidArgumentError(
+        "--certificate and --certificate-key are given together or not at all");
+  }
+  grpc::SslCredentialsOptions options;
+  if (!login.ca.empty()) {
+    ASSIGN_OR_RETURN(options.pem_root_certs, ReadText(login.ca));
+  }
+  if (!login.certificate.empty()) {
+    ASSIGN_OR_RETURN(options.pem_cert_chain, ReadText(login.certificate));
+    ASSIGN_OR_RETURN(options.pem_private_key, ReadText(login.certificate_key));
+  }
+  return grpc::SslCredentials(options);
+}
+
+using grpc::experimental::ClientInterceptorFactoryInterface;
+using grpc::experimental::ClientRpcInfo;
+using grpc::experimental::InterceptionHookPoints;
+using grpc::experimental::Interceptor;
+using grpc::experimental::InterceptorBatchMethods;
+
+// Shows the key. (gRPC's own call credentials do not go over a loopback without TLS.)
+class KeyInterceptor final : public Interceptor {
+ public:
+  explicit KeyInterceptor(const std::string& header) : header_(header) {}
+  void Intercept(InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
+      methods->GetSendInitialMetadata()->emplace("authorization", header_);
+    }
+    methods->Proceed();
+  }
+
+ private:
+  const std::string& header_;  // the factory's, which the channel keeps
+};
+
+class KeyInterceptorFactory final : public ClientInterceptorFactoryInterface {
+ public:
+  explicit KeyInterceptorFactory(const std::string& key) : header_(absl::StrCat("Bearer ", key)) {}
+  Interceptor* CreateClientInterceptor(ClientRpcInfo*) override {
+    return new KeyInterceptor(header_);  // gRPC's to delete
+  }
+
+ private:
+  const std::string header_;
+};
+
+}  // namespace
+
+bool IsThisMachine(const std::string& server) {
+  if (server.rfind("unix:", 0) == 0) return true;
+  const std::string host = server.substr(0, server.rfind(':'));
+  if (host == "localhost" || host == "[::1]") return true;
+  // All of 127.0.0.0/8, but no name that only begins so.
+  return host.rfind("127.", 0) == 0 && host.find_first_not_of("0123456789.") == std::string::npos;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& server,
+                                                           const Login& login) {
+  const bool is_https = server.rfind(kHttps, 0) == 0;
+  const std::string target = is_https ? server.substr(sizeof(kHttps) - 1) : server;
+  const bool tls = login.tls || is_https || !login.ca.empty() || !login.certificate.empty() ||
+                   !login.certificate_key.empty();
+  ASSIGN_OR_RETURN(const std::string key, FindKey(login));
+  if (!key.empty() && !tls && !IsThisMachine(target)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the key is not sent to ", target,
+        ": the connection is not encrypted, and whoever is on "
+        "the way could read and use it; speak to the server over TLS, with --tls or --ca FILE"));
+  }
+  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
+  if (tls) {
+    ASSIGN_OR_RETURN(credentials, TlsCredentials(login));
+  }
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxAnswerBytes);
+  std::vector<std::unique_ptr<ClientInterceptorFactoryInterface>> interceptors;
+  if (!key.empty()) interceptors.push_back(std::make_unique<KeyInterceptorFactory>(key));
+  return grpc::experimental::CreateCustomChannelWithInterceptors(target, credentials, arguments,
+                                                                 std::move(interceptors));
+}
+
+}  // namespace pepeseg::client

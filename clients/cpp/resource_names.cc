@@ -1,0 +1,35 @@
+#include "clients/cpp/resource_names.h"
+
+#include <random>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace pepeseg::client {
+
+std::string SceneName(const std::string& scene) {
+  return absl::StartsWith(scene, "scenes/") ? scene : absl::StrCat("scenes/", scene);
+}
+
+std::string JobName(const std::string& job) {
+  return absl::StartsWith(job, "jobs/") ? job : absl::StrCat("jobs/", job);
+}
+
+std::string ModelName(const std::string& scene, const std::string& model) {
+  return absl::StrCat(SceneName(scene), "/models/", model);
+}
+
+std::string SceneOf(const std::string& resource) {
+  const size_t id_start = std::string("scenes/").size();
+  return resource.substr(0, resource.find('/', id_start));
+}
+
+std::string NewRequestId() {
+  std::random_device random;
+  std::string id;
+  for (int word = 0; word < 4; ++word) absl::StrAppendFormat(&id, "%08x", random());
+  return id;
+}
+
+}  // namespace pepeseg::client

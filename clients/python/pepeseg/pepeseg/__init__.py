@@ -1,0 +1,80 @@
+"""pepeseg: photographs of a scene to 3D Gaussians that one click segments.
+
+`Client` blocks, `aio.Client` awaits; both speak gRPC to a pepeseg server. Pixels are x to the right
+and y down with a pixel's centre at + 0.5, masks are bool [height, width], points [n, 2].
+"""
+
+from pepeseg.cameras import Camera, View
+from pepeseg.client import Client, Selection
+from pepeseg.dataset import Dataset, DatasetFile, FileKind, read_folder
+from pepeseg.errors import (
+    AbortedError,
+    AlreadyExistsError,
+    CancelledError,
+    DataLossError,
+    DeadlineExceededError,
+    FailedPreconditionError,
+    InternalError,
+    InvalidArgumentError,
+    JobCancelledError,
+    JobFailedError,
+    NotFoundError,
+    OutOfRangeError,
+    PepesegError,
+    PermissionDeniedError,
+    ResourceExhaustedError,
+    UnauthenticatedError,
+    UnavailableError,
+    UnimplementedError,
+)
+from pepeseg.labels import Label
+from pepeseg.png import Picture
+from pepeseg.scenes import Model, Scene
+from pepeseg.segmentation import Proposal, Segmentation, ViewMask
+from pepeseg.subsets import Decomposition, Export, Level, Segment
+from pepeseg.training import option_names
+from pepeseg.upload import SealedDataset
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AbortedError",
+    "AlreadyExistsError",
+    "Camera",
+    "CancelledError",
+    "Client",
+    "DataLossError",
+    "Dataset",
+    "DatasetFile",
+    "DeadlineExceededError",
+    "Decomposition",
+    "Export",
+    "FailedPreconditionError",
+    "FileKind",
+    "InternalError",
+    "InvalidArgumentError",
+    "JobCancelledError",
+    "JobFailedError",
+    "Label",
+    "Level",
+    "Model",
+    "NotFoundError",
+    "OutOfRangeError",
+    "PepesegError",
+    "PermissionDeniedError",
+    "Picture",
+    "Proposal",
+    "ResourceExhaustedError",
+    "Scene",
+    "SealedDataset",
+    "Segment",
+    "Segmentation",
+    "Selection",
+    "UnauthenticatedError",
+    "UnavailableError",
+    "UnimplementedError",
+    "View",
+    "ViewMask",
+    "option_names",
+    "read_folder",
+]

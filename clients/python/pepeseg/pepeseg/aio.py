@@ -1,0 +1,265 @@
+"""The client that awaits: the same operations as `pepeseg.Client`, for asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+import dataclasses
+import os
+from types import TracebackType
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+import grpc
+
+from pepeseg import cameras, errors, segmentation, subsets, training
+from pepeseg import jobs as of_jobs
+from pepeseg import labels as of_labels
+from pepeseg import scenes as of_scenes
+from pepeseg import selections as of_selections
+from pepeseg import upload as of_uploads
+from pepeseg.binding import SceneClient, awaited
+from pepeseg.calls import (
+    CALL_SECONDS,
+    Patience,
+    Pause,
+    Place,
+    Receive,
+    Send,
+    Services,
+    Step,
+    Steps,
+    Unary,
+    metadata_of,
+)
+from pepeseg.channel import Connection
+from pepeseg.v1 import job_service_pb2
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class _Awaiting:
+    """Takes steps one after the other, awaiting each."""
+
+    def __init__(
+        self, channel: Any, metadata: tuple[tuple[str, str], ...], patience: float
+    ) -> None:
+        self._services = Services(channel)
+        self._metadata = metadata
+        self._patience = patience
+
+    async def run(self, steps: Steps[T]) -> T:
+        """All of an operation."""
+        try:
+            step = next(steps)
+            while True:
+                try:
+                    result = await self._take(step)
+                except (Exception, asyncio.CancelledError) as error:
+                    step = steps.throw(error)
+                else:
+                    step = steps.send(result)
+        except StopIteration as end:
+            answer: T = end.value
+            return answer
+        finally:
+            steps.close()
+
+    async def stream(self, step: Receive) -> AsyncIterator[Any]:
+        """The messages of a call; it is cancelled when the iterator is closed."""
+        call = self._services.method(step)(
+            step.request, metadata=metadata_of(self._metadata, step.scene)
+        )
+        try:
+            async for message in call:
+                yield message
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            call.cancel()
+
+    async def _take(self, step: Step) -> Any:
+        if isinstance(step, Unary):
+            return await self._ask(step)
+        if isinstance(step, Send):
+            return await self._send(step)
+        if isinstance(step, Receive):
+            async for message in self.stream(step):
+                step.take(message)
+            return None
+        if isinstance(step, Pause):
+            return await asyncio.sleep(step.seconds)
+        return await asyncio.to_thread(step.do)
+
+    async def _ask(self, step: Unary) -> Any:
+        patience = Patience(self._patience)
+        method = self._services.method(step)
+        metadata = metadata_of(self._metadata, step.scene)
+        while True:
+            try:
+                return await method(step.request, timeout=CALL_SECONDS, metadata=metadata)
+            except grpc.RpcError as error:
+                failure = errors.from_rpc(error)
+            await asyncio.sleep(patience.pause_after(failure, step.repeatable))
+
+    async def _send(self, step: Send) -> Any:
+        call = self._services.method(step)(metadata=metadata_of(self._metadata, step.scene))
+        try:
+            # Files are read and checked off the event loop.
+            while (request := await asyncio.to_thread(_next, step.requests)) is not None:
+                await call.write(request)
+            await call.done_writing()
+            return await call
+        except (grpc.RpcError, asyncio.InvalidStateError) as error:
+            raise await _why(call, error) from None
+        finally:
+            call.cancel()
+
+
+def _next(requests: Iterator[Any]) -> Any:
+    """None: there are no more."""
+    return next(requests, None)
+
+
+async def _why(call: Any, error: Exception) -> Exception:
+    """Why a stream ended: a write after its end tells nothing itself."""
+    try:
+        await call
+    except grpc.RpcError as told:
+        return errors.from_rpc(told)
+    return error
+
+
+class Selection(subsets.SelectionInfo):
+    """Gaussians of a model, chosen. Attributes as in `subsets.SelectionInfo`."""
+
+    def __init__(self, client: Client, info: subsets.SelectionInfo) -> None:
+        super().__init__(**dataclasses.asdict(info))
+        self._client = client
+
+    async def export(
+        self, path: str | os.PathLike[str], *, without: bool = False
+    ) -> subsets.Export:
+        """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
+        return await self._client.export(path, self, without=without)
+
+    async def combine(self, operation: str, other: Selection) -> Selection:
+        """With `other`: "union", "subtract" or "intersect"; this one is the base of the new one.
+
+        Raises:
+            FailedPreconditionError: they are of different models.
+        """
+        return await self._client.combine(self, operation, other)
+
+    async def undo(self) -> Selection:
+        """The selection that this one was made from.
+
+        Raises:
+            FailedPreconditionError: it was made from none.
+        """
+        return await self._client.undo(self)
+
+    async def delete(self) -> None:
+        """Deletes it on the server."""
+        await self._client.delete_selection(self)
+
+
+def _selecting(
+    operation: Callable[Concatenate[Place, P], Steps[subsets.SelectionInfo]]
+) -> Callable[Concatenate[Client, P], Awaitable[Selection]]:
+    """As `awaited`, with the client to go on with."""
+    ask = awaited(operation)
+
+    async def method(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> Selection:
+        return Selection(self, await ask(self, *args, **kwargs))
+
+    method.__doc__, method.__name__ = ask.__doc__, ask.__name__
+    method.__signature__ = ask.__signature__  # type: ignore[attr-defined]
+    return method
+
+
+class Client(SceneClient):
+    """A scene on a pepeseg server, by calls that are awaited. To be made where a loop runs.
+
+        async with pepeseg.aio.Client("shelf") as client:
+            found = await client.segment("0001.jpg", points=[[320, 240]])
+
+    Errors and patience as of `pepeseg.Client`.
+    """
+
+    def _open(self, connection: Connection, patience: float) -> None:
+        self._channel = connection.open_aio()
+        self._calls = _Awaiting(self._channel, connection.metadata, patience)
+
+    async def run(self, steps: Steps[T]) -> T:
+        """Takes the steps of an operation."""
+        return await self._calls.run(steps)
+
+    async def close(self) -> None:
+        """Ends the connection, and with it calls under way and clients made by `of`."""
+        await self._channel.close()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    scenes = awaited(of_scenes.list_scenes)
+    create_scene = awaited(of_scenes.create_scene)
+    delete_scene = awaited(of_scenes.delete_scene)
+    model = awaited(of_scenes.model)
+    models = awaited(of_scenes.list_models)
+    delete_model = awaited(of_scenes.delete_model)
+    views = awaited(cameras.views)
+
+    upload = awaited(of_uploads.upload)
+    train = awaited(training.train)
+    start_training = awaited(training.start_training)
+    wait = awaited(of_jobs.wait)
+    estimate = awaited(training.estimate)
+    cancel = awaited(of_jobs.cancel)
+    jobs = awaited(of_jobs.list_jobs)
+
+    segment = awaited(segmentation.segment)
+    propose = awaited(segmentation.propose)
+    decompose = awaited(subsets.decompose)
+    render = awaited(subsets.render)
+    export = awaited(subsets.export)
+
+    label = awaited(of_labels.label)
+    labels = awaited(of_labels.list_labels)
+    delete_label = awaited(of_labels.delete_label)
+
+    select = _selecting(of_selections.select)
+    combine = _selecting(of_selections.combine)
+    undo = _selecting(of_selections.undo)
+    selection = _selecting(of_selections.get_selection)
+    delete_selection = awaited(of_selections.delete_selection)
+
+    async def selections(self) -> list[Selection]:
+        """The selections of the scene, newest first."""
+        found = await self.run(of_selections.list_selections(self.place))
+        return [Selection(self, info) for info in found]
+
+    async def watch(
+        self, job: job_service_pb2.Job | str, after: int | None = None
+    ) -> AsyncIterator[job_service_pb2.JobEvent]:
+        """A job's events as they come, to its end: see `pepeseg.Client.watch`."""
+        watch = of_jobs.Watch(job, after)
+        while not watch.ended:
+            try:
+                async for event in self._calls.stream(watch.stream(lambda event: None)):
+                    if watch.see(event):
+                        yield event
+                return
+            except errors.PepesegError as error:
+                if watch.ended:
+                    return
+                pause = watch.pause_after(error)
+            await asyncio.sleep(pause)

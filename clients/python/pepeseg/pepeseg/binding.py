@@ -1,0 +1,138 @@
+"""What both clients have in common: a scene to ask about, and operations as methods."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable
+import functools
+import inspect
+import os
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+
+from pepeseg.calls import Place, Steps
+from pepeseg.channel import Connection, Login, look_through
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Self = TypeVar("Self", bound="SceneClient")
+
+
+def _place_of(scene: str, model: str | int) -> Place:
+    """Of ids, numbers or whole names."""
+    name = scene if scene.startswith("scenes/") else f"scenes/{scene}"
+    return Place(name, str(model) if "/" in str(model) else f"{name}/models/{model}")
+
+
+class SceneClient(ABC):
+    """A connection and the scene that is asked about."""
+
+    def __init__(
+        self,
+        scene: str,
+        *,
+        server: str | None = None,
+        model: str | int = "live",
+        key: str | None = None,
+        key_file: str | os.PathLike[str] | None = None,
+        ca: str | os.PathLike[str] | None = None,
+        certificate: str | os.PathLike[str] | None = None,
+        certificate_key: str | os.PathLike[str] | None = None,
+        tls: bool = False,
+        patience: float = 5.0,
+    ) -> None:
+        """Connects with the first call.
+
+        Args:
+            scene: id of the scene: a-z, 0-9 and '-'.
+            model: number of the model that is asked; "live" is the newest.
+            server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else
+                127.0.0.1:50051.
+            key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else
+                PEPESEG_KEY.
+            ca: PEM file, who may have signed the server's certificate; else PEPESEG_CA, else who
+                the system trusts.
+            certificate, certificate_key: PEM files of this client; else PEPESEG_CERTIFICATE and
+                PEPESEG_CERTIFICATE_KEY.
+            tls: also meant by https://, `ca` and `certificate`.
+            patience: seconds for which a call is made again; 0: no second try.
+
+        Raises:
+            InvalidArgumentError: a file cannot be read, or the key would go to another machine
+                unencrypted.
+        """
+        login = Login(server, key, key_file, ca, certificate, certificate_key, tls)
+        self._place = _place_of(scene, model)
+        self._open(look_through(login), patience)
+
+    @abstractmethod
+    def _open(self, connection: Connection, patience: float) -> None:
+        ...
+
+    @property
+    def place(self) -> Place:
+        """The names of the scene and the model that are asked about."""
+        return self._place
+
+    def of(self: Self, scene: str, model: str | int = "live") -> Self:
+        """A client of another scene or model, over the same connection."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        other._place = _place_of(scene, model)
+        return other
+
+
+class Runs(Protocol):
+    """A client that blocks."""
+
+    @property
+    def place(self) -> Place:
+        ...
+
+    def run(self, steps: Steps[T]) -> T:
+        ...
+
+
+class RunsAsync(Protocol):
+    """A client that awaits."""
+
+    @property
+    def place(self) -> Place:
+        ...
+
+    async def run(self, steps: Steps[T]) -> T:
+        ...
+
+
+def _told_as(method: Any, operation: Callable[..., Any]) -> None:
+    """Name, text and signature of an operation, whose first parameter is the client's own."""
+    functools.update_wrapper(method, operation)
+    del method.__wrapped__
+    signature = inspect.signature(operation)
+    parameters = list(signature.parameters.values())
+    parameters[0] = parameters[0].replace(name="self", annotation=inspect.Parameter.empty)
+    answer = signature.return_annotation.removeprefix("Steps[").removesuffix("]")
+    method.__signature__ = signature.replace(parameters=parameters, return_annotation=answer)
+
+
+def blocking(
+    operation: Callable[Concatenate[Place, P], Steps[T]]
+) -> Callable[Concatenate[Runs, P], T]:
+    """A method of a client that blocks."""
+
+    def method(self: Runs, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self.run(operation(self.place, *args, **kwargs))
+
+    _told_as(method, operation)
+    return method
+
+
+def awaited(
+    operation: Callable[Concatenate[Place, P], Steps[T]]
+) -> Callable[Concatenate[RunsAsync, P], Awaitable[T]]:
+    """A method of a client that awaits."""
+
+    async def method(self: RunsAsync, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self.run(operation(self.place, *args, **kwargs))
+
+    _told_as(method, operation)
+    return method

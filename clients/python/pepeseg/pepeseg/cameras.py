@@ -1,0 +1,143 @@
+"""Places that pictures are taken from: the views of a model, and any other camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from pepeseg.calls import Place, Steps, all_pages
+from pepeseg.errors import refused
+from pepeseg.v1 import prompt_pb2, scene_service_pb2
+
+Matrix = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera anywhere in the scene.
+
+    Attributes:
+        width, height: pixels, 16 megapixels together at most.
+        fx, fy, cx, cy: focal lengths and principal point, pixels; pixel centres are at + 0.5.
+        cam_from_world: [4, 4], rigid. World axes and unit are those of the dataset's poses; camera
+            axes: x right, y down, z forward.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    cam_from_world: npt.ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A photograph's place, after undistortion.
+
+    Attributes:
+        name: of the photograph as it was uploaded, without its images/.
+        camera: its place; `camera.cam_from_world` is float64 [4, 4].
+        held_out: kept from training, for scoring.
+        psnr, ssim: of a held-out view when the model was made, dB and [-1, 1]; None: not scored.
+    """
+
+    name: str
+    camera: Camera
+    held_out: bool
+    psnr: float | None
+    ssim: float | None
+
+
+# What a question may be asked about: a view's name, or a camera.
+Viewpoint = Union[str, View, Camera]
+
+
+def _to_quaternion(rotation: Matrix) -> list[float]:
+    """w, x, y, z of a rotation [3, 3]: the eigenvector of Bar-Itzhack's symmetric matrix."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    symmetric = np.array(
+        [
+            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
+        ]
+    )
+    quaternion: list[float] = np.linalg.eigh(symmetric)[1][:, 3].tolist()
+    return quaternion
+
+
+def _to_matrix(transform: scene_service_pb2.RigidTransform) -> Matrix:
+    w, x, y, z = np.array(transform.rotation) / np.linalg.norm(transform.rotation)
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, 3] = transform.translation
+    return matrix
+
+
+def _free_camera(camera: Camera) -> prompt_pb2.Viewpoint.FreeCamera:
+    matrix = np.asarray(camera.cam_from_world, np.float64)
+    if matrix.shape != (4, 4):
+        raise refused(f"cam_from_world: [4, 4] is wanted, this is {list(matrix.shape)}")
+    rotation = matrix[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        raise refused("cam_from_world: its upper left [3, 3] is no rotation")
+    return prompt_pb2.Viewpoint.FreeCamera(
+        camera=scene_service_pb2.PinholeCamera(
+            width=camera.width,
+            height=camera.height,
+            fx=camera.fx,
+            fy=camera.fy,
+            cx=camera.cx,
+            cy=camera.cy,
+        ),
+        cam_from_world=scene_service_pb2.RigidTransform(
+            rotation=_to_quaternion(rotation), translation=matrix[:3, 3].tolist()
+        ),
+    )
+
+
+def to_viewpoint(view: Viewpoint) -> prompt_pb2.Viewpoint:
+    if isinstance(view, Camera):
+        return prompt_pb2.Viewpoint(free=_free_camera(view))
+    return prompt_pb2.Viewpoint(view=view.name if isinstance(view, View) else view)
+
+
+def _parse_view(view: Any) -> View:
+    camera = view.camera
+    scored = view.HasField("scores")
+    return View(
+        name=view.view,
+        camera=Camera(
+            camera.width,
+            camera.height,
+            camera.fx,
+            camera.fy,
+            camera.cx,
+            camera.cy,
+            _to_matrix(view.cam_from_world),
+        ),
+        held_out=view.held_out,
+        psnr=view.scores.psnr if scored else None,
+        ssim=view.scores.ssim if scored else None,
+    )
+
+
+def views(at: Place) -> Steps[list[View]]:
+    """The views that the model was trained and scored on, by name.
+
+    Raises:
+        FailedPreconditionError: the scene has no model yet.
+    """
+    request = scene_service_pb2.ListViewsRequest(parent=at.model)
+    found = yield from all_pages("scenes", "ListViews", request, "views", at.scene)
+    return [_parse_view(view) for view in found]

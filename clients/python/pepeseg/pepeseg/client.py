@@ -1,0 +1,181 @@
+"""The client that blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+import dataclasses
+import os
+import time
+from types import TracebackType
+from typing import Concatenate, ParamSpec, TypeVar
+
+from pepeseg import cameras, errors, segmentation, subsets, training
+from pepeseg import jobs as of_jobs
+from pepeseg import labels as of_labels
+from pepeseg import scenes as of_scenes
+from pepeseg import selections as of_selections
+from pepeseg import upload as of_uploads
+from pepeseg.binding import SceneClient, blocking
+from pepeseg.calls import Blocking, Place, Steps
+from pepeseg.channel import Connection
+from pepeseg.v1 import job_service_pb2
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Selection(subsets.SelectionInfo):
+    """Gaussians of a model, chosen; `a | b`, `a - b` and `a & b` make new ones. Attributes as in
+    `subsets.SelectionInfo`."""
+
+    def __init__(self, client: Client, info: subsets.SelectionInfo) -> None:
+        super().__init__(**dataclasses.asdict(info))
+        self._client = client
+
+    def export(self, path: str | os.PathLike[str], *, without: bool = False) -> subsets.Export:
+        """Writes its Gaussians, or (`without`) all others, as a PLY: see `Client.export`."""
+        return self._client.export(path, self, without=without)
+
+    def combine(self, operation: str, other: Selection) -> Selection:
+        """With `other`: "union", "subtract" or "intersect"; this one is the base of the new one.
+
+        Raises:
+            FailedPreconditionError: they are of different models.
+        """
+        return self._client.combine(self, operation, other)
+
+    def __or__(self, other: Selection) -> Selection:
+        return self.combine("union", other)
+
+    def __sub__(self, other: Selection) -> Selection:
+        return self.combine("subtract", other)
+
+    def __and__(self, other: Selection) -> Selection:
+        return self.combine("intersect", other)
+
+    def undo(self) -> Selection:
+        """The selection that this one was made from.
+
+        Raises:
+            FailedPreconditionError: it was made from none.
+        """
+        return self._client.undo(self)
+
+    def delete(self) -> None:
+        """Deletes it on the server."""
+        self._client.delete_selection(self)
+
+
+def _selecting(
+    operation: Callable[Concatenate[Place, P], Steps[subsets.SelectionInfo]]
+) -> Callable[Concatenate[Client, P], Selection]:
+    """As `blocking`, with the client to go on with."""
+    ask = blocking(operation)
+
+    def method(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> Selection:
+        return Selection(self, ask(self, *args, **kwargs))
+
+    method.__doc__, method.__name__ = ask.__doc__, ask.__name__
+    method.__signature__ = ask.__signature__  # type: ignore[attr-defined]
+    return method
+
+
+class Client(SceneClient):
+    """A scene on a pepeseg server, by calls that block. Threads may share it.
+
+        with pepeseg.Client("shelf") as client:
+            client.upload("photos/")
+            client.train(progress=True)
+            mask = client.segment("0001.jpg", points=[[320, 240]]).mask
+
+    Every call raises a subclass of `PepesegError`. Calls that a busy or stopping server has turned
+    away (UNAVAILABLE) are made again, as it says or with growing pauses, for `patience` seconds;
+    uploads and watched jobs have more patience of their own.
+    """
+
+    def _open(self, connection: Connection, patience: float) -> None:
+        self._channel = connection.open()
+        self._calls = Blocking(self._channel, connection.metadata, patience)
+
+    def run(self, steps: Steps[T]) -> T:
+        """Takes the steps of an operation."""
+        return self._calls.run(steps)
+
+    def close(self) -> None:
+        """Ends the connection, and with it calls under way and clients made by `of`."""
+        self._channel.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    scenes = blocking(of_scenes.list_scenes)
+    create_scene = blocking(of_scenes.create_scene)
+    delete_scene = blocking(of_scenes.delete_scene)
+    model = blocking(of_scenes.model)
+    models = blocking(of_scenes.list_models)
+    delete_model = blocking(of_scenes.delete_model)
+    views = blocking(cameras.views)
+
+    upload = blocking(of_uploads.upload)
+    train = blocking(training.train)
+    start_training = blocking(training.start_training)
+    wait = blocking(of_jobs.wait)
+    estimate = blocking(training.estimate)
+    cancel = blocking(of_jobs.cancel)
+    jobs = blocking(of_jobs.list_jobs)
+
+    segment = blocking(segmentation.segment)
+    propose = blocking(segmentation.propose)
+    decompose = blocking(subsets.decompose)
+    render = blocking(subsets.render)
+    export = blocking(subsets.export)
+
+    label = blocking(of_labels.label)
+    labels = blocking(of_labels.list_labels)
+    delete_label = blocking(of_labels.delete_label)
+
+    select = _selecting(of_selections.select)
+    combine = _selecting(of_selections.combine)
+    undo = _selecting(of_selections.undo)
+    selection = _selecting(of_selections.get_selection)
+    delete_selection = blocking(of_selections.delete_selection)
+
+    def selections(self) -> list[Selection]:
+        """The selections of the scene, newest first."""
+        found = self.run(of_selections.list_selections(self.place))
+        return [Selection(self, info) for info in found]
+
+    def watch(
+        self, job: job_service_pb2.Job | str, after: int | None = None
+    ) -> Iterator[job_service_pb2.JobEvent]:
+        """A job's events as they come, to its end; first a snapshot. Heartbeats are left out, and a
+        server that went away is asked again.
+
+        Args:
+            after: sequence of the last event that was seen, to resume a watch; 0: all events.
+
+        Raises:
+            NotFoundError: no such job.
+            OutOfRangeError: `after` is over the job's newest.
+            UnavailableError: the server did not come back for half a minute.
+        """
+        watch = of_jobs.Watch(job, after)
+        while not watch.ended:
+            try:
+                for event in self._calls.stream(watch.stream(lambda event: None)):
+                    if watch.see(event):
+                        yield event
+                return
+            except errors.PepesegError as error:
+                if watch.ended:
+                    return
+                pause = watch.pause_after(error)
+            time.sleep(pause)

@@ -1,0 +1,230 @@
+"""Folders of other programs as datasets: nerfstudio's (and instant-ngp's), and COLMAP's.
+
+    client.upload(importers.nerfstudio("garden"))
+
+Photographs that the poses name and that are not there are in `Dataset.missing`; `upload` warns of
+them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path, PurePosixPath
+import struct
+from typing import Any
+
+from pepeseg.dataset import (
+    Dataset,
+    DatasetFile,
+    FileKind,
+    colmap_kind,
+    is_photograph,
+    kind_of,
+    list_files,
+)
+from pepeseg.errors import not_there, refused
+
+_SUFFIXES = ("", ".png", ".jpg", ".jpeg", ".webp", ".PNG", ".JPG", ".JPEG")
+
+
+def _plain(path: str) -> str:
+    r"""Below the folder, as the server reads it: "..\data\.\images\7" as "data/images/7"."""
+    parts = path.replace("\\", "/").split("/")
+    return "/".join(part for part in parts if part not in ("", ".", ".."))
+
+
+def _find(root: Path, path: str) -> Path | None:
+    """The file that a frame names: relative to the folder, with or without its suffix."""
+    for suffix in _SUFFIXES:
+        found = root / (path.replace("\\", "/") + suffix)
+        if found.is_file():
+            return found
+    return None
+
+
+def _below(name: str, folder: str) -> str:
+    return name.removeprefix(folder + "/")
+
+
+def _read_frames(file: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The document and its frames, each with a "file_path"."""
+    try:
+        document = json.loads(file.read_bytes())
+    except ValueError as error:
+        raise refused(f"{file}: is not JSON, or cut short: {error}") from error
+    frames = document.get("frames") if isinstance(document, dict) else None
+    if not isinstance(frames, list):
+        raise refused(f'{file}: has no list of "frames"')
+    for i, frame in enumerate(frames):
+        if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
+            raise refused(f'{file}: frame {i}: has no "file_path"')
+    return document, frames
+
+
+class _Frames:
+    """Puts the files of a folder of nerfstudio together, frame by frame."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.files: dict[str, DatasetFile] = {}
+        self.missing: list[str] = []
+        self._used: set[Path] = set()
+
+    def put(self, name: str, kind: FileKind, path: Path) -> None:
+        self.files.setdefault(name, DatasetFile(name, kind, path))
+        self._used.add(path.resolve())
+
+    def take(self, frame: dict[str, Any]) -> None:
+        photograph = _find(self.root, frame["file_path"])
+        if photograph is None:
+            self.missing.append(frame["file_path"])
+            return
+        # The name has the suffix that the file has.
+        plain = PurePosixPath(_plain(frame["file_path"]))
+        key = _below(plain.with_name(photograph.name).as_posix(), "images")
+        self.put(f"images/{key}", FileKind.IMAGE, photograph)
+        depth = frame.get("depth_file_path")
+        if isinstance(depth, str) and (self.root / depth).is_file():
+            path = self.root / depth
+            name = PurePosixPath("depth", key).with_suffix(path.suffix.lower())
+            self.put(name.as_posix(), FileKind.DEPTH, path)
+
+    def take_rest(self) -> list[str]:
+        """What has a place in the layout beside the photographs; names of what has none."""
+        left_out = []
+        for name in list_files(self.root):
+            path = self.root / name
+            kind = kind_of(name)
+            if path.resolve() in self._used:
+                continue
+            beside = kind in (FileKind.MASK, FileKind.IGNORE_MASK, FileKind.POINTS)
+            if beside and not name.startswith("sparse/") and path.is_file():
+                self.put(name, kind or FileKind.POINTS, path)
+            else:
+                left_out.append(name)
+        return left_out
+
+
+def nerfstudio(folder: str | os.PathLike[str]) -> Dataset:
+    """A folder with a transforms.json of nerfstudio or instant-ngp.
+
+    Taken are the photographs that its frames name (with or without a suffix), their depth maps
+    ("depth_file_path", far is large), the points ("ply_file_path"), and masks/, ignore_mask.png and
+    ignore/ where there are any. nerfstudio's own masks ("mask_path") mean the opposite of an ignore
+    mask: they are left out.
+
+    Raises:
+        NotFoundError: no such folder, no transforms.json in it, or none of its photographs.
+        InvalidArgumentError: it is no such file.
+    """
+    root = Path(folder)
+    transforms = root / "transforms.json"
+    if not transforms.is_file():
+        raise not_there(f"{root}: no transforms.json in it")
+    document, frames = _read_frames(transforms)
+    found = _Frames(root)
+    found.put("transforms.json", FileKind.POSES, transforms)
+    for frame in frames:
+        found.take(frame)
+    if not any(file.kind == FileKind.IMAGE for file in found.files.values()):
+        named = found.missing[0] if found.missing else "no frames"
+        raise not_there(f"{transforms}: none of its photographs is there: {named}")
+    points = document.get("ply_file_path")
+    if isinstance(points, str) and (root / points).is_file():
+        found.put("sparse_pc.ply", FileKind.POINTS, root / points)
+    left_out = found.take_rest()
+    files = sorted(found.files.values(), key=lambda file: file.name)
+    return Dataset(files, left_out, found.missing)
+
+
+def _names_in_binary(data: bytes) -> list[str]:
+    """Of images.bin: a count, then records of an id, a pose, a camera, a name and 2D points."""
+    names = []
+    (count,) = struct.unpack_from("<Q", data)
+    at = 8
+    for _ in range(count):
+        start = at + struct.calcsize("<I7dI")
+        end = data.index(b"\0", start)
+        names.append(data[start:end].decode())
+        (num_points,) = struct.unpack_from("<Q", data, end + 1)
+        at = end + 9 + 24 * num_points
+        if at > len(data):
+            raise ValueError("it is cut short")
+    return names
+
+
+def _names_in_text(data: bytes) -> list[str]:
+    """Of images.txt: two lines an image, the second of which may be empty."""
+    lines = [line for line in data.decode().splitlines() if not line.startswith("#")]
+    return [line.split(maxsplit=9)[9].strip() for line in lines[0::2] if line.strip()]
+
+
+def _read_names(images: Path) -> list[str]:
+    try:
+        data = images.read_bytes()
+        return _names_in_binary(data) if images.suffix == ".bin" else _names_in_text(data)
+    except (ValueError, IndexError, struct.error) as error:
+        raise refused(f"{images}: is no such file of COLMAP's: {error}") from error
+
+
+def _find_model(root: Path) -> Path:
+    for folder in (root / "sparse" / "0", root / "sparse", root / "colmap" / "sparse" / "0", root):
+        for suffix in (".bin", ".txt"):
+            if all((folder / f"{stem}{suffix}").is_file() for stem in ("cameras", "images")):
+                return folder
+    raise not_there(f"{root}: no cameras and images, .bin or .txt, in it or its sparse/0 or sparse")
+
+
+def _photographs(names: list[str], images: Path) -> tuple[dict[str, DatasetFile], list[str]]:
+    files, missing = {}, []
+    for name in names:
+        key = _plain(name)
+        if (images / name).is_file() and is_photograph(name):
+            files[f"images/{key}"] = DatasetFile(f"images/{key}", FileKind.IMAGE, images / name)
+        else:
+            missing.append(name)
+    return files, missing
+
+
+def colmap(folder: str | os.PathLike[str], images: str | os.PathLike[str] | None = None) -> Dataset:
+    """A COLMAP model (.bin or .txt, in the folder or its sparse/0, sparse or colmap/sparse/0) with
+    its photographs.
+
+    Taken are the photographs that have a pose, points3D, and masks/, ignore_mask.png, ignore/,
+    depth/ and disparity/ of the folder where there are any.
+
+    Args:
+        images: where the photographs are; None: the folder's images/, else the folder.
+
+    Raises:
+        NotFoundError: no such folder, no model in it, or none of its photographs.
+        InvalidArgumentError: its images.bin or images.txt is damaged.
+    """
+    root = Path(folder)
+    model = _find_model(root)
+    suffix = (
+        ".bin" if all((model / f"{s}.bin").is_file() for s in ("cameras", "images")) else ".txt"
+    )
+    names = _read_names(model / f"images{suffix}")
+    below = root / "images"
+    source = Path(images) if images is not None else below if below.is_dir() else root
+    files, missing = _photographs(names, source)
+    if not files:
+        raise not_there(f"{source}: none of the model's photographs is there: {missing[:1]}")
+    for stem in ("cameras", "images", "points3D"):
+        path = model / f"{stem}{suffix}"
+        kind = colmap_kind(path.name)
+        if kind is not None and path.is_file():
+            files[f"sparse/0/{path.name}"] = DatasetFile(f"sparse/0/{path.name}", kind, path)
+    used = {file.path.resolve() for file in files.values()}
+    left_out = []
+    for name in list_files(root):
+        path = root / name
+        kind = kind_of(name)
+        beside = name.split("/")[0] in ("masks", "ignore", "ignore_mask.png", "depth", "disparity")
+        if kind is not None and beside and path.is_file():
+            files[name] = DatasetFile(name, kind, path)
+        elif path.resolve() not in used:
+            left_out.append(name)
+    return Dataset(sorted(files.values(), key=lambda file: file.name), left_out, missing)

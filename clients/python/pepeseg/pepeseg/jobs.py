@@ -1,0 +1,152 @@
+"""Jobs: how they get on, and how they end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pepeseg import errors
+from pepeseg.calls import Pause, Place, Receive, Steps, Unary, all_pages
+from pepeseg.progress import Bar
+from pepeseg.scenes import Model, get_model
+from pepeseg.v1 import job_service_pb2
+
+_RETRIES = 10
+_RETRY_SECONDS = 3.0
+_ENDED = (
+    job_service_pb2.JOB_STATE_SUCCEEDED,
+    job_service_pb2.JOB_STATE_FAILED,
+    job_service_pb2.JOB_STATE_CANCELLED,
+)
+
+OnEvent = Callable[[job_service_pb2.JobEvent], None]
+
+
+def job_name(job: job_service_pb2.Job | str) -> str:
+    name: str = job.name if isinstance(job, job_service_pb2.Job) else job
+    return name if name.startswith("jobs/") else f"jobs/{name}"
+
+
+class Watch:
+    """A watch of a job, over as many streams as it takes."""
+
+    def __init__(self, job: job_service_pb2.Job | str, after: int | None = None) -> None:
+        self._request = job_service_pb2.WatchJobRequest(name=job_name(job), after_sequence=after)
+        self._sequence = after
+        self._sequence_at_break = after
+        self._failures = 0
+        self.ended = False
+
+    def stream(self, take: OnEvent) -> Receive:
+        """The next stream: what comes after the last event seen."""
+        if self._sequence is not None:
+            self._request.after_sequence = self._sequence
+        return Receive("jobs", "WatchJob", self._request, "", take)
+
+    def see(self, event: job_service_pb2.JobEvent) -> bool:
+        """Notes where the watch is; whether the event tells anything."""
+        self._sequence = event.sequence
+        kind = event.WhichOneof("event")
+        if kind == "state_changed":
+            self.ended = event.state_changed.state in _ENDED
+        elif kind == "snapshot":
+            self.ended = event.snapshot.state in _ENDED
+        return kind not in ("heartbeat", None)
+
+    def pause_after(self, error: errors.PepesegError) -> float:
+        """Seconds until the next stream; raises `error` where there is to be none."""
+        lost = isinstance(error, (errors.UnavailableError, errors.DeadlineExceededError))
+        if self._sequence != self._sequence_at_break:
+            self._failures = 0
+        self._sequence_at_break = self._sequence
+        self._failures += 1
+        if not lost or self._sequence is None or self._failures > _RETRIES:
+            raise error
+        return _RETRY_SECONDS
+
+
+def _show(event: job_service_pb2.JobEvent, bar: Bar) -> None:
+    kind = event.WhichOneof("event")
+    if kind == "progress":
+        progress = event.progress
+        notes = [f"loss {progress.loss:.4f}"] if progress.HasField("loss") else []
+        if progress.HasField("psnr"):
+            notes.append(f"{progress.psnr:.2f} dB")
+        if progress.num_gaussians:
+            notes.append(f"{progress.num_gaussians} Gaussians")
+        bar.show(progress.stage, progress.step, progress.num_steps, ", ".join(notes))
+    elif kind == "warning":
+        bar.say(f"warning: {event.warning.message}")
+    elif kind == "term_skipped":
+        skipped = event.term_skipped
+        bar.say(f"{skipped.stage}: {skipped.term} skipped: {skipped.reason}")
+    elif kind == "stage_ended":
+        bar.close()
+        if event.stage_ended.skipped:
+            bar.say(f"{event.stage_ended.stage}: skipped: {event.stage_ended.skipped}")
+
+
+def wait(
+    at: Place,
+    job: job_service_pb2.Job | str,
+    *,
+    progress: bool = False,
+    on_event: OnEvent | None = None,
+) -> Steps[Model]:
+    """Follows a job to its end. A server that went away is asked again.
+
+    Args:
+        job: as `start_training` answers it, or its name.
+        progress: whether a bar is shown on standard error.
+        on_event: is given each event of the contract, heartbeats left out.
+
+    Raises:
+        JobFailedError, JobCancelledError: the job ended so.
+        NotFoundError: no such job.
+        UnavailableError: the server did not come back for half a minute.
+    """
+    watch = Watch(job)
+    bar = Bar("step") if progress else None
+
+    def take(event: job_service_pb2.JobEvent) -> None:
+        if not watch.see(event):
+            return
+        if bar is not None:
+            _show(event, bar)
+        if on_event is not None:
+            on_event(event)
+
+    try:
+        while not watch.ended:
+            try:
+                yield watch.stream(take)
+                break
+            except errors.PepesegError as error:
+                if watch.ended:
+                    break
+                pause = watch.pause_after(error)
+            yield Pause(pause)
+    finally:
+        if bar is not None:
+            bar.close()
+    ended = yield Unary("jobs", "GetJob", job_service_pb2.GetJobRequest(name=job_name(job)))
+    failure = errors.outcome(ended)
+    if failure is not None:
+        raise failure
+    return (yield from get_model(at, ended.model))
+
+
+def cancel(at: Place, job: job_service_pb2.Job | str) -> Steps[job_service_pb2.Job]:
+    """Tells a job to stop; it ends soon after. One that has ended stays as it is.
+
+    Raises:
+        NotFoundError: no such job.
+    """
+    request = job_service_pb2.CancelJobRequest(name=job_name(job))
+    answer: job_service_pb2.Job = yield Unary("jobs", "CancelJob", request)
+    return answer
+
+
+def list_jobs(at: Place) -> Steps[list[job_service_pb2.Job]]:
+    """The scene's jobs, newest first."""
+    request = job_service_pb2.ListJobsRequest(scene=at.scene)
+    return (yield from all_pages("jobs", "ListJobs", request, "jobs", at.scene))

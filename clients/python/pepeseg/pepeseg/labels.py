@@ -1,0 +1,116 @@
+"""Names for what masks show, to be asked for in any view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pepeseg import rle
+from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
+from pepeseg.cameras import View
+from pepeseg.segmentation import segment
+from pepeseg.v1 import label_pb2, prompt_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """A name for what a mask shows.
+
+    Attributes:
+        id: to be given to `segment(label=...)`.
+        text: what it says.
+        view: name of the view that its mask is of.
+        area: pixels in the mask.
+        mask: bool [height, width]; None in lists.
+    """
+
+    id: str
+    text: str
+    view: str
+    area: int
+    mask: npt.NDArray[np.bool_] | None
+
+
+def _parse(message: label_pb2.Label) -> Label:
+    has_mask = message.mask.WhichOneof("image") == "rle"
+    return Label(
+        id=message.name.rpartition("/")[2],
+        text=message.text,
+        view=message.view,
+        area=message.area,
+        mask=rle.decode(message.mask.rle) if has_mask else None,
+    )
+
+
+def label(
+    at: Place,
+    id: str,
+    view: str | View,
+    *,
+    mask: npt.ArrayLike | None = None,
+    points: npt.ArrayLike | None = None,
+    negative: npt.ArrayLike | None = None,
+    box: Sequence[float] | None = None,
+    scale: float | None = None,
+    scale_units: float | None = None,
+    threshold: float | None = None,
+    text: str = "",
+) -> Steps[Label]:
+    """Names what a mask of a view shows.
+
+    Args:
+        id: an RFC 1034 label: a-z, 0-9 and '-', a letter first, at most 63 characters.
+        view: name of a view of the newest model.
+        mask: [height, width] of the view's size, not 0 inside; or one of
+        points, negative, box, scale, scale_units, threshold: as in `Client.segment`, whose mask is
+            taken.
+        text: what it says, at most 256 bytes of UTF-8; empty: the id.
+
+    Raises:
+        AlreadyExistsError: the scene has a label of this id.
+        FailedPreconditionError: the scene has no model yet.
+        InvalidArgumentError: no such view; a mask that is empty or not of its size; as
+            `Client.segment`.
+    """
+    name = view.name if isinstance(view, View) else view
+    if mask is None:
+        found = yield from segment(
+            at,
+            name,
+            points=points,
+            negative=negative,
+            box=box,
+            scale=scale,
+            scale_units=scale_units,
+            threshold=threshold,
+        )
+        mask = found.mask
+    image = prompt_pb2.MaskImage(rle=rle.encode(mask))
+    request = label_pb2.CreateLabelRequest(
+        parent=at.scene,
+        label_id=id,
+        label=label_pb2.Label(text=text, view=name, mask=image),
+        request_id=new_request_id(),
+    )
+    answer = yield Unary("segmentation", "CreateLabel", request, at.scene)
+    return _parse(answer)
+
+
+def list_labels(at: Place) -> Steps[list[Label]]:
+    """The labels of the scene, by id, without their masks."""
+    request = label_pb2.ListLabelsRequest(parent=at.scene)
+    found = yield from all_pages("segmentation", "ListLabels", request, "labels", at.scene)
+    return [_parse(message) for message in found]
+
+
+def delete_label(at: Place, id: str) -> Steps[None]:
+    """Deletes a label.
+
+    Raises:
+        NotFoundError: no such label.
+    """
+    request = label_pb2.DeleteLabelRequest(name=f"{at.scene}/labels/{id}")
+    yield Unary("segmentation", "DeleteLabel", request, at.scene, repeatable=False)

@@ -1,0 +1,137 @@
+"""Scenes and their models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pepeseg import errors
+from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
+from pepeseg.v1 import scene_service_pb2
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the server has of a scene.
+
+    Attributes:
+        id: what `Client` is given.
+        display_name: for people.
+        live_model: name of the newest model; empty: none yet.
+        active_job: name of the queued or running job; empty: none.
+    """
+
+    id: str
+    display_name: str
+    live_model: str
+    active_job: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a training made.
+
+    Attributes:
+        name: "scenes/{scene}/models/{number}".
+        metrics: what the training measured: "psnr" (dB) and "ssim" over the held-out views,
+            "seconds_reconstruct" and others.
+        sources: where "poses", "masks" and "depth" came from: "given", "none", or what made them.
+        device: that trained it.
+        num_bytes: on disk.
+    """
+
+    name: str
+    job: str
+    num_gaussians: int
+    num_bytes: int
+    metrics: dict[str, float]
+    sources: dict[str, str]
+    device: str
+
+
+def _parse_model(message: scene_service_pb2.Model) -> Model:
+    return Model(
+        name=message.name,
+        job=message.job,
+        num_gaussians=message.num_gaussians,
+        num_bytes=message.num_bytes,
+        metrics=dict(message.metrics),
+        sources=dict(message.sources),
+        device=message.device,
+    )
+
+
+def list_scenes(at: Place) -> Steps[list[Scene]]:
+    """All scenes of the key's project, by id."""
+    request = scene_service_pb2.ListScenesRequest()
+    found = yield from all_pages("scenes", "ListScenes", request, "scenes")
+    return [
+        Scene(
+            scene.name.removeprefix("scenes/"),
+            scene.display_name,
+            scene.live_model,
+            scene.active_job,
+        )
+        for scene in found
+    ]
+
+
+def create_scene(at: Place, display_name: str = "") -> Steps[None]:
+    """Makes the scene where it is not there yet.
+
+    Raises:
+        InvalidArgumentError: the id is no RFC 1034 label.
+    """
+    request = scene_service_pb2.CreateSceneRequest(
+        scene_id=at.scene.removeprefix("scenes/"),
+        scene=scene_service_pb2.Scene(display_name=display_name),
+        request_id=new_request_id(),
+    )
+    try:
+        yield Unary("scenes", "CreateScene", request, at.scene)
+    except errors.AlreadyExistsError:
+        pass
+
+
+def delete_scene(at: Place) -> Steps[None]:
+    """Deletes the scene with its datasets, jobs and models.
+
+    Raises:
+        NotFoundError: no such scene.
+        FailedPreconditionError: a job of it is queued or running.
+    """
+    request = scene_service_pb2.DeleteSceneRequest(name=at.scene)
+    yield Unary("scenes", "DeleteScene", request, at.scene, repeatable=False)
+
+
+def get_model(at: Place, name: str) -> Steps[Model]:
+    """A model by its name."""
+    request = scene_service_pb2.GetModelRequest(name=name)
+    answer = yield Unary("scenes", "GetModel", request, at.scene)
+    return _parse_model(answer)
+
+
+def model(at: Place) -> Steps[Model]:
+    """The model that this client asks.
+
+    Raises:
+        NotFoundError: no such scene or model.
+        FailedPreconditionError: the scene has no model yet.
+    """
+    return (yield from get_model(at, at.model))
+
+
+def list_models(at: Place) -> Steps[list[Model]]:
+    """The models of the scene, newest first."""
+    request = scene_service_pb2.ListModelsRequest(parent=at.scene)
+    found = yield from all_pages("scenes", "ListModels", request, "models", at.scene)
+    return [_parse_model(message) for message in found]
+
+
+def delete_model(at: Place) -> Steps[None]:
+    """Deletes the model that this client asks, with its selections; of "live" the newest one.
+
+    Raises:
+        NotFoundError: no such model.
+    """
+    request = scene_service_pb2.DeleteModelRequest(name=at.model)
+    yield Unary("scenes", "DeleteModel", request, at.scene, repeatable=False)

@@ -1,0 +1,235 @@
+"""Masks of what a prompt means, and what a click may mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pepeseg import prompts, rle
+from pepeseg.calls import Place, Steps, Unary
+from pepeseg.cameras import Viewpoint
+from pepeseg.errors import damaged
+from pepeseg.v1 import prompt_pb2, segmentation_service_pb2
+
+
+@dataclass(frozen=True, eq=False)
+class ViewMask:
+    """What is meant, in one view.
+
+    Attributes:
+        view: name of the view; empty: the camera that was asked about.
+        mask: bool [height, width].
+        score: mean similarity (cosine) inside the mask; 0 when it is empty.
+        box: x, y, width, height of the mask, pixels; zeros: it is empty.
+        area: pixels in the mask.
+        similarity: float32 [height, width], cosine, where it was asked for; else None.
+    """
+
+    view: str
+    mask: npt.NDArray[np.bool_]
+    score: float
+    box: tuple[int, int, int, int]
+    area: int
+    similarity: npt.NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Where the server's time went, seconds."""
+
+    queue: float
+    load: float
+    compute: float
+    encode: float
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """Masks, and how large a thing they were found as.
+
+    Attributes:
+        masks: one a view, in the order asked for; of groups in the order of `views()`.
+        scale: the quantile used, [0, 1]: 0 a small part, 1 the largest.
+        scale_units: the same as a length in scene units.
+        threshold: cosine over which a pixel is in.
+        model: name of the model that answered.
+    """
+
+    masks: tuple[ViewMask, ...]
+    scale: float
+    scale_units: float
+    threshold: float
+    timing: Timing
+    model: str
+
+    @property
+    def mask(self) -> npt.NDArray[np.bool_]:
+        """Of the first view asked for: bool [height, width]."""
+        return self.masks[0].mask
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Something that a click may mean. `scale` and `threshold` given to `segment` show it.
+
+    Attributes:
+        support: share of all scales and thresholds that show this mask, (0, 1].
+        stability: how little the mask changes from one to the next, [0, 1]: mean IoU.
+        mask: bool [height, width], of the prompt's view.
+        score, box, area: as in ViewMask.
+    """
+
+    scale: float
+    scale_units: float
+    threshold: float
+    support: float
+    stability: float
+    mask: npt.NDArray[np.bool_]
+    score: float
+    box: tuple[int, int, int, int]
+    area: int
+
+
+def _seconds(duration: Any) -> float:
+    seconds: float = duration.seconds + duration.nanos * 1e-9
+    return seconds
+
+
+def _parse_similarity(message: Any) -> npt.NDArray[np.float32]:
+    values = np.frombuffer(message.values, "<i2")
+    if values.size != message.width * message.height:
+        raise damaged(f"similarity of {message.width}x{message.height} has {values.size} values")
+    return (values.reshape(message.height, message.width) / np.float32(32767)).astype(np.float32)
+
+
+def parse_view_mask(message: segmentation_service_pb2.SegmentResponse.ViewMask) -> ViewMask:
+    box = message.box
+    has_similarity = message.HasField("similarity")
+    return ViewMask(
+        view=message.view,
+        mask=rle.decode(message.rle),
+        score=message.score,
+        box=(box.x, box.y, box.width, box.height),
+        area=message.area,
+        similarity=_parse_similarity(message.similarity) if has_similarity else None,
+    )
+
+
+def parse_segmentation(answer: segmentation_service_pb2.SegmentResponse) -> Segmentation:
+    timing = answer.timing
+    return Segmentation(
+        masks=tuple(parse_view_mask(mask) for mask in answer.masks),
+        scale=answer.scale_quantile,
+        scale_units=answer.scale_units,
+        threshold=answer.threshold,
+        timing=Timing(
+            _seconds(timing.queue),
+            _seconds(timing.load),
+            _seconds(timing.compute),
+            _seconds(timing.encode),
+        ),
+        model=answer.model,
+    )
+
+
+def segment(
+    at: Place,
+    view: Viewpoint | None = None,
+    *,
+    points: npt.ArrayLike | None = None,
+    negative: npt.ArrayLike | None = None,
+    box: Sequence[float] | None = None,
+    mask: npt.ArrayLike | None = None,
+    label: str | None = None,
+    scale: float | None = None,
+    scale_units: float | None = None,
+    threshold: float | None = None,
+    targets: prompts.Targets = None,
+    similarity: bool = False,
+) -> Steps[Segmentation]:
+    """Masks of what a prompt means.
+
+    One of `points`, `box`, `mask` and `label` is given. What is not said of the size is chosen: for
+    points the granularity that most scales and thresholds show, else the one that fits best.
+
+    Args:
+        view: where the prompt is: a view's name or a Camera. None with a label, which has its own.
+        points: [n, 2], x and y in pixels of the view, a pixel's centre at + 0.5; one may be [2].
+        negative: [n, 2], points of what is not meant.
+        box: x, y, width, height in pixels: what fills it.
+        mask: [height, width] of the view's size, not 0 inside.
+        label: id of a label of the scene.
+        scale: how large a thing: 0 a small part, 1 the largest.
+        scale_units: the same as a length in scene units.
+        threshold: cosine over which a pixel is in, [-1, 1].
+        targets: where masks are wanted: None for the prompt's view, "all", "held-out", or names.
+        similarity: whether the answer has similarity maps, too.
+
+    Raises:
+        InvalidArgumentError: a point outside the view or on nothing, an unknown view, a value out
+            of range.
+        NotFoundError: no such scene, model or label.
+        FailedPreconditionError: the scene has no model yet.
+        ResourceExhaustedError: the model does not fit into memory, or the answer is over 4 MiB: ask
+            for fewer views.
+    """
+    request = segmentation_service_pb2.SegmentRequest(
+        model=at.model,
+        prompt=prompts.prompt(view, points, negative, box, mask, label),
+        granularity=prompts.granularity(scale, scale_units, threshold),
+        targets=prompts.targets(targets),
+        mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
+        want_similarity=similarity,
+    )
+    answer = yield Unary("segmentation", "Segment", request, at.scene)
+    return parse_segmentation(answer)
+
+
+def _parse_proposal(message: segmentation_service_pb2.ProposeScalesResponse.Proposal) -> Proposal:
+    found = parse_view_mask(message.mask)
+    return Proposal(
+        scale=message.scale_quantile,
+        scale_units=message.scale_units,
+        threshold=message.threshold,
+        support=message.support,
+        stability=message.stability,
+        mask=found.mask,
+        score=found.score,
+        box=found.box,
+        area=found.area,
+    )
+
+
+def propose(
+    at: Place,
+    view: Viewpoint,
+    *,
+    points: npt.ArrayLike,
+    negative: npt.ArrayLike | None = None,
+    max_proposals: int = 0,
+) -> Steps[list[Proposal]]:
+    """What a click may mean, as a part, the object, a group: those with the most support first.
+
+    Args:
+        view, points, negative: as in `segment`.
+        max_proposals: at most so many, 1 to 16; 0: the server's default.
+
+    Returns:
+        Empty: nothing of 16 pixels or more is under the points.
+
+    Raises:
+        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as
+            `segment`.
+    """
+    request = segmentation_service_pb2.ProposeScalesRequest(
+        model=at.model,
+        prompt=prompts.prompt(view, points, negative, None, None, None),
+        max_proposals=max_proposals,
+        mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
+    )
+    answer = yield Unary("segmentation", "ProposeScales", request, at.scene)
+    return [_parse_proposal(proposal) for proposal in answer.proposals]

@@ -1,0 +1,155 @@
+"""Gaussians chosen in 3D by what a prompt means in 2D, and sets of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy.typing as npt
+
+from pepeseg import prompts
+from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
+from pepeseg.cameras import Viewpoint
+from pepeseg.errors import refused
+from pepeseg.subsets import (
+    Segment,
+    SelectionInfo,
+    parse_selection,
+    selection_name,
+    to_segment_ref,
+)
+from pepeseg.v1 import selection_pb2
+
+_OPERATIONS = {
+    "union": selection_pb2.SET_OPERATION_UNION,
+    "subtract": selection_pb2.SET_OPERATION_SUBTRACT,
+    "intersect": selection_pb2.SET_OPERATION_INTERSECT,
+}
+
+
+def _to_operation(operation: str) -> Any:
+    if operation not in _OPERATIONS:
+        raise refused(f'operation "{operation}": one of {", ".join(_OPERATIONS)} is wanted')
+    return _OPERATIONS[operation]
+
+
+def select(
+    at: Place,
+    view: Viewpoint | None = None,
+    *,
+    points: npt.ArrayLike | None = None,
+    negative: npt.ArrayLike | None = None,
+    box: Sequence[float] | None = None,
+    mask: npt.ArrayLike | None = None,
+    label: str | None = None,
+    segment: Segment | None = None,
+    scale: float | None = None,
+    scale_units: float | None = None,
+    threshold: float | None = None,
+    num_views: int = 0,
+    keep_disconnected: bool = False,
+    base: SelectionInfo | int | str | None = None,
+    operation: str = "union",
+) -> Steps[SelectionInfo]:
+    """Gaussians of what a prompt means, by a vote of views, or of a segment of a decomposition.
+
+    Args:
+        view, points, negative, box, mask, label, scale, scale_units, threshold: as in
+            `Client.segment`.
+        segment: of `Client.decompose`, in place of a prompt.
+        num_views: that vote, 1 to 100; 0: the server chooses.
+        keep_disconnected: keeps what does not hang together with what the prompt shows.
+        base: a selection of the same model to combine the new one with.
+        operation: "union", "subtract" (the base without the new one) or "intersect".
+
+    Returns:
+        A selection; nothing found is an empty one.
+
+    Raises:
+        InvalidArgumentError, NotFoundError, FailedPreconditionError, ResourceExhaustedError: as
+            `Client.segment`.
+    """
+    request = selection_pb2.SelectRequest(
+        model=at.model,
+        granularity=prompts.granularity(scale, scale_units, threshold),
+        num_views=num_views,
+        keep_disconnected=keep_disconnected,
+        request_id=new_request_id(),
+    )
+    if segment is None:
+        request.prompt.CopyFrom(prompts.prompt(view, points, negative, box, mask, label))
+    elif any(value is not None for value in (view, points, negative, box, mask, label)):
+        raise refused("a segment takes the place of a view and a prompt")
+    else:
+        request.segment.CopyFrom(to_segment_ref(segment))
+    if base is not None:
+        request.base = selection_name(at, base)
+        request.operation = _to_operation(operation)
+    answer = yield Unary("segmentation", "Select", request, at.scene)
+    return parse_selection(answer)
+
+
+def combine(
+    at: Place,
+    first: SelectionInfo | int | str,
+    operation: str,
+    second: SelectionInfo | int | str,
+) -> Steps[SelectionInfo]:
+    """A new selection out of two; `first` is its base.
+
+    Args:
+        first, second: selections, their numbers or names.
+        operation: "union", "subtract" (the first without the second) or "intersect".
+
+    Raises:
+        NotFoundError: no such selection.
+        FailedPreconditionError: they are of different models.
+    """
+    request = selection_pb2.CombineSelectionsRequest(
+        first=selection_name(at, first),
+        second=selection_name(at, second),
+        operation=_to_operation(operation),
+        request_id=new_request_id(),
+    )
+    answer = yield Unary("segmentation", "CombineSelections", request, at.scene)
+    return parse_selection(answer)
+
+
+def undo(at: Place, selection: SelectionInfo | int | str) -> Steps[SelectionInfo]:
+    """The selection that this one was made from; it stays until it is deleted.
+
+    Raises:
+        NotFoundError: no such selection.
+        FailedPreconditionError: it was made from none.
+    """
+    request = selection_pb2.UndoSelectionRequest(name=selection_name(at, selection))
+    answer = yield Unary("segmentation", "UndoSelection", request, at.scene)
+    return parse_selection(answer)
+
+
+def get_selection(at: Place, selection: int | str) -> Steps[SelectionInfo]:
+    """A selection by its number or name.
+
+    Raises:
+        NotFoundError: no such selection.
+    """
+    request = selection_pb2.GetSelectionRequest(name=selection_name(at, selection))
+    answer = yield Unary("segmentation", "GetSelection", request, at.scene)
+    return parse_selection(answer)
+
+
+def list_selections(at: Place) -> Steps[list[SelectionInfo]]:
+    """The selections of the scene, newest first."""
+    request = selection_pb2.ListSelectionsRequest(parent=at.scene)
+    found = yield from all_pages("segmentation", "ListSelections", request, "selections", at.scene)
+    return [parse_selection(selection) for selection in found]
+
+
+def delete_selection(at: Place, selection: SelectionInfo | int | str) -> Steps[None]:
+    """Deletes a selection.
+
+    Raises:
+        NotFoundError: no such selection.
+    """
+    request = selection_pb2.DeleteSelectionRequest(name=selection_name(at, selection))
+    yield Unary("segmentation", "DeleteSelection", request, at.scene, repeatable=False)

@@ -1,0 +1,280 @@
+"""Some of a model's Gaussians: segments and selections; pictures and PLYs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import hashlib
+import os
+from pathlib import Path
+from typing import Any, BinaryIO, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from pepeseg import png, rle
+from pepeseg.calls import Place, Receive, Steps, Unary
+from pepeseg.cameras import Viewpoint, to_viewpoint
+from pepeseg.crc32c import crc32c
+from pepeseg.errors import damaged, refused
+from pepeseg.v1 import decomposition_pb2, prompt_pb2, render_pb2, selection_pb2
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment of a decomposition.
+
+    Attributes:
+        id: 1, 2, ... within its level, the one with the most Gaussians first.
+        level: index of its scale, ascending.
+        parent: id of the segment of the next level that it lies in; 0 on the last level.
+        min, max: x, y, z of the Gaussians' means, scene units.
+        scales: of the decomposition, as they were asked for.
+    """
+
+    id: int
+    level: int
+    parent: int
+    num_gaussians: int
+    min: tuple[float, ...]
+    max: tuple[float, ...]
+    scales: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Level:
+    """The segments of one scale. `num_unassigned`: Gaussians in none of them."""
+
+    scale: float
+    scale_units: float
+    segments: tuple[Segment, ...]
+    num_unassigned: int
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """A model taken apart: each segment lies as a whole in one segment of the next level."""
+
+    levels: tuple[Level, ...]
+    model: str
+
+
+@dataclass
+class SelectionInfo:
+    """Gaussians of a model, chosen. A selection never changes.
+
+    Attributes:
+        name: "scenes/{scene}/selections/{number}".
+        model: name of the model that it is of.
+        min, max: x, y, z of the Gaussians' means, scene units; empty: nothing is selected.
+        base: name of the selection that it was made from, where undo goes; empty: none.
+    """
+
+    name: str
+    model: str
+    num_gaussians: int
+    min: tuple[float, ...]
+    max: tuple[float, ...]
+    base: str
+
+
+@dataclass(frozen=True)
+class Export:
+    """A PLY that was written."""
+
+    path: Path
+    num_gaussians: int
+    num_bytes: int
+    sha256: str
+    model: str
+
+
+# A selection, its number or its name; or a segment. None: the whole model.
+Subset = Union[None, SelectionInfo, int, str, Segment]
+
+_CONTENTS = {
+    "color": render_pb2.RenderRequest.CONTENT_COLOR,
+    "depth": render_pb2.RenderRequest.CONTENT_DEPTH,
+    "segments": render_pb2.RenderRequest.CONTENT_SEGMENTS,
+    "features": render_pb2.RenderRequest.CONTENT_FEATURES,
+}
+
+
+def selection_name(at: Place, selection: SelectionInfo | int | str) -> str:
+    if isinstance(selection, SelectionInfo):
+        return selection.name
+    text = str(selection)
+    return text if "/" in text else f"{at.scene}/selections/{text}"
+
+
+def to_segment_ref(segment: Segment) -> decomposition_pb2.SegmentRef:
+    return decomposition_pb2.SegmentRef(scales=segment.scales, level=segment.level, id=segment.id)
+
+
+def to_subset(at: Place, subset: Subset, without: bool) -> render_pb2.Subset:
+    if subset is None and without:
+        raise refused("without what? A selection or a segment is wanted")
+    message = render_pb2.Subset(complement=without)
+    if isinstance(subset, Segment):
+        message.segment.CopyFrom(to_segment_ref(subset))
+    elif subset is not None:
+        message.selection = selection_name(at, subset)
+    return message
+
+
+def parse_selection(message: selection_pb2.Selection) -> SelectionInfo:
+    return SelectionInfo(
+        name=message.name,
+        model=message.model,
+        num_gaussians=message.num_gaussians,
+        min=tuple(message.min),
+        max=tuple(message.max),
+        base=message.base,
+    )
+
+
+def _parse_level(index: int, message: Any, scales: tuple[float, ...]) -> Level:
+    segments = tuple(
+        Segment(
+            id=segment.id,
+            level=index,
+            parent=segment.parent,
+            num_gaussians=segment.num_gaussians,
+            min=tuple(segment.min),
+            max=tuple(segment.max),
+            scales=scales,
+        )
+        for segment in message.segments
+    )
+    return Level(message.scale_quantile, message.scale_units, segments, message.num_unassigned)
+
+
+def decompose(at: Place, scales: Sequence[float] = ()) -> Steps[Decomposition]:
+    """Takes the model apart into segments at several scales.
+
+    Args:
+        scales: quantiles, [0, 1], ascending, at most 8; empty: 0.01, 0.5 and 1, which are parts,
+            objects and groups.
+
+    Raises:
+        InvalidArgumentError: scales out of range or not ascending.
+        FailedPreconditionError: the scene has no model yet.
+        UnavailableError: too many decompositions wait.
+    """
+    asked = tuple(float(scale) for scale in scales)
+    request = decomposition_pb2.DecomposeRequest(model=at.model, scales=asked)
+    answer = yield Unary("segmentation", "Decompose", request, at.scene)
+    levels = tuple(_parse_level(i, level, asked) for i, level in enumerate(answer.levels))
+    return Decomposition(levels, answer.model)
+
+
+def render(
+    at: Place,
+    view: Viewpoint,
+    *,
+    content: str = "color",
+    of: Subset = None,
+    without: bool = False,
+    overlay: npt.ArrayLike | None = None,
+    level: int = 0,
+    scales: Sequence[float] = (),
+    feature_scale: float = 0.0,
+) -> Steps[npt.NDArray[Any]]:
+    """A picture of the model, or of some of it.
+
+    Args:
+        view: a view's name or a Camera.
+        content: "color", "depth", "segments" or "features".
+        of: what is rendered: a selection, its number or name, or a segment; None: all.
+        without: all others in its place.
+        overlay: mask [height, width], tinted and outlined in "color".
+        level, scales: of "segments": as in `decompose`.
+        feature_scale: of "features": a quantile, [0, 1].
+
+    Returns:
+        "color" and "features": uint8 [height, width, 3], RGB. "depth": float32 [height, width],
+        scene units along the optical axis, 0 where hardly anything is seen. "segments": uint16
+        [height, width], the id of the segment, 0 where none.
+
+    Raises:
+        InvalidArgumentError: an unknown view or content, a value out of range.
+        NotFoundError: no such selection.
+        FailedPreconditionError: the scene has no model yet.
+    """
+    if content not in _CONTENTS:
+        raise refused(f'content "{content}": one of {", ".join(_CONTENTS)} is wanted')
+    request = render_pb2.RenderRequest(
+        model=at.model,
+        viewpoint=to_viewpoint(view),
+        content=_CONTENTS[content],
+        subset=to_subset(at, of, without),
+        decomposition_scales=scales,
+        level=level,
+        feature_scale=feature_scale,
+    )
+    if overlay is not None:
+        request.overlay_mask.CopyFrom(prompt_pb2.MaskImage(rle=rle.encode(overlay)))
+    answer = yield Unary("segmentation", "Render", request, at.scene)
+    pixels = png.decode(answer.png)
+    return (pixels * np.float32(answer.depth_unit)) if content == "depth" else pixels
+
+
+class _PlyFile:
+    """Takes the parts of a PLY, checking each."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._sha256 = hashlib.sha256()
+        self._num_bytes = 0
+        self._header = render_pb2.ExportSelectionResponse.Header()
+
+    def take(self, part: render_pb2.ExportSelectionResponse) -> None:
+        if part.HasField("header"):
+            self._header = part.header
+            return
+        data = part.chunk.data
+        if crc32c(data) != part.chunk.crc32c:
+            raise damaged(f"the PLY from byte {self._num_bytes} on fails its checksum")
+        self._sha256.update(data)
+        self._num_bytes += len(data)
+        self._file.write(data)
+
+    def finish(self) -> render_pb2.ExportSelectionResponse.Header:
+        header = self._header
+        if (self._num_bytes, self._sha256.hexdigest()) != (header.num_bytes, header.sha256):
+            raise damaged(
+                f"the PLY is not what was announced: {self._num_bytes} of {header.num_bytes} bytes"
+            )
+        return header
+
+
+def export(
+    at: Place, path: str | os.PathLike[str], of: Subset = None, *, without: bool = False
+) -> Steps[Export]:
+    """Fetches the model, or some of it, as a PLY that splat viewers open.
+
+    The file stands at `path` only when it is whole and its checksum is right.
+
+    Args:
+        of: a selection, its number or name, or a segment; None: all.
+        without: all others in its place: what is left when the thing is taken away.
+
+    Raises:
+        NotFoundError: no such selection.
+        InvalidArgumentError: no such segment.
+        FailedPreconditionError: the scene has no model yet.
+        DataLossError: the bytes fail their checksum.
+        OSError: the file cannot be written.
+    """
+    request = render_pb2.ExportSelectionRequest(model=at.model, subset=to_subset(at, of, without))
+    target = Path(path)
+    beside = target.with_name(target.name + ".part")
+    try:
+        with open(beside, "wb") as file:
+            ply = _PlyFile(file)
+            yield Receive("segmentation", "ExportSelection", request, at.scene, ply.take)
+            header = ply.finish()
+        beside.replace(target)
+    finally:
+        beside.unlink(missing_ok=True)
+    return Export(target, header.num_gaussians, header.num_bytes, header.sha256, header.model)

@@ -1,0 +1,170 @@
+"""Trainings: their options, what they take, and their start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Union
+
+from google.protobuf import json_format
+import grpc
+
+from pepeseg import errors
+from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
+from pepeseg.jobs import OnEvent, wait
+from pepeseg.scenes import Model
+from pepeseg.v1 import dataset_service_pb2, job_service_pb2, training_options_pb2
+
+# By name, as {"reconstruct.num_steps": 3000}.
+Options = Mapping[str, Union[bool, int, float, str]]
+
+
+def option_names() -> list[str]:
+    """Every option of a training, as "reconstruct.num_steps"."""
+    stages = training_options_pb2.TrainingOptions.DESCRIPTOR.fields
+    return [f"{stage.name}.{field.name}" for stage in stages for field in stage.message_type.fields]
+
+
+def _enum_name(field: Any, value: str) -> str:
+    """An enum's value by its name, which may leave out what all of them begin with: "patch"."""
+    wanted = value.upper()
+    for known in field.enum_type.values:
+        if known.name == wanted or known.name.endswith("_" + wanted):
+            name: str = known.name
+            return name
+    return value
+
+
+def to_options(options: Options) -> training_options_pb2.TrainingOptions:
+    message = training_options_pb2.TrainingOptions()
+    for name, value in options.items():
+        stage, _, option = name.partition(".")
+        field = message.DESCRIPTOR.fields_by_name.get(stage)
+        field = field and field.message_type.fields_by_name.get(option)
+        if field is None:
+            raise errors.refused(f'no option "{name}"; there are: {", ".join(option_names())}')
+        if field.enum_type is not None:
+            value = _enum_name(field, str(value))
+        try:
+            json_format.ParseDict({option: value}, getattr(message, stage))
+        except json_format.ParseError as error:
+            raise errors.refused(f'option {name}: "{value}" is refused: {error}') from error
+    return message
+
+
+def _merge(
+    steps: int | None, feature_steps: int | None, image_scale: float | None, options: Options | None
+) -> training_options_pb2.TrainingOptions:
+    short = {
+        "reconstruct.num_steps": steps,
+        "features.num_steps": feature_steps,
+        "import.image_scale": image_scale,
+    }
+    given = {name: value for name, value in short.items() if value is not None}
+    return to_options({**given, **(options or {})})
+
+
+def _dataset_name(at: Place, dataset: int | str | None) -> Steps[str]:
+    """Of a number or a name; None: the scene's newest."""
+    if dataset is not None:
+        text = str(dataset)
+        return text if "/" in text else f"{at.scene}/datasets/{text}"
+    request = dataset_service_pb2.ListDatasetsRequest(parent=at.scene)
+    found = yield from all_pages("datasets", "ListDatasets", request, "datasets", at.scene)
+    if not found:
+        raise errors.FailedPreconditionError(
+            f"{at.scene} has no dataset yet: upload() brings one",
+            grpc.StatusCode.FAILED_PRECONDITION,
+        )
+    newest: str = found[-1].name
+    return newest
+
+
+def start_training(
+    at: Place,
+    *,
+    steps: int | None = None,
+    feature_steps: int | None = None,
+    image_scale: float | None = None,
+    options: Options | None = None,
+    dataset: int | str | None = None,
+) -> Steps[job_service_pb2.Job]:
+    """Queues a training and leaves it; `watch` or `wait` follow it.
+
+    Args:
+        steps, feature_steps: of the reconstruction and of the feature training.
+        image_scale: shrinks the photographs, (0, 1].
+        options: any option by name, as {"reconstruct.sh_degree": 2}; `option_names()` has them all.
+            What is not given is the server's.
+        dataset: number or name; None: the newest.
+
+    Raises:
+        InvalidArgumentError: no such option, or a value out of range.
+        FailedPreconditionError: the scene has no dataset.
+        AbortedError: a training of the scene is queued or running: `resource` is the job.
+        ResourceExhaustedError: the device's memory cannot hold it (`value` and `limit`, bytes).
+    """
+    message = _merge(steps, feature_steps, image_scale, options)
+    name = yield from _dataset_name(at, dataset)
+    request = job_service_pb2.TrainSceneRequest(
+        scene=at.scene, dataset=name, options=message, request_id=new_request_id()
+    )
+    job: job_service_pb2.Job = yield Unary("jobs", "TrainScene", request, at.scene)
+    return job
+
+
+def train(
+    at: Place,
+    *,
+    steps: int | None = None,
+    feature_steps: int | None = None,
+    image_scale: float | None = None,
+    options: Options | None = None,
+    dataset: int | str | None = None,
+    progress: bool = False,
+    on_event: OnEvent | None = None,
+) -> Steps[Model]:
+    """Makes a model of the scene; it answers questions from then on.
+
+    An interruption leaves the job running: `jobs` finds it, `wait` follows it, `cancel` ends it.
+
+    Args:
+        steps, feature_steps, image_scale, options, dataset: as in `start_training`.
+        progress: whether a bar is shown on standard error (tqdm's, where it is installed).
+        on_event: is given each event of the contract, heartbeats left out.
+
+    Raises:
+        InvalidArgumentError, FailedPreconditionError, AbortedError, ResourceExhaustedError: as
+            `start_training`.
+        JobFailedError, JobCancelledError: the job ended so.
+    """
+    job = yield from start_training(
+        at,
+        steps=steps,
+        feature_steps=feature_steps,
+        image_scale=image_scale,
+        options=options,
+        dataset=dataset,
+    )
+    return (yield from wait(at, job, progress=progress, on_event=on_event))
+
+
+def estimate(
+    at: Place,
+    *,
+    steps: int | None = None,
+    feature_steps: int | None = None,
+    image_scale: float | None = None,
+    options: Options | None = None,
+    dataset: int | str | None = None,
+) -> Steps[job_service_pb2.EstimateTrainingResponse]:
+    """What a training would take: memory of each stage, and time where it is known.
+
+    Args and Raises as in `start_training`.
+    """
+    message = _merge(steps, feature_steps, image_scale, options)
+    name = yield from _dataset_name(at, dataset)
+    request = job_service_pb2.EstimateTrainingRequest(scene=at.scene, dataset=name, options=message)
+    answer: job_service_pb2.EstimateTrainingResponse = yield Unary(
+        "jobs", "EstimateTraining", request, at.scene
+    )
+    return answer

@@ -1,0 +1,225 @@
+"""Brings files to the server: what it lacks, from where it broke off, each chunk checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+import hashlib
+import os
+import time
+from typing import Any, Union
+import warnings
+
+from pepeseg import errors
+from pepeseg.calls import Pause, Place, Send, Steps, Unary, Work, new_request_id
+from pepeseg.crc32c import crc32c
+from pepeseg.dataset import Dataset, DatasetFile, read_folder
+from pepeseg.progress import Bar
+from pepeseg.scenes import create_scene
+from pepeseg.v1 import dataset_service_pb2
+
+_CHUNK_BYTES = 1 << 20
+_FIRST_PAUSE = 0.25
+_LONGEST_PAUSE = 8.0
+_PATIENCE_SECONDS = 60.0
+_NAMES_TOLD = 10
+
+# False, True for a bar, or what is told the bytes the server has and those of all files.
+Progress = Union[bool, Callable[[int, int], None]]
+
+# What another try may mend: no connection, the file's earlier stream, another offset by then.
+_MAY_PASS = (
+    errors.UnavailableError,
+    errors.CancelledError,
+    errors.AbortedError,
+    errors.OutOfRangeError,
+)
+
+
+@dataclass(frozen=True)
+class SealedDataset:
+    """Files that a training can start from; it never changes.
+
+    Attributes:
+        name: "scenes/{scene}/datasets/{number}".
+    """
+
+    name: str
+    num_files: int
+    num_bytes: int
+
+
+def _declare(files: list[DatasetFile]) -> list[dataset_service_pb2.FileDeclaration]:
+    declarations = []
+    for file in files:
+        digest = hashlib.sha256()
+        with open(file.path, "rb") as stream:
+            while piece := stream.read(_CHUNK_BYTES):
+                digest.update(piece)
+            size = stream.tell()
+        declarations.append(
+            dataset_service_pb2.FileDeclaration(
+                path=file.name, kind=file.kind.value, size=size, sha256=digest.hexdigest()
+            )
+        )
+    return declarations
+
+
+def _request_id_of(declarations: list[dataset_service_pb2.FileDeclaration]) -> str:
+    """The same for the same files, so that an upload that was begun before is found again."""
+    digest = hashlib.sha256()
+    for file in declarations:
+        digest.update(f"{file.path}\n{file.kind} {file.size} {file.sha256}\n".encode())
+    return f"files-{digest.hexdigest()}"
+
+
+def _open_upload(at: Place, files: list[DatasetFile]) -> Steps[dataset_service_pb2.Upload]:
+    """One that goes on, or a new one where that was sealed."""
+    declarations = yield Work(lambda: _declare(files))
+    request = dataset_service_pb2.CreateUploadRequest(
+        parent=at.scene, files=declarations, request_id=_request_id_of(declarations)
+    )
+    upload: dataset_service_pb2.Upload
+    upload = yield Unary("datasets", "CreateUpload", request, at.scene)
+    if upload.sealed:
+        request.request_id = new_request_id()
+        upload = yield Unary("datasets", "CreateUpload", request, at.scene)
+    return upload
+
+
+class _Rest:
+    """What is left of an upload, as requests."""
+
+    def __init__(
+        self,
+        upload: dataset_service_pb2.Upload,
+        files: list[DatasetFile],
+        tell: Callable[[int, int], None],
+    ) -> None:
+        by_name = {file.name: file for file in files}
+        offsets = {part.path: part.committed_bytes for part in upload.partial_files}
+        self._upload = upload.name
+        self._files = [(by_name[name], offsets.get(name, 0)) for name in upload.missing_files]
+        self._tell = tell
+        self.num_bytes = upload.num_bytes
+        self.num_there = upload.num_bytes - sum(
+            os.path.getsize(file.path) - offset for file, offset in self._files
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self._files)
+
+    def requests(self) -> Iterator[dataset_service_pb2.WriteFilesRequest]:
+        done = self.num_there
+        request = dataset_service_pb2.WriteFilesRequest
+        for file, offset in self._files:
+            header = request.Header(upload=self._upload, path=file.name, offset=offset)
+            yield request(header=header)
+            with open(file.path, "rb") as stream:
+                stream.seek(offset)
+                while piece := stream.read(_CHUNK_BYTES):
+                    yield request(chunk=request.Chunk(data=piece, crc32c=crc32c(piece)))
+                    done += len(piece)
+                    self._tell(done, self.num_bytes)
+            yield request(end=request.End())
+
+
+class _Pauses:
+    """Between tries, longer ones while nothing comes through."""
+
+    def __init__(self) -> None:
+        self._most = -1
+        self._pause = _FIRST_PAUSE
+        self._since = time.monotonic()
+
+    def next(self, num_there: int, error: Exception) -> Pause:
+        """Raises `error` when nothing has come through for a minute."""
+        if num_there > self._most:
+            self._most, self._pause, self._since = num_there, _FIRST_PAUSE, time.monotonic()
+        if time.monotonic() - self._since > _PATIENCE_SECONDS:
+            raise error
+        pause = Pause(self._pause)
+        self._pause = min(2 * self._pause, _LONGEST_PAUSE)
+        return pause
+
+
+def _finish(
+    at: Place,
+    upload: dataset_service_pb2.Upload,
+    files: list[DatasetFile],
+    tell: Callable[[int, int], None],
+) -> Steps[Any]:
+    """Sends what is missing and seals; after a break it asks what is there and goes on."""
+    pauses = _Pauses()
+    seal = dataset_service_pb2.SealUploadRequest(name=upload.name)
+    ask = dataset_service_pb2.GetUploadRequest(name=upload.name)
+    while True:
+        rest = _Rest(upload, files, tell)
+        try:
+            if rest:
+                yield Send("datasets", "WriteFiles", rest.requests(), at.scene)
+            return (yield Unary("datasets", "SealUpload", seal, at.scene))
+        except _MAY_PASS as error:
+            broken = error
+        while True:
+            yield pauses.next(rest.num_there, broken)
+            try:
+                upload = yield Unary("datasets", "GetUpload", ask, at.scene)
+                break
+            except _MAY_PASS:
+                continue
+
+
+def _warn_of(dataset: Dataset) -> None:
+    if not dataset.missing:
+        return
+    named = ", ".join(dataset.missing[:_NAMES_TOLD])
+    more = len(dataset.missing) - _NAMES_TOLD
+    rest = f" and {more} more" if more > 0 else ""
+    warnings.warn(f"photographs that the poses name are missing: {named}{rest}", stacklevel=2)
+
+
+def upload(
+    at: Place,
+    source: str | os.PathLike[str] | Dataset,
+    *,
+    depth_kind: str = "depth",
+    progress: Progress = False,
+) -> Steps[SealedDataset]:
+    """Brings a scene's files; the scene is made when it is not there.
+
+    What the server has already is not sent. A lost connection is taken up where the server has the
+    bytes, until nothing has come through for a minute; the same call later goes on, too.
+
+    Args:
+        source: a folder in the layout of `pepeseg.dataset` or of photographs only, a video, or what
+            an importer made.
+        depth_kind: as in `dataset.read_folder`.
+        progress: True for a bar, or a function of the bytes that are there and of all.
+
+    Raises:
+        NotFoundError: no such folder.
+        InvalidArgumentError: no photographs in it; a name or size that the server refuses, named.
+        ResourceExhaustedError: the project's quota, or the server's disk.
+        DataLossError: a file was changed meanwhile, or damaged on the way.
+        UnavailableError: nothing has come through for a minute.
+        OSError: a file cannot be read.
+    """
+    dataset = source if isinstance(source, Dataset) else read_folder(source, depth_kind)
+    _warn_of(dataset)
+    bar = Bar("B", scaled=True) if progress is True else None
+
+    def tell(done: int, total: int) -> None:
+        if bar is not None:
+            bar.show("upload", done, total)
+        elif callable(progress):
+            progress(done, total)
+
+    try:
+        yield from create_scene(at)
+        opened = yield from _open_upload(at, dataset.files)
+        sealed = yield from _finish(at, opened, dataset.files, tell)
+    finally:
+        if bar is not None:
+            bar.close()
+    return SealedDataset(sealed.name, sealed.num_files, sealed.num_bytes)

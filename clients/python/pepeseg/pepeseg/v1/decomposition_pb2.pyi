@@ -1,0 +1,59 @@
+from pepeseg.v1 import timing_pb2 as _timing_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class DecomposeRequest(_message.Message):
+    __slots__ = ["model", "scales"]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SCALES_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    scales: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, model: _Optional[str] = ..., scales: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class DecomposeResponse(_message.Message):
+    __slots__ = ["levels", "model", "timing"]
+    class Level(_message.Message):
+        __slots__ = ["num_unassigned", "scale_quantile", "scale_units", "segments"]
+        NUM_UNASSIGNED_FIELD_NUMBER: _ClassVar[int]
+        SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
+        SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
+        SEGMENTS_FIELD_NUMBER: _ClassVar[int]
+        num_unassigned: int
+        scale_quantile: float
+        scale_units: float
+        segments: _containers.RepeatedCompositeFieldContainer[DecomposeResponse.Segment]
+        def __init__(self, scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., segments: _Optional[_Iterable[_Union[DecomposeResponse.Segment, _Mapping]]] = ..., num_unassigned: _Optional[int] = ...) -> None: ...
+    class Segment(_message.Message):
+        __slots__ = ["id", "max", "min", "num_gaussians", "parent"]
+        ID_FIELD_NUMBER: _ClassVar[int]
+        MAX_FIELD_NUMBER: _ClassVar[int]
+        MIN_FIELD_NUMBER: _ClassVar[int]
+        NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+        PARENT_FIELD_NUMBER: _ClassVar[int]
+        id: int
+        max: _containers.RepeatedScalarFieldContainer[float]
+        min: _containers.RepeatedScalarFieldContainer[float]
+        num_gaussians: int
+        parent: int
+        def __init__(self, id: _Optional[int] = ..., parent: _Optional[int] = ..., num_gaussians: _Optional[int] = ..., min: _Optional[_Iterable[float]] = ..., max: _Optional[_Iterable[float]] = ...) -> None: ...
+    LEVELS_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
+    levels: _containers.RepeatedCompositeFieldContainer[DecomposeResponse.Level]
+    model: str
+    timing: _timing_pb2.QueryTiming
+    def __init__(self, levels: _Optional[_Iterable[_Union[DecomposeResponse.Level, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+
+class SegmentRef(_message.Message):
+    __slots__ = ["id", "level", "scales"]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    SCALES_FIELD_NUMBER: _ClassVar[int]
+    id: int
+    level: int
+    scales: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ..., id: _Optional[int] = ...) -> None: ...

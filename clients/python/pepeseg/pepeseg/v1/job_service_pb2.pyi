@@ -1,0 +1,275 @@
+from google.protobuf import duration_pb2 as _duration_pb2
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from pepeseg.v1 import access_pb2 as _access_pb2
+from pepeseg.v1 import errors_pb2 as _errors_pb2
+from pepeseg.v1 import scene_service_pb2 as _scene_service_pb2
+from pepeseg.v1 import training_options_pb2 as _training_options_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+JOB_STATE_CANCELLED: JobState
+JOB_STATE_FAILED: JobState
+JOB_STATE_QUEUED: JobState
+JOB_STATE_RUNNING: JobState
+JOB_STATE_SUCCEEDED: JobState
+JOB_STATE_UNSPECIFIED: JobState
+
+class CancelJobRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
+
+class EstimateTrainingRequest(_message.Message):
+    __slots__ = ["dataset", "options", "scene"]
+    DATASET_FIELD_NUMBER: _ClassVar[int]
+    OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    SCENE_FIELD_NUMBER: _ClassVar[int]
+    dataset: str
+    options: _training_options_pb2.TrainingOptions
+    scene: str
+    def __init__(self, scene: _Optional[str] = ..., dataset: _Optional[str] = ..., options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ...) -> None: ...
+
+class EstimateTrainingResponse(_message.Message):
+    __slots__ = ["device", "have_bytes", "max_pixels", "need_bytes", "num_mask_files", "num_points", "num_views", "stages"]
+    class Stage(_message.Message):
+        __slots__ = ["device_bytes", "duration", "host_bytes", "stage"]
+        DEVICE_BYTES_FIELD_NUMBER: _ClassVar[int]
+        DURATION_FIELD_NUMBER: _ClassVar[int]
+        HOST_BYTES_FIELD_NUMBER: _ClassVar[int]
+        STAGE_FIELD_NUMBER: _ClassVar[int]
+        device_bytes: int
+        duration: _duration_pb2.Duration
+        host_bytes: int
+        stage: str
+        def __init__(self, stage: _Optional[str] = ..., device_bytes: _Optional[int] = ..., host_bytes: _Optional[int] = ..., duration: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    HAVE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    MAX_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    NEED_BYTES_FIELD_NUMBER: _ClassVar[int]
+    NUM_MASK_FILES_FIELD_NUMBER: _ClassVar[int]
+    NUM_POINTS_FIELD_NUMBER: _ClassVar[int]
+    NUM_VIEWS_FIELD_NUMBER: _ClassVar[int]
+    STAGES_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    have_bytes: int
+    max_pixels: int
+    need_bytes: int
+    num_mask_files: int
+    num_points: int
+    num_views: int
+    stages: _containers.RepeatedCompositeFieldContainer[EstimateTrainingResponse.Stage]
+    def __init__(self, stages: _Optional[_Iterable[_Union[EstimateTrainingResponse.Stage, _Mapping]]] = ..., device: _Optional[str] = ..., need_bytes: _Optional[int] = ..., have_bytes: _Optional[int] = ..., num_views: _Optional[int] = ..., max_pixels: _Optional[int] = ..., num_points: _Optional[int] = ..., num_mask_files: _Optional[int] = ...) -> None: ...
+
+class GetJobRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
+
+class Job(_message.Message):
+    __slots__ = ["cancel_requested", "create_time", "dataset", "device", "effective_options", "end_time", "error", "model", "name", "progress", "scene", "stage", "start_time", "state"]
+    CANCEL_REQUESTED_FIELD_NUMBER: _ClassVar[int]
+    CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    DATASET_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    EFFECTIVE_OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    END_TIME_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    PROGRESS_FIELD_NUMBER: _ClassVar[int]
+    SCENE_FIELD_NUMBER: _ClassVar[int]
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    START_TIME_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    cancel_requested: bool
+    create_time: _timestamp_pb2.Timestamp
+    dataset: str
+    device: str
+    effective_options: _training_options_pb2.TrainingOptions
+    end_time: _timestamp_pb2.Timestamp
+    error: _errors_pb2.Status
+    model: str
+    name: str
+    progress: JobProgress
+    scene: str
+    stage: str
+    start_time: _timestamp_pb2.Timestamp
+    state: JobState
+    def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[str] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ...) -> None: ...
+
+class JobEvent(_message.Message):
+    __slots__ = ["heartbeat", "progress", "sequence", "snapshot", "stage_ended", "stage_started", "state_changed", "term_skipped", "time", "warning"]
+    class Heartbeat(_message.Message):
+        __slots__ = []
+        def __init__(self) -> None: ...
+    class StageEnded(_message.Message):
+        __slots__ = ["elapsed", "metrics", "skipped", "stage", "views"]
+        class MetricsEntry(_message.Message):
+            __slots__ = ["key", "value"]
+            KEY_FIELD_NUMBER: _ClassVar[int]
+            VALUE_FIELD_NUMBER: _ClassVar[int]
+            key: str
+            value: float
+            def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+        ELAPSED_FIELD_NUMBER: _ClassVar[int]
+        METRICS_FIELD_NUMBER: _ClassVar[int]
+        SKIPPED_FIELD_NUMBER: _ClassVar[int]
+        STAGE_FIELD_NUMBER: _ClassVar[int]
+        VIEWS_FIELD_NUMBER: _ClassVar[int]
+        elapsed: _duration_pb2.Duration
+        metrics: _containers.ScalarMap[str, float]
+        skipped: str
+        stage: str
+        views: _containers.RepeatedCompositeFieldContainer[JobEvent.ViewScores]
+        def __init__(self, stage: _Optional[str] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., metrics: _Optional[_Mapping[str, float]] = ..., views: _Optional[_Iterable[_Union[JobEvent.ViewScores, _Mapping]]] = ..., skipped: _Optional[str] = ...) -> None: ...
+    class StageStarted(_message.Message):
+        __slots__ = ["stage"]
+        STAGE_FIELD_NUMBER: _ClassVar[int]
+        stage: str
+        def __init__(self, stage: _Optional[str] = ...) -> None: ...
+    class StateChanged(_message.Message):
+        __slots__ = ["error", "model", "state"]
+        ERROR_FIELD_NUMBER: _ClassVar[int]
+        MODEL_FIELD_NUMBER: _ClassVar[int]
+        STATE_FIELD_NUMBER: _ClassVar[int]
+        error: _errors_pb2.Status
+        model: str
+        state: JobState
+        def __init__(self, state: _Optional[_Union[JobState, str]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    class TermSkipped(_message.Message):
+        __slots__ = ["reason", "saved", "saved_steps", "stage", "step", "term"]
+        REASON_FIELD_NUMBER: _ClassVar[int]
+        SAVED_FIELD_NUMBER: _ClassVar[int]
+        SAVED_STEPS_FIELD_NUMBER: _ClassVar[int]
+        STAGE_FIELD_NUMBER: _ClassVar[int]
+        STEP_FIELD_NUMBER: _ClassVar[int]
+        TERM_FIELD_NUMBER: _ClassVar[int]
+        reason: str
+        saved: _duration_pb2.Duration
+        saved_steps: int
+        stage: str
+        step: int
+        term: str
+        def __init__(self, stage: _Optional[str] = ..., term: _Optional[str] = ..., reason: _Optional[str] = ..., step: _Optional[int] = ..., saved_steps: _Optional[int] = ..., saved: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
+    class ViewScores(_message.Message):
+        __slots__ = ["scores", "view"]
+        SCORES_FIELD_NUMBER: _ClassVar[int]
+        VIEW_FIELD_NUMBER: _ClassVar[int]
+        scores: _scene_service_pb2.ImageScores
+        view: str
+        def __init__(self, view: _Optional[str] = ..., scores: _Optional[_Union[_scene_service_pb2.ImageScores, _Mapping]] = ...) -> None: ...
+    class Warning(_message.Message):
+        __slots__ = ["message"]
+        MESSAGE_FIELD_NUMBER: _ClassVar[int]
+        message: str
+        def __init__(self, message: _Optional[str] = ...) -> None: ...
+    HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
+    PROGRESS_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
+    STAGE_ENDED_FIELD_NUMBER: _ClassVar[int]
+    STAGE_STARTED_FIELD_NUMBER: _ClassVar[int]
+    STATE_CHANGED_FIELD_NUMBER: _ClassVar[int]
+    TERM_SKIPPED_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    WARNING_FIELD_NUMBER: _ClassVar[int]
+    heartbeat: JobEvent.Heartbeat
+    progress: JobProgress
+    sequence: int
+    snapshot: Job
+    stage_ended: JobEvent.StageEnded
+    stage_started: JobEvent.StageStarted
+    state_changed: JobEvent.StateChanged
+    term_skipped: JobEvent.TermSkipped
+    time: _timestamp_pb2.Timestamp
+    warning: JobEvent.Warning
+    def __init__(self, sequence: _Optional[int] = ..., time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., snapshot: _Optional[_Union[Job, _Mapping]] = ..., stage_started: _Optional[_Union[JobEvent.StageStarted, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., warning: _Optional[_Union[JobEvent.Warning, _Mapping]] = ..., state_changed: _Optional[_Union[JobEvent.StateChanged, _Mapping]] = ..., heartbeat: _Optional[_Union[JobEvent.Heartbeat, _Mapping]] = ..., stage_ended: _Optional[_Union[JobEvent.StageEnded, _Mapping]] = ..., term_skipped: _Optional[_Union[JobEvent.TermSkipped, _Mapping]] = ...) -> None: ...
+
+class JobProgress(_message.Message):
+    __slots__ = ["depth_loss", "elapsed", "eta", "loss", "memory_bytes", "num_culled_degenerate", "num_gaussians", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_steps", "num_void_renders", "psnr", "stage", "step", "steps_per_second"]
+    DEPTH_LOSS_FIELD_NUMBER: _ClassVar[int]
+    ELAPSED_FIELD_NUMBER: _ClassVar[int]
+    ETA_FIELD_NUMBER: _ClassVar[int]
+    LOSS_FIELD_NUMBER: _ClassVar[int]
+    MEMORY_BYTES_FIELD_NUMBER: _ClassVar[int]
+    NUM_CULLED_DEGENERATE_FIELD_NUMBER: _ClassVar[int]
+    NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    NUM_REFINED_FIELD_NUMBER: _ClassVar[int]
+    NUM_REFINE_SPLIT_FIELD_NUMBER: _ClassVar[int]
+    NUM_SKIPPED_DEPTHS_FIELD_NUMBER: _ClassVar[int]
+    NUM_SKIPPED_GRADIENTS_FIELD_NUMBER: _ClassVar[int]
+    NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
+    NUM_VOID_RENDERS_FIELD_NUMBER: _ClassVar[int]
+    PSNR_FIELD_NUMBER: _ClassVar[int]
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    STEPS_PER_SECOND_FIELD_NUMBER: _ClassVar[int]
+    STEP_FIELD_NUMBER: _ClassVar[int]
+    depth_loss: float
+    elapsed: _duration_pb2.Duration
+    eta: _duration_pb2.Duration
+    loss: float
+    memory_bytes: int
+    num_culled_degenerate: int
+    num_gaussians: int
+    num_refine_split: int
+    num_refined: int
+    num_skipped_depths: int
+    num_skipped_gradients: int
+    num_steps: int
+    num_void_renders: int
+    psnr: float
+    stage: str
+    step: int
+    steps_per_second: float
+    def __init__(self, stage: _Optional[str] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., loss: _Optional[float] = ..., psnr: _Optional[float] = ..., num_gaussians: _Optional[int] = ..., num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., steps_per_second: _Optional[float] = ..., memory_bytes: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ...) -> None: ...
+
+class ListJobsRequest(_message.Message):
+    __slots__ = ["page_size", "page_token", "scene", "state"]
+    PAGE_SIZE_FIELD_NUMBER: _ClassVar[int]
+    PAGE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    SCENE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    page_size: int
+    page_token: str
+    scene: str
+    state: JobState
+    def __init__(self, scene: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., page_size: _Optional[int] = ..., page_token: _Optional[str] = ...) -> None: ...
+
+class ListJobsResponse(_message.Message):
+    __slots__ = ["jobs", "next_page_token"]
+    JOBS_FIELD_NUMBER: _ClassVar[int]
+    NEXT_PAGE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    jobs: _containers.RepeatedCompositeFieldContainer[Job]
+    next_page_token: str
+    def __init__(self, jobs: _Optional[_Iterable[_Union[Job, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
+
+class TrainSceneRequest(_message.Message):
+    __slots__ = ["dataset", "options", "request_id", "scene", "validate_only"]
+    DATASET_FIELD_NUMBER: _ClassVar[int]
+    OPTIONS_FIELD_NUMBER: _ClassVar[int]
+    REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    SCENE_FIELD_NUMBER: _ClassVar[int]
+    VALIDATE_ONLY_FIELD_NUMBER: _ClassVar[int]
+    dataset: str
+    options: _training_options_pb2.TrainingOptions
+    request_id: str
+    scene: str
+    validate_only: bool
+    def __init__(self, scene: _Optional[str] = ..., dataset: _Optional[str] = ..., options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., request_id: _Optional[str] = ..., validate_only: bool = ...) -> None: ...
+
+class WatchJobRequest(_message.Message):
+    __slots__ = ["after_sequence", "name"]
+    AFTER_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    after_sequence: int
+    name: str
+    def __init__(self, name: _Optional[str] = ..., after_sequence: _Optional[int] = ...) -> None: ...
+
+class JobState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []

@@ -1,0 +1,153 @@
+from google.protobuf import empty_pb2 as _empty_pb2
+from pepeseg.v1 import access_pb2 as _access_pb2
+from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
+from pepeseg.v1 import errors_pb2 as _errors_pb2
+from pepeseg.v1 import evaluation_pb2 as _evaluation_pb2
+from pepeseg.v1 import label_pb2 as _label_pb2
+from pepeseg.v1 import prompt_pb2 as _prompt_pb2
+from pepeseg.v1 import render_pb2 as _render_pb2
+from pepeseg.v1 import selection_pb2 as _selection_pb2
+from pepeseg.v1 import timing_pb2 as _timing_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class ProposeScalesRequest(_message.Message):
+    __slots__ = ["mask_encoding", "max_proposals", "model", "prompt"]
+    MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
+    MAX_PROPOSALS_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    PROMPT_FIELD_NUMBER: _ClassVar[int]
+    mask_encoding: _prompt_pb2.MaskEncoding
+    max_proposals: int
+    model: str
+    prompt: _prompt_pb2.Prompt
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ...) -> None: ...
+
+class ProposeScalesResponse(_message.Message):
+    __slots__ = ["model", "proposals", "timing"]
+    class Proposal(_message.Message):
+        __slots__ = ["mask", "scale_quantile", "scale_units", "stability", "support", "threshold"]
+        MASK_FIELD_NUMBER: _ClassVar[int]
+        SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
+        SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
+        STABILITY_FIELD_NUMBER: _ClassVar[int]
+        SUPPORT_FIELD_NUMBER: _ClassVar[int]
+        THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+        mask: SegmentResponse.ViewMask
+        scale_quantile: float
+        scale_units: float
+        stability: float
+        support: float
+        threshold: float
+        def __init__(self, scale_quantile: _Optional[float] = ..., threshold: _Optional[float] = ..., scale_units: _Optional[float] = ..., support: _Optional[float] = ..., stability: _Optional[float] = ..., mask: _Optional[_Union[SegmentResponse.ViewMask, _Mapping]] = ...) -> None: ...
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    PROPOSALS_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    proposals: _containers.RepeatedCompositeFieldContainer[ProposeScalesResponse.Proposal]
+    timing: _timing_pb2.QueryTiming
+    def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+
+class SegmentRequest(_message.Message):
+    __slots__ = ["granularity", "mask_encoding", "model", "prompt", "targets", "want_similarity"]
+    class Targets(_message.Message):
+        __slots__ = ["group", "views"]
+        class Group(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+            __slots__ = []
+        GROUP_ALL: SegmentRequest.Targets.Group
+        GROUP_FIELD_NUMBER: _ClassVar[int]
+        GROUP_HELD_OUT: SegmentRequest.Targets.Group
+        GROUP_UNSPECIFIED: SegmentRequest.Targets.Group
+        VIEWS_FIELD_NUMBER: _ClassVar[int]
+        group: SegmentRequest.Targets.Group
+        views: _containers.RepeatedScalarFieldContainer[str]
+        def __init__(self, group: _Optional[_Union[SegmentRequest.Targets.Group, str]] = ..., views: _Optional[_Iterable[str]] = ...) -> None: ...
+    GRANULARITY_FIELD_NUMBER: _ClassVar[int]
+    MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    PROMPT_FIELD_NUMBER: _ClassVar[int]
+    TARGETS_FIELD_NUMBER: _ClassVar[int]
+    WANT_SIMILARITY_FIELD_NUMBER: _ClassVar[int]
+    granularity: _prompt_pb2.Granularity
+    mask_encoding: _prompt_pb2.MaskEncoding
+    model: str
+    prompt: _prompt_pb2.Prompt
+    targets: SegmentRequest.Targets
+    want_similarity: bool
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ...) -> None: ...
+
+class SegmentResponse(_message.Message):
+    __slots__ = ["masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
+    class Box(_message.Message):
+        __slots__ = ["height", "width", "x", "y"]
+        HEIGHT_FIELD_NUMBER: _ClassVar[int]
+        WIDTH_FIELD_NUMBER: _ClassVar[int]
+        X_FIELD_NUMBER: _ClassVar[int]
+        Y_FIELD_NUMBER: _ClassVar[int]
+        height: int
+        width: int
+        x: int
+        y: int
+        def __init__(self, x: _Optional[int] = ..., y: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ...) -> None: ...
+    class SimilarityMap(_message.Message):
+        __slots__ = ["height", "values", "width"]
+        HEIGHT_FIELD_NUMBER: _ClassVar[int]
+        VALUES_FIELD_NUMBER: _ClassVar[int]
+        WIDTH_FIELD_NUMBER: _ClassVar[int]
+        height: int
+        values: bytes
+        width: int
+        def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., values: _Optional[bytes] = ...) -> None: ...
+    class ViewMask(_message.Message):
+        __slots__ = ["area", "box", "png", "rle", "score", "similarity", "view"]
+        AREA_FIELD_NUMBER: _ClassVar[int]
+        BOX_FIELD_NUMBER: _ClassVar[int]
+        PNG_FIELD_NUMBER: _ClassVar[int]
+        RLE_FIELD_NUMBER: _ClassVar[int]
+        SCORE_FIELD_NUMBER: _ClassVar[int]
+        SIMILARITY_FIELD_NUMBER: _ClassVar[int]
+        VIEW_FIELD_NUMBER: _ClassVar[int]
+        area: int
+        box: SegmentResponse.Box
+        png: bytes
+        rle: _prompt_pb2.CocoRle
+        score: float
+        similarity: SegmentResponse.SimilarityMap
+        view: str
+        def __init__(self, view: _Optional[str] = ..., rle: _Optional[_Union[_prompt_pb2.CocoRle, _Mapping]] = ..., png: _Optional[bytes] = ..., score: _Optional[float] = ..., box: _Optional[_Union[SegmentResponse.Box, _Mapping]] = ..., area: _Optional[int] = ..., similarity: _Optional[_Union[SegmentResponse.SimilarityMap, _Mapping]] = ...) -> None: ...
+    MASKS_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
+    SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
+    masks: _containers.RepeatedCompositeFieldContainer[SegmentResponse.ViewMask]
+    model: str
+    scale_quantile: float
+    scale_units: float
+    threshold: float
+    timing: _timing_pb2.QueryTiming
+    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+
+class SegmentStreamRequest(_message.Message):
+    __slots__ = ["segment", "sequence"]
+    SEGMENT_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    segment: SegmentRequest
+    sequence: int
+    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentRequest, _Mapping]] = ...) -> None: ...
+
+class SegmentStreamResponse(_message.Message):
+    __slots__ = ["error", "segment", "sequence"]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    SEGMENT_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    error: _errors_pb2.Status
+    segment: SegmentResponse
+    sequence: int
+    def __init__(self, sequence: _Optional[int] = ..., segment: _Optional[_Union[SegmentResponse, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Status, _Mapping]] = ...) -> None: ...

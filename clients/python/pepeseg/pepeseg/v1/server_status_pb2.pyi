@@ -1,0 +1,66 @@
+from google.protobuf import duration_pb2 as _duration_pb2
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from pepeseg.v1 import job_service_pb2 as _job_service_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class DrainRequest(_message.Message):
+    __slots__ = ["draining"]
+    DRAINING_FIELD_NUMBER: _ClassVar[int]
+    draining: bool
+    def __init__(self, draining: bool = ...) -> None: ...
+
+class GetStatusRequest(_message.Message):
+    __slots__ = []
+    def __init__(self) -> None: ...
+
+class ServerStatus(_message.Message):
+    __slots__ = ["device", "disk_free_bytes", "draining", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
+    class Pool(_message.Message):
+        __slots__ = ["max_queued", "name", "num_busy", "num_queued", "num_threads"]
+        MAX_QUEUED_FIELD_NUMBER: _ClassVar[int]
+        NAME_FIELD_NUMBER: _ClassVar[int]
+        NUM_BUSY_FIELD_NUMBER: _ClassVar[int]
+        NUM_QUEUED_FIELD_NUMBER: _ClassVar[int]
+        NUM_THREADS_FIELD_NUMBER: _ClassVar[int]
+        max_queued: int
+        name: str
+        num_busy: int
+        num_queued: int
+        num_threads: int
+        def __init__(self, name: _Optional[str] = ..., num_threads: _Optional[int] = ..., num_busy: _Optional[int] = ..., num_queued: _Optional[int] = ..., max_queued: _Optional[int] = ...) -> None: ...
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    DRAINING_FIELD_NUMBER: _ClassVar[int]
+    NUM_DESCRIPTORS_FIELD_NUMBER: _ClassVar[int]
+    NUM_QUEUED_JOBS_FIELD_NUMBER: _ClassVar[int]
+    NUM_STREAMS_FIELD_NUMBER: _ClassVar[int]
+    NUM_THREADS_FIELD_NUMBER: _ClassVar[int]
+    POOLS_FIELD_NUMBER: _ClassVar[int]
+    QUERIES_PER_SECOND_FIELD_NUMBER: _ClassVar[int]
+    QUERY_P50_FIELD_NUMBER: _ClassVar[int]
+    QUERY_P99_FIELD_NUMBER: _ClassVar[int]
+    RESIDENT_BYTES_FIELD_NUMBER: _ClassVar[int]
+    RUNNING_JOBS_FIELD_NUMBER: _ClassVar[int]
+    START_TIME_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    device: str
+    disk_free_bytes: int
+    draining: bool
+    num_descriptors: int
+    num_queued_jobs: int
+    num_streams: int
+    num_threads: int
+    pools: _containers.RepeatedCompositeFieldContainer[ServerStatus.Pool]
+    queries_per_second: float
+    query_p50: _duration_pb2.Duration
+    query_p99: _duration_pb2.Duration
+    resident_bytes: int
+    running_jobs: _containers.RepeatedCompositeFieldContainer[_job_service_pb2.Job]
+    start_time: _timestamp_pb2.Timestamp
+    version: str
+    def __init__(self, version: _Optional[str] = ..., device: _Optional[str] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., draining: bool = ..., resident_bytes: _Optional[int] = ..., num_descriptors: _Optional[int] = ..., num_threads: _Optional[int] = ..., pools: _Optional[_Iterable[_Union[ServerStatus.Pool, _Mapping]]] = ..., num_streams: _Optional[int] = ..., disk_free_bytes: _Optional[int] = ..., running_jobs: _Optional[_Iterable[_Union[_job_service_pb2.Job, _Mapping]]] = ..., num_queued_jobs: _Optional[int] = ..., queries_per_second: _Optional[float] = ..., query_p50: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., query_p99: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...

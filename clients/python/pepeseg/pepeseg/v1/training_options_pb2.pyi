@@ -1,0 +1,220 @@
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+CAPTURE_KIND_FORWARD_FACING: CaptureKind
+CAPTURE_KIND_ORBIT: CaptureKind
+CAPTURE_KIND_UNSPECIFIED: CaptureKind
+DEPTH_LOCAL_FORM_PATCH: DepthLocalForm
+DEPTH_LOCAL_FORM_UNSPECIFIED: DepthLocalForm
+DEPTH_LOCAL_FORM_WINDOWS: DepthLocalForm
+DESCRIPTOR: _descriptor.FileDescriptor
+PERCEPTION_THRESHOLD_DIFFERENCES: PerceptionThreshold
+PERCEPTION_THRESHOLD_GRADIENTS: PerceptionThreshold
+PERCEPTION_THRESHOLD_UNSPECIFIED: PerceptionThreshold
+PRIOR_MAKER_COMMAND: PriorMaker
+PRIOR_MAKER_EMBEDDED: PriorMaker
+PRIOR_MAKER_NONE: PriorMaker
+PRIOR_MAKER_UNSPECIFIED: PriorMaker
+REFINE_KEEP_NONE: RefineKeep
+REFINE_KEEP_SHRINK: RefineKeep
+REFINE_KEEP_SPLIT: RefineKeep
+REFINE_KEEP_SPLIT_ALL_AXES: RefineKeep
+REFINE_KEEP_UNSPECIFIED: RefineKeep
+SCALE_MAPPING_EVEN: ScaleMapping
+SCALE_MAPPING_QUANTILES: ScaleMapping
+SCALE_MAPPING_UNSPECIFIED: ScaleMapping
+SFM_MATCHING_EXHAUSTIVE: SfmMatching
+SFM_MATCHING_SEQUENTIAL: SfmMatching
+SFM_MATCHING_UNSPECIFIED: SfmMatching
+
+class FeatureOptions(_message.Message):
+    __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "learning_rate", "learning_rate_final", "min_loss_fall", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk"]
+    CENTROID_EVERY_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_FROM_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_WEIGHT_LOWER_FIELD_NUMBER: _ClassVar[int]
+    CENTROID_WEIGHT_UPPER_FIELD_NUMBER: _ClassVar[int]
+    CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    LEARNING_RATE_FINAL_FIELD_NUMBER: _ClassVar[int]
+    MIN_LOSS_FALL_FIELD_NUMBER: _ClassVar[int]
+    NUM_BACKGROUND_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    NUM_DRAWN_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
+    NUM_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
+    NUM_PERCEPTION_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    NUM_PIXELS_FIELD_NUMBER: _ClassVar[int]
+    NUM_SCALES_FIELD_NUMBER: _ClassVar[int]
+    NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
+    PERCEPTION_CROSS_VIEW_FIELD_NUMBER: _ClassVar[int]
+    PERCEPTION_THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    PERCEPTION_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    SCALE_MAPPING_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    STEPS_PER_CHUNK_FIELD_NUMBER: _ClassVar[int]
+    centroid_every: int
+    centroid_from: float
+    centroid_pixels: int
+    centroid_weight_lower: float
+    centroid_weight_upper: float
+    closing_share: float
+    learning_rate: float
+    learning_rate_final: float
+    min_loss_fall: float
+    num_background_pixels: int
+    num_drawn_neighbors: int
+    num_neighbors: int
+    num_perception_pixels: int
+    num_pixels: int
+    num_scales: int
+    num_steps: int
+    perception_cross_view: bool
+    perception_threshold: PerceptionThreshold
+    perception_weight: float
+    scale_mapping: ScaleMapping
+    seed: int
+    steps_per_chunk: int
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ...) -> None: ...
+
+class ImportOptions(_message.Message):
+    __slots__ = ["held_out_every", "image_scale"]
+    HELD_OUT_EVERY_FIELD_NUMBER: _ClassVar[int]
+    IMAGE_SCALE_FIELD_NUMBER: _ClassVar[int]
+    held_out_every: int
+    image_scale: float
+    def __init__(self, image_scale: _Optional[float] = ..., held_out_every: _Optional[int] = ...) -> None: ...
+
+class PriorOptions(_message.Message):
+    __slots__ = ["depth", "masks"]
+    DEPTH_FIELD_NUMBER: _ClassVar[int]
+    MASKS_FIELD_NUMBER: _ClassVar[int]
+    depth: PriorMaker
+    masks: PriorMaker
+    def __init__(self, masks: _Optional[_Union[PriorMaker, str]] = ..., depth: _Optional[_Union[PriorMaker, str]] = ...) -> None: ...
+
+class ReconstructOptions(_message.Message):
+    __slots__ = ["capture_kind", "closing_share", "coarse_until", "densify_every", "densify_from", "densify_gradient", "densify_size", "densify_until", "depth_local_form", "depth_local_weight", "depth_weight", "depth_weight_final", "depth_window", "log_scale_learning_rate", "max_gaussians", "mean_learning_rate", "mean_learning_rate_final", "min_band_gain", "min_depth_agreement", "min_loss_fall", "num_random_points", "num_steps", "opacity_decay", "opacity_learning_rate", "opacity_reset_every", "pixels_per_gaussian", "prune_opacity", "refine_candidates", "refine_from", "refine_keep", "refine_length", "rotation_learning_rate", "seed", "sh_degree", "sh_learning_rate", "ssim_weight"]
+    CAPTURE_KIND_FIELD_NUMBER: _ClassVar[int]
+    CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
+    COARSE_UNTIL_FIELD_NUMBER: _ClassVar[int]
+    DENSIFY_EVERY_FIELD_NUMBER: _ClassVar[int]
+    DENSIFY_FROM_FIELD_NUMBER: _ClassVar[int]
+    DENSIFY_GRADIENT_FIELD_NUMBER: _ClassVar[int]
+    DENSIFY_SIZE_FIELD_NUMBER: _ClassVar[int]
+    DENSIFY_UNTIL_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_LOCAL_FORM_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_LOCAL_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_WEIGHT_FINAL_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_WINDOW_FIELD_NUMBER: _ClassVar[int]
+    LOG_SCALE_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    MAX_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    MEAN_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    MEAN_LEARNING_RATE_FINAL_FIELD_NUMBER: _ClassVar[int]
+    MIN_BAND_GAIN_FIELD_NUMBER: _ClassVar[int]
+    MIN_DEPTH_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
+    MIN_LOSS_FALL_FIELD_NUMBER: _ClassVar[int]
+    NUM_RANDOM_POINTS_FIELD_NUMBER: _ClassVar[int]
+    NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
+    OPACITY_DECAY_FIELD_NUMBER: _ClassVar[int]
+    OPACITY_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    OPACITY_RESET_EVERY_FIELD_NUMBER: _ClassVar[int]
+    PIXELS_PER_GAUSSIAN_FIELD_NUMBER: _ClassVar[int]
+    PRUNE_OPACITY_FIELD_NUMBER: _ClassVar[int]
+    REFINE_CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    REFINE_FROM_FIELD_NUMBER: _ClassVar[int]
+    REFINE_KEEP_FIELD_NUMBER: _ClassVar[int]
+    REFINE_LENGTH_FIELD_NUMBER: _ClassVar[int]
+    ROTATION_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    SH_DEGREE_FIELD_NUMBER: _ClassVar[int]
+    SH_LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
+    SSIM_WEIGHT_FIELD_NUMBER: _ClassVar[int]
+    capture_kind: CaptureKind
+    closing_share: float
+    coarse_until: float
+    densify_every: int
+    densify_from: float
+    densify_gradient: float
+    densify_size: float
+    densify_until: float
+    depth_local_form: DepthLocalForm
+    depth_local_weight: float
+    depth_weight: float
+    depth_weight_final: float
+    depth_window: float
+    log_scale_learning_rate: float
+    max_gaussians: int
+    mean_learning_rate: float
+    mean_learning_rate_final: float
+    min_band_gain: float
+    min_depth_agreement: float
+    min_loss_fall: float
+    num_random_points: int
+    num_steps: int
+    opacity_decay: float
+    opacity_learning_rate: float
+    opacity_reset_every: int
+    pixels_per_gaussian: float
+    prune_opacity: float
+    refine_candidates: float
+    refine_from: float
+    refine_keep: RefineKeep
+    refine_length: float
+    rotation_learning_rate: float
+    seed: int
+    sh_degree: int
+    sh_learning_rate: float
+    ssim_weight: float
+    def __init__(self, num_steps: _Optional[int] = ..., sh_degree: _Optional[int] = ..., ssim_weight: _Optional[float] = ..., mean_learning_rate: _Optional[float] = ..., mean_learning_rate_final: _Optional[float] = ..., log_scale_learning_rate: _Optional[float] = ..., rotation_learning_rate: _Optional[float] = ..., opacity_learning_rate: _Optional[float] = ..., sh_learning_rate: _Optional[float] = ..., densify_from: _Optional[float] = ..., densify_until: _Optional[float] = ..., densify_every: _Optional[int] = ..., densify_gradient: _Optional[float] = ..., densify_size: _Optional[float] = ..., prune_opacity: _Optional[float] = ..., opacity_reset_every: _Optional[int] = ..., max_gaussians: _Optional[int] = ..., num_random_points: _Optional[int] = ..., seed: _Optional[int] = ..., coarse_until: _Optional[float] = ..., pixels_per_gaussian: _Optional[float] = ..., opacity_decay: _Optional[float] = ..., depth_weight: _Optional[float] = ..., depth_weight_final: _Optional[float] = ..., depth_local_weight: _Optional[float] = ..., depth_local_form: _Optional[_Union[DepthLocalForm, str]] = ..., depth_window: _Optional[float] = ..., capture_kind: _Optional[_Union[CaptureKind, str]] = ..., refine_keep: _Optional[_Union[RefineKeep, str]] = ..., refine_from: _Optional[float] = ..., refine_length: _Optional[float] = ..., refine_candidates: _Optional[float] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., min_band_gain: _Optional[float] = ..., min_depth_agreement: _Optional[float] = ...) -> None: ...
+
+class SfmOptions(_message.Message):
+    __slots__ = ["matching", "max_features", "max_seconds", "max_video_frames", "min_registered_share", "sequential_overlap"]
+    MATCHING_FIELD_NUMBER: _ClassVar[int]
+    MAX_FEATURES_FIELD_NUMBER: _ClassVar[int]
+    MAX_SECONDS_FIELD_NUMBER: _ClassVar[int]
+    MAX_VIDEO_FRAMES_FIELD_NUMBER: _ClassVar[int]
+    MIN_REGISTERED_SHARE_FIELD_NUMBER: _ClassVar[int]
+    SEQUENTIAL_OVERLAP_FIELD_NUMBER: _ClassVar[int]
+    matching: SfmMatching
+    max_features: int
+    max_seconds: int
+    max_video_frames: int
+    min_registered_share: float
+    sequential_overlap: int
+    def __init__(self, matching: _Optional[_Union[SfmMatching, str]] = ..., max_features: _Optional[int] = ..., sequential_overlap: _Optional[int] = ..., min_registered_share: _Optional[float] = ..., max_seconds: _Optional[int] = ..., max_video_frames: _Optional[int] = ...) -> None: ...
+
+class TrainingOptions(_message.Message):
+    __slots__ = ["features", "priors", "reconstruct", "sfm"]
+    FEATURES_FIELD_NUMBER: _ClassVar[int]
+    IMPORT_FIELD_NUMBER: _ClassVar[int]
+    PRIORS_FIELD_NUMBER: _ClassVar[int]
+    RECONSTRUCT_FIELD_NUMBER: _ClassVar[int]
+    SFM_FIELD_NUMBER: _ClassVar[int]
+    features: FeatureOptions
+    priors: PriorOptions
+    reconstruct: ReconstructOptions
+    sfm: SfmOptions
+    def __init__(self, reconstruct: _Optional[_Union[ReconstructOptions, _Mapping]] = ..., features: _Optional[_Union[FeatureOptions, _Mapping]] = ..., sfm: _Optional[_Union[SfmOptions, _Mapping]] = ..., priors: _Optional[_Union[PriorOptions, _Mapping]] = ..., **kwargs) -> None: ...
+
+class SfmMatching(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class PriorMaker(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class DepthLocalForm(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class CaptureKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class RefineKeep(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class ScaleMapping(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class PerceptionThreshold(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []

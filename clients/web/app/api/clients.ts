@@ -1,0 +1,70 @@
+// The server's services, through the back end that served the app.
+import { createClient } from '@connectrpc/connect';
+import { createConnectTransport } from '@connectrpc/connect-web';
+import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
+import { JobService } from '../../gen/pepeseg/v1/job_service_pb';
+import { SceneService } from '../../gen/pepeseg/v1/scene_service_pb';
+import { SegmentationService } from '../../gen/pepeseg/v1/segmentation_service_pb';
+
+const transport = createConnectTransport({ baseUrl: '/api/rpc', useBinaryFormat: true });
+
+export const scenes = createClient(SceneService, transport);
+export const datasets = createClient(DatasetService, transport);
+export const jobs = createClient(JobService, transport);
+export const segmentation = createClient(SegmentationService, transport);
+
+/** A list of pages as a whole. */
+export async function allPages<T>(
+  ask: (pageToken: string) => Promise<{ items: T[]; nextPageToken: string }>,
+): Promise<T[]> {
+  const all: T[] = [];
+  let token = '';
+  do {
+    const page = await ask(token);
+    all.push(...page.items);
+    token = page.nextPageToken;
+  } while (token !== '');
+  return all;
+}
+
+/** "scenes/shelf/models/3" -> "shelf". */
+export function sceneIdOf(resource: string): string {
+  return resource.split('/')[1] ?? '';
+}
+
+/** "jobs/17" -> "17", "scenes/x/labels/cup" -> "cup". */
+export function lastId(resource: string): string {
+  return resource.slice(resource.lastIndexOf('/') + 1);
+}
+
+/** So that a call repeated after a lost answer is known for the same one. */
+export function newRequestId(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}
+
+function query(values: Record<string, string | undefined>): string {
+  const given = Object.entries(values).filter((pair): pair is [string, string] => !!pair[1]);
+  return new URLSearchParams(given).toString();
+}
+
+export function pictureUrl(model: string, view: string, content?: string): string {
+  return `/api/picture?${query({ model, view, content })}`;
+}
+
+/** As it was uploaded, where the back end has it; without a path, any one of the scene. */
+export function photoUrl(scene: string, path?: string): string {
+  return `/api/photo?${query({ scene, path })}`;
+}
+
+export interface PlyOptions {
+  selection?: string;
+  complement?: boolean;
+  /** Name of the file to save. */
+  download?: string;
+}
+
+export function plyUrl(model: string, options: PlyOptions = {}): string {
+  const { selection, complement, download } = options;
+  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '', download })}`;
+}

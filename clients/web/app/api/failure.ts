@@ -1,0 +1,74 @@
+// Errors for people: what happened, and what to do.
+import { Code, ConnectError } from '@connectrpc/connect';
+import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
+
+export interface Failure {
+  readonly what: string;
+  /** Empty where the first sentence says it all. */
+  readonly todo: string;
+  readonly code: Code;
+  readonly reason: string;
+  readonly resource: string;
+  readonly limit: string;
+  /** Nothing answers: asking again may help. */
+  readonly away: boolean;
+  /** When asking again makes sense, as the server says. */
+  readonly retryMs: number | undefined;
+}
+
+const advice: Partial<Record<string, string>> = {
+  NO_KEY: 'The app shows the server no key: start it with --key-file, or set PEPESEG_KEY.',
+  BAD_KEY: 'The app’s key opens nothing: ask who runs the server for another one.',
+  MISSING_SCOPE: 'The app’s key may not do this: it takes one with more scopes.',
+  NOT_YOURS: 'It does not exist, or belongs to another project.',
+  DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
+  JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
+  NO_MODEL: 'Train the scene first.',
+  DRAINING: 'The server is being restarted; this goes on by itself.',
+};
+
+const adviceByCode: Partial<Record<Code, string>> = {
+  [Code.NotFound]: 'It may have been deleted: go back to the scenes.',
+  [Code.ResourceExhausted]: 'Delete what is not needed, or ask who runs the server for more.',
+  [Code.Unavailable]: 'This is tried again by itself.',
+  [Code.DeadlineExceeded]: 'The server took too long: try again.',
+  [Code.DataLoss]: 'Bytes were damaged on the way or on the disk: try again.',
+  [Code.Internal]: 'The server’s log says more. Try again.',
+  [Code.Unimplemented]: 'The server is older than the app: update it.',
+};
+
+/** fetch tells a lost connection by a TypeError, whatever the browser's words. */
+function isNetwork(error: ConnectError): boolean {
+  return error.cause instanceof TypeError || /failed to fetch|networkerror|load failed/i.test(error.rawMessage);
+}
+
+function sentence(text: string): string {
+  const trimmed = text.trim();
+  if (trimmed === '') return 'Something went wrong.';
+  const first = trimmed.charAt(0).toUpperCase() + trimmed.slice(1);
+  return /[.!?]$/.test(first) ? first : `${first}.`;
+}
+
+export function failureOf(cause: unknown): Failure {
+  const error = ConnectError.from(cause);
+  const detail = error.findDetails(ErrorDetailSchema)[0];
+  const network = isNetwork(error);
+  const away = network || error.code === Code.Unavailable;
+  const retry = detail?.retryAfter;
+  const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
+  return {
+    what: away && !detail ? 'The server does not answer.' : sentence(error.rawMessage),
+    todo: network ? 'Is it running? This is tried again by itself.' : todo,
+    code: error.code,
+    reason: detail?.reason ?? '',
+    resource: detail?.resource ?? '',
+    limit: detail?.limit ?? '',
+    away,
+    retryMs: retry ? Number(retry.seconds) * 1000 + retry.nanos / 1e6 : undefined,
+  };
+}
+
+export function isCancelled(cause: unknown): boolean {
+  if (cause instanceof DOMException && cause.name === 'AbortError') return true;
+  return ConnectError.from(cause).code === Code.Canceled;
+}

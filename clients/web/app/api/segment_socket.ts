@@ -1,0 +1,84 @@
+// SegmentStream over a WebSocket. Only the newest request matters: one that comes while the socket
+// is being opened takes the place of the one before, and after a cut the newest is asked again.
+import { create, fromBinary, toBinary } from '@bufbuild/protobuf';
+import { Code, ConnectError } from '@connectrpc/connect';
+import type { SegmentRequest, SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import {
+  SegmentStreamRequestSchema,
+  SegmentStreamResponseSchema,
+} from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type { Status } from '../../gen/pepeseg/v1/errors_pb';
+import { Backoff } from './server_link';
+
+export interface Answers {
+  /** Of the request with that sequence. */
+  answered(sequence: bigint, answer: SegmentResponse): void;
+  refused(sequence: bigint, error: unknown): void;
+}
+
+function errorOf(status: Status): ConnectError {
+  const error = new ConnectError(status.message, status.code as Code);
+  error.details = status.details.map(({ typeUrl, value }) => ({
+    type: typeUrl.slice(typeUrl.lastIndexOf('/') + 1),
+    value,
+  }));
+  return error;
+}
+
+export class SegmentSocket {
+  private socket: WebSocket | undefined;
+  private sequence = 0n;
+  private newest: Uint8Array<ArrayBuffer> | undefined;
+  private answeredUpTo = 0n;
+  private closed = false;
+  private readonly backoff = new Backoff();
+
+  constructor(private readonly answers: Answers) {}
+
+  /** Returns the sequence of the request. */
+  ask(segment: SegmentRequest): bigint {
+    const request = create(SegmentStreamRequestSchema, { sequence: ++this.sequence, segment });
+    this.newest = toBinary(SegmentStreamRequestSchema, request) as Uint8Array<ArrayBuffer>;
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(this.newest);
+    else this.open();
+    return this.sequence;
+  }
+
+  close(): void {
+    this.closed = true;
+    this.socket?.close(1000);
+  }
+
+  private open(): void {
+    if (this.socket || this.closed) return;
+    const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
+    const socket = new WebSocket(`${scheme}://${location.host}/api/segment-stream`);
+    socket.binaryType = 'arraybuffer';
+    this.socket = socket;
+    socket.onopen = () => this.newest && socket.send(this.newest);
+    socket.onmessage = ({ data }) => this.take(new Uint8Array(data as ArrayBuffer));
+    socket.onclose = (event) => void this.lost(event);
+  }
+
+  private take(bytes: Uint8Array): void {
+    this.backoff.reset();
+    const { sequence, outcome } = fromBinary(SegmentStreamResponseSchema, bytes);
+    this.answeredUpTo = sequence;
+    if (outcome.case === 'segment') this.answers.answered(sequence, outcome.value);
+    if (outcome.case === 'error') this.answers.refused(sequence, errorOf(outcome.value));
+  }
+
+  private async lost(event: CloseEvent): Promise<void> {
+    this.socket = undefined;
+    // Idle ones are opened again when there is something to ask.
+    if (this.closed || this.answeredUpTo === this.sequence) return;
+    const code = event.code > 4000 ? ((event.code - 4000) as Code) : Code.Unavailable;
+    if (code !== Code.Unavailable && code !== Code.Canceled) {
+      this.answeredUpTo = this.sequence;
+      this.answers.refused(this.sequence, new ConnectError(event.reason, code));
+      return;
+    }
+    await this.backoff.wait('The server does not answer.', undefined);
+    this.open();
+  }
+}

@@ -1,0 +1,29 @@
+import type { JSX } from 'preact';
+
+const paths = {
+  back: 'M15 5l-7 7 7 7',
+  plus: 'M12 5v14M5 12h14',
+  trash: 'M5 7h14M10 7V5h4v2M7 7l1 12h8l1-12',
+  undo: 'M9 7L4 12l5 5M4 12h10a5 5 0 010 10',
+  close: 'M6 6l12 12M18 6L6 18',
+  download: 'M12 4v11m-5-5l5 5 5-5M5 20h14',
+  check: 'M5 12l5 5 9-10',
+  help: 'M9 9a3 3 0 115 2c-1 1-2 1.500-2 3M12 18v.5',
+  cube: 'M12 3l8 4.500v9L12 21l-8-4.500v-9zM12 12l8-4.500M12 12v9M12 12L4 7.500',
+  photo: 'M4 6h16v12H4zM4 15l4-4 4 4 3-3 5 4M15.500 9.500h.01',
+  upload: 'M12 16V5m-5 5l5-5 5 5M5 20h14',
+  box: 'M4 8V4h4M16 4h4v4M20 16v4h-4M8 20H4v-4',
+  minus: 'M6 12h12',
+  warn: 'M12 4l9 16H3zM12 10v4M12 17v.01',
+};
+
+export type IconName = keyof typeof paths;
+
+/** Beside words, or within what has a label: hidden from readers of the screen. */
+export function Icon({ name }: { name: IconName }): JSX.Element {
+  return (
+    <svg class="icon" viewBox="0 0 24 24" aria-hidden="true" focusable="false">
+      <path d={paths[name]} />
+    </svg>
+  );
+}

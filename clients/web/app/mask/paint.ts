@@ -1,0 +1,56 @@
+// A mask over its picture: tinted inside, outlined at its border.
+import type { Rle } from './rle';
+import { decodeRle } from './rle';
+
+type Color = readonly [red: number, green: number, blue: number, alpha: number];
+
+const tint: Color = [20, 184, 166, 105];
+const outline: Color = [255, 255, 255, 235];
+
+function isBorder(pixels: Uint8Array, i: number, width: number): boolean {
+  const x = i % width;
+  return (
+    (x > 0 && !pixels[i - 1]) ||
+    (x < width - 1 && !pixels[i + 1]) ||
+    (i >= width && !pixels[i - width]) ||
+    (i + width < pixels.length && !pixels[i + width])
+  );
+}
+
+function packed([red, green, blue, alpha]: Color): number {
+  return ((alpha << 24) | (blue << 16) | (green << 8) | red) >>> 0;
+}
+
+/** Makes the canvas as large as the mask. An empty mask clears it. */
+export function paintMask(canvas: HTMLCanvasElement, mask: Rle | undefined): void {
+  if (!mask || mask.width === 0) {
+    canvas.width = 1;
+    canvas.height = 1;
+    return;
+  }
+  if (canvas.width !== mask.width) canvas.width = mask.width;
+  if (canvas.height !== mask.height) canvas.height = mask.height;
+  const context = canvas.getContext('2d');
+  if (!context) return;
+  const pixels = decodeRle(mask);
+  const image = context.createImageData(mask.width, mask.height);
+  const words = new Uint32Array(image.data.buffer);
+  const inside = packed(tint);
+  const border = packed(outline);
+  for (let i = 0; i < pixels.length; ++i) {
+    if (pixels[i]) words[i] = isBorder(pixels, i, mask.width) ? border : inside;
+  }
+  context.putImageData(image, 0, 0);
+}
+
+/** Black and white, as most tools read masks. */
+export async function maskPng(mask: Rle): Promise<Blob> {
+  const canvas = new OffscreenCanvas(mask.width, mask.height);
+  const context = canvas.getContext('2d');
+  if (!context) throw new Error('the browser draws no pictures');
+  const image = context.createImageData(mask.width, mask.height);
+  const words = new Uint32Array(image.data.buffer);
+  decodeRle(mask).forEach((inside, i) => (words[i] = inside ? 0xffffffff : 0xff000000));
+  context.putImageData(image, 0, 0);
+  return canvas.convertToBlob({ type: 'image/png' });
+}

@@ -1,0 +1,60 @@
+// Run lengths as COCO has them (column-major, first the zeros), compressed to a string: five bits a
+// character from '0' on, the sixth says that more follow; from the third run on each is the
+// difference to the one before the last.
+export interface Rle {
+  readonly height: number;
+  readonly width: number;
+  readonly counts: string;
+}
+
+export function runsOf(counts: string): number[] {
+  const runs: number[] = [];
+  for (let at = 0; at < counts.length; ) {
+    let value = 0;
+    let shift = 0;
+    let bits: number;
+    do {
+      bits = counts.charCodeAt(at++) - 48;
+      if (!(bits >= 0 && bits < 64)) throw new Error('a character that no run length has');
+      value |= (bits & 31) << shift;
+      shift += 5;
+    } while (bits & 32);
+    if (bits & 16) value |= -1 << shift;
+    runs.push(runs.length > 2 ? value + (runs[runs.length - 2] as number) : value);
+  }
+  return runs;
+}
+
+/** Row-major, a byte a pixel: 0 or 1. */
+export function decodeRle({ height, width, counts }: Rle): Uint8Array {
+  const pixels = new Uint8Array(width * height);
+  let position = 0;
+  runsOf(counts).forEach((run, index) => {
+    const end = Math.min(position + run, pixels.length);
+    if (index % 2 === 1) fillColumns(pixels, position, end, height, width);
+    position = end;
+  });
+  return pixels;
+}
+
+function fillColumns(pixels: Uint8Array, from: number, to: number, height: number, width: number): void {
+  let row = from % height;
+  let column = (from - row) / height;
+  for (let i = from; i < to; ++i) {
+    pixels[row * width + column] = 1;
+    if (++row < height) continue;
+    row = 0;
+    ++column;
+  }
+}
+
+/** Pixels of both over pixels of either. */
+export function intersectionOverUnion(a: Uint8Array, b: Uint8Array): number {
+  let both = 0;
+  let either = 0;
+  for (let i = 0; i < a.length; ++i) {
+    both += a[i] && b[i] ? 1 : 0;
+    either += a[i] || b[i] ? 1 : 0;
+  }
+  return either === 0 ? 0 : both / either;
+}

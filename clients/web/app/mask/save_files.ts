@@ -1,0 +1,34 @@
+// What the browser saves.
+import { zipSync } from 'fflate';
+import type { CocoView, ViewMasks } from './coco';
+import { cocoJson } from './coco';
+import { maskPng } from './paint';
+
+export function saveBlob(blob: Blob, name: string): void {
+  const url = URL.createObjectURL(blob);
+  const link = document.createElement('a');
+  link.href = url;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 60_000);
+}
+
+export function saveCoco(scene: string, views: readonly CocoView[], segments: readonly ViewMasks[]): void {
+  const text = JSON.stringify(cocoJson(scene, views, segments), undefined, 1);
+  saveBlob(new Blob([text], { type: 'application/json' }), `${scene}-coco.json`);
+}
+
+/** A PNG a view, in a folder a category. */
+export async function saveMasks(scene: string, segments: readonly ViewMasks[]): Promise<void> {
+  const files: Record<string, Uint8Array> = {};
+  for (const { category, masks } of segments) {
+    for (const { view, rle } of masks) {
+      const stem = view.replace(/\.\w+$/, '');
+      const png = await maskPng(rle);
+      files[`${category}/${stem}.png`] = new Uint8Array(await png.arrayBuffer());
+    }
+  }
+  // PNGs are compressed already.
+  const zip = zipSync(files, { level: 0 });
+  saveBlob(new Blob([zip as Uint8Array<ArrayBuffer>], { type: 'application/zip' }), `${scene}-masks.zip`);
+}

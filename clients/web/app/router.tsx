@@ -1,0 +1,60 @@
+// Screens by path, so that a reload and the browser's back button mean what they say.
+import type { ComponentChildren, JSX } from 'preact';
+import { Store, useStore } from './store';
+
+export type Route =
+  | { screen: 'scenes' }
+  | { screen: 'new' }
+  | { screen: 'upload'; upload: string }
+  | { screen: 'scene'; scene: string }
+  | { screen: 'training'; job: string };
+
+export function parsePath(path: string): Route {
+  const [first, second] = path.split('/').filter(Boolean).map(decodeURIComponent);
+  if (first === 'new') return { screen: 'new' };
+  if (first === 'uploads' && second) return { screen: 'upload', upload: second };
+  if (first === 'scenes' && second) return { screen: 'scene', scene: second };
+  if (first === 'jobs' && second) return { screen: 'training', job: second };
+  return { screen: 'scenes' };
+}
+
+const place = new Store(location.pathname);
+window.addEventListener('popstate', () => place.set(location.pathname));
+
+export function useRoute(): Route {
+  return parsePath(useStore(place));
+}
+
+export function goTo(path: string, replace = false): void {
+  if (replace) history.replaceState(null, '', path);
+  else history.pushState(null, '', path);
+  place.set(location.pathname);
+  window.scrollTo(0, 0);
+}
+
+interface LinkProps {
+  to: string;
+  class?: string;
+  label?: string;
+  current?: boolean;
+  children: ComponentChildren;
+}
+
+export function Link({ to, class: className, label, current, children }: LinkProps): JSX.Element {
+  const follow = (event: MouseEvent) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) return;
+    event.preventDefault();
+    goTo(to);
+  };
+  return (
+    <a
+      href={to}
+      class={className}
+      aria-label={label}
+      aria-current={current ? 'page' : undefined}
+      onClick={follow}
+    >
+      {children}
+    </a>
+  );
+}

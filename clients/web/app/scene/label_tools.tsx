@@ -1,0 +1,93 @@
+// Names for segments, to be asked for in any view.
+import type { JSX } from 'preact';
+import { useState } from 'preact/hooks';
+import type { Label } from '../../gen/pepeseg/v1/label_pb';
+import { lastId } from '../api/clients';
+import type { Failure } from '../api/failure';
+import { failureOf } from '../api/failure';
+import { ConfirmButton } from '../components/confirm_button';
+import { FailureNote } from '../components/failure_note';
+import { Icon } from '../components/icons';
+import { useStore } from '../store';
+import type { SceneLabels } from './labels';
+import type { SceneSession } from './session';
+
+interface Props {
+  session: SceneSession;
+  labels: SceneLabels;
+  shownView: string;
+}
+
+export function labelName(label: Label): string {
+  return label.text || lastId(label.name);
+}
+
+export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
+  const { question, answer } = useStore(session.state);
+  const list = useStore(labels.list);
+  const [text, setText] = useState('');
+  const [failure, setFailure] = useState<Failure>();
+  const mask = labels.maskToName(answer, shownView);
+  const run = async (act: () => Promise<void>) => {
+    setFailure(undefined);
+    try {
+      await act();
+    } catch (error) {
+      setFailure(failureOf(error));
+    }
+  };
+  const name = (event: Event) => {
+    event.preventDefault();
+    const said = text.trim();
+    if (!mask || said === '') return;
+    void run(async () => {
+      await labels.create(said, mask);
+      setText('');
+    });
+  };
+  return (
+    <section aria-labelledby="labels-title">
+      <h2 id="labels-title">Labels</h2>
+      <form class="row" onSubmit={name}>
+        <input
+          id="label-text"
+          type="text"
+          maxLength={200}
+          placeholder={mask ? 'Name this segment' : 'Segment something to name it'}
+          aria-label="Name of the segment"
+          value={text}
+          disabled={!mask}
+          onInput={(event) => setText(event.currentTarget.value)}
+        />
+        <button type="submit" disabled={!mask || text.trim() === ''}>
+          Name
+        </button>
+      </form>
+      <FailureNote failure={failure} close={() => setFailure(undefined)} />
+      {list.length > 0 && (
+        <ul class="labels">
+          {list.map((label) => (
+            <li key={label.name}>
+              <button
+                type="button"
+                class="chip"
+                aria-pressed={question?.kind === 'label' && question.label === label.name}
+                onClick={() => session.askLabel(label.name)}
+              >
+                {labelName(label)}
+              </button>
+              <ConfirmButton
+                class="bare"
+                sure="Delete?"
+                label={`Delete the label ${labelName(label)}`}
+                onConfirm={() => void run(() => labels.remove(label))}
+              >
+                <Icon name="trash" />
+              </ConfirmButton>
+            </li>
+          ))}
+        </ul>
+      )}
+    </section>
+  );
+}

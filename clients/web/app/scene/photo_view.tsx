@@ -1,0 +1,183 @@
+// One view of the scene: its picture, the mask over it, and where to click.
+import type { JSX } from 'preact';
+import { useEffect, useRef, useState } from 'preact/hooks';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { paintMask } from '../mask/paint';
+import type { Mask } from './answer';
+import type { Box, Point, Question } from './prompt';
+
+export type Source = 'photo' | 'rendering';
+export type Tool = 'include' | 'exclude' | 'box';
+
+interface Props {
+  view: View;
+  /** Of the photograph; it may be missing. */
+  photo: string;
+  rendering: string;
+  source: Source;
+  onSource: (source: Source) => void;
+  mask: Mask | undefined;
+  /** Of this view, if it is about it. */
+  question: Question | undefined;
+  tool: Tool;
+  /** How many answers were shown: for who measures. */
+  numAnswers: number;
+  onPoint: (point: Point) => void;
+  onBox: (box: Box) => void;
+}
+
+interface Spot {
+  readonly x: number;
+  readonly y: number;
+}
+
+/** A press that moves less, in pixels of the screen, is a click. */
+const clickSlack = 5;
+/** Of the keyboard's cursor, in pixels of the view. */
+const keyStep = 8;
+
+const arrows: Record<string, readonly [number, number]> = {
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, -1],
+  ArrowDown: [0, 1],
+};
+
+function boxOf(a: Spot, b: Spot): Box {
+  const [x, y] = [Math.min(a.x, b.x), Math.min(a.y, b.y)];
+  return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
+}
+
+function Marks({ question, drawn, cursor }: { question: Question | undefined; drawn: Box | undefined; cursor: Spot | undefined }) {
+  const points = question?.kind === 'points' ? question.points : [];
+  const box = drawn ?? (question?.kind === 'box' ? question.box : undefined);
+  return (
+    <>
+      {points.map(({ x, y, negative }) => (
+        <g key={`${x},${y}`} class={negative ? 'mark negative' : 'mark'}>
+          <circle cx={x} cy={y} r="7" />
+          <path d={negative ? `M${x - 3.5} ${y}h7` : `M${x - 3.5} ${y}h7M${x} ${y - 3.5}v7`} />
+        </g>
+      ))}
+      {box && <rect class="mark-box" {...box} />}
+      {cursor && <path class="cursor" d={`M${cursor.x - 14} ${cursor.y}h28M${cursor.x} ${cursor.y - 14}v28`} />}
+    </>
+  );
+}
+
+export function PhotoView(props: Props): JSX.Element {
+  const { view, photo, rendering, source, onSource, mask, question, tool, numAnswers, onPoint, onBox } = props;
+  const { width = 1, height = 1 } = view.camera ?? {};
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
+  const [drawn, setDrawn] = useState<Box>();
+  const [cursor, setCursor] = useState<Spot>();
+  const [missing, setMissing] = useState('');
+  const hasPhoto = missing !== photo;
+
+  useEffect(() => {
+    if (canvas.current) paintMask(canvas.current, mask?.rle);
+  }, [mask]);
+
+  const spotOf = (event: PointerEvent): Spot => {
+    const edges = (event.currentTarget as Element).getBoundingClientRect();
+    const clamp = (value: number, end: number) => Math.min(Math.max(value, 0), end - 0.01);
+    return {
+      x: clamp(((event.clientX - edges.left) / edges.width) * width, width),
+      y: clamp(((event.clientY - edges.top) / edges.height) * height, height),
+    };
+  };
+  const isDrag = ({ clientX, clientY }: PointerEvent) => {
+    const from = pressed.current;
+    return !!from && Math.hypot(clientX - from.screenX, clientY - from.screenY) > clickSlack;
+  };
+  const press = (event: PointerEvent) => {
+    if (event.button !== 0) return;
+    pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
+    // A finger moves the page, unless it is to draw.
+    if (event.pointerType !== 'touch' || tool === 'box') {
+      (event.currentTarget as Element).setPointerCapture(event.pointerId);
+    }
+  };
+  const move = (event: PointerEvent) => {
+    if (pressed.current && isDrag(event)) setDrawn(boxOf(pressed.current, spotOf(event)));
+  };
+  const release = (event: PointerEvent) => {
+    const from = pressed.current;
+    if (!from) return;
+    const dragged = isDrag(event);
+    pressed.current = undefined;
+    setDrawn(undefined);
+    if (dragged) {
+      const box = boxOf(from, spotOf(event));
+      if (box.width >= 2 && box.height >= 2) onBox(box);
+    } else {
+      onPoint({ x: from.x, y: from.y, negative: event.shiftKey || tool === 'exclude' });
+    }
+  };
+  const cancel = () => {
+    pressed.current = undefined;
+    setDrawn(undefined);
+  };
+  const key = (event: KeyboardEvent) => {
+    const at = cursor ?? { x: width / 2, y: height / 2 };
+    const arrow = arrows[event.key];
+    if (arrow) {
+      const step = event.shiftKey ? keyStep * 5 : keyStep;
+      const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
+      const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
+      setCursor({ x, y });
+    } else if (event.key === 'Enter') {
+      setCursor(at);
+      onPoint({ ...at, negative: event.shiftKey || tool === 'exclude' });
+    } else {
+      return;
+    }
+    event.preventDefault();
+    event.stopPropagation();
+  };
+
+  return (
+    <div class="stage">
+      <div
+        class={`picture ${tool === 'box' ? 'drawing' : ''}`}
+        role="application"
+        tabIndex={0}
+        aria-label={`View ${view.view}. Arrow keys move a cursor, Enter segments what is under it, Shift and Enter excludes it.`}
+        data-view={view.view}
+        data-answers={numAnswers}
+        data-area={mask?.area ?? 0}
+        onPointerDown={press}
+        onPointerMove={move}
+        onPointerUp={release}
+        onPointerCancel={cancel}
+        onKeyDown={key}
+        onFocus={(event) => (event.currentTarget as Element).matches(':focus-visible') && setCursor(cursor ?? { x: width / 2, y: height / 2 })}
+        onBlur={() => setCursor(undefined)}
+      >
+        <img
+          src={hasPhoto && source === 'photo' ? photo : rendering}
+          width={width}
+          height={height}
+          alt=""
+          draggable={false}
+          onError={() => hasPhoto && source === 'photo' && setMissing(photo)}
+        />
+        <canvas ref={canvas} class="overlay" aria-hidden="true" />
+        <svg class="overlay" viewBox={`0 0 ${width} ${height}`} aria-hidden="true">
+          <Marks question={question} drawn={drawn} cursor={cursor} />
+        </svg>
+      </div>
+      {hasPhoto && (
+        <button
+          type="button"
+          class="source"
+          aria-label={source === 'photo' ? 'Photograph: show the rendering' : 'Rendering: show the photograph'}
+          onClick={() => onSource(source === 'photo' ? 'rendering' : 'photo')}
+        >
+          {source === 'photo' ? 'Photograph' : 'Rendering'}
+        </button>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,94 @@
+// What is asked: a place in a view, or in a picture of the 3D view, and what is meant there.
+import type { MessageInitShape } from '@bufbuild/protobuf';
+import { create } from '@bufbuild/protobuf';
+import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
+import type { SegmentRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { SegmentRequestSchema, SegmentRequest_Targets_Group } from '../../gen/pepeseg/v1/segmentation_service_pb';
+
+/** A pinhole camera somewhere, as the contract says it. */
+export interface FreeCamera {
+  readonly width: number;
+  readonly height: number;
+  readonly fx: number;
+  readonly fy: number;
+  readonly cx: number;
+  readonly cy: number;
+  /** Of cam_from_world: w, x, y, z. */
+  readonly rotation: readonly number[];
+  readonly translation: readonly number[];
+}
+
+export type Place = { readonly view: string } | { readonly camera: FreeCamera };
+
+export interface Point {
+  readonly x: number;
+  readonly y: number;
+  readonly negative: boolean;
+}
+
+export interface Box {
+  readonly x: number;
+  readonly y: number;
+  readonly width: number;
+  readonly height: number;
+}
+
+export type Question =
+  | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
+  | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
+  | { readonly kind: 'label'; readonly label: string };
+
+/** What is absent is the server's to choose. */
+export interface Grain {
+  readonly scale?: number | undefined;
+  readonly threshold?: number | undefined;
+}
+
+export function samePlace(a: Place | undefined, b: Place | undefined): boolean {
+  if (!a || !b) return false;
+  if ('view' in a) return 'view' in b && a.view === b.view;
+  return 'camera' in b && a.camera === b.camera;
+}
+
+export function placeOf(question: Question | undefined): Place | undefined {
+  return question && question.kind !== 'label' ? question.place : undefined;
+}
+
+function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
+  if ('view' in place) return { place: { case: 'view', value: place.view } };
+  const { rotation, translation, ...camera } = place.camera;
+  const transform = { rotation: [...rotation], translation: [...translation] };
+  return { place: { case: 'free', value: { camera, camFromWorld: transform } } };
+}
+
+export function promptOf(question: Question): MessageInitShape<typeof PromptSchema> {
+  if (question.kind === 'label') return { what: { case: 'label', value: question.label } };
+  const view = viewpointOf(question.place);
+  if (question.kind === 'box') return { view, what: { case: 'box', value: { ...question.box } } };
+  const points = question.points.map((point) => ({ ...point }));
+  return { view, what: { case: 'points', value: { points } } };
+}
+
+export function granularityOf({ scale, threshold }: Grain): MessageInitShape<typeof GranularitySchema> {
+  return {
+    ...(scale !== undefined && { scale: { case: 'scaleQuantile', value: scale } as const }),
+    ...(threshold !== undefined && { threshold }),
+  };
+}
+
+/** `views`: absent, the question's own; "all", every view. */
+export function segmentRequest(
+  model: string,
+  question: Question,
+  grain: Grain,
+  views?: readonly string[] | 'all',
+): SegmentRequest {
+  const targets =
+    views === 'all' ? { group: SegmentRequest_Targets_Group.ALL } : { views: [...(views ?? [])] };
+  return create(SegmentRequestSchema, {
+    model,
+    prompt: promptOf(question),
+    granularity: granularityOf(grain),
+    ...(views && { targets }),
+  });
+}

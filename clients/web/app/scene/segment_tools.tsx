@@ -1,0 +1,130 @@
+// What is meant: include, exclude, a box; the proposals; how large and how alike.
+import type { JSX } from 'preact';
+import { Icon } from '../components/icons';
+import { countText } from '../format';
+import { useStore } from '../store';
+import type { Tool } from './photo_view';
+import type { SceneSession } from './session';
+
+const tools: readonly { tool: Tool; name: string; icon: 'plus' | 'minus' | 'box' }[] = [
+  { tool: 'include', name: 'Include', icon: 'plus' },
+  { tool: 'exclude', name: 'Exclude', icon: 'minus' },
+  { tool: 'box', name: 'Box', icon: 'box' },
+];
+
+interface ToolsProps {
+  tool: Tool;
+  onTool: (tool: Tool) => void;
+  session: SceneSession;
+}
+
+export function PromptTools({ tool, onTool, session }: ToolsProps): JSX.Element {
+  const { question, canUndo } = useStore(session.state);
+  return (
+    <div class="row">
+      <div class="segmented" role="group" aria-label="What a click does">
+        {tools.map(({ tool: other, name, icon }) => (
+          <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
+            <Icon name={icon} />
+            {name}
+          </button>
+        ))}
+      </div>
+      <span class="spacer" />
+      <button type="button" class="bare" aria-label="Undo" disabled={!canUndo} onClick={() => session.undo()}>
+        <Icon name="undo" />
+      </button>
+      <button type="button" class="bare" aria-label="Clear" disabled={!question} onClick={() => session.clear()}>
+        <Icon name="close" />
+      </button>
+    </div>
+  );
+}
+
+function Chips({ session }: { session: SceneSession }): JSX.Element | null {
+  const { proposals, grain } = useStore(session.state);
+  if (proposals.length === 0) return null;
+  return (
+    <div class="chips" role="group" aria-label="What the click may mean">
+      {proposals.map((proposal, i) => (
+        <button
+          key={i}
+          type="button"
+          class="chip"
+          aria-pressed={grain.scale === proposal.scale && grain.threshold === proposal.threshold}
+          title={`${countText(proposal.mask.area)} pixels; key ${i + 1}`}
+          onClick={() => session.choose(proposal)}
+        >
+          {proposal.name}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+interface SliderProps {
+  id: string;
+  name: string;
+  ends: readonly [string, string];
+  min: number;
+  max: number;
+  value: number;
+  chosen: boolean;
+  disabled: boolean;
+  onInput: (value: number) => void;
+}
+
+function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProps): JSX.Element {
+  return (
+    <div class="slider">
+      <label for={id}>{name}</label>
+      <output for={id}>{input.disabled ? '' : `${value.toFixed(2)}${chosen ? '' : ' (auto)'}`}</output>
+      <input
+        id={id}
+        type="range"
+        step="0.005"
+        value={value}
+        onInput={(event) => onInput(Number(event.currentTarget.value))}
+        {...input}
+      />
+      <span class="ends" aria-hidden="true">
+        <span>{ends[0]}</span>
+        <span>{ends[1]}</span>
+      </span>
+    </div>
+  );
+}
+
+export function GrainTools({ session }: { session: SceneSession }): JSX.Element {
+  const { question, grain, answer } = useStore(session.state);
+  return (
+    <>
+      <Chips session={session} />
+      <Slider
+        id="scale"
+        name="Scale"
+        ends={['a small part', 'the largest']}
+        min={0}
+        max={1}
+        value={grain.scale ?? answer?.scale ?? 0.5}
+        chosen={grain.scale !== undefined}
+        disabled={!question}
+        onInput={(scale) => session.drag({ scale })}
+      />
+      <details>
+        <summary>More</summary>
+        <Slider
+          id="threshold"
+          name="Likeness"
+          ends={['more pixels', 'only alike ones']}
+          min={-1}
+          max={1}
+          value={grain.threshold ?? answer?.threshold ?? 0.5}
+          chosen={grain.threshold !== undefined}
+          disabled={!question}
+          onInput={(threshold) => session.drag({ threshold })}
+        />
+      </details>
+    </>
+  );
+}

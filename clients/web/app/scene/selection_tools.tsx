@@ -1,0 +1,83 @@
+// The selection in 3D: made of what is segmented, combined, hidden or shown alone.
+import type { JSX } from 'preact';
+import { FailureNote } from '../components/failure_note';
+import { Icon } from '../components/icons';
+import { countText } from '../format';
+import { useStore } from '../store';
+import type { SceneSelections, Showing } from './selections';
+import { operations } from './selections';
+import type { SceneSession } from './session';
+
+interface Props {
+  session: SceneSession;
+  selections: SceneSelections;
+}
+
+const showings: readonly [Showing, string][] = [
+  ['all', 'Plain'],
+  ['tinted', 'Tinted'],
+  ['isolated', 'Only it'],
+  ['hidden', 'Without it'],
+];
+
+const combinations = [
+  ['add', 'Add'],
+  ['subtract', 'Subtract'],
+  ['intersect', 'Intersect'],
+] as const;
+
+/** With what the question's own view was answered with, so that what is seen is what is taken. */
+export function selectWith(session: SceneSession, selections: SceneSelections, how: keyof typeof operations): void {
+  const { question, grain, answer } = session.state.get();
+  if (!question || !answer) return;
+  const used = { scale: grain.scale ?? answer.scale, threshold: grain.threshold ?? answer.threshold };
+  void selections.select(question, used, operations[how]);
+}
+
+export function SelectionTools({ session, selections }: Props): JSX.Element {
+  const { answer } = useStore(session.state);
+  const { selection, showing, busy, failure } = useStore(selections.state);
+  const ready = answer !== undefined && !busy;
+  return (
+    <section aria-labelledby="selection-title">
+      <h2 id="selection-title">In 3D</h2>
+      <div class="row wrap">
+        <button
+          type="button"
+          class={selection ? '' : 'primary'}
+          disabled={!ready}
+          onClick={() => selectWith(session, selections, 'select')}
+        >
+          <Icon name="cube" />
+          {selection ? 'Select anew' : 'Select in 3D'}
+        </button>
+        {selection &&
+          combinations.map(([how, name]) => (
+            <button key={how} type="button" disabled={!ready} onClick={() => selectWith(session, selections, how)}>
+              {name}
+            </button>
+          ))}
+      </div>
+      <p class="quiet" role="status">
+        {busy && 'Looking at the views …'}
+        {!busy && selection && `${countText(selection.numGaussians)} Gaussians selected.`}
+        {!busy && !selection && 'Gaussians of what is segmented, to show alone, hide or export.'}
+      </p>
+      <FailureNote failure={failure} close={() => selections.closeFailure()} />
+      {selection && (
+        <div class="row wrap">
+          <div class="segmented" role="group" aria-label="How the selection is shown in 3D">
+            {showings.map(([how, name]) => (
+              <button key={how} type="button" aria-pressed={showing === how} onClick={() => selections.show(how)}>
+                {name}
+              </button>
+            ))}
+          </div>
+          <button type="button" class="bare" disabled={busy} aria-label="Undo the last change of the selection" onClick={() => void selections.undo()}>
+            <Icon name="undo" />
+          </button>
+        </div>
+      )}
+    </section>
+  );
+}

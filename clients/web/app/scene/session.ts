@@ -1,0 +1,217 @@
+// A scene that is being taken apart: the question on the screen, the server's answers to it, and
+// what was made of them. Knows nothing of the screen.
+import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { segmentation } from '../api/clients';
+import type { Failure } from '../api/failure';
+import { failureOf, isCancelled } from '../api/failure';
+import { SegmentSocket } from '../api/segment_socket';
+import { steadily } from '../api/server_link';
+import { Store } from '../store';
+import type { Answer, Proposal } from './answer';
+import { answerOf, proposalsOf } from './answer';
+import type { Box, Grain, Place, Point, Question } from './prompt';
+import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
+
+export interface SessionState {
+  readonly question: Question | undefined;
+  readonly grain: Grain;
+  readonly answer: Answer | undefined;
+  readonly proposals: readonly Proposal[];
+  readonly busy: boolean;
+  readonly failure: Failure | undefined;
+  /** Of the stream: how many were shown since the page was opened. */
+  readonly numAnswers: number;
+  readonly canUndo: boolean;
+}
+
+const nothing: SessionState = {
+  question: undefined,
+  grain: {},
+  answer: undefined,
+  proposals: [],
+  busy: false,
+  failure: undefined,
+  numAnswers: 0,
+  canUndo: false,
+};
+
+/** After so long without another request all views are asked for. */
+const settleMs = 180;
+const maxPoints = 64;
+
+export class SceneSession {
+  readonly state = new Store<SessionState>(nothing);
+  private readonly past: Pick<SessionState, 'question' | 'grain'>[] = [];
+  private readonly socket = new SegmentSocket({
+    answered: (sequence, answer) => this.take(sequence, answer),
+    refused: (sequence, error) => this.refused(sequence, error),
+  });
+  /** Answers to earlier requests are of a question that is no longer there. */
+  private firstSequence = 0n;
+  private newestSequence = 0n;
+  private settling: ReturnType<typeof setTimeout> | undefined;
+  private elsewhere = new AbortController();
+  private shownView = '';
+
+  constructor(readonly model: string) {}
+
+  /** The view on the screen: answered for along with the question's own. */
+  show(view: string): void {
+    this.shownView = view;
+    const { question, answer } = this.state.get();
+    if (question && !answer?.masks.has(view)) this.askOtherViews();
+  }
+
+  addPoint(place: Place, point: Point): void {
+    const { question } = this.state.get();
+    const goesOn = question?.kind === 'points' && samePlace(placeOf(question), place);
+    const points = goesOn ? [...question.points, point] : [point];
+    if (points.every(({ negative }) => negative)) {
+      this.fail('Nothing is included yet.', 'Click what is meant first, then what is not.');
+    } else if (points.length > maxPoints) {
+      this.fail(`A question has at most ${maxPoints} points.`, 'Clear it and begin anew.');
+    } else {
+      this.pose({ kind: 'points', place, points });
+    }
+  }
+
+  setBox(place: Place, box: Box): void {
+    this.pose({ kind: 'box', place, box });
+  }
+
+  askLabel(label: string): void {
+    this.pose({ kind: 'label', label });
+  }
+
+  /**
+   * While a slider moves. The other one stays where the answer put it: what is dragged is then all
+   * that changes, and the server need not look for the best of both (40 ms in place of 3).
+   */
+  drag(change: Grain): void {
+    const { question, grain, answer } = this.state.get();
+    if (!question) return;
+    const held = { scale: grain.scale ?? answer?.scale, threshold: grain.threshold ?? answer?.threshold };
+    this.state.patch({ grain: { ...held, ...change } });
+    this.send();
+  }
+
+  choose({ scale, threshold }: Proposal): void {
+    this.remember();
+    this.state.patch({ grain: { scale, threshold } });
+    this.send();
+  }
+
+  undo(): void {
+    const before = this.past.pop();
+    if (!before) return;
+    this.forgetAnswers();
+    this.state.patch({ ...before, canUndo: this.past.length > 0 });
+    if (before.question) this.send();
+  }
+
+  clear(): void {
+    if (this.state.get().question) this.remember();
+    this.forgetAnswers();
+    this.state.patch({ question: undefined, grain: {} });
+  }
+
+  closeFailure(): void {
+    this.state.patch({ failure: undefined });
+  }
+
+  end(): void {
+    clearTimeout(this.settling);
+    this.elsewhere.abort();
+    this.socket.close();
+  }
+
+  private fail(what: string, todo: string): void {
+    const { code, ...rest } = failureOf(new Error(what));
+    this.state.patch({ failure: { ...rest, code, what, todo } });
+  }
+
+  private remember(): void {
+    const { question, grain } = this.state.get();
+    this.past.push({ question, grain });
+    this.state.patch({ canUndo: true });
+  }
+
+  private forgetAnswers(): void {
+    this.firstSequence = this.newestSequence + 1n;
+    clearTimeout(this.settling);
+    this.elsewhere.abort();
+    this.state.patch({ answer: undefined, proposals: [], failure: undefined, busy: false });
+  }
+
+  private pose(question: Question): void {
+    this.remember();
+    this.forgetAnswers();
+    // How large a thing is meant is chosen anew for another thing.
+    const old = this.state.get().question;
+    const same = old?.kind === 'points' && question.kind === 'points' && question.points.length > 1;
+    this.state.patch({ question, grain: same ? this.state.get().grain : {} });
+    this.send();
+  }
+
+  private send(): void {
+    const { question, grain } = this.state.get();
+    if (!question) return;
+    const place = placeOf(question);
+    const own = place && 'view' in place ? place.view : '';
+    const views = place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
+    this.state.patch({ busy: true });
+    this.newestSequence = this.socket.ask(segmentRequest(this.model, question, grain, views));
+    this.askOtherViews();
+  }
+
+  private take(sequence: bigint, response: SegmentResponse): void {
+    if (sequence < this.firstSequence) return;
+    const answer = answerOf(response);
+    const { answer: before, numAnswers } = this.state.get();
+    // Those of other views follow when it stands still.
+    const masks = new Map([...(before?.masks ?? []), ...answer.masks]);
+    this.state.patch({
+      answer: { ...answer, masks },
+      busy: sequence !== this.newestSequence,
+      numAnswers: numAnswers + 1,
+      failure: undefined,
+    });
+  }
+
+  private refused(sequence: bigint, error: unknown): void {
+    if (sequence < this.firstSequence) return;
+    this.state.patch({ busy: false, failure: failureOf(error) });
+  }
+
+  private askOtherViews(): void {
+    clearTimeout(this.settling);
+    this.elsewhere.abort();
+    this.settling = setTimeout(() => void this.settle(), settleMs);
+  }
+
+  /** All views, at the granularity that the question's own view was answered with; proposals. */
+  private async settle(): Promise<void> {
+    const { question, grain, proposals, busy } = this.state.get();
+    if (!question) return;
+    if (busy) return this.askOtherViews();
+    this.elsewhere = new AbortController();
+    const { signal } = this.elsewhere;
+    const used = this.state.get().answer;
+    const fixed = { scale: grain.scale ?? used?.scale, threshold: grain.threshold ?? used?.threshold };
+    try {
+      if (question.kind === 'points' && proposals.length === 0) {
+        const request = { model: this.model, prompt: promptOf(question), maxProposals: 5 };
+        const answer = await steadily(() => segmentation.proposeScales(request, { signal }), signal);
+        if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
+      }
+      const request = segmentRequest(this.model, question, fixed, 'all');
+      const all = answerOf(await steadily(() => segmentation.segment(request, { signal }), signal));
+      if (signal.aborted) return;
+      const own = this.state.get().answer;
+      const masks = new Map([...(own?.masks ?? []), ...all.masks]);
+      this.state.patch({ answer: own ? { ...own, masks } : { ...all, masks } });
+    } catch (error) {
+      if (!signal.aborted && !isCancelled(error)) this.state.patch({ failure: failureOf(error) });
+    }
+  }
+}

@@ -1,0 +1,55 @@
+import type { JSX } from 'preact';
+import { useEffect } from 'preact/hooks';
+import { Dialog } from '../components/dialog';
+
+export type Shortcuts = Readonly<Record<string, () => void>>;
+
+/** Keys of the whole screen, while nobody types. */
+export function useShortcuts(shortcuts: Shortcuts): void {
+  useEffect(() => {
+    const press = (event: KeyboardEvent) => {
+      const target = event.target as HTMLElement;
+      if (target.closest('input[type=text], textarea, select, dialog')) return;
+      const held = event.ctrlKey || event.metaKey ? 'Ctrl+' : '';
+      const act = event.altKey ? undefined : shortcuts[held + event.key];
+      if (!act) return;
+      event.preventDefault();
+      act();
+    };
+    window.addEventListener('keydown', press);
+    return () => window.removeEventListener('keydown', press);
+  });
+}
+
+const list: readonly (readonly [string, string])[] = [
+  ['Click', 'Segment what is there, in the view or in 3D'],
+  ['Shift + click', 'Exclude what is there'],
+  ['Drag in the view', 'Draw a box around what is meant'],
+  ['Arrow keys', 'Move the cursor in the view; turn the 3D view'],
+  ['Enter, Shift + Enter', 'Include, exclude what is under the cursor'],
+  ['1, 2, 3', 'Take a proposal'],
+  ['[ and ]', 'View before, next view'],
+  ['V', 'Photograph or rendering'],
+  ['I, E, B', 'Include, exclude, box'],
+  ['L', 'Name the segment'],
+  ['S', 'Select in 3D'],
+  ['T, O, H', 'Selection tinted, only it, without it'],
+  ['Ctrl + Z', 'Undo'],
+  ['Esc', 'Clear'],
+  ['?', 'This list'],
+];
+
+export function ShortcutList({ onClose }: { onClose: () => void }): JSX.Element {
+  return (
+    <Dialog title="Keyboard and mouse" onClose={onClose}>
+      <dl class="shortcuts">
+        {list.map(([keys, what]) => (
+          <div key={keys}>
+            <dt>{keys}</dt>
+            <dd>{what}</dd>
+          </div>
+        ))}
+      </dl>
+    </Dialog>
+  );
+}

@@ -1,0 +1,151 @@
+// The 3D view of a scene: turned by dragging, segmented by a click.
+import type { JSX } from 'preact';
+import { useEffect, useRef, useState } from 'preact/hooks';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { plyUrl } from '../api/clients';
+import { paintMask } from '../mask/paint';
+import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
+import type { Mask } from './answer';
+import type { Tool } from './photo_view';
+import type { FreeCamera, Point, Question } from './prompt';
+import type { Showing } from './selections';
+
+interface Props {
+  model: string;
+  views: readonly View[];
+  /** Where to look from, when it changes. */
+  view: View;
+  mask: Mask | undefined;
+  question: Question | undefined;
+  tool: Tool;
+  selection: string | undefined;
+  showing: Showing;
+  onPoint: (camera: FreeCamera, point: Point) => void;
+}
+
+export function partsOf(model: string, selection: string | undefined, showing: Showing): SplatPart[] {
+  if (!selection || showing === 'all') return [{ url: plyUrl(model), tinted: false }];
+  const chosen = { url: plyUrl(model, { selection }), tinted: showing === 'tinted' };
+  const rest = { url: plyUrl(model, { selection, complement: true }), tinted: false };
+  if (showing === 'isolated') return [chosen];
+  return showing === 'hidden' ? [rest] : [rest, chosen];
+}
+
+const turns: Record<string, readonly [number, number, number]> = {
+  ArrowLeft: [-0.1, 0, 1],
+  ArrowRight: [0.1, 0, 1],
+  ArrowUp: [0, -0.1, 1],
+  ArrowDown: [0, 0.1, 1],
+  '+': [0, 0, 0.9],
+  '-': [0, 0, 1.1],
+};
+
+type Status = 'loading' | 'ready' | { error: string };
+
+function useViewer({ model, views, view, selection, showing }: Props, onMoved: () => void) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const viewer = useRef<SplatViewer | undefined>(undefined);
+  const [status, setStatus] = useState<Status>('loading');
+  const [made, setMade] = useState(0);
+  const moved = useRef(onMoved);
+  moved.current = onMoved;
+  useEffect(() => {
+    let gone = false;
+    // three.js and Spark are most of the app's bytes: they come when they are needed.
+    import('../viewer/splat_viewer').then(
+      (module) => {
+        if (gone || !canvas.current) return;
+        try {
+          viewer.current = new module.SplatViewer(canvas.current, views, () => moved.current());
+          setMade((n) => n + 1);
+        } catch {
+          setStatus({ error: 'This browser shows no 3D (WebGL 2). Segmenting photographs works all the same.' });
+        }
+      },
+      () => setStatus({ error: 'The 3D view could not be loaded: reload the page.' }),
+    );
+    return () => {
+      gone = true;
+      viewer.current?.end();
+      viewer.current = undefined;
+    };
+  }, [views]);
+  useEffect(() => {
+    if (!viewer.current) return;
+    setStatus('loading');
+    viewer.current.load(partsOf(model, selection, showing)).then(
+      () => setStatus('ready'),
+      (error: Error) => error.name !== 'AbortError' && setStatus({ error: error.message }),
+    );
+  }, [made, model, selection, showing]);
+  useEffect(() => viewer.current?.goTo(view), [made, view]);
+  return { canvas, viewer, status };
+}
+
+export function SplatPane(props: Props): JSX.Element {
+  const { mask, question, tool, onPoint } = props;
+  const overlay = useRef<HTMLCanvasElement>(null);
+  const asked = useRef<FreeCamera | undefined>(undefined);
+  const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
+  const [stale, setStale] = useState(false);
+  const { canvas, viewer, status } = useViewer(props, () => {
+    asked.current = undefined;
+    setStale(true);
+  });
+  const points = question?.kind === 'points' && 'camera' in question.place ? question.points : [];
+  const camera = question && question.kind !== 'label' && 'camera' in question.place ? question.place.camera : undefined;
+  useEffect(() => {
+    if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
+  }, [mask, stale]);
+
+  /** At a share of the width and the height. */
+  const ask = (x: number, y: number, negative: boolean) => {
+    if (!viewer.current) return;
+    // The same camera while the picture stands: then a point is added to the others.
+    const at = (asked.current ??= viewer.current.question());
+    setStale(false);
+    onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
+  };
+  const press = ({ button, clientX: x, clientY: y }: PointerEvent) => {
+    pressed.current = button === 0 ? { x, y } : undefined;
+  };
+  const release = (event: PointerEvent) => {
+    const from = pressed.current;
+    pressed.current = undefined;
+    if (!from || Math.hypot(event.clientX - from.x, event.clientY - from.y) > 4) return;
+    const edges = (event.currentTarget as Element).getBoundingClientRect();
+    ask((from.x - edges.left) / edges.width, (from.y - edges.top) / edges.height, event.shiftKey);
+  };
+  const key = (event: KeyboardEvent) => {
+    const turn = turns[event.key];
+    if (turn) viewer.current?.turn(...turn);
+    else if (event.key === 'Enter') ask(0.5, 0.5, event.shiftKey);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  };
+  return (
+    <div class="splats" data-status={typeof status === 'string' ? status : 'error'}>
+      <canvas
+        ref={canvas}
+        class="splats-canvas"
+        tabIndex={0}
+        role="application"
+        aria-label="3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle."
+        onPointerDown={press}
+        onPointerUp={release}
+        onKeyDown={key}
+      />
+      <canvas ref={overlay} class="overlay" aria-hidden="true" data-area={stale ? 0 : (mask?.area ?? 0)} />
+      {camera && !stale && (
+        <svg class="overlay" viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
+          {points.map(({ x, y, negative }) => (
+            <circle key={`${x},${y}`} class={negative ? 'mark negative' : 'mark'} cx={x} cy={y} r="7" />
+          ))}
+        </svg>
+      )}
+      {status === 'loading' && <p class="pane-note" role="status">Loading the model …</p>}
+      {typeof status === 'object' && <p class="pane-note" role="alert">{status.error}</p>}
+    </div>
+  );
+}

@@ -1,0 +1,170 @@
+// Where a scene is taken apart: views, 3D view and tools side by side, or one at a time.
+import type { JSX } from 'preact';
+import { useEffect, useMemo, useState } from 'preact/hooks';
+import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
+import { steadily } from '../api/server_link';
+import { FailureNote } from '../components/failure_note';
+import { Icon } from '../components/icons';
+import { useStore } from '../store';
+import { useNarrow } from '../use_narrow';
+import { DownloadTools } from './download_tools';
+import { Filmstrip } from './filmstrip';
+import { LabelTools } from './label_tools';
+import { SceneLabels } from './labels';
+import type { Source, Tool } from './photo_view';
+import { PhotoView } from './photo_view';
+import { placeOf, samePlace } from './prompt';
+import { GrainTools, PromptTools } from './segment_tools';
+import { SelectionTools, selectWith } from './selection_tools';
+import { SceneSelections } from './selections';
+import { SceneSession } from './session';
+import { ShortcutList, useShortcuts } from './shortcuts';
+import { SplatPane } from './splat_pane';
+
+function useModel(scene: Scene) {
+  const model = scene.liveModel;
+  const parts = useMemo(
+    () => ({
+      session: new SceneSession(model),
+      selections: new SceneSelections(model),
+      labels: new SceneLabels(scene.name),
+    }),
+    [model],
+  );
+  useEffect(() => {
+    const controller = new AbortController();
+    const { signal } = controller;
+    // Without labels the rest works: what is wrong with the server is told by what is asked next.
+    steadily(() => parts.labels.load(signal), signal).catch(() => undefined);
+    return () => {
+      controller.abort();
+      parts.session.end();
+    };
+  }, [parts]);
+  return parts;
+}
+
+interface Props {
+  scene: Scene;
+  views: readonly View[];
+}
+
+export function SceneWorkbench({ scene, views }: Props): JSX.Element {
+  const { session, selections, labels } = useModel(scene);
+  const [view, setView] = useState(views[0]);
+  const [tool, setTool] = useState<Tool>('include');
+  const [pane, setPane] = useState<'view' | '3d'>('view');
+  const [source, setSource] = useState<Source>('photo');
+  const [help, setHelp] = useState(false);
+  const narrow = useNarrow();
+  const pictureOf = (of: View) => pictureUrl(session.model, of.view);
+  const { question, answer, failure, numAnswers, proposals, busy } = useStore(session.state);
+  const { selection, showing } = useStore(selections.state);
+  const shown = view?.view ?? '';
+  useEffect(() => session.show(shown), [session, shown]);
+
+  const step = (by: number) => {
+    const next = views[(views.findIndex((other) => other.view === shown) + by + views.length) % views.length];
+    if (next) setView(next);
+  };
+  const takeProposal = (i: number) => () => {
+    const proposal = proposals[i];
+    if (proposal) session.choose(proposal);
+  };
+  useShortcuts({
+    '?': () => setHelp(true),
+    'Ctrl+z': () => session.undo(),
+    Escape: () => session.clear(),
+    '[': () => step(-1),
+    ']': () => step(1),
+    '1': takeProposal(0),
+    '2': takeProposal(1),
+    '3': takeProposal(2),
+    i: () => setTool('include'),
+    e: () => setTool('exclude'),
+    b: () => setTool('box'),
+    v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
+    l: () => document.getElementById('label-text')?.focus(),
+    s: () => selectWith(session, selections, 'select'),
+    t: () => selections.show('tinted'),
+    o: () => selections.show('isolated'),
+    h: () => selections.show('hidden'),
+  });
+  if (!view) return <p class="loading">The model has no views.</p>;
+
+  const { width = 4, height = 3 } = view.camera ?? {};
+  const place = { view: shown };
+  const here = samePlace(placeOf(question), place) ? question : undefined;
+  return (
+    <div class="workbench" style={{ '--ratio': `${width / height}` }}>
+      {narrow && (
+        <div class="segmented panes" role="group" aria-label="What is shown">
+          <button type="button" aria-pressed={pane === 'view'} onClick={() => setPane('view')}>
+            <Icon name="photo" /> Views
+          </button>
+          <button type="button" aria-pressed={pane === '3d'} onClick={() => setPane('3d')}>
+            <Icon name="cube" /> 3D
+          </button>
+        </div>
+      )}
+      {(!narrow || pane === 'view') && (
+        <PhotoView
+          view={view}
+          photo={photoUrl(scene.name, `images/${shown}`)}
+          rendering={pictureOf(view)}
+          source={source}
+          onSource={setSource}
+          mask={answer?.masks.get(shown)}
+          question={here}
+          tool={tool}
+          numAnswers={numAnswers}
+          onPoint={(point) => session.addPoint(place, point)}
+          onBox={(box) => session.setBox(place, box)}
+        />
+      )}
+      {(!narrow || pane === '3d') && (
+        <SplatPane
+          model={session.model}
+          views={views}
+          view={view}
+          mask={answer?.masks.get('')}
+          question={question}
+          tool={tool}
+          selection={selection?.name}
+          showing={showing}
+          onPoint={(camera, point) => session.addPoint({ camera }, point)}
+        />
+      )}
+      <Filmstrip views={views} current={shown} masks={answer?.masks} pictureOf={pictureOf} onPick={setView} />
+      <aside class="tools" aria-label="Tools">
+        <section aria-labelledby="segment-title">
+          <div class="row">
+            <h2 id="segment-title">Segment</h2>
+            <span class="spacer" />
+            <button type="button" class="bare" aria-label="Keyboard and mouse" onClick={() => setHelp(true)}>
+              <Icon name="help" />
+            </button>
+          </div>
+          <PromptTools tool={tool} onTool={setTool} session={session} />
+          <p class="quiet" role="status" aria-busy={busy}>
+            {question ? describeAnswer(answer?.masks.get(shown)?.area, answer?.masks) : 'Click a thing in the view or in 3D.'}
+          </p>
+          <FailureNote failure={failure} close={() => session.closeFailure()} />
+          <GrainTools session={session} />
+        </section>
+        <SelectionTools session={session} selections={selections} />
+        <LabelTools session={session} labels={labels} shownView={shown} />
+        <DownloadTools sceneId={sceneIdOf(scene.name)} session={session} selections={selections} labels={labels} views={views} />
+      </aside>
+      {help && <ShortcutList onClose={() => setHelp(false)} />}
+    </div>
+  );
+}
+
+function describeAnswer(area: number | undefined, masks: ReadonlyMap<string, { view: string; area: number }> | undefined): string {
+  if (!masks) return 'Looking …';
+  const seen = [...masks.values()].filter((mask) => mask.view && mask.area > 0).length;
+  const here = area === undefined ? '' : area === 0 ? 'Not seen in this view. ' : `${area.toLocaleString('en')} pixels here. `;
+  return `${here}Seen in ${seen} ${seen === 1 ? 'view' : 'views'}.`;
+}

@@ -1,0 +1,41 @@
+// A scene with a model: its views, its 3D view, and what is segmented in them.
+import type { JSX } from 'preact';
+import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { allPages, scenes } from '../api/clients';
+import { useAsked } from '../api/use_asked';
+import { FailureNote } from '../components/failure_note';
+import { Header } from '../components/header';
+import { SceneWorkbench } from '../scene/workbench';
+import { SceneWithoutModel } from './scene_without_model';
+
+async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
+  return allPages(async (pageToken) => {
+    const page = await scenes.listViews({ parent: model, pageToken, pageSize: 1000 }, { signal });
+    return { items: page.views, nextPageToken: page.nextPageToken };
+  });
+}
+
+function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
+  const views = useAsked((signal) => allViews(scene.liveModel, signal), [scene.liveModel]);
+  if (views.failure) return <FailureNote failure={views.failure} again={views.ask} />;
+  if (!views.value) return <p class="loading" role="status">Loading the model …</p>;
+  return <SceneWorkbench scene={scene} views={views.value} />;
+}
+
+export function SceneScreen({ sceneId }: { sceneId: string }): JSX.Element {
+  const scene = useAsked(
+    (signal) => scenes.getScene({ name: `scenes/${sceneId}` }, { signal }),
+    [sceneId],
+  );
+  const title = scene.value?.displayName || sceneId;
+  return (
+    <div class="screen wide">
+      <Header title={title} back="/" />
+      <main>
+        <FailureNote failure={scene.failure} again={scene.ask} />
+        {scene.value?.liveModel && <SceneWithModel scene={scene.value} />}
+        {scene.value && !scene.value.liveModel && <SceneWithoutModel scene={scene.value} again={scene.ask} />}
+      </main>
+    </div>
+  );
+}

@@ -1,0 +1,175 @@
+// All scenes as cards: picture, state, size.
+import type { JSX } from 'preact';
+import { useEffect, useState } from 'preact/hooks';
+import type { Job } from '../../gen/pepeseg/v1/job_service_pb';
+import type { Model, Scene } from '../../gen/pepeseg/v1/scene_service_pb';
+import { allPages, jobs, lastId, pictureUrl, scenes } from '../api/clients';
+import type { Failure } from '../api/failure';
+import { failureOf } from '../api/failure';
+import { steadily } from '../api/server_link';
+import { useAsked } from '../api/use_asked';
+import { ConfirmButton } from '../components/confirm_button';
+import { FailureNote } from '../components/failure_note';
+import { Header } from '../components/header';
+import { Icon } from '../components/icons';
+import { ScenePhoto } from '../components/photo';
+import { bytesText, countText, dateText } from '../format';
+import { Link } from '../router';
+import { useStore } from '../store';
+import type { UploadTask } from '../upload/upload_task';
+import { uploads } from '../upload/uploads';
+import { shareOf } from './upload_screen';
+
+interface Known {
+  readonly model: Model | undefined;
+  readonly view: string;
+  readonly job: Job | undefined;
+}
+
+async function know(scene: Scene, signal: AbortSignal): Promise<Known> {
+  const [model, views, job] = await Promise.all([
+    scene.liveModel ? scenes.getModel({ name: scene.liveModel }, { signal }) : undefined,
+    scene.liveModel ? scenes.listViews({ parent: scene.liveModel, pageSize: 1 }, { signal }) : undefined,
+    scene.activeJob ? jobs.getJob({ name: scene.activeJob }, { signal }) : undefined,
+  ]);
+  return { model, view: views?.views[0]?.view ?? '', job };
+}
+
+function stateOf(scene: Scene, job: Job | undefined): string {
+  if (scene.activeJob) {
+    const { step = 0n, numSteps = 0n } = job?.progress ?? {};
+    const share = numSteps > 0n ? ` – ${job?.stage}, ${Math.round((100 * Number(step)) / Number(numSteps))} %` : '';
+    return `Training${share}`;
+  }
+  return scene.liveModel ? 'Ready' : 'No model yet';
+}
+
+/** Followed while a training runs. */
+const followMs = 3000;
+
+function SceneCard({ scene, onDelete }: { scene: Scene; onDelete: () => void }): JSX.Element {
+  const { value, ask } = useAsked((signal) => know(scene, signal), [scene.liveModel, scene.activeJob]);
+  useEffect(() => {
+    if (!scene.activeJob) return undefined;
+    const timer = setInterval(ask, followMs);
+    return () => clearInterval(timer);
+  }, [scene.activeJob]);
+  const title = scene.displayName || lastId(scene.name);
+  const to = scene.activeJob ? `/jobs/${lastId(scene.activeJob)}` : `/scenes/${lastId(scene.name)}`;
+  const { model, view } = value ?? {};
+  const kind = scene.activeJob ? 'busy' : scene.liveModel ? 'ready' : '';
+  return (
+    <article class="scene-card">
+      <Link to={to}>
+        <div class="preview">
+          {model && view ? (
+            <img src={pictureUrl(model.name, view)} alt="" loading="lazy" />
+          ) : (
+            <ScenePhoto scene={scene.name} />
+          )}
+        </div>
+        <h2>{title}</h2>
+      </Link>
+      <p>
+        <span class={`state ${kind}`}>{stateOf(scene, value?.job)}</span>
+      </p>
+      <p class="quiet">
+        {model
+          ? `${countText(model.numGaussians)} Gaussians, ${bytesText(model.numBytes)}`
+          : dateText(scene.createTime)}
+      </p>
+      <ConfirmButton
+        class="bare delete"
+        sure="Delete it?"
+        label={`Delete ${title}`}
+        disabled={scene.activeJob !== ''}
+        onConfirm={onDelete}
+      >
+        <Icon name="trash" />
+      </ConfirmButton>
+    </article>
+  );
+}
+
+function UploadCard({ task }: { task: UploadTask }): JSX.Element {
+  const state = useStore(task.state);
+  const share = shareOf(state);
+  return (
+    <article class="scene-card">
+      <Link to={`/uploads/${state.record.id}`}>
+        <div class="preview">
+          <Icon name="upload" />
+        </div>
+        <h2>{state.record.displayName}</h2>
+      </Link>
+      <p>
+        <span class="state busy">
+          {state.phase === 'failed' ? 'Upload does not go on' : `Uploading – ${Math.round(100 * share)} %`}
+        </span>
+      </p>
+      <progress max={1} value={share} aria-label="Upload" />
+    </article>
+  );
+}
+
+async function allScenes(signal: AbortSignal): Promise<Scene[]> {
+  return allPages(async (pageToken) => {
+    const page = await scenes.listScenes({ pageToken, pageSize: 200 }, { signal });
+    return { items: page.scenes, nextPageToken: page.nextPageToken };
+  });
+}
+
+export function ScenesScreen(): JSX.Element {
+  const list = useAsked(allScenes, []);
+  const sending = useStore(uploads);
+  const [failure, setFailure] = useState<Failure>();
+  const remove = async ({ name }: Scene) => {
+    setFailure(undefined);
+    try {
+      await steadily(() => scenes.deleteScene({ name }));
+    } catch (error) {
+      setFailure(failureOf(error));
+    }
+    list.ask();
+  };
+  const active = list.value?.some((scene) => scene.activeJob);
+  useEffect(() => {
+    if (!active) return undefined;
+    const timer = setInterval(list.ask, followMs);
+    return () => clearInterval(timer);
+  }, [active]);
+  const newest = [...(list.value ?? [])].sort((a, b) =>
+    Number((b.createTime?.seconds ?? 0n) - (a.createTime?.seconds ?? 0n)),
+  );
+  return (
+    <div class="screen wide">
+      <Header title="Scenes">
+        <Link to="/new" class="button primary">
+          <Icon name="plus" />
+          New scene
+        </Link>
+      </Header>
+      <main>
+        <FailureNote failure={failure ?? list.failure} again={list.failure && list.ask} />
+        {!list.value && !list.failure && <p class="loading" role="status">Asking for the scenes …</p>}
+        {list.value?.length === 0 && sending.length === 0 && (
+          <div class="empty">
+            <Icon name="photo" />
+            <p>There are no scenes yet. Photographs of something from all around make one.</p>
+            <Link to="/new" class="button primary">
+              Make the first scene
+            </Link>
+          </div>
+        )}
+        <div class="cards">
+          {sending.map((task) => (
+            <UploadCard key={task.state.get().record.id} task={task} />
+          ))}
+          {newest.map((scene) => (
+            <SceneCard key={scene.name} scene={scene} onDelete={() => void remove(scene)} />
+          ))}
+        </div>
+      </main>
+    </div>
+  );
+}

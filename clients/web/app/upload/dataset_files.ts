@@ -1,0 +1,133 @@
+// Which files of a drop are parts of a dataset, and as what: the layout that the command-line client
+// reads (README of the project).
+import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
+
+/** A file with its path below what was dropped: "garden/images/0001.jpg". */
+export interface DroppedFile {
+  readonly path: string;
+  readonly file: File;
+}
+
+export interface DatasetFile {
+  /** Below the scene's folder: "images/0001.jpg". */
+  readonly path: string;
+  readonly kind: FileKind;
+  readonly file: File;
+}
+
+export interface Dataset {
+  readonly files: DatasetFile[];
+  /** Paths of what is no part of a dataset. */
+  readonly leftOut: string[];
+}
+
+const photograph = /\.(jpe?g|png|webp)$/i;
+const video = /\.(mp4|m4v|mov|webm|mkv|avi)$/i;
+const depthMap = /\.(png|npy|pfm)$/i;
+
+const exact: Record<string, FileKind> = {
+  'transforms.json': FileKind.POSES,
+  'poses_bounds.npy': FileKind.POSES,
+  'ignore_mask.png': FileKind.IGNORE_MASK,
+  'points.ply': FileKind.POINTS,
+  'sparse_pc.ply': FileKind.POINTS,
+  'gaussians.ply': FileKind.GAUSSIANS,
+};
+
+const folders: readonly [folder: RegExp, name: RegExp, kind: FileKind][] = [
+  [/^images\//, photograph, FileKind.IMAGE],
+  [/^(videos|images)\//, video, FileKind.VIDEO],
+  [/^sparse\/(0\/)?(cameras|images)\.(bin|txt)$/, /./, FileKind.POSES],
+  [/^sparse\/(0\/)?points3D\.(bin|txt)$/, /./, FileKind.POINTS],
+  [/^masks\//, /\.(json|png)$/i, FileKind.MASK],
+  [/^ignore\//, /\.png$/i, FileKind.IGNORE_MASK],
+  [/^depth\//, depthMap, FileKind.DEPTH],
+  [/^disparity\//, depthMap, FileKind.DISPARITY],
+];
+
+export function kindOf(path: string): FileKind | undefined {
+  return (
+    exact[path] ?? folders.find(([folder, name]) => folder.test(path) && name.test(path))?.[2]
+  );
+}
+
+/** The folder that all files lie in, with its slash: what was dropped is itself the scene's. */
+export function sharedFolder(paths: readonly string[]): string {
+  const first = paths[0]?.split('/').slice(0, -1) ?? [];
+  let shared = '';
+  for (const part of first) {
+    if (!paths.every((path) => path.startsWith(`${shared}${part}/`))) break;
+    // "images" and "videos" mean something themselves.
+    if (part === 'images' || part === 'videos') break;
+    shared += `${part}/`;
+  }
+  return shared;
+}
+
+function hasPictures(files: readonly DatasetFile[]): boolean {
+  return files.some(({ kind }) => kind === FileKind.IMAGE || kind === FileKind.VIDEO);
+}
+
+/** Photographs and videos that lie about, where no folder of the layout has any. */
+function takeLoose(files: DatasetFile[], rest: DroppedFile[]): DroppedFile[] {
+  return rest.filter(({ path, file }) => {
+    const isVideo = video.test(path);
+    if (!isVideo && !photograph.test(path)) return true;
+    const folder = isVideo ? 'videos' : 'images';
+    const kind = isVideo ? FileKind.VIDEO : FileKind.IMAGE;
+    files.push({ path: `${folder}/${path}`, kind, file });
+    return false;
+  });
+}
+
+export function readDataset(dropped: readonly DroppedFile[]): Dataset {
+  const named = dropped.filter(({ path }) => !/(^|\/)\./.test(path));
+  const root = sharedFolder(named.map(({ path }) => path));
+  const files: DatasetFile[] = [];
+  let rest: DroppedFile[] = [];
+  for (const { path, file } of named) {
+    const inside = path.slice(root.length);
+    const kind = kindOf(inside);
+    if (kind === undefined) rest.push({ path: inside, file });
+    else files.push({ path: inside, kind, file });
+  }
+  if (!hasPictures(files)) rest = takeLoose(files, rest);
+  files.sort((a, b) => (a.path < b.path ? -1 : 1));
+  return { files, leftOut: rest.map(({ path }) => path).sort() };
+}
+
+const words: readonly [kind: FileKind, one: string, many: string][] = [
+  [FileKind.IMAGE, 'photograph', 'photographs'],
+  [FileKind.VIDEO, 'video', 'videos'],
+  [FileKind.POSES, 'file of poses', 'files of poses'],
+  [FileKind.POINTS, 'file of points', 'files of points'],
+  [FileKind.MASK, 'file of masks', 'files of masks'],
+  [FileKind.IGNORE_MASK, 'ignore mask', 'ignore masks'],
+  [FileKind.DEPTH, 'depth map', 'depth maps'],
+  [FileKind.DISPARITY, 'disparity map', 'disparity maps'],
+  [FileKind.GAUSSIANS, 'file of Gaussians', 'files of Gaussians'],
+];
+
+/** "15 photographs, 3 files of poses". */
+export function describe(files: readonly { kind: FileKind }[]): string {
+  return words
+    .map(([kind, one, many]) => {
+      const count = files.filter((file) => file.kind === kind).length;
+      return count === 0 ? '' : `${count} ${count === 1 ? one : many}`;
+    })
+    .filter(Boolean)
+    .join(', ');
+}
+
+/** An id of a scene (RFC 1034 label) made of what a person calls it. */
+export function sceneIdFrom(name: string): string {
+  const plain = name
+    .normalize('NFKD')
+    .toLowerCase()
+    .replace(/[\u0300-\u036f]/g, '')
+    .replace(/[^a-z0-9]+/g, '-')
+    .replace(/^[^a-z]+/, '')
+    .slice(0, 50)
+    .replace(/-+$/, '');
+  return plain || 'scene';
+}

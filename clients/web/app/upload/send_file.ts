@@ -1,0 +1,37 @@
+// One file to the back end, from a byte on. XMLHttpRequest, as fetch does not tell how far it is.
+import { Code, ConnectError } from '@connectrpc/connect';
+
+export interface Sending {
+  upload: string;
+  path: string;
+  offset: number;
+  /** Of the whole file. */
+  file: Blob;
+  /** Bytes of the file that have left. */
+  progress: (bytes: number) => void;
+  signal: AbortSignal;
+}
+
+function errorOf(request: XMLHttpRequest): ConnectError {
+  try {
+    const body = JSON.parse(request.responseText) as { code: Code; message: string };
+    return new ConnectError(body.message, body.code);
+  } catch {
+    return new ConnectError(`the app's back end answers ${request.status}`, Code.Unavailable);
+  }
+}
+
+export function sendFile({ upload, path, offset, file, progress, signal }: Sending): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    const where = new URLSearchParams({ upload, path, offset: String(offset) });
+    request.open('PUT', `/api/file?${where}`);
+    request.setRequestHeader('content-type', 'application/octet-stream');
+    request.upload.onprogress = (event) => progress(offset + event.loaded);
+    request.onload = () => (request.status === 200 ? resolve() : reject(errorOf(request)));
+    request.onerror = () => reject(new ConnectError('The server does not answer', Code.Unavailable));
+    request.onabort = () => reject(new DOMException('given up', 'AbortError'));
+    signal.addEventListener('abort', () => request.abort(), { once: true });
+    request.send(offset === 0 ? file : file.slice(offset));
+  });
+}

@@ -1,0 +1,160 @@
+// The 3D view: the exported PLY, drawn by Spark on three.js.
+import { SparkRenderer, SplatFileType, SplatMesh } from '@sparkjsdev/spark';
+import { Color, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three';
+import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { FreeCamera } from '../scene/prompt';
+import type { Pose } from './camera';
+import { fieldOfView, focusOf, freeCameraOf, poseOf, upOf } from './camera';
+
+export interface SplatPart {
+  readonly url: string;
+  readonly tinted: boolean;
+}
+
+/** The server answers for the picture that is on the screen, up to this height. */
+const maxQuestionHeight = 720;
+const tint = new Color(0.25, 1.35, 1.2);
+
+async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
+  const response = await fetch(url, { signal });
+  if (response.ok) return response.arrayBuffer();
+  const body = (await response.json().catch(() => undefined)) as { message?: string } | undefined;
+  throw new Error(body?.message ?? `the model's PLY: HTTP ${response.status}`);
+}
+
+export class SplatViewer {
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(50, 1, 0.01, 1000);
+  private readonly spark: SparkRenderer;
+  private readonly controls: OrbitControls;
+  private readonly sizes: ResizeObserver;
+  private meshes: SplatMesh[] = [];
+  private loading = new AbortController();
+  private drawing = 0;
+
+  /**
+   * Turns about what the views look at, upright as they are; begins at the first of them. `moved`:
+   * the picture is another one. Throws where the browser has no WebGL 2.
+   */
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    views: readonly View[],
+    private readonly moved: () => void,
+  ) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
+    this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.draw() });
+    this.scene.add(this.spark);
+    const poses = views.flatMap((view) => poseOf(view) ?? []);
+    this.camera.up.copy(upOf(poses)); // the controls keep what it is when they are made
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.lookAt(poses);
+    if (views[0]) this.goTo(views[0]);
+    this.controls.addEventListener('change', () => this.changed());
+    this.sizes = new ResizeObserver(() => this.resize());
+    this.sizes.observe(canvas.parentElement ?? canvas);
+  }
+
+  /** In place of what is drawn now, once all of it is there. */
+  async load(parts: readonly SplatPart[]): Promise<void> {
+    this.loading.abort();
+    this.loading = new AbortController();
+    const { signal } = this.loading;
+    const meshes = await Promise.all(
+      parts.map(async ({ url, tinted }) => {
+        const fileBytes = await fetchPly(url, signal);
+        const mesh = new SplatMesh({ fileBytes, fileType: SplatFileType.PLY });
+        await mesh.initialized;
+        if (tinted) mesh.recolor = tint;
+        return mesh;
+      }),
+    );
+    if (signal.aborted) return;
+    for (const old of this.meshes) {
+      this.scene.remove(old);
+      old.dispose();
+    }
+    this.meshes = meshes;
+    for (const mesh of meshes) this.scene.add(mesh);
+    this.draw();
+  }
+
+  goTo(view: View): void {
+    const pose = poseOf(view);
+    if (!pose) return;
+    const distance = this.camera.position.distanceTo(this.controls.target) || 1;
+    const ahead = new Vector3(0, 0, -1).applyQuaternion(pose.rotation);
+    const toTarget = this.controls.target.clone().sub(pose.position).dot(ahead);
+    this.camera.position.copy(pose.position);
+    this.controls.target.copy(pose.position).addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
+    this.camera.fov = fieldOfView(view);
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.changed();
+  }
+
+  /** By angles, radians, about what is looked at; `closer` multiplies the distance. */
+  turn(around: number, over: number, closer = 1): void {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    const right = new Vector3().crossVectors(this.camera.up, arm).normalize();
+    arm.applyAxisAngle(this.camera.up, around);
+    const tilted = arm.clone().applyAxisAngle(right, over);
+    const fromUp = tilted.angleTo(this.camera.up);
+    if (fromUp > 0.05 && fromUp < Math.PI - 0.05) arm.copy(tilted);
+    this.camera.position.copy(this.controls.target).addScaledVector(arm, closer);
+    this.controls.update();
+    this.changed();
+  }
+
+  /** Of the picture on the screen, at the size at which questions are asked. */
+  question(): FreeCamera {
+    const { clientWidth, clientHeight } = this.canvas;
+    const scale = Math.min(1, maxQuestionHeight / clientHeight);
+    const [width, height] = [Math.round(clientWidth * scale), Math.round(clientHeight * scale)];
+    return freeCameraOf(this.camera, Math.max(1, width), Math.max(1, height));
+  }
+
+  end(): void {
+    this.loading.abort();
+    cancelAnimationFrame(this.drawing);
+    this.sizes.disconnect();
+    this.controls.dispose();
+    for (const mesh of this.meshes) mesh.dispose();
+    this.renderer.dispose();
+  }
+
+  private lookAt(poses: readonly Pose[]): void {
+    const first = poses[0];
+    if (!first) return;
+    const ahead = new Vector3(0, 0, -1).applyQuaternion(first.rotation);
+    const focus = focusOf(poses);
+    const distance = focus ? Math.max(0.1, focus.sub(first.position).dot(ahead)) : 1;
+    this.camera.position.copy(first.position);
+    this.controls.target.copy(first.position).addScaledVector(ahead, distance);
+  }
+
+  private changed(): void {
+    this.moved();
+    this.draw();
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.changed();
+  }
+
+  /** Once for all that changes before the next picture; nothing is drawn while nothing changes. */
+  private draw(): void {
+    if (this.drawing) return;
+    this.drawing = requestAnimationFrame(() => {
+      this.drawing = 0;
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+}

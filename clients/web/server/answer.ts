@@ -1,0 +1,68 @@
+// Answers of the ways that are no RPCs.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { ErrorDetailSchema } from '../gen/pepeseg/v1/errors_pb';
+
+const httpStatus: Partial<Record<Code, number>> = {
+  [Code.InvalidArgument]: 400,
+  [Code.Unauthenticated]: 401,
+  [Code.PermissionDenied]: 403,
+  [Code.NotFound]: 404,
+  [Code.Aborted]: 409,
+  [Code.AlreadyExists]: 409,
+  [Code.FailedPrecondition]: 412,
+  [Code.OutOfRange]: 416,
+  [Code.ResourceExhausted]: 429,
+  [Code.Unavailable]: 503,
+  [Code.DeadlineExceeded]: 504,
+};
+
+/** As JSON: the gRPC code's number, the message, and what of ErrorDetail says what to do. */
+export function sendError(response: ServerResponse, error: unknown): void {
+  const from = ConnectError.from(error);
+  if (response.headersSent) {
+    response.destroy(); // the reader sees that the body is cut
+    return;
+  }
+  const detail = from.findDetails(ErrorDetailSchema)[0];
+  const body = {
+    code: from.code,
+    message: from.rawMessage,
+    ...(detail && {
+      detail: { reason: detail.reason, resource: detail.resource, limit: detail.limit, value: detail.value },
+    }),
+  };
+  response.writeHead(httpStatus[from.code] ?? 500, {
+    'content-type': 'application/json',
+    'cache-control': 'no-store',
+  });
+  response.end(JSON.stringify(body));
+}
+
+export function queryOf(request: IncomingMessage): URLSearchParams {
+  return new URL(request.url ?? '/', 'http://app').searchParams;
+}
+
+export function need(query: URLSearchParams, name: string): string {
+  const value = query.get(name);
+  if (!value) throw new ConnectError(`${name} is missing`, Code.InvalidArgument);
+  return value;
+}
+
+/** Aborts what is done for a request when its reader goes away. */
+export function abortedWith(response: ServerResponse): AbortSignal {
+  const controller = new AbortController();
+  response.on('close', () => controller.abort());
+  return controller.signal;
+}
+
+/** Waits until the reader has taken what was written; false: it has gone. */
+export async function written(response: ServerResponse, data: Uint8Array): Promise<boolean> {
+  if (response.destroyed) return false;
+  if (response.write(data)) return true;
+  await new Promise<void>((resolve) => {
+    response.once('drain', resolve);
+    response.once('close', resolve);
+  });
+  return !response.destroyed;
+}

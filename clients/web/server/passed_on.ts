@@ -1,0 +1,23 @@
+// The server's errors for browsers.
+import { Code, ConnectError } from '@connectrpc/connect';
+
+/** How HTTP/2's client tells that the other side has gone, in the middle of a call. */
+const lost = new Set([Code.Canceled, Code.Aborted]);
+const lostWords = /stream closed|socket|ECONN|missing (trailer|status)|premature/i;
+
+/**
+ * Without the headers, which are about another connection. `signal`: of who asked. What was cut off
+ * by nobody here was lost with the connection: that is no cancellation, and asking again may help.
+ */
+export function passedOn(error: unknown, signal: AbortSignal): ConnectError {
+  const from = ConnectError.from(error);
+  // The server's own errors have a detail, whatever their code.
+  const own = from.details.length > 0 || signal.aborted;
+  const transport = from.code === Code.Internal || from.code === Code.Unknown;
+  if (!own && (lost.has(from.code) || (transport && lostWords.test(from.rawMessage)))) {
+    return new ConnectError('the connection to the server was lost', Code.Unavailable);
+  }
+  const to = new ConnectError(from.rawMessage, from.code);
+  to.details = from.details;
+  return to;
+}

@@ -1,0 +1,45 @@
+// GET /api/photo?scene=scenes/S[&path=images/0001.jpg]: a photograph as it was uploaded, if this back
+// end has it and its key may see the scene; without a path, any one of the scene.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { abortedWith, need, queryOf, sendError } from './answer';
+import type { BackEnd } from './back_end';
+import { routing } from './channel';
+import { passedOn } from './passed_on';
+
+function typeOf(head: Uint8Array): string | undefined {
+  if (head[0] === 0xff && head[1] === 0xd8) return 'image/jpeg';
+  if (head[0] === 0x89 && head[1] === 0x50) return 'image/png';
+  if (head[0] === 0x52 && head[8] === 0x57) return 'image/webp';
+  return undefined;
+}
+
+export async function getPhoto(
+  { channel, photographs }: BackEnd,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
+  const query = queryOf(request);
+  try {
+    const scene = need(query, 'scene');
+    await channel.scenes.getScene({ name: scene }, { timeoutMs: 10_000, headers: routing(scene) });
+    const file = await photographs.find(scene, query.get('path') ?? '');
+    if (!file) throw new ConnectError('this photograph was not uploaded here', Code.NotFound);
+    const head = new Uint8Array(12);
+    await file.read(head, 0, head.length, 0);
+    const type = typeOf(head);
+    if (!type) {
+      await file.close();
+      throw new ConnectError('the file is no photograph', Code.NotFound);
+    }
+    response.writeHead(200, {
+      'content-type': type,
+      'content-length': (await file.stat()).size,
+      // The same name may be uploaded anew, with another dataset.
+      'cache-control': 'private, max-age=60',
+    });
+    file.createReadStream({ start: 0 }).on('error', () => response.destroy()).pipe(response);
+  } catch (error) {
+    sendError(response, passedOn(error, abortedWith(response)));
+  }
+}

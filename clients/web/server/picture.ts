@@ -1,0 +1,45 @@
+// GET /api/picture?model=M&view=V[&content=color|depth|features]: a view of a model as a picture.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { create } from '@bufbuild/protobuf';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { RenderRequest_Content, RenderRequestSchema } from '../gen/pepeseg/v1/render_pb';
+import { abortedWith, need, queryOf, sendError } from './answer';
+import type { BackEnd } from './back_end';
+import { routing } from './channel';
+import { passedOn } from './passed_on';
+
+const contents: Record<string, RenderRequest_Content> = {
+  color: RenderRequest_Content.COLOR,
+  features: RenderRequest_Content.FEATURES,
+};
+
+export async function getPicture(
+  { channel }: BackEnd,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
+  const query = queryOf(request);
+  const signal = abortedWith(response);
+  try {
+    const model = need(query, 'model');
+    const content = contents[query.get('content') ?? 'color'];
+    if (content === undefined) throw new ConnectError('content is unknown', Code.InvalidArgument);
+    const rendered = await channel.segmentation.render(
+      create(RenderRequestSchema, {
+        model,
+        content,
+        featureScale: Number(query.get('scale') ?? '0.5'),
+        viewpoint: { place: { case: 'view', value: need(query, 'view') } },
+      }),
+      { signal, timeoutMs: 60_000, headers: routing(model) },
+    );
+    response.writeHead(200, {
+      'content-type': 'image/png',
+      'content-length': rendered.png.length,
+      'cache-control': model.endsWith('/live') ? 'no-store' : 'private, max-age=86400, immutable',
+    });
+    response.end(rendered.png);
+  } catch (error) {
+    sendError(response, passedOn(error, signal));
+  }
+}

@@ -1,0 +1,66 @@
+// GET /api/ply?model=M[&selection=S][&complement=1][&download=NAME]: ExportSelection as a file.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { create } from '@bufbuild/protobuf';
+import { Code, ConnectError } from '@connectrpc/connect';
+import type { ExportSelectionRequest, ExportSelectionResponse_Header } from '../gen/pepeseg/v1/render_pb';
+import { ExportSelectionRequestSchema } from '../gen/pepeseg/v1/render_pb';
+import { abortedWith, need, queryOf, sendError, written } from './answer';
+import type { BackEnd } from './back_end';
+import { routing } from './channel';
+import { passedOn } from './passed_on';
+import { crc32c } from './crc32c';
+
+function question(query: URLSearchParams): ExportSelectionRequest {
+  const request = create(ExportSelectionRequestSchema, { model: need(query, 'model') });
+  const selection = query.get('selection');
+  if (!selection) return request;
+  request.subset = {
+    $typeName: 'pepeseg.v1.Subset',
+    of: { case: 'selection', value: selection },
+    complement: query.get('complement') === '1',
+  };
+  return request;
+}
+
+function begin(response: ServerResponse, header: ExportSelectionResponse_Header, query: URLSearchParams): void {
+  const name = query.get('download')?.replace(/[^\w.-]/g, '_');
+  response.writeHead(200, {
+    'content-type': 'application/octet-stream',
+    'content-length': String(header.numBytes),
+    etag: `"${header.sha256}"`,
+    'x-gaussians': String(header.numGaussians),
+    // A model and a selection never change; what "live" names does.
+    'cache-control': query.get('model')?.endsWith('/live')
+      ? 'no-store'
+      : 'private, max-age=86400, immutable',
+    ...(name && { 'content-disposition': `attachment; filename="${name}"` }),
+  });
+}
+
+export async function getPly(
+  { channel }: BackEnd,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
+  const query = queryOf(request);
+  const signal = abortedWith(response);
+  try {
+    const stream = channel.segmentation.exportSelection(question(query), {
+      signal,
+      headers: routing(need(query, 'model')),
+    });
+    for await (const { part } of stream) {
+      if (part.case === 'header') {
+        begin(response, part.value, query);
+      } else if (part.case === 'chunk') {
+        if (crc32c(part.value.data) !== part.value.crc32c) {
+          throw new ConnectError('a chunk of the PLY fails its checksum', Code.DataLoss);
+        }
+        if (!(await written(response, part.value.data))) return;
+      }
+    }
+    response.end();
+  } catch (error) {
+    sendError(response, passedOn(error, signal));
+  }
+}

@@ -1,0 +1,83 @@
+// The RPCs that the app asks for, passed on to the server as they are. What is not listed here is
+// not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts).
+import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
+import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
+import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
+import { JobService } from '../gen/pepeseg/v1/job_service_pb';
+import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
+import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
+import type { BackEnd } from './back_end';
+import { routing } from './channel';
+import { passedOn } from './passed_on';
+
+/** The first question to a model loads it. */
+const defaultTimeoutMs = 120_000;
+
+type Message = MessageShape<DescMessage>;
+
+/** The fields by which a request names its scene, or what belongs to one. */
+export function resourceOf(request: Message): string | undefined {
+  const fields = request as unknown as Record<string, unknown>;
+  for (const field of ['scene', 'parent', 'model', 'name', 'first']) {
+    const value = fields[field];
+    if (typeof value === 'string' && value.startsWith('scenes/')) return value;
+  }
+  return undefined;
+}
+
+type UnaryCall = (request: Message, options: object) => Promise<Message>;
+type StreamCall = (request: Message, options: object) => AsyncIterable<Message>;
+
+function passUnary(call: UnaryCall) {
+  return async (request: Message, context: HandlerContext) => {
+    try {
+      return await call(request, {
+        signal: context.signal,
+        timeoutMs: context.timeoutMs() ?? defaultTimeoutMs,
+        headers: routing(resourceOf(request)),
+      });
+    } catch (error) {
+      throw passedOn(error, context.signal);
+    }
+  };
+}
+
+function passStream(call: StreamCall) {
+  return async function* (request: Message, context: HandlerContext) {
+    try {
+      const options = { signal: context.signal, headers: routing(resourceOf(request)) };
+      for await (const message of call(request, options)) yield message;
+    } catch (error) {
+      throw passedOn(error, context.signal);
+    }
+  };
+}
+
+export function addRoutes(router: ConnectRouter, { channel, photographs }: BackEnd): void {
+  const { scenes, datasets, jobs, segmentation } = channel;
+  const own = new Set(['writeFiles', 'readFile', 'segmentStream', 'exportSelection', 'evaluate', 'deleteScene']);
+  const pairs = [
+    [SceneService, scenes],
+    [DatasetService, datasets],
+    [JobService, jobs],
+    [SegmentationService, segmentation],
+  ] as const;
+  for (const [service, client] of pairs) {
+    const calls = client as unknown as Record<string, UnaryCall & StreamCall>;
+    for (const method of service.methods) {
+      const call = calls[method.localName];
+      if (own.has(method.localName) || !call) continue;
+      if (method.methodKind === 'unary') {
+        router.rpc(method, passUnary(call) as never);
+      } else if (method.methodKind === 'server_streaming') {
+        router.rpc(method, passStream(call) as never);
+      }
+    }
+  }
+  const remove = passUnary(scenes.deleteScene as unknown as UnaryCall);
+  router.rpc(SceneService.method.deleteScene, (async (request: Message, context: HandlerContext) => {
+    const answer = await remove(request, context);
+    await photographs.forget(resourceOf(request) ?? '');
+    return answer;
+  }) as never);
+}

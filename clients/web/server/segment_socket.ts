@@ -1,0 +1,84 @@
+// WebSocket /api/segment-stream: SegmentStream for browsers, which have no streams both ways. A
+// message is a SegmentStreamRequest or a SegmentStreamResponse, in Protobuf's bytes.
+import { fromBinary, toBinary } from '@bufbuild/protobuf';
+import type { WebSocket } from 'ws';
+import type { SegmentStreamRequest } from '../gen/pepeseg/v1/segmentation_service_pb';
+import {
+  SegmentStreamRequestSchema,
+  SegmentStreamResponseSchema,
+} from '../gen/pepeseg/v1/segmentation_service_pb';
+import type { ConnectError } from '@connectrpc/connect';
+import { Code } from '@connectrpc/connect';
+import type { Channel } from './channel';
+import { routing } from './channel';
+import { passedOn } from './passed_on';
+
+/** The newest request that was not sent on yet: an older one is superseded here already. */
+export class Newest<T> implements AsyncIterable<T> {
+  private waiting: T | undefined;
+  private ended = false;
+  private wake: (() => void) | undefined;
+
+  put(value: T): void {
+    this.waiting = value;
+    this.wake?.();
+  }
+
+  end(): void {
+    this.ended = true;
+    this.wake?.();
+  }
+
+  async *[Symbol.asyncIterator](): AsyncGenerator<T> {
+    while (!this.ended) {
+      if (this.waiting === undefined) {
+        await new Promise<void>((resolve) => (this.wake = resolve));
+        continue;
+      }
+      const value = this.waiting;
+      this.waiting = undefined;
+      yield value;
+    }
+  }
+}
+
+/** WebSocket close codes of an application: 4000 and the gRPC code. */
+function closeWith(socket: WebSocket, { code, rawMessage }: ConnectError): void {
+  socket.close(4000 + code, Buffer.from(rawMessage).subarray(0, 120).toString());
+}
+
+export function serveSegmentStream(channel: Channel, socket: WebSocket): void {
+  const requests = new Newest<SegmentStreamRequest>();
+  const gone = new AbortController();
+  let started = false;
+
+  const start = async (model: string) => {
+    try {
+      const options = { signal: gone.signal, headers: routing(model) };
+      for await (const answer of channel.segmentation.segmentStream(requests, options)) {
+        socket.send(toBinary(SegmentStreamResponseSchema, answer));
+      }
+      // The server ends a stream only when it stops.
+      socket.close(4000 + Code.Unavailable);
+    } catch (error) {
+      closeWith(socket, passedOn(error, gone.signal));
+    }
+  };
+
+  socket.on('message', (data: Buffer, isBinary: boolean) => {
+    if (!isBinary) return socket.close(1003);
+    try {
+      const request = fromBinary(SegmentStreamRequestSchema, data);
+      requests.put(request);
+      if (!started) void start(request.segment?.model ?? '');
+      started = true;
+    } catch {
+      socket.close(1007);
+    }
+  });
+  socket.on('error', () => socket.terminate());
+  socket.on('close', () => {
+    requests.end();
+    gone.abort();
+  });
+}

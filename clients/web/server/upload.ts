@@ -1,0 +1,96 @@
+// PUT /api/file?upload=scenes/S/uploads/N&path=images/0001.jpg&offset=0: the bytes of one file from
+// `offset` on. The browser asks GetUpload from which byte; what came before a cut is kept by the
+// server and sent from there on.
+import type { IncomingMessage, ServerResponse } from 'node:http';
+import { create } from '@bufbuild/protobuf';
+import { Code, ConnectError } from '@connectrpc/connect';
+import type { WriteFilesRequest } from '../gen/pepeseg/v1/dataset_service_pb';
+import { WriteFilesRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
+import { need, queryOf, sendError } from './answer';
+import type { BackEnd } from './back_end';
+import { routing } from './channel';
+import { crc32c } from './crc32c';
+import { passedOn } from './passed_on';
+import type { PhotographCopy } from './photographs';
+
+const chunkBytes = 1 << 20;
+/** Of a refused body so much is read on, for the browser to see the answer. */
+const politeBytes = 8 << 20;
+
+function part(value: WriteFilesRequest['part']): WriteFilesRequest {
+  return create(WriteFilesRequestSchema, { part: value });
+}
+
+/** In pieces of a MiB, whatever the pieces of the wire. */
+export async function* pieces(body: AsyncIterable<Uint8Array>): AsyncGenerator<Uint8Array> {
+  let waiting: Uint8Array[] = [];
+  let size = 0;
+  for await (const data of body) {
+    for (let at = 0; at < data.length; ) {
+      const taken = data.subarray(at, at + chunkBytes - size);
+      waiting.push(taken);
+      size += taken.length;
+      at += taken.length;
+      if (size < chunkBytes) continue;
+      yield Buffer.concat(waiting);
+      waiting = [];
+      size = 0;
+    }
+  }
+  if (size > 0) yield Buffer.concat(waiting);
+}
+
+async function* messages(
+  request: IncomingMessage,
+  copy: PhotographCopy | undefined,
+): AsyncGenerator<WriteFilesRequest> {
+  const query = queryOf(request);
+  const offset = query.get('offset') ?? '0';
+  const header = { upload: need(query, 'upload'), path: need(query, 'path'), offset: BigInt(offset) };
+  yield part({ case: 'header', value: header as never });
+  for await (const data of pieces(request)) {
+    await copy?.add(data);
+    yield part({ case: 'chunk', value: { data, crc32c: crc32c(data) } as never });
+  }
+  yield part({ case: 'end', value: {} as never });
+}
+
+/** Lets the browser finish sending, or cuts it off where that is much. */
+function drain(request: IncomingMessage): void {
+  let left = politeBytes;
+  request.on('data', (data: Buffer) => {
+    left -= data.length;
+    if (left < 0) request.destroy();
+  });
+  request.resume();
+}
+
+export async function putFile(
+  { channel, photographs }: BackEnd,
+  request: IncomingMessage,
+  response: ServerResponse,
+): Promise<void> {
+  const gone = new AbortController();
+  request.on('aborted', () => gone.abort());
+  let copy: PhotographCopy | undefined;
+  try {
+    const query = queryOf(request);
+    const [upload, path, offset] = [need(query, 'upload'), need(query, 'path'), query.get('offset') ?? '0'];
+    if (!/^\d{1,15}$/.test(offset)) {
+      throw new ConnectError('offset is no number of bytes', Code.InvalidArgument);
+    }
+    // An upload that the key may not write to leaves nothing here.
+    await channel.datasets.getUpload({ name: upload }, { signal: gone.signal, headers: routing(upload) });
+    copy = await photographs.copy(upload, path, Number(offset));
+    await channel.datasets.writeFiles(messages(request, copy), {
+      signal: gone.signal,
+      headers: routing(upload),
+    });
+    await copy?.end(true);
+    response.writeHead(200, { 'content-type': 'application/json' }).end('{}');
+  } catch (error) {
+    await copy?.end(false);
+    sendError(response, passedOn(error, gone.signal));
+    if (!request.complete) drain(request);
+  }
+}

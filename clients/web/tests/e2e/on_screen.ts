@@ -1,0 +1,97 @@
+// What is seen on a scene's screen, against the truth.
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import type { Page } from '@playwright/test';
+import { artefacts, shelf } from './stack';
+
+export function screenshot(page: Page, name: string): Promise<Buffer> {
+  return page.screenshot({ path: join(artefacts, `${name}.png`), animations: 'disabled' });
+}
+
+export interface Truth {
+  /** A pixel well inside, as shares of width and height. */
+  readonly inside: readonly [number, number];
+  /** Data URL of the label image. */
+  readonly labels: string;
+  readonly value: number;
+}
+
+/** Of a thing in a view of the shelf: `value` is its grey in the label image. */
+export async function truthOf(page: Page, view: string, value: number): Promise<Truth> {
+  const file = join(shelf, 'labels', view.replace('.jpg', '.png'));
+  const labels = `data:image/png;base64,${readFileSync(file).toString('base64')}`;
+  const inside = await page.evaluate(
+    async ([url, grey]) => {
+      const image = new Image();
+      image.src = url;
+      await image.decode();
+      const canvas = new OffscreenCanvas(image.width, image.height);
+      const context = canvas.getContext('2d') as OffscreenCanvasRenderingContext2D;
+      context.drawImage(image, 0, 0);
+      const { data } = context.getImageData(0, 0, image.width, image.height);
+      const spots: [number, number][] = [];
+      for (let i = 0; i < data.length / 4; ++i) {
+        if (data[4 * i] === grey) spots.push([i % image.width, Math.floor(i / image.width)]);
+      }
+      const mean = [0, 1].map((axis) => spots.reduce((sum, spot) => sum + spot[axis as 0 | 1], 0) / spots.length);
+      const [cx = 0, cy = 0] = mean;
+      const far = ([x, y]: [number, number]) => (x - cx) ** 2 + (y - cy) ** 2;
+      const nearest = spots.reduce((best, spot) => (far(spot) < far(best) ? spot : best));
+      return [(nearest[0] + 0.5) / image.width, (nearest[1] + 0.5) / image.height] as const;
+    },
+    [labels, value] as const,
+  );
+  return { inside, labels, value };
+}
+
+/** Of the mask that is drawn over the view, pixel by pixel, with the truth. */
+export function overlayIou(page: Page, { labels, value }: Truth): Promise<number> {
+  return page.evaluate(
+    async ([url, grey]) => {
+      const overlay = document.querySelector('.picture canvas.overlay') as HTMLCanvasElement;
+      const { width, height } = overlay;
+      const drawn = overlay.getContext('2d')?.getImageData(0, 0, width, height).data;
+      const image = new Image();
+      image.src = url;
+      await image.decode();
+      const canvas = new OffscreenCanvas(width, height);
+      const context = canvas.getContext('2d') as OffscreenCanvasRenderingContext2D;
+      context.imageSmoothingEnabled = false;
+      context.drawImage(image, 0, 0, width, height);
+      const truth = context.getImageData(0, 0, width, height).data;
+      let both = 0;
+      let either = 0;
+      for (let i = 0; drawn && i < width * height; ++i) {
+        const a = (drawn[4 * i + 3] as number) > 0;
+        const b = truth[4 * i] === grey;
+        both += a && b ? 1 : 0;
+        either += a || b ? 1 : 0;
+      }
+      return either === 0 ? 0 : both / either;
+    },
+    [labels, value] as const,
+  );
+}
+
+/** Clicks at shares of the view's width and height. */
+export async function clickView(page: Page, [x, y]: readonly [number, number], shift = false): Promise<void> {
+  const edges = await page.locator('.picture').boundingBox();
+  if (!edges) throw new Error('no view on the screen');
+  if (shift) await page.keyboard.down('Shift');
+  await page.mouse.click(edges.x + x * edges.width, edges.y + y * edges.height);
+  if (shift) await page.keyboard.up('Shift');
+}
+
+/** Answers that were drawn since the page was opened. */
+export async function numAnswers(page: Page): Promise<number> {
+  return Number(await page.locator('.picture').getAttribute('data-answers'));
+}
+
+/** Until the stream has answered more than `before` and the other views are there, too. */
+export async function settled(page: Page, before: number): Promise<void> {
+  await page.waitForFunction(
+    (count) => Number(document.querySelector<HTMLElement>('.picture')?.dataset.answers) > count,
+    before,
+    { timeout: 60_000 },
+  );
+}

@@ -1,0 +1,102 @@
+import type { IncomingMessage } from 'node:http';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { expect, test } from '@playwright/test';
+import { ConfigError, readConfig } from '../../server/config';
+import { crc32c } from '../../server/crc32c';
+import { refusal } from '../../server/guard';
+import { Newest } from '../../server/segment_socket';
+import { pieces } from '../../server/upload';
+import { resourceOf } from '../../server/proxy';
+import { passedOn } from '../../server/passed_on';
+import { routing } from '../../server/channel';
+
+function request(headers: Record<string, string>): IncomingMessage {
+  return { headers } as unknown as IncomingMessage;
+}
+
+const hosts = new Set(['localhost', '127.0.0.1', '[::1]']);
+
+test('pages of this back end may ask', () => {
+  expect(refusal(request({ host: '127.0.0.1:8080' }), hosts)).toBeUndefined();
+  expect(refusal(request({ host: '[::1]:8080' }), hosts)).toBeUndefined();
+  const own = { host: 'localhost:8080', origin: 'http://localhost:8080', 'sec-fetch-site': 'same-origin' };
+  expect(refusal(request(own), hosts)).toBeUndefined();
+});
+
+test('nobody else may', () => {
+  const host = 'localhost:8080';
+  expect(refusal(request({ host, origin: 'https://evil.example' }), hosts)).toContain('origins');
+  expect(refusal(request({ host, origin: 'http://localhost:9999' }), hosts)).toContain('origins');
+  expect(refusal(request({ host, origin: 'null' }), hosts)).toContain('origins');
+  expect(refusal(request({ host, 'sec-fetch-site': 'cross-site' }), hosts)).toContain('sites');
+  expect(refusal(request({ host, 'sec-fetch-site': 'same-site' }), hosts)).toContain('sites');
+  expect(refusal(request({ host: 'evil.example:8080' }), hosts)).toContain('unknown host');
+  expect(refusal(request({}), hosts)).toContain('unknown host');
+});
+
+test('what it listens on and where the key goes', () => {
+  const read = (args: string[], env = {}) => readConfig(args, env, '/app');
+  expect(read([]).serverUrl).toBe('http://127.0.0.1:50051');
+  expect(read([], { PEPESEG_SERVER: 'https://gateway:8443' }).serverUrl).toBe('https://gateway:8443');
+  expect(read([], { PEPESEG_KEY: 'pk_abc' }).key).toBe('pk_abc');
+  expect(() => read(['--listen', '0.0.0.0:80'])).toThrow('--behind-login');
+  expect(read(['--listen', '0.0.0.0:80', '--behind-login']).listenPort).toBe(80);
+  expect(() => read(['--server', 'far.example:50051'], { PEPESEG_KEY: 'pk_abc' })).toThrow('not encrypted');
+  expect(() => read([], { PEPESEG_KEY: 'no key' })).toThrow(ConfigError);
+  expect(() => read(['--key-file', '/nowhere/key'])).toThrow('cannot be read');
+  expect(() => read(['--nonsense'])).toThrow(ConfigError);
+});
+
+test('CRC-32C of RFC 3720', () => {
+  expect(crc32c(new Uint8Array(32))).toBe(0x8a9136aa);
+  expect(crc32c(new Uint8Array(32).fill(0xff))).toBe(0x62a8ab43);
+  expect(crc32c(Uint8Array.from({ length: 32 }, (_, i) => i))).toBe(0x46dd794e);
+});
+
+test('a body in pieces of a MiB', async () => {
+  async function* body() {
+    yield new Uint8Array(700_000).fill(1);
+    yield new Uint8Array(3_000_000).fill(2);
+    yield new Uint8Array(0);
+  }
+  const sizes: number[] = [];
+  let sum = 0;
+  for await (const piece of pieces(body())) {
+    sizes.push(piece.length);
+    for (const byte of piece) sum += byte;
+  }
+  expect(sizes).toEqual([1 << 20, 1 << 20, 1 << 20, 3_700_000 - 3 * (1 << 20)]);
+  expect(sum).toBe(700_000 + 6_000_000);
+});
+
+test('of requests that wait the newest is sent', async () => {
+  const newest = new Newest<number>();
+  newest.put(1);
+  newest.put(2);
+  const taken = newest[Symbol.asyncIterator]();
+  expect((await taken.next()).value).toBe(2);
+  const next = taken.next();
+  newest.put(3);
+  expect((await next).value).toBe(3);
+  newest.end();
+  expect((await taken.next()).done).toBe(true);
+});
+
+test('calls carry the scene for the gateway', () => {
+  const message = (fields: object) => resourceOf({ $typeName: 'x', ...fields } as never);
+  expect(routing(message({ name: 'scenes/a/models/1' }))).toEqual({ 'x-scene': 'a' });
+  expect(routing(message({ scene: 'scenes/b', dataset: 'scenes/b/datasets/1' }))).toEqual({ 'x-scene': 'b' });
+  expect(routing(message({ name: 'jobs/j1' }))).toEqual({});
+});
+
+test('a connection that was lost is no cancellation', () => {
+  const here = new AbortController();
+  const cut = new ConnectError('http/2 stream closed with error code CANCEL (0x8)', Code.Canceled);
+  expect(passedOn(cut, here.signal).code).toBe(Code.Unavailable);
+  expect(passedOn(new ConnectError('no', Code.Internal), here.signal).code).toBe(Code.Internal);
+  const busy = new ConnectError('a job is running', Code.Aborted);
+  busy.details = [{ type: 'pepeseg.v1.ErrorDetail', value: new Uint8Array() }];
+  expect(passedOn(busy, here.signal).code).toBe(Code.Aborted);
+  here.abort();
+  expect(passedOn(cut, here.signal).code).toBe(Code.Canceled);
+});

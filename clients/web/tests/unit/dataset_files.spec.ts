@@ -1,0 +1,55 @@
+import { expect, test } from '@playwright/test';
+import type { DroppedFile } from '../../app/upload/dataset_files';
+import { describe, kindOf, readDataset, sceneIdFrom } from '../../app/upload/dataset_files';
+import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
+
+function dropped(...paths: string[]): DroppedFile[] {
+  return paths.map((path) => ({ path, file: new Blob([path]) as File }));
+}
+
+test('the layout of the command-line client', () => {
+  expect(kindOf('images/a/0001.JPG')).toBe(FileKind.IMAGE);
+  expect(kindOf('images/walk.mp4')).toBe(FileKind.VIDEO);
+  expect(kindOf('sparse/0/cameras.bin')).toBe(FileKind.POSES);
+  expect(kindOf('sparse/points3D.txt')).toBe(FileKind.POINTS);
+  expect(kindOf('sparse/1/cameras.bin')).toBeUndefined();
+  expect(kindOf('masks/0001.json')).toBe(FileKind.MASK);
+  expect(kindOf('depth/0001.npy')).toBe(FileKind.DEPTH);
+  expect(kindOf('disparity/0001.pfm')).toBe(FileKind.DISPARITY);
+  expect(kindOf('gaussians.ply')).toBe(FileKind.GAUSSIANS);
+  expect(kindOf('labels/0001.png')).toBeUndefined();
+});
+
+test('a folder that was dropped is the scene', () => {
+  const { files, leftOut } = readDataset(dropped('shelf/images/b.jpg', 'shelf/images/a.jpg', 'shelf/LICENSE'));
+  expect(files.map(({ path }) => path)).toEqual(['images/a.jpg', 'images/b.jpg']);
+  expect(leftOut).toEqual(['LICENSE']);
+});
+
+test('a folder of photographs alone', () => {
+  const { files } = readDataset(dropped('holiday/1.jpg', 'holiday/2.png', 'holiday/notes.txt'));
+  expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.png']);
+});
+
+test('loose files and a video', () => {
+  const { files } = readDataset(dropped('walk.mp4', '.DS_Store'));
+  expect(files.map(({ path, kind }) => [path, kind])).toEqual([['videos/walk.mp4', FileKind.VIDEO]]);
+});
+
+test('the folder "images" by itself', () => {
+  const { files } = readDataset(dropped('images/1.jpg', 'images/2.jpg'));
+  expect(files.map(({ path }) => path)).toEqual(['images/1.jpg', 'images/2.jpg']);
+});
+
+test('what it says of them', () => {
+  expect(describe([{ kind: FileKind.IMAGE }, { kind: FileKind.POSES }, { kind: FileKind.IMAGE }])).toBe(
+    '2 photographs, 1 file of poses',
+  );
+});
+
+test('ids of scenes are labels of RFC 1034', () => {
+  expect(sceneIdFrom('Küche & Regal (2)')).toBe('kuche-regal-2');
+  expect(sceneIdFrom('42')).toBe('scene');
+  expect(sceneIdFrom('x'.repeat(80))).toMatch(/^[a-z][a-z0-9-]{0,61}[a-z0-9]$/);
+  expect(sceneIdFrom('日本')).toBe('scene');
+});

@@ -1,0 +1,46 @@
+import { expect, test } from '@playwright/test';
+import { decodeRle, intersectionOverUnion, runsOf } from '../../app/mask/rle';
+
+// As pycocotools encodes it: the runs as they are, or as differences to the one before the last, in
+// groups of five bits from the lowest.
+function encode(runs: number[]): string {
+  return runs
+    .map((run, i) => {
+      let value = i > 2 ? run - (runs[i - 2] as number) : run;
+      let text = '';
+      for (;;) {
+        const bits = value & 31;
+        value >>= 5;
+        const ends = (value === 0 && !(bits & 16)) || (value === -1 && !!(bits & 16));
+        text += String.fromCharCode(48 + (ends ? bits : bits | 32));
+        if (ends) return text;
+      }
+    })
+    .join('');
+}
+
+test('runs survive their encoding, also long ones and shrinking ones', () => {
+  for (const runs of [[5], [0, 9], [1, 2, 3, 4, 5], [100000, 3, 7, 50000, 1, 2], [16, 15, 31, 32, 33, 1]]) {
+    expect(runsOf(encode(runs))).toEqual(runs);
+  }
+});
+
+test('a string of pycocotools is read', () => {
+  // mask.encode(np.asfortranarray([[0, 1], [1, 1]], dtype=uint8))["counts"]
+  expect([...decodeRle({ width: 2, height: 2, counts: '13' })]).toEqual([0, 1, 1, 1]);
+});
+
+test('columns come first', () => {
+  // 3 wide, 2 high: runs 1 0, 3 1, 2 0 down the columns.
+  expect([...decodeRle({ width: 3, height: 2, counts: encode([1, 3, 2]) })]).toEqual([0, 1, 0, 1, 1, 0]);
+});
+
+test('more pixels than there are do no harm, other characters are an error', () => {
+  expect([...decodeRle({ width: 1, height: 2, counts: encode([0, 9]) })]).toEqual([1, 1]);
+  expect(() => runsOf('1 3')).toThrow();
+});
+
+test('intersection over union', () => {
+  expect(intersectionOverUnion(Uint8Array.of(1, 1, 0), Uint8Array.of(0, 1, 1))).toBeCloseTo(1 / 3);
+  expect(intersectionOverUnion(new Uint8Array(3), new Uint8Array(3))).toBe(0);
+});

@@ -1,0 +1,50 @@
+import { create } from '@bufbuild/protobuf';
+import { expect, test } from '@playwright/test';
+import { JobEventSchema } from '../../gen/pepeseg/v1/job_service_pb';
+import { ProposeScalesResponseSchema } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { cocoJson } from '../../app/mask/coco';
+import { proposalsOf } from '../../app/scene/answer';
+import { segmentRequest } from '../../app/scene/prompt';
+
+test('three proposals, the smallest thing first', () => {
+  const mask = (area: bigint) => ({ area, mask: { case: 'rle', value: { width: 2, height: 2, counts: '4' } } as const });
+  const proposals = [50n, 9n, 400n, 1n].map((area) => ({ scaleQuantile: 0.5, threshold: 0.7, mask: mask(area) }));
+  const shown = proposalsOf(create(ProposeScalesResponseSchema, { proposals }));
+  expect(shown.map(({ name, mask: { area } }) => [name, area])).toEqual([['Part', 9], ['Object', 50], ['Group', 400]]);
+});
+
+test('what is not chosen is left to the server', () => {
+  const question = { kind: 'points', place: { view: 'a.jpg' }, points: [{ x: 1, y: 2, negative: false }] } as const;
+  const open = segmentRequest('m', question, {});
+  expect(open.granularity?.scale.case).toBeUndefined();
+  expect(open.granularity?.threshold).toBeUndefined();
+  const fixed = segmentRequest('m', question, { scale: 0, threshold: 0 }, 'all');
+  expect(fixed.granularity?.scale).toEqual({ case: 'scaleQuantile', value: 0 });
+  expect(fixed.granularity?.threshold).toBe(0);
+});
+
+test('COCO: ids from 1, no empty masks, sizes height first', () => {
+  const rle = { width: 4, height: 3, counts: 'x' };
+  const masks = [
+    { view: 'b.jpg', rle, area: 5, box: [0, 1, 2, 3], score: 0.9 },
+    { view: 'a.jpg', rle, area: 0, box: [0, 0, 0, 0], score: 0 },
+  ];
+  const views = [{ view: 'a.jpg', width: 4, height: 3 }, { view: 'b.jpg', width: 4, height: 3 }];
+  expect(cocoJson('shelf', views, [{ category: 'cup', masks }])).toMatchObject({
+    images: [{ id: 1, file_name: 'a.jpg' }, { id: 2, file_name: 'b.jpg' }],
+    categories: [{ id: 1, name: 'cup' }],
+    annotations: [{ id: 1, image_id: 2, category_id: 1, bbox: [0, 1, 2, 3], segmentation: { size: [3, 4], counts: 'x' } }],
+  });
+});
+
+test('events of a training make its curves; a step done again takes the place of what followed', async () => {
+  // Its module listens to the page's network.
+  Object.assign(globalThis, { window: new EventTarget() });
+  const { after, noTraining } = await import('../../app/training/training_watch');
+  const progress = (sequence: bigint, step: bigint, loss: number) =>
+    create(JobEventSchema, { sequence, event: { case: 'progress', value: { stage: 'reconstruct', step, loss, numGaussians: 7n } } });
+  let training = noTraining;
+  for (const event of [progress(1n, 10n, 3), progress(2n, 20n, 2), progress(3n, 10n, 2.5)]) training = after(training, event);
+  expect(training.loss).toEqual([{ step: 10, value: 2.5 }]);
+  expect(training.sequence).toBe(3n);
+});

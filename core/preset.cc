@@ -1,0 +1,25 @@
+#include "core/preset.h"
+
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg {
+
+absl::Status Validate(Preset preset) {
+  if (preset >= Preset::kPreview && preset <= Preset::kBest) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("preset is ", static_cast<int>(preset), ", not one of those that there are"));
+}
+
+void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& features) {
+  if (preset == Preset::kPreview) {
+    reconstruct.num_steps = 2000;
+    reconstruct.coarse_until = 0.5;
+    reconstruct.sh_degree = 1;
+    features.num_steps = 1500;
+  } else if (preset == Preset::kBest) {
+    reconstruct.num_steps = 30000;
+    features.num_steps = 20000;
+  }
+}
+
+}  // namespace pepeseg

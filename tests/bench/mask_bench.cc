@@ -1,0 +1,58 @@
+// What a question costs the C++ client, from the call to the mask's pixels; of the Python client's
+// the same is in python_mask_bench.py, which runs this. Prints the milliseconds of each answer.
+//   pepeseg_mask_bench SERVER FILE REPEATS     FILE: a serialised SegmentRequest
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+#include "clients/cpp/channel.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/mask.h"
+
+namespace pepeseg::clientent {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Milliseconds; below 0: it failed, and standard error says why.
+double AskOnce(const Client& client, const v1::SegmentRequest& request) {
+  const Clock::time_point start = Clock::now();
+  const auto answer = client.Segment(request);
+  if (!answer.ok() || answer->masks().empty()) {
+    std::fprintf(stderr, "%s\n", answer.status().ToString().c_str());
+    return -1;
+  }
+  const auto mask = DecodeRle(answer->masks(0).rle());
+  if (!mask.ok() || mask->empty()) {
+    std::fprintf(stderr, "%s\n", mask.status().ToString().c_str());
+    return -1;
+  }
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+int Run(const char* server, const char* file, int repeats) {
+  v1::SegmentRequest request;
+  std::ifstream stream(file, std::ios::binary);
+  const auto channel = OpenChannel(server, {});
+  if (!request.ParseFromIstream(&stream) || !channel.ok()) return EXIT_FAILURE;
+  const Client client(*channel);
+  if (AskOnce(client, request) < 0) return EXIT_FAILURE;  // connects
+  for (int i = 0; i < repeats; ++i) {
+    const double ms = AskOnce(client, request);
+    if (ms < 0) return EXIT_FAILURE;
+    std::printf("%.4f\n", ms);
+  }
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+}  // namespace pepeseg::client
+
+int main(int argc, char** argv) {
+  if (argc != 4) {
+    std::fprintf(stderr, "usage: %s SERVER FILE REPEATS\n", argv[0]);
+    return 2;
+  }
+  return pepeseg::client::Run(argv[1], argv[2], std::atoi(argv[3]));
+}

@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""Tables and plots of what `pepeseg bench` has recorded.
+
+    report.py --out FOLDER [--plots] RECORD.json...
+
+Writes FOLDER/curves.md; with --plots (python3-matplotlib) FOLDER/psnr.svg and FOLDER/miou.svg, one
+line a record.
+"""
+
+import argparse
+import json
+import os
+
+import measured
+
+PRESETS = ("preview", "standard", "best")
+# What happens from the request to the first click, in its order.
+STAGES = ("upload", "queue", "prepare", "sfm", "priors", "reconstruct", "evaluate", "features",
+          "index", "between", "first_click")
+
+
+def by_name(record):
+    """The runs of each name, in the order of the record."""
+    names = dict.fromkeys(run["name"] for run in record["runs"])
+    return {name: [run for run in record["runs"] if run["name"] == name] for name in names}
+
+
+def series_name(record):
+    return f"{record['dataset']}, {record['device'].split(' (')[0]}"
+
+
+def train_seconds(run, kind="seconds"):
+    """Of the two stages that learn."""
+    return sum(run[kind].get(stage, 0) for stage in ("reconstruct", "features"))
+
+
+def levels_of(record):
+    return list(dict.fromkeys(level for run in record["runs"] for level in run["levels"]))
+
+
+def megabytes(runs, key):
+    known = [run[key] for run in runs if key in run]
+    return f"{1e-6 * measured.mean(known):.1f}" if known else "-"
+
+
+def level_cell(runs, level):
+    iou, boundary = ([100 * run["levels"][level][score] for run in runs]
+                     for score in ("miou", "mbiou"))
+    return f"{level} {measured.spread(iou, 1)} / {measured.mean(boundary):.1f}"
+
+
+def curve_rows(record):
+    rows = []
+    for name, runs in by_name(record).items():
+        row = [series_name(record), f"**{name}**" if name in PRESETS else name]
+        row.append(measured.spread([train_seconds(run) for run in runs], 1))
+        row.append(measured.spread([train_seconds(run, "core_seconds") for run in runs], 1))
+        row.append(" + ".join(f"{measured.mean([run['steps'].get(stage, 0) for run in runs]):.0f}"
+                              for stage in ("reconstruct", "features")))
+        row.append(measured.spread([run["psnr"] for run in runs], 2))
+        row.append(measured.spread([run["ssim"] for run in runs], 4))
+        row.append("; ".join(level_cell(runs, level) for level in levels_of(record)
+                             if level in runs[0]["levels"]) or "-")
+        row.append(f"{measured.mean([run['num_gaussians'] for run in runs]):.0f}")
+        row += [megabytes(runs, "num_bytes"), megabytes(runs, "peak_device_bytes")]
+        rows.append(row)
+    return rows
+
+
+CURVE_HEADING = ["scene, device", "training", "s", "core s", "steps", "PSNR", "SSIM",
+                 "mIoU / mBIoU", "Gaussians", "model MB", "device MB"]
+
+
+def share_rows(record):
+    """Of each preset that was clicked on: what part of the time goes where."""
+    rows = []
+    for name, runs in by_name(record).items():
+        runs = [run for run in runs if "request_to_click" in run["seconds"]]
+        if name not in PRESETS or not runs:
+            continue
+        total = measured.mean([run["seconds"]["request_to_click"] for run in runs])
+        row = [series_name(record), name, f"{total:.1f}"]
+        for stage in STAGES:
+            seconds = measured.mean([run["seconds"].get(stage, 0) for run in runs])
+            row.append(f"{100 * seconds / total:.1f} %" if seconds else "-")
+        row.append(f"{1e3 * measured.mean([run['seconds']['next_click'] for run in runs]):.1f}")
+        rows.append(row)
+    return rows
+
+
+SHARE_HEADING = ["scene, device", "training", "request to click, s",
+                 *(stage.replace("_", " ") for stage in STAGES), "next click, ms"]
+
+
+def tables(records):
+    lines = ["# Error against time", ""]
+    for record in records:
+        lines.append(f"- {series_name(record)}: {record['device']}; "
+                     f"{record.get('machine', 'machine not told')}; "
+                     f"commit {record.get('commit', 'not told')}; "
+                     f"settings {record.get('settings', 'not told')}; "
+                     f"{max(run['seed'] for run in record['runs'])} seeds")
+    lines += ["", "Mean (least to most) over the seeds. s: wall time of both stages together; "
+              "core s: of all cores together. PSNR, SSIM: held-out views. mIoU / mBIoU: one click, "
+              "scale and threshold chosen on the clicked view, scored on the others. Steps: done, "
+              "by stage. Device MB: of the training's, at most (CPU: of its arrays).", ""]
+    lines += measured.markdown(CURVE_HEADING, [row for record in records
+                                               for row in curve_rows(record)])
+    shares = [row for record in records for row in share_rows(record)]
+    if shares:
+        lines += ["", "## From the request to the first click", "",
+                  "Upload to the first answer; shares of that time. The first click loads the "
+                  "model; the next one is the same again. `between`: starting the worker, handing "
+                  "results over.", ""]
+        lines += measured.markdown(SHARE_HEADING, shares)
+    return lines
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("records", nargs="+")
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--plots", action="store_true")
+    arguments = parser.parse_args()
+    records = []
+    for path in arguments.records:
+        with open(path, encoding="utf-8") as file:
+            records.append(json.load(file))
+    os.makedirs(arguments.out, exist_ok=True)
+    with open(os.path.join(arguments.out, "curves.md"), "w", encoding="utf-8") as file:
+        file.write("\n".join(tables(records)) + "\n")
+    if arguments.plots:
+        import report_plots  # pylint: disable=import-outside-toplevel  (needs matplotlib)
+        report_plots.draw(records, arguments.out)
+
+
+if __name__ == "__main__":
+    main()

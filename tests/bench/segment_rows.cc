@@ -1,0 +1,92 @@
+#include "tests/bench/segment_rows.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "core/query/resolve_prompt.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+
+void PrintHeader(const OneClickOptions& protocol) {
+  std::string head =
+      "| run | seed | level | entities | mIoU | mBIoU | oracle mIoU | oracle mBIoU |";
+  std::string rule = "|---|---|---|---|---|---|---|---|";
+  for (const double scale : protocol.fixed_scales) {
+    head += absl::StrCat(" ", scale, " |");
+    rule += "---|";
+  }
+  std::printf("Fixed scales: mIoU at the threshold %.2f.\n\n", protocol.fixed_threshold);
+  std::printf(
+      "%s stage one s | stage two s | evaluation s | Gaussians | PSNR | stage one core s | "
+      "stage two core s | SSIM | steps | feature steps | MB |\n",
+      head.c_str());
+  std::printf("%s---|---|---|---|---|---|---|---|---|---|---|\n", rule.c_str());
+  std::fflush(stdout);
+}
+
+void PrintRow(const std::string& name, const SegmentRow& row) {
+  const OneClickScores& scores = row.scores;
+  std::printf("| %s | %d | %s | %d | %.4f | %.4f | %.4f | %.4f |", name.c_str(),
+              static_cast<int>(row.seed), row.level->name.c_str(),
+              static_cast<int>(scores.entities.size()), scores.chosen.iou,
+              scores.chosen.boundary_iou, scores.oracle.iou, scores.oracle.boundary_iou);
+  for (const double iou : scores.fixed_iou) std::printf(" %.3f |", iou);
+  const double seconds = row.geometry->seconds;
+  seconds < 0 ? std::printf(" read |") : std::printf(" %.2f |", seconds);
+  std::printf(" %.2f | %.2f | %ld | %.3f | %.2f | %.2f |", row.feature_seconds,
+              row.evaluate_seconds, static_cast<long>(row.geometry->gaussians.count),
+              row.geometry->held_out.psnr, row.geometry->core_seconds, row.feature_core_seconds);
+  std::printf(" %.4f | %ld | %ld | %.0f |\n", row.geometry->held_out.ssim,
+              static_cast<long>(row.geometry->num_steps), static_cast<long>(row.num_feature_steps),
+              1e-6 * static_cast<double>(row.bytes));
+  std::fflush(stdout);
+}
+
+void PrintEntities(const SegmentRow& row) {
+  for (const EntityScore& score : row.scores.entities) {
+    const auto id = static_cast<size_t>(score.id);
+    const std::string name = id < row.level->entities.size() ? row.level->entities[id] : "";
+    std::printf(
+        "# %d %s %3d %-16s %2d views, click %s (%.1f, %.1f)%s: %.3f / %.3f at %.2f, %.2f; oracle "
+        "%.3f / %.3f at %.2f, %.2f\n",
+        static_cast<int>(row.seed), row.level->name.c_str(), score.id, name.c_str(),
+        static_cast<int>(score.views.size()), score.views[0].view.c_str(), score.click.x,
+        score.click.y, score.missing ? " on nothing" : "", score.chosen.iou,
+        score.chosen.boundary_iou, score.chosen.scale, score.chosen.threshold, score.oracle.iou,
+        score.oracle.boundary_iou, score.oracle.scale, score.oracle.threshold);
+  }
+}
+
+absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
+                       const SegmentRow& row, const std::string& folder) {
+  for (const EntityScore& score : row.scores.entities) {
+    const auto reference = std::ranges::find_if(
+        views, [&](const LabeledView& view) { return view.view.name == score.views[0].view; });
+    ASSIGN_OR_RETURN(
+        const Query query,
+        ResolvePrompt(segmenter, {reference->view, std::vector<PointPrompt>{score.click}},
+                      {score.chosen.scale, score.chosen.threshold}));
+    for (const LabeledView& view : views) {
+      const ModelView target[] = {view.view};
+      ASSIGN_OR_RETURN(const auto results, segmenter.Segment(query, target));
+      const SegmentResult& result = results[0];
+      std::ofstream file(
+          absl::StrCat(folder, "/", row.level->name, "_", score.id, "_", view.view.name, ".ppm"),
+          std::ios::binary);
+      file << "P6 " << result.width << " " << result.height << " 255\n";
+      for (size_t i = 0; i < view.labels.size(); ++i) {
+        const bool got = result.mask.pixels[i] != 0, want = view.labels[i] == score.id;
+        const char rgb[3] = {static_cast<char>(got ? 255 : 0),
+                             static_cast<char>(got && want ? 255 : 0),
+                             static_cast<char>(want ? 255 : 0)};
+        file.write(rgb, 3);
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

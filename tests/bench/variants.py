@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+"""Variants of a training on capture packs, each against the first: what it loses and what it saves.
+
+    variants.py robustness|skips --programs build/bin --out FOLDER PACK... [-- FLAG...]
+
+robustness: fewer views and masks, bent masks, turned views, depth upside down, as capture_faults.h
+does it. skips: each thing that a training leaves out where the scene does not need it, never left
+out, and all of them never. A pack with ground truth is trained and scored by
+pepeseg_segment_bench, one without by pepeseg_curve_bench (stage one only). FLAGs go to every run:
+--device cuda --seeds 3. Writes FOLDER/TABLE.json after every run and FOLDER/TABLE.md at the end.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+
+import measured
+
+# Flags of both programs, of pepeseg_segment_bench alone, and whether stage one needs them.
+STAGE_ONE, STAGE_TWO = "one", "two"
+VARIANTS = {
+    "robustness": [
+        ("as it is", STAGE_ONE, []),
+        ("1/4 of the views", STAGE_ONE, ["--keep-views", "0.25"]),
+        ("30 % fewer masks", STAGE_TWO, ["--keep-masks", "0.7"]),
+        ("masks bent by {mask_noise} px", STAGE_TWO, ["--mask-noise", "{mask_noise}"]),
+        ("views turned by {pose_noise} px", STAGE_ONE, ["--pose-noise", "{pose_noise}"]),
+        ("depth upside down", STAGE_ONE, ["--invert-depth"]),
+        ("no depth", STAGE_ONE, ["--no-depth"]),
+    ],
+    "skips": [
+        ("all skips", STAGE_ONE, []),
+        ("all steps of stage one", STAGE_ONE, ["--min-loss-fall", "0"]),
+        ("all bands", STAGE_ONE, ["--min-band-gain", "0"]),
+        ("depth whatever it says", STAGE_ONE, ["--min-depth-agreement", "0"]),
+        ("all steps of stage two", STAGE_TWO, ["--feature-loss-fall", "0"]),
+        ("no skips", STAGE_ONE, ["--min-loss-fall", "0", "--min-band-gain", "0",
+                                 "--min-depth-agreement", "0", "--feature-loss-fall", "0"]),
+    ],
+}
+FEATURE_FLAGS = {"--feature-loss-fall"}  # that pepeseg_curve_bench does not have
+
+
+def has_truth(program, pack):
+    """Whether pepeseg_segment_bench takes the pack: it refuses one without ground truth."""
+    done = subprocess.run([program, pack, "--steps", "0"], capture_output=True, text=True,
+                          check=False)
+    return "no ground truth" not in done.stderr
+
+
+def without(flags, left_out):
+    """Flags of one value each, without some of them."""
+    pairs = zip(flags[::2], flags[1::2]) if len(flags) % 2 == 0 else [(flag,) for flag in flags]
+    return [word for pair in pairs if pair[0] not in left_out for word in pair]
+
+
+def run_bench(command):
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()}")
+    return measured.parse_rows(done.stdout)
+
+
+def last_of_each_seed(rows):
+    """A run of pepeseg_curve_bench ends with its last row."""
+    return list({row["seed"]: row for row in rows}.values())
+
+
+def read_rows(rows):
+    """Numbers of the rows of either program."""
+    numbers = []
+    for row in rows:
+        read = {"seed": int(row["seed"]), "psnr": float(row["PSNR"]),
+                "num_gaussians": int(row["Gaussians"]),
+                "core_seconds": float(row["stage one core s"]),
+                "seconds": float(row["stage one s"])}
+        if "level" in row:
+            read["level"] = row["level"]
+            read["miou"] = 100 * float(row["mIoU"])
+            read["mbiou"] = 100 * float(row["mBIoU"])
+            read["feature_core_seconds"] = float(row["stage two core s"])
+            read["feature_seconds"] = float(row["stage two s"])
+        numbers.append(read)
+    return numbers
+
+
+def differences(rows, base, key):
+    """By seed and level, of what both have."""
+    before = {(row["seed"], row.get("level")): row[key] for row in base if key in row}
+    return [row[key] - before[row["seed"], row.get("level")] for row in rows
+            if key in row and (row["seed"], row.get("level")) in before]
+
+
+def total_seconds(row, prefix=""):
+    return row[f"{prefix}seconds"] + row.get(f"feature_{prefix}seconds", 0)
+
+
+def tell(pack, variants):
+    """Table rows of a pack: each variant by level, with its difference to the first, by seed."""
+    base = variants[0]["rows"]
+    lines = []
+    for variant in variants:
+        for level in dict.fromkeys(row.get("level") for row in variant["rows"]):
+            rows = [row for row in variant["rows"] if row.get("level") == level]
+            same = [row for row in base if row.get("level") == level]
+            ratio = (measured.mean([total_seconds(row, "core_") for row in rows]) /
+                     measured.mean([total_seconds(row, "core_") for row in same]))
+            first = variant is variants[0]
+            cells = [pack, variant["name"], level or "-",
+                     measured.spread([row["psnr"] for row in rows], 2)]
+            for key, decimals in (("psnr", 2), ("miou", 1), ("miou", 1), ("mbiou", 1)):
+                is_difference = len(cells) in (4, 6)
+                values = (differences(rows, same, key) if is_difference else
+                          [row[key] for row in rows if key in row])
+                cells.append("-" if first and is_difference else
+                             f"{measured.mean(values):+.{decimals}f}" if is_difference and values
+                             else measured.spread(values, decimals))
+            cells.append(measured.spread([total_seconds(row, "core_") for row in rows], 1))
+            cells.append("-" if first else f"{ratio:.2f}")
+            lines.append(cells)
+    return lines
+
+
+HEADING = ["scene", "variant", "level", "PSNR", "change", "mIoU", "change", "mBIoU", "core s",
+           "times the first's"]
+
+
+def table(record):
+    lines = [f"`variants.py {record['table']}`: {record['machine']}; commit {record['commit']}; "
+             f"flags `{' '.join(record['flags'])}`.", "",
+             "Mean (least to most) over the seeds; changes are against the first variant, seed by "
+             "seed. Core s: of both stages, of all cores together.", ""]
+    rows = [row for pack, variants in record["packs"].items() for row in tell(pack, variants)]
+    return lines + measured.markdown(HEADING, rows)
+
+
+def variants_of(name, truth, arguments):
+    for title, stage, flags in VARIANTS[name]:
+        words = {"mask_noise": arguments.mask_noise, "pose_noise": arguments.pose_noise}
+        if truth or stage == STAGE_ONE:
+            yield title.format(**words), [flag.format(**words) for flag in flags]
+
+
+def measure(arguments):
+    record = {"table": arguments.table, "machine": measured.machine(),
+              "commit": measured.commit(), "flags": arguments.flags, "packs": {}}
+    os.makedirs(arguments.out, exist_ok=True)
+    path = os.path.join(arguments.out, arguments.table)
+    for pack in arguments.packs:
+        scene = os.path.splitext(os.path.basename(pack))[0]
+        truth = has_truth(os.path.join(arguments.programs, "pepeseg_segment_bench"), pack)
+        program = "pepeseg_segment_bench" if truth else "pepeseg_curve_bench"
+        record["packs"][scene] = []
+        for title, flags in variants_of(arguments.table, truth, arguments):
+            own = arguments.flags if truth else [*arguments.flags, "--scores", "1"]
+            if not truth:
+                flags = without(flags, FEATURE_FLAGS)
+            rows, comments = run_bench([os.path.join(arguments.programs, program), pack, *own,
+                                        *flags])
+            rows = read_rows(rows if truth else last_of_each_seed(rows))
+            print(scene, title, rows, file=sys.stderr, flush=True)
+            record["packs"][scene].append({"name": title, "flags": flags, "rows": rows,
+                                           "told": comments})
+            with open(path + ".json", "w", encoding="utf-8") as file:
+                json.dump(record, file, indent=1)
+    with open(path + ".md", "w", encoding="utf-8") as file:
+        file.write("\n".join(table(record)) + "\n")
+
+
+def main():
+    words = sys.argv[1:]
+    split = words.index("--") if "--" in words else len(words)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("table", choices=VARIANTS)
+    parser.add_argument("packs", nargs="+")
+    parser.add_argument("--programs", default="build/bin")
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--mask-noise", default="3", help="pixels of the packs' photographs")
+    parser.add_argument("--pose-noise", default="0.5", help="likewise")
+    arguments = parser.parse_args(words[:split])
+    arguments.flags = words[split + 1:]
+    measure(arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+#include "clients/cpp/channel.h"
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "pepeseg/v1/scene_service.grpc.pb.h"
+
+namespace pepeseg::client {
+namespace {
+
+struct ChannelTest : ::testing::Test {
+  ChannelTest() {
+    unsetenv("PEPESEG_KEY");
+    std::ofstream(file) << "pk_secret\nand a remark\n";
+  }
+  ~ChannelTest() override {
+    unsetenv("PEPESEG_KEY");
+    std::filesystem::remove(file);
+  }
+  const std::filesystem::path file =
+      std::filesystem::path(::testing::TempDir()) / "pepeseg_channel_test_key";
+};
+
+TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
+  Login login;
+  login.key_file = file;
+  for (const char* here : {"127.0.0.1:1", "localhost:1", "[::1]:1", "unix:/tmp/x"}) {
+    EXPECT_TRUE(OpenChannel(here, login).ok()) << here;
+  }
+  for (const char* beyond : {"10.0.0.1:1", "example.org:1", "127.0.0.1.example.org:1",
+                             "localhost.example.org:1", "dns:///127.0.0.1:1"}) {
+    const auto refused = OpenChannel(beyond, login);
+    EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument) << beyond;
+    EXPECT_NE(refused.status().message().find("not encrypted"), std::string::npos);
+    EXPECT_EQ(refused.status().message().find("pk_secret"), std::string::npos);
+    EXPECT_TRUE(OpenChannel(beyond, {}).ok()) << "no key, nothing to hide";
+    EXPECT_TRUE(OpenChannel(std::string("https://") + beyond, login).ok()) << beyond;
+    Login encrypted = login;
+    encrypted.tls = true;
+    EXPECT_TRUE(OpenChannel(beyond, encrypted).ok()) << beyond;
+  }
+}
+
+TEST_F(ChannelTest, TakesAKeyFromTheEnvironment) {
+  setenv("PEPESEG_KEY", "pk_secret", 1);
+  EXPECT_FALSE(OpenChannel("example.org:1", {}).ok());
+  setenv("PEPESEG_KEY", "", 1);
+  EXPECT_TRUE(OpenChannel("example.org:1", {}).ok());
+  setenv("PEPESEG_KEY", "no key", 1);
+  EXPECT_FALSE(OpenChannel("127.0.0.1:1", {}).ok());
+  for (const char* jwt : {"eyJh.eyJi.c2-_", "a.b.c"}) {
+    setenv("PEPESEG_KEY", jwt, 1);
+    EXPECT_TRUE(OpenChannel("127.0.0.1:1", {}).ok()) << jwt;
+    EXPECT_FALSE(OpenChannel("example.org:1", {}).ok()) << "not encrypted";
+  }
+  for (const char* bad : {"a.b", "a.b.c.d", ".b.c", "a.b.", "a..c", "..", "a.b c.d", "a.b.\xff"}) {
+    setenv("PEPESEG_KEY", bad, 1);
+    EXPECT_FALSE(OpenChannel("127.0.0.1:1", {}).ok()) << bad;
+  }
+  setenv("PEPESEG_KEY", "no key", 1);
+  Login login;
+  login.key_file = file;  // counts before it
+  EXPECT_TRUE(OpenChannel("127.0.0.1:1", login).ok());
+}
+
+// Notes what it is shown.
+struct Listener final : v1::SceneService::Service {
+  grpc::Status ListScenes(grpc::ServerContext* context, const v1::ListScenesRequest*,
+                          v1::ListScenesResponse*) override {
+    const auto [begin, end] = context->client_metadata().equal_range("authorization");
+    for (auto it = begin; it != end; ++it) shown.emplace_back(it->second.data(), it->second.size());
+    return grpc::Status::OK;
+  }
+  std::vector<std::string> shown;
+};
+
+TEST_F(ChannelTest, ShowsTheKeyWithEveryCall) {
+  Listener listener;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&listener);
+  const auto server = builder.BuildAndStart();
+  const std::string address = "127.0.0.1:" + std::to_string(port);
+  const auto list = [](const std::shared_ptr<grpc::Channel>& channel) {
+    grpc::ClientContext context;
+    v1::ListScenesResponse response;
+    EXPECT_TRUE(v1::SceneService::NewStub(channel)->ListScenes(&context, {}, &response).ok());
+  };
+  Login login;
+  login.key_file = file;
+  const auto channel = *OpenChannel(address, login);
+  list(channel);
+  list(channel);
+  EXPECT_EQ(listener.shown, (std::vector<std::string>(2, "Bearer pk_secret")));
+  list(*OpenChannel(address, {}));
+  EXPECT_EQ(listener.shown.size(), 2u);
+}
+
+TEST_F(ChannelTest, NamesTheFileThatIsWrong) {
+  Login login;
+  login.key_file = file.string() + ".none";
+  EXPECT_NE(OpenChannel("127.0.0.1:1", login).status().message().find(".none"), std::string::npos);
+  std::ofstream(file) << "";
+  login.key_file = file;
+  EXPECT_NE(OpenChannel("127.0.0.1:1", login).status().message().find("holds no key"),
+            std::string::npos);
+  Login half;
+  half.certificate = file;
+  EXPECT_NE(OpenChannel("127.0.0.1:1", half).status().message().find("together"),
+            std::string::npos);
+  Login ca;
+  ca.ca = file.string() + ".none";
+  EXPECT_FALSE(OpenChannel("127.0.0.1:1", ca).ok());
+}
+
+}  // namespace
+}  // namespace pepeseg::client

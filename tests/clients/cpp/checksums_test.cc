@@ -1,0 +1,46 @@
+#include "clients/cpp/checksums.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace pepeseg::client {
+namespace {
+
+// RFC 3720, appendix B.4.
+TEST(Crc32c, MatchesThePublishedVectors) {
+  EXPECT_EQ(Crc32c(std::string(32, '\0')), 0x8a9136aaU);
+  EXPECT_EQ(Crc32c(std::string(32, '\xff')), 0x62a8ab43U);
+  std::string rising;
+  for (char c = 0; c < 32; ++c) rising.push_back(c);
+  EXPECT_EQ(Crc32c(rising), 0x46dd794eU);
+  EXPECT_EQ(Crc32c("123456789"), 0xe3069283U);
+  EXPECT_EQ(Crc32c(""), 0U);
+}
+
+TEST(Sha256, MatchesThePublishedVectors) {
+  Sha256 whole;
+  whole.Add("abc");
+  EXPECT_EQ(whole.Finish(), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  Sha256 pieces;
+  pieces.Add("a");
+  pieces.Add("");
+  pieces.Add("bc");
+  EXPECT_EQ(pieces.Finish(), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+TEST(DigestFile, NamesAFileThatIsNotThere) {
+  const auto digest = DigestFile("/nowhere/photo.jpg");
+  EXPECT_EQ(digest.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_NE(std::string(digest.status().message()).find("/nowhere/photo.jpg"), std::string::npos);
+}
+
+TEST(DigestFile, TellsSizeAndDigest) {
+  const auto digest = DigestFile(PEPESEG_TEST_DATA "/apc_shelf/ignore_mask.png");
+  ASSERT_TRUE(digest.ok()) << digest.status();
+  EXPECT_EQ(digest->size, 2257);
+  EXPECT_EQ(digest->sha256.size(), 64U);
+}
+
+}  // namespace
+}  // namespace pepeseg::client

@@ -1,0 +1,170 @@
+// The client library against a server whose worker makes the model of model_worker.cc: a red square
+// at pixels about (30, 32) of view middle.jpg and a blue one about (66, 32).
+#include "clients/cpp/client.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "clients/cpp/answer_status.h"
+#include "clients/cpp/mask.h"
+#include "clients/cpp/resource_names.h"
+#include "tests/server/rpc/running_server.h"
+
+namespace pepeseg::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ClientTest : ::testing::Test {
+  ClientTest() : running(PEPESEG_MODEL_WORKER), client(running.channel) {
+    fs::create_directories(photos / "images");
+    std::ofstream(photos / "images/file") << "for the worker of tests, these bytes are photographs";
+    folder.files = {{"file", v1::FILE_KIND_IMAGE, photos / "images/file"}};
+  }
+
+  v1::Job TrainShelf() {
+    EXPECT_TRUE(client.EnsureScene("shelf").ok());
+    const auto dataset = client.Upload("shelf", folder);
+    EXPECT_TRUE(dataset.ok()) << dataset.status();
+    v1::TrainSceneRequest request;
+    request.set_scene("shelf");
+    request.set_dataset(dataset->name());
+    const auto job = client.Train(request);
+    EXPECT_TRUE(job.ok()) << job.status();
+    const auto ended = client.WatchJob(job->name(), [](const v1::JobEvent& /*event*/) {});
+    EXPECT_TRUE(ended.ok()) << ended.status();
+    return *ended;
+  }
+
+  static v1::Prompt ClickAt(double x, double y) {
+    v1::Prompt prompt;
+    prompt.mutable_view()->set_view("middle.jpg");
+    auto* point = prompt.mutable_points()->add_points();
+    point->set_x(x);
+    point->set_y(y);
+    return prompt;
+  }
+
+  RunningServer running;
+  Client client;
+  fs::path photos = running.folder / "photos";
+  DatasetFolder folder;
+};
+
+TEST_F(ClientTest, GoesFromFilesToAMask) {
+  ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
+  v1::SegmentRequest request;
+  request.set_model(ModelName("shelf"));
+  *request.mutable_prompt() = ClickAt(30, 32);
+  request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+  const auto answer = client.Segment(request);
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  ASSERT_EQ(answer->masks_size(), 1);
+  const auto mask = DecodeRle(answer->masks(0).rle());
+  ASSERT_TRUE(mask.ok()) << mask.status();
+  const int width = answer->masks(0).rle().width();
+  EXPECT_EQ((*mask)[32 * width + 30], 1);  // red
+  EXPECT_EQ((*mask)[32 * width + 66], 0);  // blue
+}
+
+TEST_F(ClientTest, SendsTheSameFilesOnce) {
+  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  ASSERT_TRUE(client.EnsureScene("scenes/shelf").ok());  // it is there
+  std::vector<int64_t> told;
+  std::vector<std::string> notes;
+  UploadProgress progress;
+  progress.bytes = [&](int64_t num_there, int64_t /*num_bytes*/) { told.push_back(num_there); };
+  progress.note = [&](const std::string& note) { notes.push_back(note); };
+  const auto first = client.Upload("shelf", folder, progress);
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ(told.back(), static_cast<int64_t>(fs::file_size(photos / "images/file")));
+  EXPECT_TRUE(notes.empty());
+  const auto second = client.Upload("shelf", folder, progress);
+  ASSERT_TRUE(second.ok()) << second.status();
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_EQ(notes[0], "the server has every file already");
+  const auto newest = client.NewestDataset("shelf");
+  ASSERT_TRUE(newest.ok());
+  EXPECT_EQ(newest->name(), second->name());
+}
+
+TEST_F(ClientTest, SelectsExportsAndTakesBack) {
+  ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
+  v1::SelectRequest request;
+  request.set_model(ModelName("shelf"));
+  *request.mutable_prompt() = ClickAt(30, 32);
+  const auto red = client.Select(request);
+  ASSERT_TRUE(red.ok()) << red.status();
+  *request.mutable_prompt() = ClickAt(66, 32);
+  const auto blue = client.Select(request);
+  ASSERT_TRUE(blue.ok()) << blue.status();
+  v1::CombineSelectionsRequest both;
+  both.set_first(red->name());
+  both.set_second(blue->name());
+  both.set_operation(v1::SET_OPERATION_UNION);
+  const auto combined = client.CombineSelections(both);
+  ASSERT_TRUE(combined.ok()) << combined.status();
+  EXPECT_EQ(combined->num_gaussians(), red->num_gaussians() + blue->num_gaussians());
+  EXPECT_EQ(client.UndoSelection(combined->name())->name(), red->name());
+  EXPECT_EQ(client.ListSelections("shelf")->selections_size(), 3);
+
+  v1::ExportSelectionRequest wanted;
+  wanted.set_model(ModelName("shelf"));
+  wanted.mutable_subset()->set_selection(red->name());
+  const std::string ply = photos / "red.ply";
+  const auto header = client.Export(wanted, ply);
+  ASSERT_TRUE(header.ok()) << header.status();
+  EXPECT_EQ(header->num_gaussians(), red->num_gaussians());
+  EXPECT_EQ(static_cast<int64_t>(fs::file_size(ply)), header->num_bytes());
+  EXPECT_TRUE(client.DeleteSelection(red->name()).ok());
+  EXPECT_TRUE(absl::IsNotFound(client.GetSelection(red->name()).status()));
+}
+
+TEST_F(ClientTest, KeepsNothingOfAnExportThatFails) {
+  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  v1::ExportSelectionRequest wanted;
+  wanted.set_model(ModelName("shelf"));
+  const auto header = client.Export(wanted, photos / "none.ply");
+  EXPECT_FALSE(header.ok());
+  EXPECT_FALSE(fs::exists(photos / "none.ply"));
+  EXPECT_FALSE(fs::exists(photos / "none.ply.part"));
+}
+
+TEST_F(ClientTest, TellsWhatTheServerSaysOfAnError) {
+  const auto scene = client.GetScene("nowhere");
+  EXPECT_TRUE(absl::IsNotFound(scene.status())) << scene.status();
+  const auto detail = DetailOf(scene.status());
+  ASSERT_TRUE(detail.has_value());
+  EXPECT_EQ(detail->resource(), "scenes/nowhere");
+  EXPECT_TRUE(absl::IsFailedPrecondition(client.NewestDataset("nowhere").status()) ||
+              absl::IsNotFound(client.NewestDataset("nowhere").status()));
+}
+
+// "hang" is what the worker of tests never is ready with.
+TEST_F(ClientTest, WatchesUntilAJobIsCancelled) {
+  folder.files[0].name = "hang";
+  ASSERT_TRUE(client.EnsureScene("shelf").ok());
+  const auto dataset = client.Upload("shelf", folder);
+  ASSERT_TRUE(dataset.ok()) << dataset.status();
+  v1::TrainSceneRequest request;
+  request.set_scene("shelf");
+  request.set_dataset(dataset->name());
+  const auto job = client.Train(request);
+  ASSERT_TRUE(job.ok()) << job.status();
+  absl::StatusOr<v1::Job> ended = absl::UnknownError("");
+  std::thread watcher(
+      [&] { ended = client.WatchJob(job->name(), [](const v1::JobEvent& /*event*/) {}); });
+  EXPECT_EQ(client.ListJobs("shelf")->jobs_size(), 1);
+  EXPECT_TRUE(client.CancelJob(job->name()).ok());
+  watcher.join();
+  ASSERT_TRUE(ended.ok()) << ended.status();
+  EXPECT_EQ(ended->state(), v1::JOB_STATE_CANCELLED);
+}
+
+}  // namespace
+}  // namespace pepeseg::client

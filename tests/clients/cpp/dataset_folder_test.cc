@@ -1,0 +1,139 @@
+#include "clients/cpp/dataset_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <map>
+
+namespace pepeseg::client {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class DatasetFolderTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = fs::temp_directory_path() / ("pepeseg_folder_" + std::to_string(getpid()));
+    fs::remove_all(root_);
+    fs::create_directories(root_);
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  void Put(const std::string& name) {
+    fs::create_directories((root_ / name).parent_path());
+    std::ofstream(root_ / name) << "x";
+  }
+
+  fs::path root_;
+};
+
+TEST(KindOf, FollowsTheLayoutOfADataset) {
+  EXPECT_EQ(KindOf("images/a.jpg"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("images/left/A.JPEG"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("images/a.webp"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("videos/walk.MP4"), v1::FILE_KIND_VIDEO);
+  EXPECT_EQ(KindOf("images/walk.mov"), v1::FILE_KIND_VIDEO);
+  EXPECT_EQ(KindOf("sparse/0/cameras.bin"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("sparse/images.txt"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("transforms.json"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("poses_bounds.npy"), v1::FILE_KIND_POSES);
+  EXPECT_EQ(KindOf("more/transforms.json"), std::nullopt);
+  EXPECT_EQ(KindOf("sparse_pc.ply"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("sparse/0/points3D.bin"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("masks/a.json"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("masks/a.png"), v1::FILE_KIND_MASK);
+  EXPECT_EQ(KindOf("ignore_mask.png"), v1::FILE_KIND_IGNORE_MASK);
+  EXPECT_EQ(KindOf("ignore/a.png"), v1::FILE_KIND_IGNORE_MASK);
+  EXPECT_EQ(KindOf("depth/a.png"), v1::FILE_KIND_DEPTH);
+  EXPECT_EQ(KindOf("disparity/a.NPY"), v1::FILE_KIND_DISPARITY);
+  EXPECT_EQ(KindOf("points.ply"), v1::FILE_KIND_POINTS);
+  EXPECT_EQ(KindOf("gaussians.ply"), v1::FILE_KIND_GAUSSIANS);
+}
+
+TEST(KindOf, TakesDepthForDisparityWhereToldTo) {
+  EXPECT_EQ(KindOf("depth/a.pfm", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_DISPARITY);
+  EXPECT_EQ(KindOf("masks/a.png", v1::FILE_KIND_DISPARITY), v1::FILE_KIND_MASK);
+}
+
+TEST(KindOf, LeavesOutWhatIsNoPartOfADataset) {
+  for (const char* name :
+       {"labels/a.png", "README.md", "images/a.gif", "sparse/1/cameras.bin", "sparse/0/project.ini",
+        "masks/a.txt", "images.jpg", "depth/a.exr", "disparity/a.jpg"}) {
+    EXPECT_FALSE(KindOf(name).has_value()) << name;
+  }
+}
+
+TEST(ReadDatasetFolder, CountsTheShelf) {
+  const auto folder = ReadDatasetFolder(PEPESEG_TEST_DATA "/apc_shelf");
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  std::map<v1::FileKind, int> count;
+  for (const FolderFile& file : folder->files) ++count[file.kind];
+  EXPECT_EQ(count[v1::FILE_KIND_IMAGE], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_MASK], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_DEPTH], 15);
+  EXPECT_EQ(count[v1::FILE_KIND_POSES], 2);
+  EXPECT_EQ(count[v1::FILE_KIND_POINTS], 1);
+  EXPECT_EQ(count[v1::FILE_KIND_IGNORE_MASK], 1);
+  EXPECT_EQ(folder->left_out.size(), 18U);  // 15 labels, LICENSE, SOURCE.md, cam.info.txt
+}
+
+TEST_F(DatasetFolderTest, NamesAreRelativeAndSorted) {
+  Put("sparse/0/images.bin");
+  Put("images/b.jpg");
+  Put("images/a.jpg");
+  Put("notes.txt");
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  ASSERT_EQ(folder->files.size(), 3U);
+  EXPECT_EQ(folder->files[0].name, "images/a.jpg");
+  EXPECT_EQ(folder->files[2].name, "sparse/0/images.bin");
+  EXPECT_THAT(folder->left_out, ElementsAre("notes.txt"));
+}
+
+std::vector<std::string> NamesOf(const DatasetFolder& folder) {
+  std::vector<std::string> names;
+  for (const FolderFile& file : folder.files) names.push_back(file.name);
+  return names;
+}
+
+TEST_F(DatasetFolderTest, TakesPhotographsAndVideosOfTheFolderItself) {
+  Put("b.JPG");
+  Put("walk.mov");
+  Put("notes.txt");
+  Put("old/c.jpg");
+  const auto folder = ReadDatasetFolder(root_);
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("images/b.JPG", "videos/walk.mov"));
+  EXPECT_EQ(folder->files[0].path, root_ / "b.JPG");
+  EXPECT_EQ(folder->files[1].kind, v1::FILE_KIND_VIDEO);
+  EXPECT_THAT(folder->left_out, ElementsAre("notes.txt", "old/c.jpg"));
+  // Beside images/ they are no part of the dataset.
+  Put("images/a.jpg");
+  const auto other = ReadDatasetFolder(root_);
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_THAT(NamesOf(*other), ElementsAre("images/a.jpg"));
+}
+
+TEST_F(DatasetFolderTest, TakesOneVideo) {
+  Put("walk.mp4");
+  const auto folder = ReadDatasetFolder(root_ / "walk.mp4");
+  ASSERT_TRUE(folder.ok()) << folder.status();
+  EXPECT_THAT(NamesOf(*folder), ElementsAre("videos/walk.mp4"));
+  Put("walk.txt");
+  EXPECT_EQ(ReadDatasetFolder(root_ / "walk.txt").status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(DatasetFolderTest, SaysWhatIsMissing) {
+  const auto empty = ReadDatasetFolder(root_);
+  EXPECT_EQ(empty.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no photographs"));
+  const auto none = ReadDatasetFolder(root_ / "nowhere");
+  EXPECT_EQ(none.status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace pepeseg::client

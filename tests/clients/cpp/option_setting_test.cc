@@ -1,0 +1,56 @@
+#include "clients/cpp/option_setting.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "pepeseg/v1/training_options.pb.h"
+
+namespace pepeseg::client {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+TEST(SetOption, SetsAFieldOfItsType) {
+  v1::TrainingOptions options;
+  ASSERT_TRUE(SetOption("reconstruct.num_steps=3000", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.densify_until=0.25", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.seed=18446744073709551615", options).ok());
+  ASSERT_TRUE(SetOption("features.learning_rate=1e-3", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.depth_local_form=patch", options).ok());
+  ASSERT_TRUE(SetOption("reconstruct.capture_kind=CAPTURE_KIND_FORWARD_FACING", options).ok());
+  EXPECT_EQ(options.reconstruct().num_steps(), 3000);
+  EXPECT_EQ(options.reconstruct().densify_until(), 0.25);
+  EXPECT_EQ(options.reconstruct().seed(), 18446744073709551615U);
+  EXPECT_FLOAT_EQ(options.features().learning_rate(), 1e-3F);
+  EXPECT_EQ(options.reconstruct().depth_local_form(), v1::DEPTH_LOCAL_FORM_PATCH);
+  EXPECT_EQ(options.reconstruct().capture_kind(), v1::CAPTURE_KIND_FORWARD_FACING);
+  EXPECT_FALSE(options.has_import());
+}
+
+TEST(SetOption, NamesWhatItDoesNotKnow) {
+  v1::TrainingOptions options;
+  for (const char* setting : {"reconstruct.nothing=1", "nothing=1", "reconstruct=1",
+                              "reconstruct.num_steps.deep=1", "=1", ".=1"}) {
+    const absl::Status status = SetOption(setting, options);
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << setting;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("import.image_scale (double)"));
+  }
+}
+
+TEST(SetOption, RefusesWhatIsNoValue) {
+  v1::TrainingOptions options;
+  for (const char* setting :
+       {"reconstruct.num_steps=many", "reconstruct.num_steps=", "reconstruct.num_steps=99999999999",
+        "reconstruct.num_steps=1.5", "reconstruct.num_steps", "features.seed=-1",
+        "reconstruct.depth_local_form=", "reconstruct.depth_local_form=circle"}) {
+    EXPECT_EQ(SetOption(setting, options).code(), absl::StatusCode::kInvalidArgument) << setting;
+  }
+}
+
+TEST(OptionNames, ListEveryOption) {
+  EXPECT_THAT(OptionNames(v1::TrainingOptions()), Contains("reconstruct.max_gaussians (int64)"));
+}
+
+}  // namespace
+}  // namespace pepeseg::client

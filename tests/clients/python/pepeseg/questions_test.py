@@ -1,0 +1,202 @@
+"""Questions to a model, as NumPy arrays."""
+
+import numpy as np
+import pytest
+
+import pepeseg
+
+VIEW = "frame-000000.jpg"
+POINT = [[110, 70]]
+
+
+def iou(a, b):
+    return np.logical_and(a, b).sum() / np.logical_or(a, b).sum()
+
+
+class TestSegment:
+    def test_a_click_is_a_bool_mask_of_the_views_size(self, client):
+        found = client.segment(VIEW, points=POINT, threshold=0)
+        assert found.mask.dtype == np.bool_
+        assert found.mask.shape == (120, 160)
+        assert found.mask[70, 110]
+        only = found.masks[0]
+        assert (only.view, only.area) == (VIEW, found.mask.sum())
+        rows, columns = np.nonzero(found.mask)
+        x, y, width, height = only.box
+        assert (x, y) == (columns.min(), rows.min())
+        assert (width, height) == (np.ptp(columns) + 1, np.ptp(rows) + 1)
+        assert found.model == "scenes/shelf/models/1"
+        assert 0 <= found.scale <= 1
+        assert found.timing.compute > 0
+
+    def test_targets_are_named_or_a_group(self, client):
+        held_out = [view.name for view in client.views() if view.held_out]
+        assert len(held_out) >= 2
+        in_group = client.segment(VIEW, points=POINT, threshold=0, targets="held-out")
+        assert [mask.view for mask in in_group.masks] == held_out
+        named = client.segment(VIEW, points=POINT, threshold=0, targets=reversed(held_out))
+        assert [mask.view for mask in named.masks] == held_out[::-1]
+        assert len(client.segment(VIEW, points=POINT, targets="all").masks) == 15
+
+    def test_a_negative_point_is_left_out(self, client):
+        every = client.segment(VIEW, points=POINT, scale=1, threshold=-1).mask
+        assert every[70, 110] and every[70, 70]
+        less = client.segment(VIEW, points=POINT, negative=[70, 70], scale=1, threshold=-1).mask
+        assert less[70, 110] and not less[70, 70]
+
+    def test_a_mask_and_a_box_mean_what_they_show(self, client):
+        click = client.segment(VIEW, points=POINT, threshold=0.3, scale=0.3)
+        by_mask = client.segment(VIEW, mask=click.mask)
+        assert iou(by_mask.mask, click.mask) > 0.5
+        by_box = client.segment(VIEW, box=click.masks[0].box)
+        assert by_box.mask.any()
+
+    def test_a_similarity_map_tells_the_mask(self, client):
+        found = client.segment(VIEW, points=POINT, threshold=0.2, similarity=True)
+        similarity = found.masks[0].similarity
+        assert similarity.dtype == np.float32 and similarity.shape == found.mask.shape
+        # One step of 16 bits to either side of the threshold.
+        step = 2 / 32767
+        assert (similarity[found.mask] > 0.2 - step).all()
+        assert found.masks[0].score == pytest.approx(similarity[found.mask].mean(), abs=1e-3)
+
+    def test_from_a_camera_as_from_its_view(self, client):
+        view = next(view for view in client.views() if view.name == VIEW)
+        assert np.allclose(view.camera.cam_from_world[3], [0, 0, 0, 1])
+        there = client.segment(view, points=POINT, scale=0.3, threshold=0.3)
+        free = client.segment(view.camera, points=POINT, scale=0.3, threshold=0.3)
+        assert free.masks[0].view == ""
+        assert iou(there.mask, free.mask) > 0.98
+
+    @pytest.mark.parametrize(
+        "prompt",
+        [
+            {},
+            {"points": POINT, "box": [0, 0, 9, 9]},
+            {"points": [1, 2, 3]},
+            {"box": [1, 2]},
+            {"mask": np.zeros(4)},
+            {"mask": np.ones((4, 4)), "negative": POINT},
+            {"label": "cup"},
+            {"points": POINT, "scale": 0.1, "scale_units": 2},
+        ],
+    )
+    def test_what_makes_no_sense_is_refused_unsent(self, client, prompt):
+        with pytest.raises(pepeseg.InvalidArgumentError) as error:
+            client.segment(VIEW, **prompt)
+        assert error.value.reason == ""
+
+    def test_the_servers_refusal_names_field_and_limit(self, client):
+        with pytest.raises(ValueError) as error:
+            client.segment(VIEW, points=POINT, threshold=7)
+        assert isinstance(error.value, pepeseg.InvalidArgumentError)
+        assert error.value.field == "granularity.threshold"
+        assert error.value.reason == "BAD_FIELD" and error.value.limit and error.value.value == "7"
+        assert error.value.retry_after is None
+
+
+class TestPropose:
+    def test_each_proposal_is_shown_by_its_scale_and_threshold(self, client):
+        proposals = client.propose(VIEW, points=POINT, max_proposals=3)
+        assert 1 <= len(proposals) <= 3
+        assert [p.support for p in proposals] == sorted(
+            (p.support for p in proposals), reverse=True
+        )
+        best = proposals[0]
+        assert best.mask.shape == (120, 160) and best.area == best.mask.sum()
+        shown = client.segment(VIEW, points=POINT, scale=best.scale, threshold=best.threshold)
+        assert iou(shown.mask, best.mask) > 0.9
+
+
+class TestRender:
+    def test_color_depth_and_ids_have_their_types(self, client):
+        color = client.render(VIEW)
+        assert (color.dtype, color.shape) == (np.uint8, (120, 160, 3))
+        assert color.std() > 5
+        depth = client.render(VIEW, content="depth")
+        assert (depth.dtype, depth.shape) == (np.float32, (120, 160))
+        assert 0.1 < np.median(depth[depth > 0]) < 3  # metres, of a shelf
+        features = client.render(VIEW, content="features", feature_scale=0.5)
+        assert features.shape == (120, 160, 3)
+
+    def test_an_overlay_shows_the_mask(self, client):
+        mask = client.segment(VIEW, points=POINT, threshold=0).mask
+        plain = client.render(VIEW)
+        tinted = client.render(VIEW, overlay=mask)
+        changed = (plain != tinted).any(axis=2)
+        assert changed[mask].mean() > 0.9
+        assert changed.sum() < 2 * mask.sum() + 500
+
+    def test_an_unknown_content_is_refused(self, client):
+        with pytest.raises(pepeseg.InvalidArgumentError, match="color"):
+            client.render(VIEW, content="colour")
+
+
+class TestDecompose:
+    def test_segments_nest_and_are_exported(self, client, tmp_path):
+        taken_apart = client.decompose([0.1, 0.9])
+        assert [level.scale for level in taken_apart.levels] == [0.1, 0.9]
+        small, large = taken_apart.levels
+        ids = {segment.id for segment in large.segments}
+        assert small.segments and all(s.parent in ids | {0} for s in small.segments)
+        first = large.segments[0]
+        assert first.parent == 0 and len(first.min) == 3
+        written = client.export(tmp_path / "first.ply", first)
+        assert written.num_gaussians == first.num_gaussians
+        ids_image = client.render(VIEW, content="segments", level=1, scales=first.scales)
+        assert ids_image.dtype == np.uint16
+        assert set(np.unique(ids_image)) <= ids | {0}
+        selected = client.select(segment=first)
+        assert selected.num_gaussians == first.num_gaussians
+
+
+class TestLabel:
+    def test_a_label_is_asked_for_by_its_id(self, client):
+        made = client.label("cup", VIEW, points=POINT, threshold=0.2, text="A cup")
+        try:
+            assert (made.id, made.text, made.view) == ("cup", "A cup", VIEW)
+            assert made.mask.sum() == made.area
+            assert [label.id for label in client.labels()] == ["cup"]
+            assert client.segment(label="cup").mask.any()
+            again = client.label("mug", VIEW, mask=made.mask)
+            assert np.array_equal(again.mask, made.mask)
+            client.delete_label("mug")
+            with pytest.raises(pepeseg.AlreadyExistsError):
+                client.label("cup", VIEW, mask=~made.mask)
+        finally:
+            client.delete_label("cup")
+        with pytest.raises(pepeseg.NotFoundError):
+            client.delete_label("cup")
+
+
+class TestSelect:
+    def test_a_selection_is_exported_and_combined(self, client, tmp_path):
+        first = client.select(VIEW, points=POINT, threshold=0)
+        assert isinstance(first, pepeseg.Selection)
+        assert first.num_gaussians > 0 and first.base == ""
+        written = first.export(tmp_path / "cup.ply")
+        assert written.num_gaussians == first.num_gaussians
+        assert (tmp_path / "cup.ply").stat().st_size == written.num_bytes
+        rest = first.export(tmp_path / "rest.ply", without=True)
+        whole = client.export(tmp_path / "all.ply")
+        assert rest.num_gaussians + written.num_gaussians == whole.num_gaussians
+        assert sorted(p.name for p in tmp_path.iterdir()) == ["all.ply", "cup.ply", "rest.ply"]
+
+        other = client.select(
+            "frame-000003.jpg", points=POINT, threshold=0, base=first, keep_disconnected=True
+        )
+        assert other.base == first.name and other.num_gaussians >= first.num_gaussians
+        assert (other - first).num_gaussians == other.num_gaussians - first.num_gaussians
+        assert (other & first).num_gaussians == first.num_gaussians
+        both = first | other
+        assert both.num_gaussians == other.num_gaussians
+        assert both.undo().name == first.name
+        number = first.name.rpartition("/")[2]
+        assert client.selection(number).num_gaussians == first.num_gaussians
+        assert both.name in [selection.name for selection in client.selections()]
+        both.delete()
+        with pytest.raises(pepeseg.NotFoundError):
+            client.export(tmp_path / "gone.ply", both)
+        assert not (tmp_path / "gone.ply").exists()
+        with pytest.raises(pepeseg.FailedPreconditionError):
+            first.undo()

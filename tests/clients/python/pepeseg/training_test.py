@@ -1,0 +1,163 @@
+"""Trainings and their jobs."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+
+import pepeseg
+from conftest import SHELF, SMALL, Pepesegd
+from pepeseg import importers
+from pepeseg.training import to_options
+from pepeseg.v1 import job_service_pb2, training_options_pb2
+
+
+class TestOptions:
+    def test_every_name_is_an_option(self):
+        names = pepeseg.option_names()
+        assert "reconstruct.num_steps" in names and "features.seed" in names
+        assert len(names) == len(set(names)) > 50
+
+    def test_values_of_every_type(self):
+        options = to_options(
+            {
+                "reconstruct.num_steps": 7,
+                "reconstruct.depth_local_form": "patch",
+                "reconstruct.seed": "11",
+                "features.perception_cross_view": False,
+                "import.image_scale": 0.5,
+            }
+        )
+        assert options.reconstruct.num_steps == 7
+        assert options.reconstruct.depth_local_form == training_options_pb2.DEPTH_LOCAL_FORM_PATCH
+        assert options.reconstruct.seed == 11
+        assert options.features.HasField("perception_cross_view")
+        assert getattr(options, "import").image_scale == 0.5
+
+    @pytest.mark.parametrize(
+        "name, value", [("steps", 1), ("reconstruct.none", 1), ("reconstruct.num_steps", "many")]
+    )
+    def test_what_is_none_is_refused_unsent(self, name, value):
+        with pytest.raises(pepeseg.InvalidArgumentError, match=name):
+            to_options({name: value})
+
+
+class TestTraining:
+    def test_the_model_tells_what_it_was_trained_on(self, client):
+        model = client.model()
+        assert model.name == "scenes/shelf/models/1"
+        assert model.sources == {"poses": "given", "masks": "given", "depth": "given"}
+        assert model.num_gaussians > 100 and model.metrics["psnr"] > 10
+        assert client.models() == [model]
+        views = client.views()
+        assert len(views) == 15
+        assert all((view.psnr is not None) == view.held_out for view in views)
+        assert "shelf" in [scene.id for scene in client.scenes()]
+
+    def test_a_watch_sees_all_events_again(self, client):
+        made_by = client.model().job
+        job = next(job for job in client.jobs() if job.name == made_by)
+        events = list(client.watch(job, after=0))
+        assert events[0].WhichOneof("event") == "snapshot"
+        numbers = [event.sequence for event in events[1:]]
+        assert numbers == sorted(set(numbers))
+        assert events[-1].state_changed.state == job_service_pb2.JOB_STATE_SUCCEEDED
+        stages = [e.stage_ended.stage for e in events if e.HasField("stage_ended")]
+        assert stages.index("reconstruct") < stages.index("features")
+        later = list(client.watch(job.name, after=numbers[-3]))
+        assert [event.sequence for event in later[1:]] == numbers[-2:]
+        assert client.wait(job) == client.model()
+
+    def test_what_a_training_takes_is_estimated(self, client):
+        answer = client.estimate(**SMALL)
+        assert answer.num_views == 15 and answer.need_bytes > 0
+
+    def test_a_value_out_of_range_is_refused(self, client):
+        with pytest.raises(pepeseg.InvalidArgumentError, match="num_steps"):
+            client.train(steps=0)
+
+    def test_a_second_training_names_the_first_which_can_be_cancelled(self, client, capfd):
+        job = client.start_training(steps=30000, image_scale=0.25)
+        with pytest.raises(pepeseg.AbortedError) as refused:
+            client.train()
+        assert refused.value.resource == job.name
+        seen = []
+
+        def cancel_once(event):
+            seen.append(event.WhichOneof("event"))
+            if seen.count("progress") == 1 and seen[-1] == "progress":
+                client.cancel(job)
+
+        with pytest.raises(pepeseg.JobCancelledError) as ended:
+            client.wait(job, progress=True, on_event=cancel_once)
+        assert ended.value.job.state == job_service_pb2.JOB_STATE_CANCELLED
+        assert "reconstruct" in capfd.readouterr().err
+
+    def test_a_failed_job_is_an_exception(self, server, tmp_path):
+        (tmp_path / "images").mkdir()
+        (tmp_path / "images" / "a.jpg").write_bytes(b"\xff\xd8\xff no photograph")
+        (tmp_path / "transforms.json").write_text('{"frames": []}')
+        with pepeseg.Client("broken", server=server.address) as client:
+            client.create_scene("A broken photograph")
+            client.create_scene()
+            with pytest.raises(pepeseg.FailedPreconditionError, match="no dataset"):
+                client.train()
+            client.upload(tmp_path)
+            with pytest.raises(pepeseg.FailedPreconditionError):
+                client.segment("a.jpg", points=[1, 1])
+            with pytest.raises(pepeseg.JobFailedError) as failed:
+                client.train()
+            assert failed.value.job.error.message in failed.value.message
+            client.delete_scene()
+            assert not [scene for scene in client.scenes() if scene.id == "broken"]
+
+    def test_a_watch_outlives_the_server(self, tmp_path):
+        running = Pepesegd(tmp_path)
+        try:
+            with pepeseg.Client("shelf", server=running.address, patience=60) as client:
+                client.upload(SHELF)
+                job = client.start_training(steps=30000, image_scale=0.25)
+                kinds = []
+                for event in client.watch(job):
+                    kinds.append(event.WhichOneof("event"))
+                    if kinds.count("progress") == 1 and kinds[-1] == "progress":
+                        running.kill()
+                        threading.Timer(0.2, running.start).start()
+                    if kinds.count("progress") == 2:
+                        client.cancel(job)
+                assert kinds[-1] == "state_changed"
+        finally:
+            running.stop()
+
+    def test_a_folder_of_nerfstudio_is_trained_in_its_own_frame(self, server, client, tmp_path):
+        (tmp_path / "train").mkdir()
+        (tmp_path / "masks" / "train").mkdir(parents=True)
+        frames = []
+        for view in client.views():
+            # The file has the photograph's whole size, and names it without its suffix.
+            (tmp_path / "train" / view.name).symlink_to(SHELF / "images" / view.name)
+            mask = f"{view.name.removesuffix('.jpg')}.json"
+            (tmp_path / "masks" / "train" / mask).symlink_to(SHELF / "masks" / mask)
+            world_from_cam = np.linalg.inv(view.camera.cam_from_world) @ np.diag([1, -1, -1, 1])
+            frames.append(
+                {
+                    "file_path": f"train/{view.name.removesuffix('.jpg')}",
+                    "transform_matrix": world_from_cam.tolist(),
+                    "fl_x": view.camera.fx * 4,
+                    "fl_y": view.camera.fy * 4,
+                    "cx": view.camera.cx * 4,
+                    "cy": view.camera.cy * 4,
+                }
+            )
+        (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames}))
+        with pepeseg.Client("nerfstudio", server=server.address) as other:
+            other.upload(importers.nerfstudio(tmp_path))
+            few = {"priors.depth": "none", "features.num_pixels": 50}
+            model = other.train(steps=20, feature_steps=10, image_scale=0.25, options=few)
+            assert model.sources == {"poses": "given", "masks": "given", "depth": "none"}
+            for ours, theirs in zip(client.views(), other.views()):
+                assert theirs.name == f"train/{ours.name}"
+                assert np.allclose(theirs.camera.cam_from_world, ours.camera.cam_from_world)
+                assert theirs.camera.fx == pytest.approx(ours.camera.fx)
+            other.delete_scene()

@@ -1,0 +1,251 @@
+"""Uploads: what is a dataset, what is sent, and what happens when the server goes away."""
+
+import os
+import struct
+import threading
+
+import pytest
+
+import pepeseg
+from conftest import SHELF, Pepesegd
+from pepeseg import importers
+from pepeseg.crc32c import crc32c
+from pepeseg.dataset import FileKind, kind_of, read_folder
+
+MIB = 1 << 20
+
+
+def put(root, *names):
+    for name in names:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(name.encode())
+
+
+class TestCrc32c:
+    def test_published_values(self):
+        # RFC 3720, B.4, and the check value of the catalogues.
+        assert crc32c(b"123456789") == 0xE3069283
+        assert crc32c(b"\0" * 32) == 0x8A9136AA
+        assert crc32c(b"\xff" * 32) == 0x62A8AB43
+        assert crc32c(bytes(range(32))) == 0x46DD794E
+        assert crc32c(b"") == 0
+
+    def test_every_length_as_bit_by_bit(self):
+        for length in [*range(70), 1023, 4096, 131_071, 131_072, 131_073]:
+            data = os.urandom(length)
+            register = 0xFFFFFFFF
+            for byte in data:
+                register ^= byte
+                for _ in range(8):
+                    register = (register >> 1) ^ (0x82F63B78 if register & 1 else 0)
+            assert crc32c(data) == register ^ 0xFFFFFFFF, length
+
+
+class TestFolder:
+    def test_kinds_follow_the_layout(self):
+        assert kind_of("images/left/A.JPEG") is FileKind.IMAGE
+        assert kind_of("images/walk.mov") is FileKind.VIDEO
+        assert kind_of("videos/walk.MP4") is FileKind.VIDEO
+        assert kind_of("sparse/0/cameras.bin") is FileKind.POSES
+        assert kind_of("sparse/images.txt") is FileKind.POSES
+        assert kind_of("sparse/0/points3D.bin") is FileKind.POINTS
+        assert kind_of("transforms.json") is FileKind.POSES
+        assert kind_of("poses_bounds.npy") is FileKind.POSES
+        assert kind_of("more/transforms.json") is None
+        assert kind_of("sparse_pc.ply") is FileKind.POINTS
+        assert kind_of("masks/a.json") is FileKind.MASK
+        assert kind_of("ignore_mask.png") is FileKind.IGNORE_MASK
+        assert kind_of("ignore/a.png") is FileKind.IGNORE_MASK
+        assert kind_of("depth/a.png") is FileKind.DEPTH
+        assert kind_of("depth/a.pfm", FileKind.DISPARITY) is FileKind.DISPARITY
+        assert kind_of("disparity/a.NPY") is FileKind.DISPARITY
+        assert kind_of("gaussians.ply") is FileKind.GAUSSIANS
+
+    def test_the_shelf(self):
+        dataset = read_folder(SHELF)
+        assert len(dataset.names(FileKind.IMAGE)) == 15
+        assert len(dataset.names(FileKind.MASK)) == 15
+        assert len(dataset.names(FileKind.DEPTH)) == 15
+        assert "labels/frame-000000.png" in dataset.left_out
+
+    def test_bare_photographs_and_a_video_are_taken(self, tmp_path):
+        put(tmp_path, "a.jpg", "walk.mp4", "notes.txt")
+        dataset = read_folder(tmp_path)
+        assert [file.name for file in dataset.files] == ["images/a.jpg", "videos/walk.mp4"]
+        assert dataset.left_out == ["notes.txt"]
+        assert [f.name for f in read_folder(tmp_path / "walk.mp4").files] == ["videos/walk.mp4"]
+
+    def test_nothing_to_take_is_refused(self, tmp_path):
+        put(tmp_path, "notes.txt")
+        with pytest.raises(pepeseg.InvalidArgumentError, match="no photographs"):
+            read_folder(tmp_path)
+        with pytest.raises(LookupError, match="no such folder"):
+            read_folder(tmp_path / "nothing")
+
+
+def frames(*names):
+    listed = ", ".join(f'{{"file_path": "{name}", "transform_matrix": []}}' for name in names)
+    return f'{{"ply_file_path": "sparse_pc.ply", "frames": [{listed}]}}'
+
+
+class TestNerfstudio:
+    def test_frames_points_and_what_stands_beside(self, tmp_path):
+        put(tmp_path, "images/a.png", "images/b.png", "images/c.png", "train/r_0.png")
+        put(tmp_path, "sparse_pc.ply", "masks/a.json", "images_2/a.png")
+        (tmp_path / "transforms.json").write_text(
+            frames("./images/a.png", "images/b.png", "train/r_0", "images/gone.png")
+        )
+        dataset = importers.nerfstudio(tmp_path)
+        kinds = {file.name: file.kind for file in dataset.files}
+        assert kinds == {
+            "images/a.png": FileKind.IMAGE,
+            "images/b.png": FileKind.IMAGE,
+            "images/train/r_0.png": FileKind.IMAGE,
+            "transforms.json": FileKind.POSES,
+            "sparse_pc.ply": FileKind.POINTS,
+            "masks/a.json": FileKind.MASK,
+        }
+        assert dataset.missing == ["images/gone.png"]
+        assert dataset.left_out == ["images/c.png", "images_2/a.png"]
+
+    def test_depth_maps_go_by_their_photographs_names(self, tmp_path):
+        put(tmp_path, "images/a.jpg", "d/7.png")
+        (tmp_path / "transforms.json").write_text(
+            '{"frames": [{"file_path": "images/a.jpg", "depth_file_path": "d/7.png"}]}'
+        )
+        depth = [f for f in importers.nerfstudio(tmp_path).files if f.kind is FileKind.DEPTH]
+        assert [(f.name, f.path) for f in depth] == [("depth/a.png", tmp_path / "d/7.png")]
+
+    @pytest.mark.parametrize("text", ["", "[]", '{"frames": 1}', '{"frames": [{}]}'])
+    def test_a_broken_file_is_refused(self, tmp_path, text):
+        (tmp_path / "transforms.json").write_text(text)
+        with pytest.raises(pepeseg.InvalidArgumentError, match="transforms.json"):
+            importers.nerfstudio(tmp_path)
+
+    def test_no_photograph_there_names_one(self, tmp_path):
+        (tmp_path / "transforms.json").write_text(frames("images/gone.png"))
+        with pytest.raises(pepeseg.NotFoundError, match="images/gone.png"):
+            importers.nerfstudio(tmp_path)
+        with pytest.raises(pepeseg.NotFoundError, match="no transforms.json"):
+            importers.nerfstudio(tmp_path / "images")
+
+
+def images_bin(*names):
+    data = struct.pack("<Q", len(names))
+    for i, name in enumerate(names):
+        data += struct.pack("<I7dI", i + 1, 1, 0, 0, 0, 0, 0, 0, 1) + name.encode() + b"\0"
+        data += struct.pack("<Q", 2) + bytes(48)
+    return data
+
+
+class TestColmap:
+    def test_the_photographs_that_have_a_pose(self, tmp_path):
+        put(tmp_path, "images/a.jpg", "images/left/b.jpg", "images/c.jpg", "masks/a.json")
+        put(tmp_path, "sparse/0/cameras.bin", "sparse/0/points3D.bin", "sparse/0/project.ini")
+        (tmp_path / "sparse/0/images.bin").write_bytes(images_bin("a.jpg", "left/b.jpg", "d.jpg"))
+        dataset = importers.colmap(tmp_path)
+        assert dataset.names(FileKind.IMAGE) == ["images/a.jpg", "images/left/b.jpg"]
+        assert dataset.names(FileKind.POSES) == ["sparse/0/cameras.bin", "sparse/0/images.bin"]
+        assert dataset.names(FileKind.POINTS) == ["sparse/0/points3D.bin"]
+        assert dataset.names(FileKind.MASK) == ["masks/a.json"]
+        assert dataset.missing == ["d.jpg"]
+        assert dataset.left_out == ["images/c.jpg", "sparse/0/project.ini"]
+
+    def test_as_text_with_photographs_elsewhere(self, tmp_path):
+        put(tmp_path, "model/cameras.txt", "photos/a b.jpg", "photos/c.jpg")
+        (tmp_path / "model/images.txt").write_text(
+            "# Image list\n1 1 0 0 0 0 0 0 1 a b.jpg\n\n2 1 0 0 0 0 0 0 1 c.jpg\n1 2 -1\n"
+        )
+        dataset = importers.colmap(tmp_path / "model", tmp_path / "photos")
+        assert dataset.names(FileKind.IMAGE) == ["images/a b.jpg", "images/c.jpg"]
+        assert dataset.names(FileKind.POSES) == ["sparse/0/cameras.txt", "sparse/0/images.txt"]
+        assert dataset.missing == []
+
+    def test_the_shelf(self):
+        dataset = importers.colmap(SHELF)
+        assert len(dataset.names(FileKind.IMAGE)) == 15 and not dataset.missing
+        assert len(dataset.names(FileKind.DEPTH)) == 15
+
+    @pytest.mark.parametrize("cut", [4, 40, 80])
+    def test_a_model_cut_short_is_refused(self, tmp_path, cut):
+        put(tmp_path, "sparse/cameras.bin", "images/a.jpg")
+        (tmp_path / "sparse/images.bin").write_bytes(images_bin("a.jpg")[:cut])
+        with pytest.raises(pepeseg.InvalidArgumentError, match="images.bin"):
+            importers.colmap(tmp_path)
+
+
+class TestUpload:
+    def test_what_the_server_has_is_not_sent_again(self, server, tmp_path):
+        put(tmp_path, "images/a.jpg", "images/b.jpg")
+        with pepeseg.Client("twice", server=server.address) as client:
+            told = []
+            first = client.upload(tmp_path, progress=lambda done, total: told.append((done, total)))
+            assert (first.name, first.num_files) == ("scenes/twice/datasets/1", 2)
+            assert told[-1] == (first.num_bytes, first.num_bytes)
+            told.clear()
+            assert client.upload(tmp_path).name == "scenes/twice/datasets/2"
+            assert told == []
+            client.delete_scene()
+
+    def test_missing_photographs_are_warned_of(self, server, tmp_path):
+        put(tmp_path, "images/a.png")
+        (tmp_path / "transforms.json").write_text(frames("images/a.png", "images/gone.png"))
+        with pepeseg.Client("gaps", server=server.address) as client:
+            with pytest.warns(UserWarning, match="images/gone.png"):
+                client.upload(importers.nerfstudio(tmp_path))
+            client.delete_scene()
+
+    def test_a_file_that_cannot_be_read_is_told_as_it_is(self, server, tmp_path):
+        put(tmp_path, "images/a.jpg")
+        dataset = read_folder(tmp_path)
+        (tmp_path / "images/a.jpg").unlink()
+        with pepeseg.Client("gone", server=server.address) as client:
+            with pytest.raises(FileNotFoundError):
+                client.upload(dataset)
+
+    def test_nor_one_that_vanishes_while_it_is_sent(self, server, tmp_path):
+        for name in "ab":
+            (tmp_path / f"{name}.jpg").write_bytes(os.urandom(100))
+        with pepeseg.Client("vanished", server=server.address) as client:
+            with pytest.raises(FileNotFoundError):
+                client.upload(tmp_path, progress=lambda *_: (tmp_path / "b.jpg").unlink())
+
+    def test_bytes_changed_meanwhile_are_data_loss(self, server, tmp_path):
+        put(tmp_path, "images/a.jpg")
+        (tmp_path / "images/b.jpg").write_bytes(os.urandom(3 * MIB))
+
+        def change(done, total):
+            with open(tmp_path / "images/b.jpg", "r+b") as file:
+                file.seek(-1, os.SEEK_END)
+                file.write(bytes([file_end ^ 1]))
+
+        file_end = (tmp_path / "images/b.jpg").read_bytes()[-1]
+        with pepeseg.Client("changed", server=server.address) as client:
+            with pytest.raises(pepeseg.DataLossError, match="images/b.jpg"):
+                client.upload(tmp_path, progress=change)
+            client.delete_scene()
+
+    def test_goes_on_at_the_last_committed_byte_after_kill_9(self, tmp_path):
+        (tmp_path / "server").mkdir()
+        size = 64 * MIB
+        (tmp_path / "photos").mkdir()
+        (tmp_path / "photos" / "large.jpg").write_bytes(os.urandom(size))
+        running = Pepesegd(tmp_path / "server")
+        told = []
+
+        def kill_once(done, total):
+            told.append(done)
+            if done == 62 * MIB and told.count(done) == 1:
+                running.kill()
+                threading.Timer(0.5, running.start).start()
+
+        try:
+            with pepeseg.Client("large", server=running.address) as client:
+                sealed = client.upload(tmp_path / "photos", progress=kill_once)
+            assert sealed.num_bytes == size
+        finally:
+            running.stop()
+        # Told is what was read to be sent: after the break it falls back to what was committed.
+        resumed = next(b for a, b in zip(told, told[1:]) if b < a)
+        assert resumed == 33 * MIB
+        assert told[-1] == size
