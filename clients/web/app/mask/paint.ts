@@ -7,14 +7,21 @@ type Color = readonly [red: number, green: number, blue: number, alpha: number];
 const tint: Color = [20, 184, 166, 105];
 const outline: Color = [255, 255, 255, 235];
 
-function isBorder(pixels: Uint8Array, i: number, width: number): boolean {
-  const x = i % width;
-  return (
-    (x > 0 && !pixels[i - 1]) ||
-    (x < width - 1 && !pixels[i + 1]) ||
-    (i >= width && !pixels[i - width]) ||
-    (i + width < pixels.length && !pixels[i + width])
-  );
+/** Border: the next pixel in any direction is not in the mask. The picture's edge is none. */
+function fill(words: Uint32Array, pixels: Uint8Array, width: number, height: number): void {
+  const inside = packed(tint);
+  const border = packed(outline);
+  for (let y = 0, i = 0; y < height; ++y) {
+    for (let x = 0; x < width; ++x, ++i) {
+      if (!pixels[i]) continue;
+      const isBorder =
+        (x > 0 && !pixels[i - 1]) ||
+        (x < width - 1 && !pixels[i + 1]) ||
+        (y > 0 && !pixels[i - width]) ||
+        (y < height - 1 && !pixels[i + width]);
+      words[i] = isBorder ? border : inside;
+    }
+  }
 }
 
 function packed([red, green, blue, alpha]: Color): number {
@@ -32,14 +39,8 @@ export function paintMask(canvas: HTMLCanvasElement, mask: Rle | undefined): voi
   if (canvas.height !== mask.height) canvas.height = mask.height;
   const context = canvas.getContext('2d');
   if (!context) return;
-  const pixels = decodeRle(mask);
   const image = context.createImageData(mask.width, mask.height);
-  const words = new Uint32Array(image.data.buffer);
-  const inside = packed(tint);
-  const border = packed(outline);
-  for (let i = 0; i < pixels.length; ++i) {
-    if (pixels[i]) words[i] = isBorder(pixels, i, mask.width) ? border : inside;
-  }
+  fill(new Uint32Array(image.data.buffer), decodeRle(mask), mask.width, mask.height);
   context.putImageData(image, 0, 0);
 }
 

@@ -15,29 +15,33 @@ const tools: readonly { tool: Tool; name: string; icon: 'plus' | 'minus' | 'box'
 interface ToolsProps {
   tool: Tool;
   onTool: (tool: Tool) => void;
-  session: SceneSession;
 }
 
-export function PromptTools({ tool, onTool, session }: ToolsProps): JSX.Element {
+export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
+  return (
+    <div class="segmented" role="group" aria-label="What a click does">
+      {tools.map(({ tool: other, name, icon }) => (
+        <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
+          <Icon name={icon} />
+          {name}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+/** What goes with the title: undo, clear. */
+export function QuestionButtons({ session }: { session: SceneSession }): JSX.Element {
   const { question, canUndo } = useStore(session.state);
   return (
-    <div class="row">
-      <div class="segmented" role="group" aria-label="What a click does">
-        {tools.map(({ tool: other, name, icon }) => (
-          <button key={other} type="button" aria-pressed={tool === other} onClick={() => onTool(other)}>
-            <Icon name={icon} />
-            {name}
-          </button>
-        ))}
-      </div>
-      <span class="spacer" />
+    <>
       <button type="button" class="bare" aria-label="Undo" disabled={!canUndo} onClick={() => session.undo()}>
         <Icon name="undo" />
       </button>
       <button type="button" class="bare" aria-label="Clear" disabled={!question} onClick={() => session.clear()}>
         <Icon name="close" />
       </button>
-    </div>
+    </>
   );
 }
 
@@ -72,6 +76,8 @@ interface SliderProps {
   chosen: boolean;
   disabled: boolean;
   onInput: (value: number) => void;
+  /** It was let go. */
+  onChange: () => void;
 }
 
 function Slider({ id, name, ends, chosen, value, onInput, ...input }: SliderProps): JSX.Element {
@@ -110,6 +116,7 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
         chosen={grain.scale !== undefined}
         disabled={!question}
         onInput={(scale) => session.drag({ scale })}
+        onChange={() => session.rest()}
       />
       <details>
         <summary>More</summary>
@@ -123,6 +130,7 @@ export function GrainTools({ session }: { session: SceneSession }): JSX.Element 
           chosen={grain.threshold !== undefined}
           disabled={!question}
           onInput={(threshold) => session.drag({ threshold })}
+          onChange={() => session.rest()}
         />
       </details>
     </>

@@ -17,7 +17,7 @@ const showings: readonly [Showing, string][] = [
   ['all', 'Plain'],
   ['tinted', 'Tinted'],
   ['isolated', 'Only it'],
-  ['hidden', 'Without it'],
+  ['hidden', 'Without'],
 ];
 
 const combinations = [
@@ -40,7 +40,19 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
   const ready = answer !== undefined && !busy;
   return (
     <section aria-labelledby="selection-title">
-      <h2 id="selection-title">In 3D</h2>
+      <div class="row">
+        <h2 id="selection-title">In 3D</h2>
+        <span class="spacer" />
+        <button
+          type="button"
+          class="bare"
+          disabled={busy || !selection}
+          aria-label="Undo the last change of the selection"
+          onClick={() => void selections.undo()}
+        >
+          <Icon name="undo" />
+        </button>
+      </div>
       <div class="row wrap">
         <button
           type="button"
@@ -65,17 +77,12 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
       </p>
       <FailureNote failure={failure} close={() => selections.closeFailure()} />
       {selection && (
-        <div class="row wrap">
-          <div class="segmented" role="group" aria-label="How the selection is shown in 3D">
-            {showings.map(([how, name]) => (
-              <button key={how} type="button" aria-pressed={showing === how} onClick={() => selections.show(how)}>
-                {name}
-              </button>
-            ))}
-          </div>
-          <button type="button" class="bare" disabled={busy} aria-label="Undo the last change of the selection" onClick={() => void selections.undo()}>
-            <Icon name="undo" />
-          </button>
+        <div class="segmented" role="group" aria-label="How the selection is shown in 3D">
+          {showings.map(([how, name]) => (
+            <button key={how} type="button" aria-pressed={showing === how} onClick={() => selections.show(how)}>
+              {name}
+            </button>
+          ))}
         </div>
       )}
     </section>

@@ -92,7 +92,14 @@ export class SceneSession {
     if (!question) return;
     const held = { scale: grain.scale ?? answer?.scale, threshold: grain.threshold ?? answer?.threshold };
     this.state.patch({ grain: { ...held, ...change } });
-    this.send();
+    clearTimeout(this.settling);
+    this.elsewhere.abort();
+    this.send(false);
+  }
+
+  /** The slider was let go: all views follow. */
+  rest(): void {
+    if (this.state.get().question) this.askOtherViews();
   }
 
   choose({ scale, threshold }: Proposal): void {
@@ -153,7 +160,7 @@ export class SceneSession {
     this.send();
   }
 
-  private send(): void {
+  private send(andOtherViews = true): void {
     const { question, grain } = this.state.get();
     if (!question) return;
     const place = placeOf(question);
@@ -161,7 +168,7 @@ export class SceneSession {
     const views = place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
     this.state.patch({ busy: true });
     this.newestSequence = this.socket.ask(segmentRequest(this.model, question, grain, views));
-    this.askOtherViews();
+    if (andOtherViews) this.askOtherViews();
   }
 
   private take(sequence: bigint, response: SegmentResponse): void {

@@ -47,6 +47,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   const viewer = useRef<SplatViewer | undefined>(undefined);
   const [status, setStatus] = useState<Status>('loading');
   const [made, setMade] = useState(0);
+  const [shown, setShown] = useState<Showing>();
   const moved = useRef(onMoved);
   moved.current = onMoved;
   useEffect(() => {
@@ -74,12 +75,15 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
     if (!viewer.current) return;
     setStatus('loading');
     viewer.current.load(partsOf(model, selection, showing)).then(
-      () => setStatus('ready'),
+      () => {
+        setStatus('ready');
+        setShown(showing);
+      },
       (error: Error) => error.name !== 'AbortError' && setStatus({ error: error.message }),
     );
   }, [made, model, selection, showing]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
-  return { canvas, viewer, status };
+  return { canvas, viewer, status, shown };
 }
 
 export function SplatPane(props: Props): JSX.Element {
@@ -88,7 +92,7 @@ export function SplatPane(props: Props): JSX.Element {
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
   const [stale, setStale] = useState(false);
-  const { canvas, viewer, status } = useViewer(props, () => {
+  const { canvas, viewer, status, shown } = useViewer(props, () => {
     asked.current = undefined;
     setStale(true);
   });
@@ -125,7 +129,7 @@ export function SplatPane(props: Props): JSX.Element {
     event.stopPropagation();
   };
   return (
-    <div class="splats" data-status={typeof status === 'string' ? status : 'error'}>
+    <div class="splats" data-status={typeof status === 'string' ? status : 'error'} data-shown={shown}>
       <canvas
         ref={canvas}
         class="splats-canvas"

@@ -15,7 +15,7 @@ import { SceneLabels } from './labels';
 import type { Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
 import { placeOf, samePlace } from './prompt';
-import { GrainTools, PromptTools } from './segment_tools';
+import { GrainTools, PromptTools, QuestionButtons } from './segment_tools';
 import { SelectionTools, selectWith } from './selection_tools';
 import { SceneSelections } from './selections';
 import { SceneSession } from './session';
@@ -142,11 +142,12 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           <div class="row">
             <h2 id="segment-title">Segment</h2>
             <span class="spacer" />
+            <QuestionButtons session={session} />
             <button type="button" class="bare" aria-label="Keyboard and mouse" onClick={() => setHelp(true)}>
               <Icon name="help" />
             </button>
           </div>
-          <PromptTools tool={tool} onTool={setTool} session={session} />
+          <PromptTools tool={tool} onTool={setTool} />
           <p class="quiet" role="status" aria-busy={busy}>
             {question ? describeAnswer(answer?.masks.get(shown)?.area, answer?.masks) : 'Click a thing in the view or in 3D.'}
           </p>

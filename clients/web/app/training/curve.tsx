@@ -36,7 +36,7 @@ export function Curve({ title, unit = '', samples, numSteps, digits = 2 }: Props
     .map(({ step, value }, i) => `${i === 0 ? 'M' : 'L'}${x(step).toFixed(1)} ${y(value).toFixed(1)}`)
     .join('');
   return (
-    <figure class="curve" data-samples={samples.length}>
+    <figure class="curve" data-samples={samples.length} data-first={samples[0]?.step}>
       <figcaption>
         <span>{title}</span>
         <strong>{last ? `${text(last.value)}${unit && ` ${unit}`}` : '–'}</strong>

@@ -1,5 +1,6 @@
-// A training as it is told by WatchJob: all events from the first, so that the curves are whole
-// after a reload; after a cut from the last one seen.
+// A training as it is told by WatchJob: after a cut from the last event seen. Of what was before a
+// watch begins the server tells the newest progress only, so that what this page has seen is kept for
+// the page that follows a reload.
 import { useEffect, useState } from 'preact/hooks';
 import type { Job, JobEvent, JobProgress } from '../../gen/pepeseg/v1/job_service_pb';
 import { jobs } from '../api/clients';
@@ -104,9 +105,39 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
   }
 }
 
+const storeName = (job: string) => `pepeseg-training-${job}`;
+
+function remember(job: string, { sequence, stages, metrics, notes, ...rest }: Training): void {
+  const { loss, psnr, gaussians, featureLoss } = rest;
+  const maps = { stages: [...stages], metrics: [...metrics] };
+  const kept = { sequence: String(sequence), ...maps, notes, loss, psnr, gaussians, featureLoss };
+  try {
+    sessionStorage.setItem(storeName(job), JSON.stringify(kept));
+  } catch {
+    // No room: then a reload begins with what the server tells.
+  }
+}
+
+interface Kept {
+  sequence: string;
+  stages: [string, StageRun][];
+  metrics: [string, number][];
+}
+
+function recall(job: string): Training {
+  try {
+    const text = sessionStorage.getItem(storeName(job)) ?? '';
+    const { sequence, stages, metrics, ...rest } = JSON.parse(text) as Kept & Pick<Training, 'loss' | 'psnr' | 'gaussians' | 'featureLoss' | 'notes'>;
+    const maps = { stages: new Map(stages), metrics: new Map(metrics) };
+    return { ...noTraining, ...rest, ...maps, sequence: BigInt(sequence) };
+  } catch {
+    return noTraining; // there is nothing kept
+  }
+}
+
 async function watch(name: string, signal: AbortSignal, show: (training: Training) => void): Promise<void> {
   const backoff = new Backoff();
-  let training = noTraining;
+  let training = recall(name);
   for (;;) {
     try {
       const options = { name, afterSequence: training.sequence };
@@ -114,6 +145,7 @@ async function watch(name: string, signal: AbortSignal, show: (training: Trainin
         backoff.reset();
         training = after(training, event);
         show(training);
+        if (event.event.case === 'progress') remember(name, training);
       }
       return;
     } catch (error) {

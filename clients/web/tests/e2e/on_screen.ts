@@ -1,11 +1,35 @@
 // What is seen on a scene's screen, against the truth.
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
+import AxeBuilder from '@axe-core/playwright';
 import type { Page } from '@playwright/test';
+import { expect } from '@playwright/test';
 import { artefacts, shelf } from './stack';
 
 export function screenshot(page: Page, name: string): Promise<Buffer> {
   return page.screenshot({ path: join(artefacts, `${name}.png`), animations: 'disabled' });
+}
+
+async function noSeriousFindings(page: Page): Promise<void> {
+  const { violations } = await new AxeBuilder({ page }).analyze();
+  const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
+  const places = (nodes: { html: string }[]) => nodes.map(({ html }) => html.slice(0, 120)).join(' | ');
+  expect(serious.map(({ id, nodes }) => `${id}: ${places(nodes)}`)).toEqual([]);
+}
+
+/** On a wide screen, light and dark, and on a narrow one; axe-core finds nothing serious on any. */
+export async function picturesOf(page: Page, name: string): Promise<void> {
+  await screenshot(page, `${name}-1440`);
+  await noSeriousFindings(page);
+  await page.emulateMedia({ colorScheme: 'dark' });
+  await screenshot(page, `${name}-1440-dark`);
+  await noSeriousFindings(page);
+  await page.emulateMedia({ colorScheme: 'light' });
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.waitForTimeout(300); // for the 3D view to follow
+  await screenshot(page, `${name}-390`);
+  await noSeriousFindings(page);
+  await page.setViewportSize({ width: 1440, height: 900 });
 }
 
 export interface Truth {
@@ -80,6 +104,18 @@ export async function clickView(page: Page, [x, y]: readonly [number, number], s
   if (shift) await page.keyboard.down('Shift');
   await page.mouse.click(edges.x + x * edges.width, edges.y + y * edges.height);
   if (shift) await page.keyboard.up('Shift');
+}
+
+/** From one corner to the other, in shares of the view's width and height. */
+export async function dragBox(page: Page, from: readonly [number, number], to: readonly [number, number]): Promise<void> {
+  const edges = await page.locator('.picture').boundingBox();
+  if (!edges) throw new Error('no view on the screen');
+  const at = ([x, y]: readonly [number, number]) => [edges.x + x * edges.width, edges.y + y * edges.height] as const;
+  await page.mouse.move(...at(from));
+  await page.mouse.down();
+  await page.mouse.move(...at([(from[0] + to[0]) / 2, (from[1] + to[1]) / 2]));
+  await page.mouse.move(...at(to));
+  await page.mouse.up();
 }
 
 /** Answers that were drawn since the page was opened. */
