@@ -26,10 +26,11 @@ help:
 	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
 	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
 	@echo '               record, table and plots in $(BUILD)/curves; hours'
-	@echo 'make stress    kills, full disks, flipped bits, overload, a cluster, and ten minutes'
+	@echo 'make stress    extremes and long runs of the numerics, kills, full disks, flipped bits,'
+	@echo '               overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
-	@echo 'make lint      clang-format, clang-tidy'
+	@echo 'make lint      clang-format, clang-tidy, mypy'
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'
@@ -72,7 +73,8 @@ stress: $(BUILD)/CMakeCache.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
 	  stress_kill_worker_test stress_flipped_bits_test \
-	  stress_http2_abuse_test stress_soak_test rpc_residency_test
+	  stress_http2_abuse_test stress_soak_test stress_numerics_test rpc_residency_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_numerics_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test

@@ -186,7 +186,7 @@ void AddBench(CLI::App& app, Shell& shell) {
   verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
   verb->add_option("--presets", flags->presets, "Presets to train")
       ->delimiter(',')
-      ->check(CLI::IsMember({"preview", "standard", "best", ""}))
+      ->check(CLI::IsMember({"preview", "standard", "best", "none"}))
       ->capture_default_str();
   verb->add_option("--steps", flags->steps,
                    "Lengths of both stages to train, else standard; 0: none")
@@ -208,7 +208,7 @@ void AddBench(CLI::App& app, Shell& shell) {
       ->allow_extra_args(false);
   verb->callback([flags, &shell] {
     std::erase(flags->steps, 0);
-    std::erase(flags->presets, "");
+    std::erase(flags->presets, "none");
     shell.verb = [&, flags] { return RunBench(shell, *flags); };
   });
 }

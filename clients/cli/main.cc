@@ -60,7 +60,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddBench(app, shell);
 }
 
-void AddLogin(CLI::App& app, pepeseg::client::cli::Login& login) {
+void AddLogin(CLI::App& app, pepeseg::client::Login& login) {
   app.add_option("--key-file", login.key_file,
                  "File with the key, or the token (JWT), that the server or the gateway before it "
                  "asks for; else it is taken from PEPESEG_KEY")
@@ -81,7 +81,7 @@ void AddLogin(CLI::App& app, pepeseg::client::cli::Login& login) {
 
 // What the verb that was chosen comes to.
 absl::Status RunVerb(Shell& shell) {
-  auto channel = pepeseg::client::cli::OpenChannel(shell.server, shell.login);
+  auto channel = pepeseg::client::OpenChannel(shell.server, shell.login);
   if (!channel.ok()) return channel.status();
   shell.channel = *std::move(channel);
   return shell.verb();

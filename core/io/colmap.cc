@@ -76,8 +76,8 @@ absl::Status AddImage(ColmapImage image, const ColmapPose& pose, const std::stri
   return absl::OkStatus();
 }
 
-absl::Status AddPoint(const double (&xyz)[3], const int (&rgb)[3],
-                      std::vector<ScenePoint>& points) {
+absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
+                      const int (&rgb)[3], std::vector<ScenePoint>& points) {
   constexpr double kMostDistance = 1e12;
   ScenePoint point;
   for (int i = 0; i < 3; ++i) {
@@ -87,7 +87,7 @@ absl::Status AddPoint(const double (&xyz)[3], const int (&rgb)[3],
     if (rgb[i] < 0 || rgb[i] > 255) {
       return absl::InvalidArgumentError("the colour is not in 0 to 255");
     }
-    point.position[i] = static_cast<float>(xyz[i]);
+    point.position[i] = static_cast<float>(xyz[i] - origin[i]);
     point.rgb[i] = static_cast<uint8_t>(rgb[i]);
   }
   points.push_back(point);
@@ -123,8 +123,11 @@ absl::StatusOr<std::vector<ColmapImage>> ReadColmapImages(const std::filesystem:
 }
 
 absl::StatusOr<std::vector<ScenePoint>> ReadColmapPoints(const std::filesystem::path& path,
-                                                         const std::string& name) {
-  return ReadEither<std::vector<ScenePoint>>(path, name, ParsePointsBinary, ParsePointsText);
+                                                         const std::string& name,
+                                                         const Eigen::Vector3d& origin) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxFileBytes));
+  return Suffix(name) == ".txt" ? ParsePointsText(bytes, name, origin)
+                                : ParsePointsBinary(bytes, name, origin);
 }
 
 }  // namespace pepeseg

@@ -38,7 +38,9 @@ absl::StatusOr<ColmapCameras> ReadColmapCameras(const std::filesystem::path& pat
                                                 const std::string& name);
 absl::StatusOr<std::vector<ColmapImage>> ReadColmapImages(const std::filesystem::path& path,
                                                           const std::string& name);
-absl::StatusOr<std::vector<ScenePoint>> ReadColmapPoints(const std::filesystem::path& path,
-                                                         const std::string& name);
+// Relative to `origin`.
+absl::StatusOr<std::vector<ScenePoint>> ReadColmapPoints(
+    const std::filesystem::path& path, const std::string& name,
+    const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 }  // namespace pepeseg

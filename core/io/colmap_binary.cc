@@ -104,7 +104,8 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesBinary(absl::string_view byt
 }
 
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view bytes,
-                                                          const std::string& name) {
+                                                          const std::string& name,
+                                                          const Eigen::Vector3d& origin) {
   constexpr uint64_t kTrackBytes = 8;                // image id, index of its 2D point
   constexpr uint64_t kMaxTrack = uint64_t{1} << 40;  // more than any file: keeps the product whole
   ByteReader reader(bytes);
@@ -113,15 +114,15 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view byte
   points.reserve(count);
   for (uint64_t i = 0; i < count; ++i) {
     reader.Skip(sizeof(uint64_t));  // id
-    double xyz[3];
-    reader.TakeAll(std::span<double>(xyz));
+    Eigen::Vector3d xyz;
+    reader.TakeAll(std::span<double>(xyz.data(), 3));
     const int rgb[3] = {reader.Take<uint8_t>(), reader.Take<uint8_t>(), reader.Take<uint8_t>()};
     reader.Skip(sizeof(double));  // reprojection error
     const auto track_length = reader.Take<uint64_t>();
     if (!reader.Skip(std::min(track_length, kMaxTrack) * kTrackBytes)) {
       return Refused(absl::StrCat(name, ": point ", i), "the file is cut short");
     }
-    const absl::Status added = AddPoint(xyz, rgb, points);
+    const absl::Status added = AddPoint(xyz, origin, rgb, points);
     if (!added.ok()) return Refused(absl::StrCat(name, ": point ", i), added.message());
   }
   RETURN_IF_ERROR(CheckAllRead(reader, name));

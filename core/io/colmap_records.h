@@ -22,8 +22,10 @@ absl::Status AddCamera(uint32_t id, const Lens& lens, const std::string& where,
                        ColmapCameras& cameras);
 absl::Status AddImage(ColmapImage image, const ColmapPose& pose, const std::string& where,
                       std::vector<ColmapImage>& images);
-// `rgb` as written: 0..255. The error leaves it to the caller to say which point.
-absl::Status AddPoint(const double (&xyz)[3], const int (&rgb)[3], std::vector<ScenePoint>& points);
+// Kept relative to `origin`. `rgb` as written: 0..255. The error leaves it to the caller to say
+// which point.
+absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
+                      const int (&rgb)[3], std::vector<ScenePoint>& points);
 // No two images may have the same id or name.
 absl::Status CheckUnique(const std::vector<ColmapImage>& images, const std::string& name);
 
@@ -35,8 +37,10 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesBinary(absl::string_view byt
 absl::StatusOr<std::vector<ColmapImage>> ParseImagesText(absl::string_view text,
                                                          const std::string& name);
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view bytes,
-                                                          const std::string& name);
+                                                          const std::string& name,
+                                                          const Eigen::Vector3d& origin);
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsText(absl::string_view text,
-                                                        const std::string& name);
+                                                        const std::string& name,
+                                                        const Eigen::Vector3d& origin);
 
 }  // namespace pepeseg

@@ -138,14 +138,15 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesText(absl::string_view text,
 }
 
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsText(absl::string_view text,
-                                                        const std::string& name) {
+                                                        const std::string& name,
+                                                        const Eigen::Vector3d& origin) {
   std::vector<ScenePoint> points;
   Lines lines(text);
   while (const auto line = lines.NextRecord()) {
     RETURN_IF_ERROR(CheckLimit(points.size(), kMaxPoints, name));
     Fields fields(*line);
     fields.Integer<uint64_t>();  // id
-    double xyz[3];
+    Eigen::Vector3d xyz;
     for (double& value : xyz) value = fields.Number();
     int rgb[3];
     for (int& value : rgb) value = fields.Integer<int>();
@@ -153,7 +154,7 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsText(absl::string_view text,
     if (!fields.ok()) {
       return Refused(LineOf(name, lines), "not a point: id, x, y, z, r, g, b, error, track");
     }
-    const absl::Status added = AddPoint(xyz, rgb, points);
+    const absl::Status added = AddPoint(xyz, origin, rgb, points);
     if (!added.ok()) return Refused(LineOf(name, lines), added.message());
   }
   return points;

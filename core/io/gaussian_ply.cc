@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 #include <string_view>
 #include <vector>
 
@@ -44,10 +45,22 @@ std::vector<Field> FieldsOf(int sh_degree) {
   return fields;
 }
 
-std::string HeaderOf(const std::vector<Field>& fields, int64_t count) {
+bool IsDouble(const Field& field, const Eigen::Vector3d& origin) {
+  return field.plane >= kMeanPlane && field.plane < kLogScalePlane && !origin.isZero(0);
+}
+
+size_t BytesOf(const Field& field, const Eigen::Vector3d& origin) {
+  return IsDouble(field, origin) ? sizeof(double) : sizeof(float);
+}
+
+std::string HeaderOf(const std::vector<Field>& fields, int64_t count,
+                     const Eigen::Vector3d& origin) {
   std::string header =
       absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
-  for (const Field& field : fields) absl::StrAppend(&header, "property float ", field.name, "\n");
+  for (const Field& field : fields) {
+    const char* type = IsDouble(field, origin) ? "double" : "float";
+    absl::StrAppend(&header, "property ", type, " ", field.name, "\n");
+  }
   return header + "end_header\n";
 }
 
@@ -73,21 +86,31 @@ absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name)
 }
 
 // Header and rows, piece by piece.
-absl::Status Encode(const Gaussians& gaussians,
+absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
                     absl::FunctionRef<absl::Status(std::string_view)> append) {
   constexpr int64_t kBlockRows = 4096;
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  RETURN_IF_ERROR(append(HeaderOf(fields, gaussians.count)));
+  RETURN_IF_ERROR(append(HeaderOf(fields, gaussians.count, origin)));
+  size_t stride = 0;
+  for (const Field& field : fields) stride += BytesOf(field, origin);
   for (int64_t first = 0; first < gaussians.count; first += kBlockRows) {
     const int64_t rows = std::min(kBlockRows, gaussians.count - first);
-    std::vector<float> block(static_cast<size_t>(rows) * fields.size(), 0.0f);
-    for (size_t f = 0; f < fields.size(); ++f) {
-      if (fields[f].plane == kNoPlane) continue;
-      const std::span<const float> plane = gaussians.Plane(fields[f].plane);
-      for (int64_t row = 0; row < rows; ++row) block[row * fields.size() + f] = plane[first + row];
+    std::vector<char> block(static_cast<size_t>(rows) * stride, 0);
+    char* to = block.data();
+    for (const Field& field : fields) {
+      if (field.plane != kNoPlane) {
+        const std::span<const float> plane = gaussians.Plane(field.plane);
+        for (int64_t row = 0; row < rows; ++row) {
+          const float value = plane[first + row];
+          const double in_world = field.plane < 3 ? value + origin[field.plane] : 0;
+          const bool is_double = IsDouble(field, origin);
+          std::memcpy(to + row * stride, is_double ? static_cast<const void*>(&in_world) : &value,
+                      BytesOf(field, origin));
+        }
+      }
+      to += BytesOf(field, origin);
     }
-    RETURN_IF_ERROR(append(std::string_view(reinterpret_cast<const char*>(block.data()),
-                                            block.size() * sizeof(float))));
+    RETURN_IF_ERROR(append(std::string_view(block.data(), block.size())));
   }
   return absl::OkStatus();
 }
@@ -103,28 +126,30 @@ absl::StatusOr<PlyVertices> OpenGaussians(const std::filesystem::path& path,
 
 }  // namespace
 
-absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians) {
+absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians,
+                              const Eigen::Vector3d& origin) {
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
   RETURN_IF_ERROR(
-      Encode(gaussians, [&file](std::string_view bytes) { return file.Append(bytes); }));
+      Encode(gaussians, origin, [&file](std::string_view bytes) { return file.Append(bytes); }));
   return file.Commit();
 }
 
-std::string EncodeGaussianPly(const Gaussians& gaussians) {
+std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d& origin) {
   std::string ply;
   constexpr size_t kHeaderBytes = 2048;
   ply.reserve(kHeaderBytes + static_cast<size_t>(gaussians.count) * sizeof(float) *
                                  FieldsOf(gaussians.sh_degree).size());
-  [[maybe_unused]] const absl::Status status = Encode(gaussians, [&ply](std::string_view bytes) {
-    ply += bytes;
-    return absl::OkStatus();
-  });
+  [[maybe_unused]] const absl::Status status =
+      Encode(gaussians, origin, [&ply](std::string_view bytes) {
+        ply += bytes;
+        return absl::OkStatus();
+      });
   assert(status.ok());
   return ply;
 }
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
-                                          const std::string& name) {
+                                          const std::string& name, const Eigen::Vector3d& origin) {
   ASSIGN_OR_RETURN(const PlyVertices vertices, OpenGaussians(path, name));
   ASSIGN_OR_RETURN(const int sh_degree, ShDegreeOf(vertices));
   std::vector<int> properties;
@@ -139,7 +164,8 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   std::vector<PlyColumn> columns;
   for (size_t f = 0; f < fields.size(); ++f) {
     if (fields[f].plane == kNoPlane) continue;
-    columns.push_back({properties[f], gaussians.Plane(fields[f].plane)});
+    const int plane = fields[f].plane;
+    columns.push_back({properties[f], gaussians.Plane(plane), plane < 3 ? origin[plane] : 0});
   }
   RETURN_IF_ERROR(ReadColumns(vertices, columns));
   RETURN_IF_ERROR(CheckRotations(gaussians, name));

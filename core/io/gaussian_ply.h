@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -12,17 +13,23 @@ namespace pepeseg {
 
 // Gaussians as a PLY file in 3DGS's layout, which splat viewers open: binary little-endian, floats
 //   x y z nx ny nz f_dc_0..2 f_rest_0.. opacity scale_0..2 rot_0..3
-// with normals of 0, f_rest channel by channel (all coefficients of red, then green, then blue),
-// opacity as a logit, scales as natural logs, rot as w, x, y, z. Written atomically.
-absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians);
+// (x y z as doubles where `origin` is not zero: with it they are in the world of the dataset, which
+// the means are not) with normals of 0, f_rest channel by channel (all coefficients of red, then
+// green, then blue), opacity as a logit, scales as natural logs, rot as w, x, y, z. Written
+// atomically.
+absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians,
+                              const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 // The same bytes in memory.
-std::string EncodeGaussianPly(const Gaussians& gaussians);
+std::string EncodeGaussianPly(const Gaussians& gaussians,
+                              const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 // Any order of the properties, floats or doubles, others than these passed over; the SH degree (0
 // to 3) follows from the number of f_rest. INVALID_ARGUMENT with `name`: a property is missing, the
 // file is cut short, a value is not finite, a rotation is zero.
+// The means become relative to `origin`.
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
-                                          const std::string& name);
+                                          const std::string& name,
+                                          const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 // The same of its header only.
 struct GaussianPlyShape {

@@ -18,6 +18,7 @@
 #include "core/io/ply_points.h"
 #include "core/io/view_warp.h"
 #include "core/scene/normalize_depth.h"
+#include "core/scene/origin.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -211,14 +212,31 @@ class ViewReader {
 };
 
 // A point cloud that was given as such goes before COLMAP's, which goes with COLMAP's poses.
-absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index) {
+absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index,
+                                                   const Eigen::Vector3d& origin) {
   if (index.ply_points != nullptr) {
-    return ReadPlyPoints(index.ply_points->path, index.ply_points->name);
+    return ReadPlyPoints(index.ply_points->path, index.ply_points->name, origin);
   }
   if (index.colmap_points != nullptr) {
-    return ReadColmapPoints(index.colmap_points->path, index.colmap_points->name);
+    return ReadColmapPoints(index.colmap_points->path, index.colmap_points->name, origin);
   }
   return std::vector<ScenePoint>();
+}
+
+// Where it is not zero, the poses become relative to it.
+Eigen::Vector3d TakeOrigin(std::vector<Match>& matches, std::vector<std::string>& warnings) {
+  std::vector<Pose> poses;
+  poses.reserve(matches.size());
+  for (const Match& match : matches) poses.push_back(match.pose.cam_from_world);
+  const Eigen::Vector3d origin = OriginOf(poses);
+  if (origin.isZero(0)) return origin;
+  for (Match& match : matches) {
+    match.pose.cam_from_world = RelativeTo(origin, match.pose.cam_from_world);
+  }
+  warnings.push_back(absl::StrCat("the cameras stand far from zero for how near they are to each ",
+                                  "other: coordinates are counted from (", origin.x(), ", ",
+                                  origin.y(), ", ", origin.z(), ")"));
+  return origin;
 }
 
 }  // namespace
@@ -241,7 +259,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
   ASSIGN_OR_RETURN(const PhotoPoses poses, ReadPhotoPoses(index));
   for (const std::string& warning : poses.warnings) index.warnings.push_back(warning);
-  ASSIGN_OR_RETURN(const std::vector<Match> matches, MatchPoses(poses, index));
+  ASSIGN_OR_RETURN(std::vector<Match> matches, MatchPoses(poses, index));
   if (matches.size() < 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
@@ -251,7 +269,8 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(matches, index.ignore, "ignore masks", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(matches, index.depth, "depth maps", index.warnings));
   Capture capture;
-  ASSIGN_OR_RETURN(capture.points, ReadPoints(index));
+  capture.origin = TakeOrigin(matches, index.warnings);
+  ASSIGN_OR_RETURN(capture.points, ReadPoints(index, capture.origin));
   ViewReader reader(index, poses, options.image_scale);
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(View view, reader.Read(match));

@@ -134,11 +134,13 @@ std::string FormatModelFacts(const Model& model) {
   for (const auto& [key, value] : model.metrics) {
     if (std::isfinite(value)) metrics[key] = value;
   }
-  const json document = {{"version", kVersion},
-                         {"scene_radius", model.scene_radius},
-                         {"metrics", std::move(metrics)},
-                         {"facts", model.facts},
-                         {"views", std::move(views)}};
+  json document = {{"version", kVersion},
+                   {"scene_radius", model.scene_radius},
+                   {"metrics", std::move(metrics)},
+                   {"facts", model.facts},
+                   {"views", std::move(views)}};
+  const Eigen::Vector3d& o = model.origin;
+  if (!o.isZero(0)) document["origin"] = {o.x(), o.y(), o.z()};
   // What is not UTF-8 is replaced: an exception must not come out of here.
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
@@ -154,6 +156,11 @@ absl::Status ParseModelFacts(absl::string_view text, Model& model) {
   if (radius == document.end() || !radius->is_number()) return Malformed("\"scene_radius\"");
   model.scene_radius = radius->get<double>();
   if (!(model.scene_radius > 0)) return Malformed("\"scene_radius\"");
+  double origin[3] = {};
+  if (document.contains("origin") && !TakeNumbers(document, "origin", origin)) {
+    return Malformed("\"origin\"");
+  }
+  model.origin = Eigen::Vector3d(origin);
   RETURN_IF_ERROR(ParseMaps(document, model));
   return ParseViews(document, model);
 }

@@ -39,7 +39,8 @@ absl::StatusOr<Model> ReadParts(const std::filesystem::path& folder, bool has_fe
   ASSIGN_OR_RETURN(const std::string facts,
                    ReadFile(folder / kFactsName, kFactsName, kMaxFactsBytes));
   RETURN_IF_ERROR(ParseModelFacts(facts, model));
-  ASSIGN_OR_RETURN(model.gaussians, ReadGaussianPly(folder / kGaussiansName, kGaussiansName));
+  ASSIGN_OR_RETURN(model.gaussians,
+                   ReadGaussianPly(folder / kGaussiansName, kGaussiansName, model.origin));
   if (has_features) {
     ASSIGN_OR_RETURN(model.field, ReadFeatureFile(folder / kFeaturesName, kFeaturesName));
   }
@@ -52,7 +53,7 @@ absl::StatusOr<Model> ReadParts(const std::filesystem::path& folder, bool has_fe
 absl::Status WriteModel(const std::filesystem::path& folder, const Model& model) {
   RETURN_IF_ERROR(CheckWhole(model));
   std::vector<std::string> names = {kGaussiansName, kFactsName};
-  RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians));
+  RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians, model.origin));
   if (!model.field.empty()) {
     RETURN_IF_ERROR(WriteFeatureFile(folder / kFeaturesName, model.field));
     names.insert(names.begin() + 1, kFeaturesName);

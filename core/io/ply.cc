@@ -56,13 +56,13 @@ int SizeOf(PlyType type) {
 }
 
 template <class T>
-float Load(const char* from) {
+double Load(const char* from) {
   T value;
   std::memcpy(&value, from, sizeof(T));
-  return static_cast<float>(value);
+  return static_cast<double>(value);
 }
 
-float LoadAs(PlyType type, const char* from) {
+double LoadAs(PlyType type, const char* from) {
   switch (type) {
     case PlyType::kInt8:
       return Load<int8_t>(from);
@@ -190,8 +190,9 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
                                        absl::ByAnyChar(" \t"), absl::SkipEmpty());
     if (words.size() != vertices.properties.size()) return no_vertex();
     for (const PlyColumn& column : columns) {
-      float& value = column.values[row];
-      if (!absl::SimpleAtof(words[column.property], &value)) return no_vertex();
+      double number = 0;
+      if (!absl::SimpleAtod(words[column.property], &number)) return no_vertex();
+      float& value = column.values[row] = static_cast<float>(number - column.origin);
       const PlyProperty& property = vertices.properties[column.property];
       if (!std::isfinite(value)) return NotFinite(vertices, row, property);
     }
@@ -250,8 +251,9 @@ absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn>
     for (const PlyColumn& column : columns) {
       const PlyProperty& property = vertices.properties[column.property];
       for (int64_t row = 0; row < rows; ++row) {
-        const float value =
-            LoadAs(property.type, block.data() + row * vertices.stride + property.offset);
+        const auto value = static_cast<float>(
+            LoadAs(property.type, block.data() + row * vertices.stride + property.offset) -
+            column.origin);
         if (!std::isfinite(value)) {
           return NotFinite(vertices, first + row, property);
         }

@@ -44,6 +44,7 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
 struct PlyColumn {
   int property = 0;
   std::span<float> values;  // [count], written
+  double origin = 0;        // what they are relative to: subtracted in double
 };
 // INVALID_ARGUMENT names the vertex and the property of the first value that is not finite, or the
 // first line that is no vertex.

@@ -11,7 +11,8 @@
 namespace pepeseg {
 
 absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::path& path,
-                                                      const std::string& name) {
+                                                      const std::string& name,
+                                                      const Eigen::Vector3d& origin) {
   constexpr const char* kNames[] = {"x", "y", "z", "red", "green", "blue"};
   constexpr float kGrey = 128;
   ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxPoints));
@@ -21,7 +22,7 @@ absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::pat
     values[i].assign(static_cast<size_t>(vertices.count), kGrey);
     const int property = vertices.Find(kNames[i]);
     if (property >= 0) {
-      columns.push_back({property, values[i]});
+      columns.push_back({property, values[i], i < 3 ? origin[i] : 0});
     } else if (i < 3) {
       return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", kNames[i]));
     }

@@ -10,7 +10,9 @@
 namespace pepeseg {
 
 // The points of a PLY file: x, y, z, and red, green, blue of 0 to 255 if it has them (else grey).
-absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::path& path,
-                                                      const std::string& name);
+// Relative to `origin`.
+absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(
+    const std::filesystem::path& path, const std::string& name,
+    const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 }  // namespace pepeseg

@@ -27,6 +27,9 @@ absl::Status CheckModel(const Model& model) {
 
 absl::StatusOr<std::unique_ptr<Segmenter>> Segmenter::Create(Backend& backend, Model model,
                                                              MapCounts* counts) {
+  if (model.field.empty()) {
+    model.field.features.assign(static_cast<size_t>(model.gaussians.count) * kFeatureSize, 0);
+  }
   RETURN_IF_ERROR(CheckModel(model));
   return InTurn(backend, [&]() -> absl::StatusOr<std::unique_ptr<Segmenter>> {
     return std::unique_ptr<Segmenter>(
@@ -38,6 +41,9 @@ Segmenter::Segmenter(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Segmenter::~Segmenter() = default;
 
 const Model& Segmenter::model() const { return state_->model; }
+
+// Which a field that was trained always has.
+bool Segmenter::has_features() const { return !state_->model.field.scale_quantiles.empty(); }
 
 int64_t Segmenter::num_renders() const { return state_->maps.num_renders(); }
 int64_t Segmenter::num_maps() const { return state_->maps.num_maps(); }

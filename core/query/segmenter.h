@@ -36,12 +36,14 @@ struct SegmentResult {
 // for it, which leaves the others unharmed; INTERNAL when the device can be used no more.
 class Segmenter {
  public:
-  // INVALID_ARGUMENT: not one feature a Gaussian. `counts`: null, or where its maps are counted.
+  // INVALID_ARGUMENT: not one feature a Gaussian, but for a model without a field (trained without
+  // masks), in which nothing is found. `counts`: null, or where its maps are counted.
   static absl::StatusOr<std::unique_ptr<Segmenter>> Create(Backend& backend, Model model,
                                                            MapCounts* counts = nullptr);
   ~Segmenter();
 
   const Model& model() const;
+  bool has_features() const;
   // Feature maps rendered so far (none by a new scale or threshold), and kept now. They wait for no
   // query.
   int64_t num_renders() const;

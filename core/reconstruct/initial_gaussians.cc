@@ -10,6 +10,7 @@ namespace pepeseg {
 namespace {
 
 constexpr float kInitialOpacity = 0.1f;
+constexpr float kLoneSize = 0.01f;  // of the scene's reach, where no other point tells a size
 
 // nanoflann's view of the points.
 struct PointCloud {
@@ -63,10 +64,15 @@ ScenePoint RandomPoint(const View& view, double scene_radius, std::mt19937_64& r
   return point;
 }
 
+constexpr double kMinShare = 1e-6, kMaxShare = 0.5;  // of the scene's reach
+
+float ReachOf(const LogScaleBounds& bounds) {
+  return static_cast<float>(std::exp(double{bounds.max}) / kMaxShare);
+}
+
 }  // namespace
 
 LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoint>& points) {
-  constexpr double kMinShare = 1e-6, kMaxShare = 0.5;  // of the scene's reach
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   for (const View& view : capture.views) center += view.cam_from_world.Inverse().translation;
   center /= static_cast<double>(capture.views.size());
@@ -107,11 +113,11 @@ std::vector<ScenePoint> StartingPoints(const Capture& capture, const Reconstruct
 Gaussians InitialGaussians(const std::vector<ScenePoint>& points, int sh_degree,
                            const LogScaleBounds& bounds) {
   const std::vector<float> distances = NeighbourDistances(points);
-  const float floor = std::exp(bounds.min);
+  const float lone = kLoneSize * ReachOf(bounds);
   Gaussians out = Gaussians::Zero(static_cast<int64_t>(points.size()), sh_degree);
   for (int64_t i = 0; i < out.count; ++i) {
-    const float log_scale =
-        std::clamp(std::log(std::max(distances[i], floor)), bounds.min, bounds.max);
+    const float size = distances[i] > 0 ? distances[i] : lone;
+    const float log_scale = std::clamp(std::log(size), bounds.min, bounds.max);
     for (int axis = 0; axis < 3; ++axis) {
       out.Plane(kMeanPlane + axis)[i] = points[i].position[axis];
       out.Plane(kLogScalePlane + axis)[i] = log_scale;

@@ -22,8 +22,9 @@ LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoi
 std::vector<ScenePoint> StartingPoints(const Capture& capture, const ReconstructOptions& options,
                                        std::mt19937_64& random);
 
-// One isotropic Gaussian a point, as wide as the mean distance to its 3 nearest neighbours, of the
-// point's colour and opacity 0.1.
+// One isotropic Gaussian a point, as wide as the mean distance to its 3 nearest neighbours (a
+// hundredth of the reach where that is 0: a point alone, or several at one place), of the point's
+// colour and opacity 0.1.
 Gaussians InitialGaussians(const std::vector<ScenePoint>& points, int sh_degree,
                            const LogScaleBounds& bounds);
 

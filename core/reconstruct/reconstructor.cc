@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/reconstruct/earned_bands.h"
+#include "core/reconstruct/pixel_span.h"
 #include "core/reconstruct/trainable.h"
 #include "core/status_macros.h"
 
@@ -33,11 +34,11 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       skipped_(SkippedTerms(options_, capture)),
       scene_radius_(SceneRadius(capture)),
       random_(options.seed),
-      schedule_(options_, scene_radius_),
+      points_(StartingPoints(capture, options, random_)),
+      schedule_(options_, scene_radius_, PixelSpan(capture, points_)),
       refiner_(backend, capture, options, schedule_),
       views_(backend, capture, {options.coarse_until > 0, options_.depth_weight > 0}),
       sampler_(views_.size()),
-      points_(StartingPoints(capture, options, random_)),
       log_scales_(BoundLogScales(capture, points_)),
       state_(backend, InitialGaussians(points_, options.sh_degree, log_scales_)),
       densifier_(backend, options, {scene_radius_, views_.num_pixels(), state_.count()}),

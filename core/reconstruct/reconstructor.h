@@ -72,11 +72,11 @@ class Reconstructor {
   std::vector<SkippedTerm> skipped_;
   const double scene_radius_;
   std::mt19937_64 random_;
+  const std::vector<ScenePoint> points_;
   const Schedule schedule_;
   Refiner refiner_;
   const TrainingViews views_;
   ViewSampler sampler_;
-  const std::vector<ScenePoint> points_;
   const LogScaleBounds log_scales_;
   GaussianState state_;
   const Densifier densifier_;

@@ -4,11 +4,19 @@
 #include <cmath>
 
 namespace pepeseg {
+namespace {
+
+constexpr double kMostPixels = 1;  // that a mean may be moved by at the first step
+
+}  // namespace
 
 LearningRates Schedule::RatesAt(int step) const {
   const double start = options_.mean_learning_rate, end = options_.mean_learning_rate_final;
   LearningRates rates;
-  rates.mean = static_cast<float>(scene_radius_ * start * std::pow(end / start, ShareAt(step)));
+  // Through long lenses a small share of the scene's radius is many pixels: a Gaussian would never
+  // come to rest on what it shows. Adam's step is about its rate.
+  rates.mean = static_cast<float>(std::min(scene_radius_ * start, kMostPixels * pixel_span_) *
+                                  std::pow(end / start, ShareAt(step)));
   rates.log_scale = options_.log_scale_learning_rate;
   rates.rotation = options_.rotation_learning_rate;
   rates.opacity = options_.opacity_learning_rate;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "core/reconstruct/reconstruct.h"
 #include "kernels/ops.h"
 
@@ -8,8 +10,10 @@ namespace pepeseg {
 // What a step is to use; steps count from 0.
 class Schedule {
  public:
-  Schedule(const ReconstructOptions& options, double scene_radius)
-      : options_(options), scene_radius_(scene_radius) {}
+  // pixel_span: see PixelSpan; means are moved by no more than a share of it in a step.
+  Schedule(const ReconstructOptions& options, double scene_radius,
+           double pixel_span = std::numeric_limits<double>::infinity())
+      : options_(options), scene_radius_(scene_radius), pixel_span_(pixel_span) {}
 
   LearningRates RatesAt(int step) const;
   int ShDegreeAt(int step) const;
@@ -20,7 +24,7 @@ class Schedule {
   double ShareAt(int step) const { return static_cast<double>(step) / options_.num_steps; }
 
   ReconstructOptions options_;
-  double scene_radius_;
+  double scene_radius_, pixel_span_;
 };
 
 }  // namespace pepeseg

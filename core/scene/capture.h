@@ -59,6 +59,8 @@ struct ScenePoint {
 struct Capture {
   std::vector<View> views;
   std::vector<ScenePoint> points;
+  // Poses and points are relative to it: a place in the world of the dataset, see origin.h.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::vector<std::string> warnings;  // for the job's log: what was left out, and why
 };
 
@@ -70,7 +72,8 @@ bool HasGeometryPrior(const View& view);
 bool HasTrainingGeometry(const Capture& capture);
 
 // Radius of the camera centres about their mean, times 1.1 (3DGS's "extent"): the unit of learning
-// rates and of density control. At least 1e-6.
+// rates and of density control. Where they all stand at one place (within a thousandth of that), it
+// is the median distance to the points, and where there are none, either, 1.
 double SceneRadius(const Capture& capture);
 
 }  // namespace pepeseg

@@ -35,6 +35,8 @@ struct Model {
   Gaussians gaussians;
   FeatureField field;
   std::vector<ModelView> views;
+  // Means and poses are relative to it: a place in the world of the dataset, see origin.h.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   double scene_radius = 1;                // see SceneRadius; the near plane is 0.01 of it
   std::map<std::string, double> metrics;  // "psnr", "ssim" (held out), "seconds_reconstruct", ...
   std::map<std::string, std::string> facts;  // options in effect, seed, versions, device

@@ -139,8 +139,9 @@ absl::Status Training::ReconstructScene() {
 }
 
 absl::Status Training::TakeGivenGaussians() {
-  ASSIGN_OR_RETURN(model_.gaussians,
-                   ReadGaussianPly(inputs_.gaussians->path, inputs_.gaussians->name));
+  ASSIGN_OR_RETURN(
+      model_.gaussians,
+      ReadGaussianPly(inputs_.gaussians->path, inputs_.gaussians->name, inputs_.capture.origin));
   if (model_.gaussians.count == 0) {
     return absl::InvalidArgumentError(inputs_.gaussians->name + ": has no Gaussians");
   }
@@ -207,6 +208,7 @@ void Training::DescribeModel() {
   for (const View& view : inputs_.capture.views) {
     model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
   }
+  model_.origin = inputs_.capture.origin;
   model_.scene_radius = SceneRadius(inputs_.capture);
   for (const auto& [what, source] : inputs_.sources) model_.facts[what] = source;
   model_.facts["job"] = job_.spec.job;

@@ -33,7 +33,8 @@ absl::Status AnswerDecompose(const UnaryCall& call, const ServiceContext& contex
                              const v1::DecomposeRequest& request, v1::DecomposeResponse* response) {
   ASSIGN_OR_RETURN(const std::vector<double> scales, ReadScales(request.scales(), "scales"));
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModelWithFeatures(context, request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());

@@ -39,12 +39,13 @@ absl::StatusOr<bool> ExportSelectionStream::MakeSubset() {
                    FindSubset(context_, model, request_.subset(), "subset"));
   if (!subset) return false;
   const Gaussians& gaussians = model.segmenter->model().gaussians;
+  const Eigen::Vector3d& origin = model.segmenter->model().origin;
   std::vector<int64_t> rows;
   rows.reserve(static_cast<size_t>(subset->count()));
   for (int64_t i = 0; i < gaussians.count; ++i) {
     if (subset->member[i] != 0) rows.push_back(i);
   }
-  subset_ = EncodeGaussianPly(gaussians.Select(rows));
+  subset_ = EncodeGaussianPly(gaussians.Select(rows), origin);
   sha256_ = Sha256Hex(subset_);
   num_bytes_left_ = static_cast<int64_t>(subset_.size());
   v1::ExportSelectionResponse::Header& header = *message_.mutable_header();

@@ -92,6 +92,23 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
   return ResidentModel{source.name, *std::move(segmenter)};
 }
 
+absl::StatusOr<ResidentModel> LoadModelWithFeatures(const ServiceContext& context,
+                                                    const std::string& name,
+                                                    const std::string& field) {
+  ASSIGN_OR_RETURN(ResidentModel model, LoadModel(context, name, field));
+  RETURN_IF_ERROR(CheckFeatures(model));
+  return model;
+}
+
+absl::Status CheckFeatures(const ResidentModel& model) {
+  if (model.segmenter->has_features()) return absl::OkStatus();
+  return WithResource(
+      absl::FailedPreconditionError(absl::StrCat(
+          model.name,
+          " was trained without masks: it is rendered and exported, but has no segments")),
+      "NO_FEATURES", model.name);
+}
+
 std::string ResidentKey(const ModelRow& model) { return model.folder; }
 
 }  // namespace pepeseg

@@ -20,6 +20,11 @@ struct ResidentModel {
 };
 absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std::string& name,
                                         const std::string& field);
+// For what is asked of its features. FAILED_PRECONDITION: it was trained without masks.
+absl::StatusOr<ResidentModel> LoadModelWithFeatures(const ServiceContext& context,
+                                                    const std::string& name,
+                                                    const std::string& field);
+absl::Status CheckFeatures(const ResidentModel& model);
 
 // Key of a model in the cache.
 std::string ResidentKey(const ModelRow& model);

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/rle.h"
+#include "core/scene/origin.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"
@@ -77,8 +78,11 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
   switch (viewpoint.place_case()) {
     case v1::Viewpoint::kView:
       return FindView(viewpoint.view(), model, field + ".view");
-    case v1::Viewpoint::kFree:
-      return FreeViewFromProto(viewpoint.free(), field + ".free");
+    case v1::Viewpoint::kFree: {
+      ASSIGN_OR_RETURN(ModelView view, FreeViewFromProto(viewpoint.free(), field + ".free"));
+      view.cam_from_world = RelativeTo(model.origin, view.cam_from_world);
+      return view;
+    }
     default:
       return BadField(field, "", "neither a view nor a free camera");
   }

@@ -161,6 +161,10 @@ absl::Status AnswerRender(const UnaryCall& call, const ServiceContext& context,
                           const v1::RenderRequest& request, v1::RenderResponse* response) {
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  if (request.content() == v1::RenderRequest::CONTENT_SEGMENTS ||
+      request.content() == v1::RenderRequest::CONTENT_FEATURES) {
+    RETURN_IF_ERROR(CheckFeatures(model));
+  }
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());

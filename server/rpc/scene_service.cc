@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/scene/origin.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/layout.h"
@@ -77,8 +78,9 @@ absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::stri
 }
 
 // A page token is the index of the page's first view.
-absl::Status FillViews(const std::vector<ModelView>& views, const PageRequest& page,
+absl::Status FillViews(const Model& model, const PageRequest& page,
                        v1::ListViewsResponse* response) {
+  const std::vector<ModelView>& views = model.views;
   size_t first = 0;
   const std::string& token = page.page_token;
   if (!token.empty()) {
@@ -89,7 +91,11 @@ absl::Status FillViews(const std::vector<ModelView>& views, const PageRequest& p
   }
   const size_t size = page.page_size == 0 ? kDefaultPageSize : page.page_size;
   const size_t last = std::min(views.size(), first + size);
-  for (size_t i = first; i < last; ++i) *response->add_views() = ToProto(views[i]);
+  for (size_t i = first; i < last; ++i) {
+    ModelView view = views[i];
+    view.cam_from_world = InWorld(model.origin, view.cam_from_world);
+    *response->add_views() = ToProto(view);
+  }
   if (last < views.size()) response->set_next_page_token(absl::StrCat(last));
   return absl::OkStatus();
 }
@@ -173,7 +179,7 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListViews(grpc::CallbackServerContext
     ASSIGN_OR_RETURN(const PageRequest page,
                      PageFromProto(request->page_size(), request->page_token()));
     ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context_, request->parent(), "parent"));
-    return FillViews(model.segmenter->model().views, page, response);
+    return FillViews(model.segmenter->model(), page, response);
   });
 }
 

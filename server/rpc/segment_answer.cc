@@ -18,7 +18,8 @@ namespace pepeseg {
 absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
                            const v1::SegmentRequest& request, v1::SegmentResponse* response) {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModelWithFeatures(context, request.model(), "model"));
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(const SegmentQuestion question, ReadQuestion(context, model, request));
@@ -51,7 +52,8 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
                                  const v1::ProposeScalesRequest& request,
                                  v1::ProposeScalesResponse* response) {
   Stopwatch stopwatch;
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModelWithFeatures(context, request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());

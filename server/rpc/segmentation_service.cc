@@ -19,7 +19,8 @@ namespace {
 absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context,
                             const v1::EvaluateRequest& request, v1::EvaluateResponse* response) {
   ASSIGN_OR_RETURN(const OneClickOptions options, OneClickOptionsFromProto(request.options()));
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModelWithFeatures(context, request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
   ASSIGN_OR_RETURN(const std::vector<LabeledView> views,
                    ReadLabels(request, model.segmenter->model()));

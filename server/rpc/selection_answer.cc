@@ -95,7 +95,8 @@ absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
     *response = ToProto(*earlier);
     return absl::OkStatus();
   }
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.model(), "model"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModelWithFeatures(context, request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {

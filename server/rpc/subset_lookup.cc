@@ -20,6 +20,7 @@ absl::StatusOr<std::optional<GaussianSet>> FindSubset(const ServiceContext& cont
       break;
     }
     case v1::Subset::kSegment: {
+      RETURN_IF_ERROR(CheckFeatures(model));
       ASSIGN_OR_RETURN(found, FindSegment(*model.segmenter, subset.segment(), field + ".segment"));
       break;
     }

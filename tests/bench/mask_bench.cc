@@ -10,7 +10,7 @@
 #include "clients/cpp/client.h"
 #include "clients/cpp/mask.h"
 
-namespace pepeseg::clientent {
+namespace pepeseg::client {
 namespace {
 
 using Clock = std::chrono::steady_clock;

@@ -55,6 +55,19 @@ def table(record):
                                                       for row in record["rows"]])
 
 
+def run_bench(programs, flags):
+    """Its output, which is shown as it comes."""
+    command = [os.path.join(programs, "pepeseg_scaling_bench"), *flags]
+    lines = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as bench:
+        for line in bench.stdout:
+            print(line, end="", file=sys.stderr, flush=True)
+            lines.append(line)
+    if bench.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)}: exit code {bench.returncode}")
+    return "".join(lines)
+
+
 def main():
     words = sys.argv[1:]
     split = words.index("--") if "--" in words else len(words)
@@ -64,9 +77,7 @@ def main():
     arguments = parser.parse_args(words[:split])
     flags = words[split + 1:]
     record = {"machine": measured.machine(), "commit": measured.commit(), "flags": flags}
-    done = subprocess.run([os.path.join(arguments.programs, "pepeseg_scaling_bench"), *flags],
-                          stdout=subprocess.PIPE, text=True, check=True)
-    record["rows"], _ = measured.parse_rows(done.stdout)
+    record["rows"], _ = measured.parse_rows(run_bench(arguments.programs, flags))
     record["exponents"] = exponents(record["rows"], CUDA_COSTS if "cuda" in flags else COSTS)
     os.makedirs(arguments.out, exist_ok=True)
     path = os.path.join(arguments.out, "scaling")

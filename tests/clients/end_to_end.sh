@@ -116,6 +116,12 @@ grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no mean score'
 expect 0 pepeseg --json evaluate given "$dataset/labels"
 grep -q '"boundary_iou":' "$work/output" || fail 'no scores as JSON'
 
+expect 0 pepeseg bench "$dataset" --out "$work/bench" --presets none --steps 40 --seeds 1 \
+  --image-scale 0.25 -o features.num_pixels=200
+for wanted in '"psnr": [0-9]' '"miou": [0-9]' '"core_seconds": ' '"name": "40 steps"'; do
+  grep -q "$wanted" "$work/bench/record.json" || fail "the record of bench has no $wanted"
+done
+
 job=$(pepeseg train shelf --steps 30000 --detach)
 expect 6 pepeseg train shelf --detach
 expect 0 pepeseg cancel "$job"

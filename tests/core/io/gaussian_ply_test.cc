@@ -38,6 +38,25 @@ TEST(GaussianPly, ComesBackBitForBit) {
   }
 }
 
+TEST(GaussianPly, FarFromZeroIsWrittenInDoublesAndComesBack) {
+  const TempFolder folder;
+  const Eigen::Vector3d origin(4e5, 5.3e6, 100);
+  const Gaussians gaussians = RandomGaussians(5000, 1);
+  ASSERT_OK(WriteGaussianPly(folder / "a.ply", gaussians, origin));
+  ASSERT_OK_AND_ASSIGN(const Gaussians read, ReadGaussianPly(folder / "a.ply", "a.ply", origin));
+  ASSERT_EQ(read.count, 5000);
+  for (size_t i = 0; i < read.planes.size(); ++i) {
+    EXPECT_NEAR(read.planes[i], gaussians.planes[i], i < 15000 ? 1e-8 : 0);
+  }
+  // As another program reads it: in the world.
+  ASSERT_OK_AND_ASSIGN(const Gaussians world, ReadGaussianPly(folder / "a.ply", "a.ply"));
+  EXPECT_NEAR(world.Plane(kMeanPlane + 1)[7], gaussians.Plane(kMeanPlane + 1)[7] + 5.3e6, 0.5);
+  EXPECT_EQ(world.Plane(kLogScalePlane)[7], gaussians.Plane(kLogScalePlane)[7]);
+  ASSERT_OK_AND_ASSIGN(const std::string bytes, ReadFile(folder / "a.ply", "a.ply", 1 << 24));
+  EXPECT_NE(bytes.find("property double y\n"), std::string::npos);
+  EXPECT_EQ(EncodeGaussianPly(gaussians, origin), bytes);
+}
+
 TEST(EncodeGaussianPly, GivesTheBytesOfTheFile) {
   const TempFolder folder;
   for (const int64_t count : {0, 1, 5000}) {

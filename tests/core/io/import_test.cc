@@ -68,6 +68,40 @@ TEST(ImportCapture, SortsViewsAndKeepsPosesAndCameras) {
   EXPECT_THAT(capture.warnings, ::testing::IsEmpty());
 }
 
+// As of poses in map coordinates, where single precision ends at half a metre.
+TEST(ImportCapture, CountsCoordinatesFarFromZeroFromTheMiddleOfTheCameras) {
+  const Eigen::Vector3d far(4e5, 5.3e6, 1e7);
+  for (const bool text : {false, true}) {
+    SmallDataset near, dataset;
+    dataset.text = text;
+    for (testing::ImageRecord& image : dataset.images) {
+      const Eigen::Quaterniond rotation(image.q[0], image.q[1], image.q[2], image.q[3]);
+      const Eigen::Vector3d moved = rotation * far;
+      for (int k = 0; k < 3; ++k) image.t[k] -= moved[k];
+    }
+    for (testing::PointRecord& point : dataset.points) {
+      for (int k = 0; k < 3; ++k) point.xyz[k] += far[k];
+    }
+    near.Write();
+    dataset.Write();
+    ASSERT_OK_AND_ASSIGN(const Capture want, near.Import());
+    ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+    EXPECT_EQ(want.origin, Eigen::Vector3d::Zero());
+    EXPECT_LT((capture.origin - far).norm(), 10);
+    EXPECT_THAT(capture.warnings, ::testing::ElementsAre(::testing::HasSubstr("far from zero")));
+    ASSERT_EQ(capture.points.size(), want.points.size());
+    for (size_t i = 0; i < capture.views.size(); ++i) {
+      for (size_t k = 0; k < capture.points.size(); ++k) {
+        const Eigen::Vector3d seen =
+            capture.views[i].cam_from_world * capture.points[k].position.cast<double>();
+        const Eigen::Vector3d at =
+            want.views[i].cam_from_world * want.points[k].position.cast<double>();
+        EXPECT_LT((seen - at).norm(), 1e-5);
+      }
+    }
+  }
+}
+
 TEST(ImportCapture, KeepsPngPhotographsAndMasksAsTheyAre) {
   SmallDataset dataset;
   dataset.Write();

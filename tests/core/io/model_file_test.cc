@@ -42,6 +42,19 @@ Model MakeModel(bool with_features) {
   return model;
 }
 
+TEST(ModelFile, ComesBackWithItsOrigin) {
+  const TempFolder folder;
+  Model model = MakeModel(true);
+  model.origin = {4e5, 1.0 / 3, -5.3e6};
+  ASSERT_OK(WriteModel(folder.path(), model));
+  ASSERT_OK_AND_ASSIGN(const Model read, ReadModel(folder.path()));
+  EXPECT_EQ(read.origin, model.origin);
+  EXPECT_EQ(read.views[0].cam_from_world.translation, model.views[0].cam_from_world.translation);
+  for (size_t i = 0; i < read.gaussians.planes.size(); ++i) {
+    EXPECT_NEAR(read.gaussians.planes[i], model.gaussians.planes[i], i < 12 ? 1e-8 : 0);
+  }
+}
+
 TEST(ModelFile, ComesBack) {
   const TempFolder folder;
   const Model model = MakeModel(true);
@@ -67,6 +80,7 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.views[0].cam_from_world.translation, model.views[0].cam_from_world.translation);
   EXPECT_TRUE(read.views[0].held_out);
   EXPECT_EQ(read.scene_radius, 1.0 / 9);
+  EXPECT_EQ(read.origin, Eigen::Vector3d::Zero());
   EXPECT_EQ(read.metrics, (std::map<std::string, double>{{"psnr", 23.456789012345}}));
   EXPECT_EQ(read.facts.at("seed"), "1");
 }

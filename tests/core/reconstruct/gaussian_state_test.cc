@@ -168,6 +168,24 @@ TEST(GaussianState, FadeOpacityMultipliesIt) {
   }
 }
 
+// Beyond 17 an opacity is 1 in single precision, below -88 it is 0.
+TEST(GaussianState, FadeOpacityStaysFiniteWhereTheSigmoidEnds) {
+  const auto backend = MakeCpuBackend(1);
+  Gaussians initial = Numbered(5);
+  const float logits[] = {30, 1e4f, -89, -200, -1e4f};
+  for (int i = 0; i < 5; ++i) initial.Plane(kOpacityPlane)[i] = logits[i];
+  GaussianState state(*backend, initial);
+  state.FadeOpacity(1);
+  EXPECT_EQ(state.Download().planes, initial.planes);
+  state.FadeOpacity(0.5f);
+  const Gaussians after = state.Download();
+  // Half of 1 is the logit 0; far out it falls by log 2.
+  const double want[] = {0, 0, -89 - std::log(2), -200 - std::log(2), -1e4 - std::log(2)};
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_NEAR(after.Plane(kOpacityPlane)[i], want[i], 1e-6 * std::abs(want[i]) + 1e-6) << i;
+  }
+}
+
 TEST(GaussianState, LimitOpacityLowersAndForgets) {
   const auto backend = MakeCpuBackend(1);
   Gaussians initial = Numbered(2);

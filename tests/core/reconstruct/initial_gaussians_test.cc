@@ -35,9 +35,13 @@ TEST(InitialGaussians, AreAsWideAsTheMeanDistanceToThreeNeighbours) {
 
 TEST(InitialGaussians, KeepWithinTheBoundsEvenAloneOrTwice) {
   const Gaussians alone = InitialGaussians({At(0, 0, 0)}, 0, {-3, 1});
-  EXPECT_FLOAT_EQ(alone.Plane(kLogScalePlane)[0], -3);
+  // A hundredth of the reach, which is twice the largest size.
+  const float lone = 1 + std::log(0.02f);
+  EXPECT_FLOAT_EQ(alone.Plane(kLogScalePlane)[0], lone);
   const Gaussians twice = InitialGaussians({At(1, 1, 1), At(1, 1, 1)}, 0, {-3, 1});
-  EXPECT_FLOAT_EQ(twice.Plane(kLogScalePlane)[1], -3);
+  EXPECT_FLOAT_EQ(twice.Plane(kLogScalePlane)[1], lone);
+  const Gaussians near = InitialGaussians({At(0, 0, 0), At(1e-5f, 0, 0)}, 0, {-3, 1});
+  EXPECT_FLOAT_EQ(near.Plane(kLogScalePlane)[0], -3);
   const Gaussians far = InitialGaussians({At(0, 0, 0), At(900, 0, 0)}, 0, {-3, 1});
   EXPECT_FLOAT_EQ(far.Plane(kLogScalePlane)[0], 1);
 }

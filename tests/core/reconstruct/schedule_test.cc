@@ -20,6 +20,17 @@ TEST(Schedule, MeanRateFallsLogLinearlyInSharesOfTheRun) {
   }
 }
 
+TEST(Schedule, MeansMoveByNoMoreThanAPixelAStep) {
+  ReconstructOptions options;
+  options.num_steps = 1000;
+  options.mean_learning_rate = 1e-2f;
+  options.mean_learning_rate_final = 1e-4f;
+  const Schedule schedule(options, 3.0, 2e-3);
+  EXPECT_NEAR(schedule.RatesAt(0).mean, 2e-3, 1e-9);
+  EXPECT_NEAR(schedule.RatesAt(500).mean, 2e-4, 1e-10);
+  EXPECT_NEAR(Schedule(options, 3.0, 0.04).RatesAt(0).mean, 3e-2, 1e-7);
+}
+
 TEST(Schedule, ShDegreeRisesToItsLimit) {
   ReconstructOptions options;
   options.num_steps = 3000;

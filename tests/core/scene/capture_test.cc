@@ -16,12 +16,36 @@ TEST(SceneRadius, IsThatOfTheCameraCentresWithAMargin) {
   EXPECT_NEAR(SceneRadius(capture), 2 * 1.1, 1e-12);
 }
 
-TEST(SceneRadius, IsNeverZero) {
+// As of one view, or of a camera on a tripod.
+TEST(SceneRadius, OfCamerasAtOnePlaceIsTheDistanceToThePoints) {
   Capture capture;
-  EXPECT_GT(SceneRadius(capture), 0);
-  capture.views.resize(3);
-  EXPECT_DOUBLE_EQ(SceneRadius(capture), 1e-6);
+  for (int i = 0; i < 3; ++i) {
+    View view;
+    view.cam_from_world.rotation = Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitY());
+    view.cam_from_world.translation = view.cam_from_world.rotation * Eigen::Vector3d(-7, 0, 0);
+    capture.views.push_back(view);
+  }
+  EXPECT_EQ(SceneRadius(capture), 1);  // nothing tells how far anything is
+  for (const float x : {9, 10, 11, 12, 1000}) {
+    capture.points.push_back({Eigen::Vector3f(x, 0, 0), {}});
+  }
+  EXPECT_NEAR(SceneRadius(capture), 11 - 7, 1e-9);
+  capture.views[1].cam_from_world.translation.x() += 0.3;  // no longer one place
+  EXPECT_NEAR(SceneRadius(capture), 1.1 * 0.2, 1e-9);
 }
+
+// In a unit of a thousand kilometres, and in one of micrometres.
+TEST(SceneRadius, GoesWithTheUnit) {
+  for (const double unit : {1e-9, 1.0, 1e9}) {
+    Capture capture;
+    for (const double x : {2.0, 0.0}) {
+      capture.views.emplace_back().cam_from_world.translation = {unit * x, 0, 0};
+    }
+    EXPECT_NEAR(SceneRadius(capture), 1.1 * unit, 1e-9 * unit);
+  }
+}
+
+TEST(SceneRadius, IsNeverZero) { EXPECT_EQ(SceneRadius(Capture()), 1); }
 
 }  // namespace
 }  // namespace pepeseg

@@ -1,7 +1,8 @@
 // Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
 // A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
-// the pixels of the views; one named "hang" is never ready.
+// the pixels of the views; one named "far.model" puts all of it where map coordinates are; one named
+// "bare" has no features, as trained without masks; one named "hang" is never ready.
 #include <unistd.h>
 
 #include <algorithm>
@@ -69,7 +70,9 @@ int Run(const std::string& path) {
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
   while (name == "hang") pause();  // until a signal ends it
   const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
-  const Model model = MakeModel(shift);
+  Model model = MakeModel(shift);
+  if (name == "far.model") model.origin = {4e5, 5.3e6, 100};
+  if (name == "bare") model.field = {};
   const std::filesystem::path attempt = folder.attempt(spec->fence);
   std::error_code error;
   std::filesystem::create_directories(attempt, error);

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace pepeseg::testing {
+
+// The loss of ImageLoss and its gradient, in double by the formulas of kernels/math, with separable
+// windows: fast enough for a thousand steps.
+struct DoubleLoss {
+  double loss = 0;
+  double mse = 0;
+  std::vector<double> color_grad;  // [3, side, side]
+};
+DoubleLoss DoubleImageLoss(const std::vector<double>& color, const std::vector<uint8_t>& photo,
+                           int side, double ssim_weight);
+
+}  // namespace pepeseg::testing
