@@ -252,8 +252,9 @@ test('a box, a point, what is not meant, undo', async () => {
   expect(boxArea).toBeLessThan(1.3 * drawn);
 
   await clickView(page, [0.37, 0.6]);
-  await expect(page.locator('.chip').first()).toBeVisible({ timeout: 30_000 });
+  await expect(page.locator('.chips .chip').first()).toBeVisible({ timeout: 30_000 });
   const included = await area();
+  expect(included).toBeGreaterThan(0);
   await clickView(page, [0.34, 0.45], true);
   await expect(page.locator('.mark.negative')).toHaveCount(1);
   await expect.poll(area, { timeout: 30_000 }).toBeLessThan(included);
