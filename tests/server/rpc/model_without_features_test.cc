@@ -29,7 +29,7 @@ struct ModelWithoutFeatures : ::testing::Test {
     request.mutable_viewpoint()->set_view("middle.jpg");
     v1::RenderResponse response;
     const grpc::Status status = running.segmentation->Render(&context, request, &response);
-    if (status.ok()) EXPECT_FALSE(response.png().empty());
+    EXPECT_EQ(status.ok(), !response.png().empty());
     return status;
   }
 
