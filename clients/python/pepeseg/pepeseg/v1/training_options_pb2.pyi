@@ -28,6 +28,10 @@ SCALE_MAPPING_UNSPECIFIED: ScaleMapping
 SFM_MATCHING_EXHAUSTIVE: SfmMatching
 SFM_MATCHING_SEQUENTIAL: SfmMatching
 SFM_MATCHING_UNSPECIFIED: SfmMatching
+TRAINING_PRESET_BEST: TrainingPreset
+TRAINING_PRESET_PREVIEW: TrainingPreset
+TRAINING_PRESET_STANDARD: TrainingPreset
+TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
     __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "learning_rate", "learning_rate_final", "min_loss_fall", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk"]
@@ -186,17 +190,22 @@ class SfmOptions(_message.Message):
     def __init__(self, matching: _Optional[_Union[SfmMatching, str]] = ..., max_features: _Optional[int] = ..., sequential_overlap: _Optional[int] = ..., min_registered_share: _Optional[float] = ..., max_seconds: _Optional[int] = ..., max_video_frames: _Optional[int] = ...) -> None: ...
 
 class TrainingOptions(_message.Message):
-    __slots__ = ["features", "priors", "reconstruct", "sfm"]
+    __slots__ = ["features", "preset", "priors", "reconstruct", "sfm"]
     FEATURES_FIELD_NUMBER: _ClassVar[int]
     IMPORT_FIELD_NUMBER: _ClassVar[int]
+    PRESET_FIELD_NUMBER: _ClassVar[int]
     PRIORS_FIELD_NUMBER: _ClassVar[int]
     RECONSTRUCT_FIELD_NUMBER: _ClassVar[int]
     SFM_FIELD_NUMBER: _ClassVar[int]
     features: FeatureOptions
+    preset: TrainingPreset
     priors: PriorOptions
     reconstruct: ReconstructOptions
     sfm: SfmOptions
-    def __init__(self, reconstruct: _Optional[_Union[ReconstructOptions, _Mapping]] = ..., features: _Optional[_Union[FeatureOptions, _Mapping]] = ..., sfm: _Optional[_Union[SfmOptions, _Mapping]] = ..., priors: _Optional[_Union[PriorOptions, _Mapping]] = ..., **kwargs) -> None: ...
+    def __init__(self, reconstruct: _Optional[_Union[ReconstructOptions, _Mapping]] = ..., features: _Optional[_Union[FeatureOptions, _Mapping]] = ..., sfm: _Optional[_Union[SfmOptions, _Mapping]] = ..., priors: _Optional[_Union[PriorOptions, _Mapping]] = ..., preset: _Optional[_Union[TrainingPreset, str]] = ..., **kwargs) -> None: ...
+
+class TrainingPreset(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
 
 class SfmMatching(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
