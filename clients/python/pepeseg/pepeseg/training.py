@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Union
 
 from google.protobuf import json_format
+from google.protobuf.message import Message
 import grpc
 
 from pepeseg import errors
@@ -19,9 +20,14 @@ Options = Mapping[str, Union[bool, int, float, str]]
 
 
 def option_names() -> list[str]:
-    """Every option of a training, as "reconstruct.num_steps"."""
-    stages = training_options_pb2.TrainingOptions.DESCRIPTOR.fields
-    return [f"{stage.name}.{field.name}" for stage in stages for field in stage.message_type.fields]
+    """Every option of a training, as "reconstruct.num_steps" or, of all stages, "preset"."""
+    names = []
+    for field in training_options_pb2.TrainingOptions.DESCRIPTOR.fields:
+        if field.message_type is None:
+            names.append(field.name)
+        else:
+            names += [f"{field.name}.{option.name}" for option in field.message_type.fields]
+    return names
 
 
 def _enum_name(field: Any, value: str) -> str:
@@ -37,15 +43,16 @@ def _enum_name(field: Any, value: str) -> str:
 def to_options(options: Options) -> training_options_pb2.TrainingOptions:
     message = training_options_pb2.TrainingOptions()
     for name, value in options.items():
-        stage, _, option = name.partition(".")
-        field = message.DESCRIPTOR.fields_by_name.get(stage)
-        field = field and field.message_type.fields_by_name.get(option)
-        if field is None:
+        stage, _, option = name.rpartition(".")
+        parent = getattr(message, stage, None) if stage else message
+        fields = parent.DESCRIPTOR.fields_by_name if isinstance(parent, Message) else {}
+        field = fields.get(option)
+        if field is None or field.message_type is not None:
             raise errors.refused(f'no option "{name}"; there are: {", ".join(option_names())}')
         if field.enum_type is not None:
             value = _enum_name(field, str(value))
         try:
-            json_format.ParseDict({option: value}, getattr(message, stage))
+            json_format.ParseDict({option: value}, parent)
         except json_format.ParseError as error:
             raise errors.refused(f'option {name}: "{value}" is refused: {error}') from error
     return message

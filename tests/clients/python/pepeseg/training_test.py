@@ -16,7 +16,7 @@ from pepeseg.v1 import job_service_pb2, training_options_pb2
 class TestOptions:
     def test_every_name_is_an_option(self):
         names = pepeseg.option_names()
-        assert "reconstruct.num_steps" in names and "features.seed" in names
+        assert {"reconstruct.num_steps", "features.seed", "preset"} <= set(names)
         assert len(names) == len(set(names)) > 50
 
     def test_values_of_every_type(self):
@@ -27,16 +27,25 @@ class TestOptions:
                 "reconstruct.seed": "11",
                 "features.perception_cross_view": False,
                 "import.image_scale": 0.5,
+                "preset": "preview",
             }
         )
         assert options.reconstruct.num_steps == 7
         assert options.reconstruct.depth_local_form == training_options_pb2.DEPTH_LOCAL_FORM_PATCH
         assert options.reconstruct.seed == 11
         assert options.features.HasField("perception_cross_view")
+        assert options.preset == training_options_pb2.TRAINING_PRESET_PREVIEW
         assert getattr(options, "import").image_scale == 0.5
 
     @pytest.mark.parametrize(
-        "name, value", [("steps", 1), ("reconstruct.none", 1), ("reconstruct.num_steps", "many")]
+        "name, value",
+        [
+            ("steps", 1),
+            ("reconstruct", 1),
+            ("reconstruct.none", 1),
+            ("preset.none", 1),
+            ("reconstruct.num_steps", "many"),
+        ],
     )
     def test_what_is_none_is_refused_unsent(self, name, value):
         with pytest.raises(pepeseg.InvalidArgumentError, match=name):
