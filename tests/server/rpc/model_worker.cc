@@ -1,8 +1,8 @@
 // Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
 // A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
-// the pixels of the views; one named "far.model" puts all of it where map coordinates are; one named
-// "bare" has no features, as trained without masks; one named "hang" is never ready.
+// the pixels of the views; one named "far.model" puts all of it where map coordinates are; one
+// named "bare" has no features, as trained without masks; one named "hang" is never ready.
 #include <unistd.h>
 
 #include <algorithm>
