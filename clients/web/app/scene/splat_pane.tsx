@@ -79,14 +79,22 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   }, [views]);
   useEffect(() => {
     if (!viewer.current) return;
+    // What was asked for before may still end, and after this.
+    let outdated = false;
     setStatus('loading');
     viewer.current.load(partsOf(model, selection, showing)).then(
       () => {
+        if (outdated) return;
         setStatus('ready');
         setShown(showing);
       },
-      (error: Error) => error.name !== 'AbortError' && setStatus({ error: error.message }),
+      (error: Error) => {
+        if (!outdated && error.name !== 'AbortError') setStatus({ error: error.message });
+      },
     );
+    return () => {
+      outdated = true;
+    };
   }, [made, model, selection, showing]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
   return { canvas, viewer, status, shown };

@@ -71,7 +71,10 @@ export class SplatViewer {
         return mesh;
       }),
     );
-    if (signal.aborted) return;
+    if (signal.aborted) {
+      for (const mesh of meshes) mesh.dispose();
+      return;
+    }
     for (const old of this.meshes) {
       this.scene.remove(old);
       old.dispose();
