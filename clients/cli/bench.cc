@@ -150,9 +150,8 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
     record.facts.insert(split);
   }
   const Stopwatch watch;
-  const v1::FileKind in_depth =
-      flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
-  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
+  ASSIGN_OR_RETURN(const DatasetFolder folder,
+                   ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
   RETURN_IF_ERROR(client.EnsureScene(scene));
   ASSIGN_OR_RETURN(const v1::Dataset dataset, UploadFolder(client, scene, folder));
   record.upload_seconds = watch.Seconds();
@@ -196,9 +195,7 @@ void AddBench(CLI::App& app, Shell& shell) {
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
   verb->add_option("--image-scale", flags->image_scale, "Shrink the photographs by this, (0, 1]");
-  verb->add_option("--depth-kind", flags->depth_kind, "What depth/ holds, as for upload")
-      ->check(CLI::IsMember({"depth", "disparity"}))
-      ->capture_default_str();
+  AddDepthKindFlag(*verb, flags->depth_kind);
   verb->add_option("-o,--option", flags->settings, "NAME=VALUE, of every training")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);

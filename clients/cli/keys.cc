@@ -14,8 +14,7 @@
 #include "absl/time/time.h"
 #include "clients/cli/admin_verb.h"
 #include "clients/cli/shell.h"
-#include "clients/cpp/answer_status.h"
-#include "clients/cpp/call.h"
+#include "clients/cpp/ask.h"
 #include "clients/cpp/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 
@@ -74,14 +73,9 @@ absl::Status RunCreate(const Shell& shell, const KeyFlags& flags, Stub& admin) {
 absl::Status RunList(const Shell& shell, const KeyFlags& flags, Stub& admin) {
   v1::ListKeysRequest request;
   request.set_project(flags.project);
-  request.set_page_size(1000);
-  do {
-    v1::ListKeysResponse page;
-    Call call("", kCallSeconds);
-    RETURN_IF_ERROR(FromGrpc(admin.ListKeys(call, request, &page)));
-    for (const v1::ApiKey& key : page.keys()) shell.json ? PrintJson(key) : Print(KeyLine(key));
-    request.set_page_token(page.next_page_token());
-  } while (!request.page_token().empty());
+  ASSIGN_OR_RETURN(const v1::ListKeysResponse all,
+                   AskAllPages(admin, &Stub::ListKeys, "", request));
+  for (const v1::ApiKey& key : all.keys()) shell.json ? PrintJson(key) : Print(KeyLine(key));
   return absl::OkStatus();
 }
 

@@ -36,9 +36,8 @@ struct UploadFlags {
 };
 
 absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
-  const v1::FileKind in_depth =
-      flags.depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
-  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.folder, in_depth));
+  ASSIGN_OR_RETURN(const DatasetFolder folder,
+                   ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
   NoteLeftOut(folder.left_out);
   if (!Has(folder, v1::FILE_KIND_POSES)) {
     Note("no poses among them: the training will estimate them (its stage sfm)");
@@ -76,6 +75,18 @@ absl::StatusOr<v1::Dataset> UploadFolder(const Client& client, const std::string
   return client.Upload(scene, folder, progress);
 }
 
+void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind) {
+  verb.add_option("--depth-kind", depth_kind,
+                  "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "
+                  "is large), as disparity/ always does")
+      ->check(CLI::IsMember({"depth", "disparity"}))
+      ->capture_default_str();
+}
+
+v1::FileKind DepthKind(const std::string& depth_kind) {
+  return depth_kind == "depth" ? v1::FILE_KIND_DEPTH : v1::FILE_KIND_DISPARITY;
+}
+
 void AddUpload(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<UploadFlags>();
   CLI::App* verb =
@@ -87,11 +98,7 @@ void AddUpload(CLI::App& app, Shell& shell) {
           "there: sparse/0/ (COLMAP), masks/, ignore_mask.png, ignore/, depth/, "
           "disparity/, points.ply, gaussians.ply (taken in place of stage one)")
       ->required();
-  verb->add_option("--depth-kind", flags->depth_kind,
-                   "What depth/ holds: \"depth\" (far is large, 0 unknown) or \"disparity\" (near "
-                   "is large), as disparity/ always does")
-      ->check(CLI::IsMember({"depth", "disparity"}))
-      ->capture_default_str();
+  AddDepthKindFlag(*verb, flags->depth_kind);
   verb->add_flag("--dry-run", flags->dry_run, "Only tell what would be brought, as what");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunUpload(shell, *flags); }; });
 }

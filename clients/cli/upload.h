@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -8,6 +9,10 @@
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg::client::cli {
+
+// --depth-kind: "depth" or "disparity", and what that makes of the files in depth/.
+void AddDepthKindFlag(CLI::App& verb, std::string& depth_kind);
+v1::FileKind DepthKind(const std::string& depth_kind);
 
 // Declares the files, sends what the server does not have of them, seals. Shows its progress. Goes
 // on with an upload of the same files that was broken off. Errors: the server's, naming the file;
