@@ -52,6 +52,7 @@
 #define PEPESEG_FEATURE_FIELDS(FIELD) \
   FIELD(num_steps) \
   FIELD(num_pixels) \
+  FIELD(mask_share) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(scale_mapping) \

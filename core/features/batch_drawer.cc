@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <numeric>
 #include <unordered_map>
 #include <utility>
@@ -52,7 +53,8 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
   for (size_t i = 0; i < capture.views.size(); ++i) {
     const View& view = capture.views[i];
     if (view.held_out || view.masks.empty()) continue;
-    DrawableView drawable = {static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}, {}, {}};
+    DrawableView drawable = {
+        static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
     std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
     drawable.patch_weight = PatchWeights(view.masks, mask_scales[i]);
@@ -61,7 +63,9 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
       drawable.pixels.push_back(static_cast<int32_t>(pixel));
     }
-    if (!drawable.pixels.empty()) views.push_back(std::move(drawable));
+    if (drawable.pixels.empty()) continue;
+    drawable.pixels_by_mask = PixelsByMask(view.masks, mask_scales[i], drawable.pixels);
+    views.push_back(std::move(drawable));
   }
   return views;
 }
@@ -126,8 +130,10 @@ std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBat
   const MaskSet& masks = capture_.views[view.view].masks;
   std::unordered_map<uint32_t, int32_t> number;
   std::vector<uint32_t> patches;
+  const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
   for (int i = 0; i < options_.num_pixels; ++i) {
-    const int32_t pixel = view.pixels[DrawIndex(view.pixels.size(), random)];
+    const int32_t pixel = i < num_by_mask ? view.pixels_by_mask.Draw(random)
+                                          : view.pixels[DrawIndex(view.pixels.size(), random)];
     const uint32_t patch = masks.pixel_patch[pixel];
     const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(patches.size()));
     if (is_new) patches.push_back(patch);

@@ -21,6 +21,7 @@ absl::Status CheckRange(const char* name, T value, T low, T high) {
 absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_steps", options.num_steps, 1, 10'000'000));
   RETURN_IF_ERROR(CheckRange("num_pixels", options.num_pixels, 2, 16'384));
+  RETURN_IF_ERROR(CheckRange("mask_share", options.mask_share, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("num_background_pixels", options.num_background_pixels, 0, 16'384));
   RETURN_IF_ERROR(CheckRange("num_scales", options.num_scales, 1, kMaxScales));
   RETURN_IF_ERROR(CheckRange("scale_mapping", static_cast<int>(options.scale_mapping), 1, 2));

@@ -30,6 +30,9 @@ enum class PerceptionThreshold {
 struct FeatureOptions {
   int num_steps = 10000;  // one view each
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
+  // The share of them drawn mask by mask, each as likely as any other: so that small parts are
+  // seen, too. The rest is drawn pixel by pixel (method.md section 3 draws all so).
+  double mask_share = 0.25;  // [0, 1]
   // Further samples of what no mask covers in any view, as one thing apart from all others.
   int num_background_pixels = 200;
   int num_scales = 10;  // a step, 1..kMaxScales; two of them beyond the masks' own

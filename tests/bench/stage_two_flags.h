@@ -11,6 +11,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   app.add_option("--feature-steps", stage.num_steps);
   app.add_option("--feature-pixels", stage.num_pixels);
+  app.add_option("--mask-share", stage.mask_share);
   app.add_option("--background-pixels", stage.num_background_pixels);
   app.add_option("--feature-scales", stage.num_scales);
   app.add_flag_callback("--even-scales", [&stage] { stage.scale_mapping = ScaleMapping::kEven; });

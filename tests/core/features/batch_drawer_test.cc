@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 
@@ -55,6 +56,27 @@ TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
       EXPECT_TRUE(view.ignore.empty() || view.ignore[pixel] == 0);
     }
   }
+}
+
+TEST(BatchDrawer, SeesSmallMasksMoreOftenWhereMasksAreDrawn) {
+  Drawn by_pixel({.num_pixels = 300, .mask_share = 0}),
+      by_mask({.num_pixels = 300, .mask_share = 1});
+  const auto share_of_smallest = [](Drawn& drawn) {
+    double inside = 0, all = 0;
+    for (int i = 0; i < 40; ++i) {
+      const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
+      const MaskSet& masks = drawn.capture.views[batch.view].masks;
+      const auto smallest =
+          static_cast<int>(std::min_element(masks.mask_area.begin(), masks.mask_area.end()) -
+                           masks.mask_area.begin());
+      for (const int32_t pixel : batch.pixels) {
+        inside += masks.Covers(smallest, pixel % masks.width, pixel / masks.width) ? 1 : 0;
+      }
+      all += static_cast<double>(batch.pixels.size());
+    }
+    return inside / all;
+  };
+  EXPECT_GT(share_of_smallest(by_mask), 1.3 * share_of_smallest(by_pixel));
 }
 
 TEST(BatchDrawer, WeighsPixelsByTheAreaOfTheirMasks) {

@@ -167,6 +167,8 @@ TEST(Validate, FeatureOptionsNameTheField) {
   EXPECT_OK(Validate(FeatureOptions()));
   EXPECT_STATUS(Validate(FeatureOptions{.num_steps = 0}), absl::StatusCode::kInvalidArgument,
                 "num_steps is 0");
+  EXPECT_STATUS(Validate(FeatureOptions{.mask_share = 1.5}), absl::StatusCode::kInvalidArgument,
+                "mask_share");
   EXPECT_STATUS(Validate(FeatureOptions{.num_pixels = 1}), absl::StatusCode::kInvalidArgument,
                 "num_pixels");
   EXPECT_STATUS(Validate(FeatureOptions{.num_scales = 17}), absl::StatusCode::kInvalidArgument,
