@@ -36,6 +36,7 @@ struct BenchOptions {
   int num_threads = 0;
   int num_seeds = 1;
   CaptureFaults faults;
+  int num_unscored = 0;
   bool entities = false;
   bool kernels = false;
   bool granularity = false;
@@ -165,12 +166,23 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   return absl::OkStatus();
 }
 
+// The labels of the first held-out views are taken away: their entities are clicked on in the next.
+void LeaveUnscored(int num_views, CapturePack& pack) {
+  const std::vector<View>& views = pack.capture.views;
+  for (size_t v = 0; v < views.size() && num_views > 0; ++v) {
+    if (!views[v].held_out) continue;
+    for (TruthLevel& level : pack.truth) level.labels[v].clear();
+    --num_views;
+  }
+}
+
 absl::Status Run(const BenchOptions& options) {
   RETURN_IF_ERROR(Validate(options.protocol));
   ASSIGN_OR_RETURN(CapturePack pack, ReadCapturePack(options.pack));
   if (pack.truth.empty()) return absl::InvalidArgumentError("the pack has no ground truth");
   std::vector<KernelTime> times;
   Spoil(options.faults, pack);
+  LeaveUnscored(options.num_unscored, pack);
   const auto backend =
       MakeBenchBackend(options.device, options.num_threads, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
@@ -214,6 +226,8 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
   pepeseg::AddFaultFlags(app, options.faults);
+  app.add_option("--unscored", options.num_unscored,
+                 "so many held-out views, from the first, are neither clicked on nor scored");
   app.add_flag("--granularity", options.granularity,
                "clusters by scale on the held-out views, too");
   app.add_flag("--prompts", options.prompts,
