@@ -4,6 +4,8 @@
 #include <cmath>
 #include <random>
 
+#include "core/features/rate_fall.h"
+
 namespace pepeseg {
 namespace {
 
@@ -12,25 +14,15 @@ constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;  // apart from the sampler's
 
 // c(t) of FeatureState's comment, for t up to the number of steps. The fall of the learning rate is
 // a factor of it, so that rows that wait are moved by the rates of the steps that they missed.
-// After num_done steps, what is left of the fall is done in num_left_out steps less.
-struct Leap {
-  int num_done = 0, num_left_out = 0;
-};
-double PlaceInFall(int num_done, const Leap& leap, int num_steps) {
-  if (num_done <= leap.num_done) return num_done;
-  const double left = num_steps - leap.num_done;
-  return leap.num_done + (num_done - leap.num_done) * left / (left - leap.num_left_out);
-}
 std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options,
-                               const Leap& leap) {
+                               const LeftOutSteps& left_out) {
   std::vector<float> terms(options.num_steps + 1);
   const double fall = double{options.learning_rate_final} / double{options.learning_rate};
   double power1 = 1, power2 = 1;
   for (int t = 1; t <= options.num_steps; ++t) {
     power1 *= double{rates.beta1};
     power2 *= double{rates.beta2};
-    const double share =
-        std::min(1.0, PlaceInFall(t - 1, leap, options.num_steps) / options.num_steps);
+    const double share = ShareOfFall(t - 1, options.num_steps, left_out);
     terms[t] = static_cast<float>(std::pow(fall, share) * std::sqrt(1 - power2) / (1 - power1));
   }
   return terms;

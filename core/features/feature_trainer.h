@@ -20,8 +20,8 @@ class FeatureTrainer {
   FeatureTrainer(Backend& backend, std::span<const float> initial, const NeighborGraph& graph,
                  CentroidTerm& centroids, const FeatureOptions& options);
 
-  // The steps after the first num_done are num_left_out places further on in the schedule of the
-  // learning rate.
+  // After the first num_done steps, the rest of the learning rate's fall is done in num_left_out
+  // steps less.
   void LeaveOut(int num_done, int num_left_out);
 
   // Waits for nothing. At most kMaxUnreadFeatureSteps between two calls of ReadLosses.

@@ -62,7 +62,8 @@ struct FeatureOptions {
   // 3 MB a step.
   int steps_per_chunk = 750;
   // When the loss has fallen by less than this share of itself over a round of at least 500 steps,
-  // only the last closing_share of the schedule is still done. 0: never.
+  // the rest of the schedule is done in closing_share of the steps, the learning rate falling the
+  // faster. 0: never.
   double min_loss_fall = 0.01;
   double closing_share = 0.3;
   uint64_t seed = 1;
