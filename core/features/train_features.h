@@ -65,7 +65,7 @@ struct FeatureOptions {
   // the rest of the schedule is done in closing_share of the steps, the learning rate falling the
   // faster. 0: never.
   double min_loss_fall = 0.01;
-  double closing_share = 0.3;
+  double closing_share = 0.5;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);
