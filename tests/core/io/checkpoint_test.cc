@@ -68,8 +68,9 @@ TEST_F(CheckpointTest, AnyTruncationIsDataLoss) {
 // What the checksum vouches for may still be nothing that this program wrote.
 TEST_F(CheckpointTest, SealedNonsenseIsDataLoss) {
   const auto header = [](const std::string& json) {
-    const auto size = static_cast<char>(json.size());
-    return std::string("PEPECKPT\1\0\0\0", 12) + size + std::string(3, '\0') + json;
+    std::string bytes("PEPECKPT\1\0\0\0\0\0\0\0", 16);
+    bytes[12] = static_cast<char>(json.size());
+    return bytes + json;
   };
   const auto expect = [&](const std::string& bytes, const char* why) {
     SetSealed(bytes);
