@@ -85,7 +85,8 @@ constexpr FeatureOptions kConverging = {.num_steps = 2000,
                                         .num_scales = 2,
                                         .centroid_weight_upper = 0,
                                         .steps_per_chunk = 300,
-                                        .min_loss_fall = 1};
+                                        .min_loss_fall = 1,
+                                        .closing_share = 0.3};
 
 TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
   const auto backend = MakeCpuBackend(2);

@@ -28,9 +28,10 @@ absl::StatusOr<Model> TrainModel(const SyntheticScene& scene) {
   Model model;
   ASSIGN_OR_RETURN(model.gaussians,
                    Reconstruct(*backend, scene.capture, {.num_steps = 400}, go_on));
-  ASSIGN_OR_RETURN(model.field,
-                   TrainFeatures(*backend, scene.capture, model.gaussians,
-                                 {.num_steps = 600, .num_pixels = 200, .num_scales = 6}, go_on));
+  ASSIGN_OR_RETURN(
+      model.field,
+      TrainFeatures(*backend, scene.capture, model.gaussians,
+                    {.num_steps = 600, .num_pixels = 200, .num_scales = 6, .seed = 2}, go_on));
   model.scene_radius = SceneRadius(scene.capture);
   for (const View& view : scene.capture.views) {
     model.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
