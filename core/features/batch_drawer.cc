@@ -132,8 +132,8 @@ std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBat
   std::vector<uint32_t> patches;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
   for (int i = 0; i < options_.num_pixels; ++i) {
-    const int32_t pixel = i < num_by_mask ? view.pixels_by_mask.Draw(random)
-                                          : view.pixels[DrawIndex(view.pixels.size(), random)];
+    const int32_t pixel = view.pixels[i < num_by_mask ? view.pixels_by_mask.Draw(random)
+                                                      : DrawIndex(view.pixels.size(), random)];
     const uint32_t patch = masks.pixel_patch[pixel];
     const auto [at, is_new] = number.emplace(patch, static_cast<int32_t>(patches.size()));
     if (is_new) patches.push_back(patch);

@@ -46,7 +46,7 @@ struct DrawableView {
   std::vector<float> mask_scales;        // [num_masks] scene units, or kNoScale
   std::vector<float> sorted_scales;      // those over 0, ascending
   std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored
-  PixelsByMask pixels_by_mask;           // the same
+  PixelsByMask pixels_by_mask;           // of them
   std::vector<float> patch_weight;       // [num_patches] 1 / mean area of the masks with a scale
   std::vector<int32_t> background = {};  // see UncoveredPixels, as:
   std::vector<int32_t> unlabelled = {};

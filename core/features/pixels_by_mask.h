@@ -14,23 +14,26 @@ namespace pepeseg {
 class PixelsByMask {
  public:
   PixelsByMask() = default;
-  // pixels: y * width + x, those that may be drawn, each once. Masks without a scale (see
+  // pixels: y * width + x ascending, those that may be drawn. Masks without a scale (see
   // MaskScales) and those that hold none of the pixels are never drawn.
   PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
                std::span<const int32_t> pixels);
 
   bool empty() const { return masks_.empty(); }
-  // A pixel of a mask, each mask as likely as any other, each of its pixels likewise.
-  int32_t Draw(std::mt19937_64& random) const;
+  // The place in `pixels` of one of a mask, each mask as likely as any other, each of its pixels
+  // likewise.
+  size_t Draw(std::mt19937_64& random) const;
 
  private:
-  // A patch of a mask: where its pixels begin, and how many the mask has up to its end.
+  // Pixels of a mask that follow each other: where they begin, and how many the mask has up to
+  // their end.
   struct Run {
-    int32_t first = 0;
+    int64_t first = 0;
     int64_t end = 0;
   };
-  std::vector<int32_t> pixels_;          // by patch
-  std::vector<std::vector<Run>> masks_;  // ascending by end
+  static void Append(int64_t first, int64_t count, std::vector<Run>& runs);
+
+  std::vector<std::vector<Run>> masks_;  // ascending
 };
 
 }  // namespace pepeseg

@@ -50,7 +50,7 @@ TEST_F(DrawnByMask, EachMaskAsOftenAsAnyOther) {
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
   constexpr int kDraws = 40'000;
   std::map<int32_t, int> times;
-  for (int i = 0; i < kDraws; ++i) ++times[by_mask.Draw(random_)];
+  for (int i = 0; i < kDraws; ++i) ++times[static_cast<int32_t>(by_mask.Draw(random_))];
   for (int mask = 0; mask < masks_->num_masks; ++mask) {
     double expected = 0, drawn = 0;
     for (const int32_t pixel : AllPixels(*masks_)) {
@@ -69,14 +69,20 @@ TEST_F(DrawnByMask, EachMaskAsOftenAsAnyOther) {
 TEST_F(DrawnByMask, NoneOfMasksWithoutAScale) {
   std::fill(scales_.begin() + 1, scales_.end(), kNoScale);
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
-  for (int i = 0; i < 500; ++i) EXPECT_TRUE(Covers(*masks_, 0, by_mask.Draw(random_)));
+  for (int i = 0; i < 500; ++i) {
+    EXPECT_TRUE(Covers(*masks_, 0, static_cast<int32_t>(by_mask.Draw(random_))));
+  }
 }
 
 TEST_F(DrawnByMask, NoneButThoseThatMayBeDrawn) {
   std::vector<int32_t> some = AllPixels(*masks_);
   std::erase_if(some, [&](int32_t pixel) { return pixel % 3 != 0; });
   const PixelsByMask by_mask(*masks_, scales_, some);
-  for (int i = 0; i < 500; ++i) EXPECT_EQ(by_mask.Draw(random_) % 3, 0);
+  for (int i = 0; i < 500; ++i) {
+    const size_t place = by_mask.Draw(random_);
+    ASSERT_LT(place, some.size());
+    EXPECT_NE(masks_->pixel_patch[some[place]], 0u);
+  }
   EXPECT_TRUE(PixelsByMask(*masks_, scales_, {}).empty());
 }
 
