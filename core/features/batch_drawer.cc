@@ -1,7 +1,6 @@
 #include "core/features/batch_drawer.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numeric>
 #include <unordered_map>
@@ -9,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/features/mask_scales.h"
+#include "core/features/masks_of_patch.h"
 #include "core/features/random_draws.h"
 #include "core/features/scale_labels.h"
 
@@ -31,15 +31,11 @@ std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mas
   for (int patch = 0; patch < masks.num_patches(); ++patch) {
     double area = 0;
     int count = 0;
-    for (int word = 0; word < masks.words; ++word) {
-      uint64_t left = masks.patch_bits[static_cast<size_t>(patch) * masks.words + word];
-      for (; left != 0; left &= left - 1) {
-        const int mask = 64 * word + std::countr_zero(left);
-        if (mask_scales[mask] <= kNoScale) continue;
-        area += static_cast<double>(masks.mask_area[mask]);
-        ++count;
-      }
-    }
+    ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+      if (mask_scales[mask] <= kNoScale) return;
+      area += static_cast<double>(masks.mask_area[mask]);
+      ++count;
+    });
     weights.push_back(count == 0 ? 0.0f : static_cast<float>(count / area));
   }
   return weights;
@@ -179,8 +175,7 @@ void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> patc
   std::span<uint64_t> out = batch.labels;
   for (const float scale : batch.scene_scales) {
     for (const uint32_t patch : patches) {
-      const std::span<const uint64_t> bits(masks.patch_bits.data() + patch * words, words);
-      ScaleLabels(bits, view.mask_scales, scale, out.first(words));
+      ScaleLabels(PatchBits(masks, patch), view.mask_scales, scale, out.first(words));
       out = out.subspan(all_words);
     }
     if (!has_background) continue;

@@ -1,9 +1,9 @@
 #include "core/features/cluster_agreement.h"
 
 #include <algorithm>
-#include <bit>
 #include <vector>
 
+#include "core/features/masks_of_patch.h"
 #include "core/features/scale_labels.h"
 
 namespace pepeseg {
@@ -18,13 +18,10 @@ struct Votes {
 
   void Add(int cluster, std::span<const uint64_t> labels) {
     bool any = false;
-    for (size_t word = 0; word < labels.size(); ++word) {
-      for (uint64_t left = labels[word]; left != 0; left &= left - 1) {
-        const size_t mask = 64 * word + static_cast<size_t>(std::countr_zero(left));
-        ++held_[static_cast<size_t>(cluster) * num_masks_ + mask];
-        any = true;
-      }
-    }
+    ForEachMaskIn(labels, [&](int mask) {
+      ++held_[static_cast<size_t>(cluster) * num_masks_ + mask];
+      any = true;
+    });
     if (any) ++labelled_[cluster];
   }
   bool Agree(int cluster) const {
@@ -50,8 +47,7 @@ Clusters KeepAgreeing(const Clusters& clusters, const MaskSet& masks,
   for (size_t i = 0; i < pixels.size(); ++i) {
     if (clusters.labels[i] == kNoise) continue;
     const uint32_t patch = masks.pixel_patch[pixels[i]];
-    ScaleLabels({&masks.patch_bits[size_t{patch} * masks.words], labels.size()}, mask_scales, scale,
-                labels);
+    ScaleLabels(PatchBits(masks, patch), mask_scales, scale, labels);
     votes.Add(clusters.labels[i], labels);
   }
   Clusters kept = clusters;

@@ -1,10 +1,10 @@
 #include "core/features/cross_view.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "core/features/mask_scales.h"
+#include "core/features/masks_of_patch.h"
 
 namespace pepeseg {
 namespace {
@@ -40,15 +40,9 @@ CrossView::CrossView(const Capture& capture, const std::vector<DrawableView>& vi
     const MaskSet& masks = view.masks;
     for (int patch = 0; patch < masks.num_patches(); ++patch) {
       std::vector<MaskAt>& of_patch = seen.patch_masks.emplace_back();
-      for (int word = 0; word < masks.words; ++word) {
-        uint64_t left = masks.patch_bits[static_cast<size_t>(patch) * masks.words + word];
-        for (; left != 0; left &= left - 1) {
-          const int mask = 64 * word + std::countr_zero(left);
-          if (drawn.mask_scales[mask] > kNoScale) {
-            of_patch.push_back({mask, drawn.mask_scales[mask]});
-          }
-        }
-      }
+      ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+        if (drawn.mask_scales[mask] > kNoScale) of_patch.push_back({mask, drawn.mask_scales[mask]});
+      });
       std::stable_sort(of_patch.begin(), of_patch.end(),
                        [](const MaskAt& a, const MaskAt& b) { return a.scale < b.scale; });
     }

@@ -1,9 +1,10 @@
 #include "core/features/mask_scales.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
+
+#include "core/features/masks_of_patch.h"
 
 namespace pepeseg {
 namespace {
@@ -43,13 +44,9 @@ class MajorityFilter {
 
  private:
   void Add(int x, int y) {
-    const std::span<const uint64_t> bits = masks_.BitsAt(x, y);
-    for (int word = 0; word < masks_.words; ++word) {
-      for (uint64_t left = bits[word]; left != 0; left &= left - 1) {
-        const int mask = 64 * word + std::countr_zero(left);
-        if (count_[mask]++ == 0) touched_.push_back(mask);
-      }
-    }
+    ForEachMaskIn(masks_.BitsAt(x, y), [this](int mask) {
+      if (count_[mask]++ == 0) touched_.push_back(mask);
+    });
   }
 
   const MaskSet& masks_;

@@ -1,9 +1,9 @@
 #include "core/features/pixels_by_mask.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "core/features/mask_scales.h"
+#include "core/features/masks_of_patch.h"
 #include "core/features/random_draws.h"
 
 namespace pepeseg {
@@ -15,13 +15,9 @@ PixelsByMask::PixelsByMask(const MaskSet& masks, std::span<const float> mask_sca
   for (int64_t first = 0, end = 0; first < size; first = end) {
     const auto patch = static_cast<size_t>(masks.pixel_patch[pixels[first]]);
     while (end < size && static_cast<size_t>(masks.pixel_patch[pixels[end]]) == patch) ++end;
-    for (int word = 0; word < masks.words; ++word) {
-      uint64_t left = masks.patch_bits[patch * masks.words + word];
-      for (; left != 0; left &= left - 1) {
-        const int mask = 64 * word + std::countr_zero(left);
-        if (mask_scales[mask] > kNoScale) Append(first, end - first, masks_[mask]);
-      }
-    }
+    ForEachMaskIn(PatchBits(masks, patch), [&](int mask) {
+      if (mask_scales[mask] > kNoScale) Append(first, end - first, masks_[mask]);
+    });
   }
   std::erase_if(masks_, [](const std::vector<Run>& runs) { return runs.empty(); });
 }
