@@ -78,6 +78,7 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duratio
   WatchersReport report;
   const auto without = AskInTurn(kNumWays, absl::Now() + duration, ask);
   report.p99_without = Quantile(TimesOf(without, grpc::OK), 0.99);
+  report.num_threads_without = server.Status().num_threads();
 
   std::atomic<int> num_open = 0;
   std::vector<std::unique_ptr<v1::JobService::Stub>> stubs;

@@ -31,8 +31,9 @@ struct LoadedServer {
 struct WatchersReport {
   int64_t num_queries = 0, num_failed = 0;
   absl::Duration p99_without, p99_with;
-  int num_streams = 0;   // that the server told of
-  int num_threads = 0;   // of the process: the server's, and gRPC's own for the client
+  int num_streams = 0;  // that the server told of
+  // Of the process: the server's, and gRPC's own for the client; before there were watchers, too.
+  int num_threads_without = 0, num_threads = 0;
   int pool_threads = 0;  // those of them that are the server's pools
 };
 WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration);
