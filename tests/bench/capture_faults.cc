@@ -24,7 +24,7 @@ class BendingField {
   }
 
   Eigen::Vector2d At(int x, int y) const {
-    const auto node = static_cast<size_t>(y / kSpacing * columns_ + x / kSpacing);
+    const auto node = static_cast<size_t>(y / kSpacing) * columns_ + x / kSpacing;
     const double u = static_cast<double>(x % kSpacing) / kSpacing;
     const double v = static_cast<double>(y % kSpacing) / kSpacing;
     const auto next = node + static_cast<size_t>(columns_);

@@ -222,6 +222,7 @@ class Bench {
 }  // namespace
 }  // namespace pepeseg
 
+// NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
   pepeseg::BenchOptions options;
   CLI::App app("Latency of questions to a running server");

@@ -156,6 +156,7 @@ TEST_P(DoubleRuns, StageOneStaysWithItself) {
     photos.emplace_back(*backend_, std::span<const uint8_t>(view.photo.pixels));
   }
   double first = 0, largest = 0, sum = 0, sum_wide = 0;
+  const int last_tenth = NumSteps() * 9 / 10;
   for (int step = 0; step < NumSteps(); ++step) {
     const size_t at = static_cast<size_t>(step) % capture.views.size();
     const View& view = capture.views[at];
@@ -164,7 +165,7 @@ TEST_P(DoubleRuns, StageOneStaysWithItself) {
     const double want = wide.Step(pinhole, view.photo.pixels);
     if (step == 0) first = std::abs(loss - want) / want;
     largest = std::max(largest, std::abs(loss - want) / want);
-    if (step >= NumSteps() * 9 / 10) sum += loss, sum_wide += want;
+    if (step >= last_tenth) sum += loss, sum_wide += want;
     if (step < 100) {
       EXPECT_NEAR(loss, want, 1e-3 * want) << step;
     }
@@ -176,7 +177,7 @@ TEST_P(DoubleRuns, StageOneStaysWithItself) {
     }
   }
   std::printf("losses apart by at most %.2g of themselves; mean of the last tenth %.6f and %.6f\n",
-              largest, sum / (NumSteps() / 10), sum_wide / (NumSteps() / 10));
+              largest, sum / (NumSteps() - last_tenth), sum_wide / (NumSteps() - last_tenth));
   EXPECT_LT(first, 1e-5);
   EXPECT_LT(largest, 0.1);
   EXPECT_NEAR(sum, sum_wide, 0.02 * sum_wide);

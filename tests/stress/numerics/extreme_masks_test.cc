@@ -92,6 +92,7 @@ TEST_P(ExtremeMasks, OfOnePixelEach) {
 TEST_P(ExtremeMasks, DuplicatesChangeNothing) {
   const Capture twice = WithMasks([](const View& view) {
     std::vector<BinaryMask> masks;
+    masks.reserve(2 * static_cast<size_t>(view.masks.num_masks));
     for (int k = 0; k < 2 * view.masks.num_masks; ++k) {
       masks.push_back(view.masks.Extract(k % view.masks.num_masks));
     }
