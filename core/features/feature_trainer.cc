@@ -133,6 +133,7 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
                           .gate = gate_.span(),
                           .gate_moment1 = gate_moment1_.span(),
                           .gate_moment2 = gate_moment2_.span()});
+  if (!options_.only_seen_gaussians) backend_.FeatureCatchUp({{}, rates_, step_, State()});
 }
 
 // Beyond the labelled pixels nothing has written gradients yet.

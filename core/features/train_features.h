@@ -66,6 +66,10 @@ struct FeatureOptions {
   // faster. 0: never.
   double min_loss_fall = 0.01;
   double closing_share = 0.5;
+  // A step moves only the Gaussians that its samples see; what the moments of the others would have
+  // done is made up for when they are next seen. False: it moves all of them, for nothing but to
+  // measure what that saves.
+  bool only_seen_gaussians = true;
   uint64_t seed = 1;
 };
 absl::Status Validate(const FeatureOptions& options);

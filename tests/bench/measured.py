@@ -88,6 +88,13 @@ def machine():
     return ", ".join(words)
 
 
+def device_of(flags):
+    """As a server names it: "cuda ..." or "cpu ..."."""
+    words = [word.removeprefix("--device=") for word in flags if word.startswith("--device=")]
+    words += [value for flag, value in zip(flags, flags[1:]) if flag == "--device"]
+    return words[-1] if words else "cpu"
+
+
 def commit():
     """Of the tree that this script stands in, '+' behind it when it has changes; '' outside git."""
     here = os.path.dirname(os.path.abspath(__file__))

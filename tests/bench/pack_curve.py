@@ -50,17 +50,10 @@ def runs_of(name, rows, comments):
     return list(runs.values())
 
 
-def device_of(flags):
-    """As a server names it: "cuda ..." or "cpu ..."."""
-    words = [word.removeprefix("--device=") for word in flags if word.startswith("--device=")]
-    words += [value for flag, value in zip(flags, flags[1:]) if flag == "--device"]
-    return words[-1] if words else "cpu"
-
-
 def measure(arguments, flags):
     record = {"record": "pack_curve.py",
               "dataset": arguments.scene or os.path.splitext(os.path.basename(arguments.pack))[0],
-              "device": device_of(flags), "machine": measured.machine(),
+              "device": measured.device_of(flags), "machine": measured.machine(),
               "commit": measured.commit(), "settings": " ".join(flags), "runs": []}
     os.makedirs(arguments.out, exist_ok=True)
     truth = variants.has_truth(os.path.join(arguments.programs, "pepeseg_segment_bench"),

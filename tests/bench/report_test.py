@@ -56,6 +56,11 @@ class Measured(unittest.TestCase):
         self.assertEqual(measured.spread([2], 2), "2.00")
         self.assertEqual(measured.spread([], 2), "-")
 
+    def test_tells_the_device_of_the_flags(self):
+        self.assertEqual(measured.device_of(["--seeds", "3"]), "cpu")
+        self.assertEqual(measured.device_of(["--device", "cuda"]), "cuda")
+        self.assertEqual(measured.device_of(["--device=cuda"]), "cuda")
+
     def test_exponent_of_a_power_is_its_own(self):
         sizes = [1, 2, 4, 8]
         self.assertAlmostEqual(measured.exponent(sizes, [3 * size**1.5 for size in sizes]), 1.5)
@@ -120,11 +125,6 @@ class PackCurve(unittest.TestCase):
         self.assertEqual(alone["steps"], {"reconstruct": 70})
         self.assertEqual(alone["levels"], {})
 
-    def test_tells_the_device_of_the_flags(self):
-        self.assertEqual(pack_curve.device_of(["--seeds", "3"]), "cpu")
-        self.assertEqual(pack_curve.device_of(["--device", "cuda"]), "cuda")
-        self.assertEqual(pack_curve.device_of(["--device=cuda"]), "cuda")
-
 
 class Scaling(unittest.TestCase):
     def test_fits_all_sizes_and_the_upper_half(self):
@@ -146,18 +146,27 @@ class Variants(unittest.TestCase):
     def test_changes_are_seed_by_seed(self):
         worse = [dict(row, psnr=row["psnr"] - 1, core_seconds=6.0) for row in self.BASE]
         rows = variants.tell("desk", [{"name": "first", "rows": self.BASE},
-                                      {"name": "worse", "rows": worse}])
+                                      {"name": "worse", "rows": worse}], "core_")
         self.assertEqual(rows[0][4], "-")
         self.assertEqual(rows[1][:7], ["desk", "worse", "part", "30.00 (29.00 to 31.00)", "-1.00",
                                        "91.0 (90.0 to 92.0)", "+0.0"])
         self.assertEqual(rows[1][-1], "2.00")
+
+    def test_a_gpu_is_compared_by_its_seconds(self):
+        slower = [dict(row, seconds=3, core_seconds=9.0) for row in self.BASE]
+        told = {"table": "skips", "machine": "one", "commit": "abc", "packs": {
+            "desk": [{"name": "first", "rows": self.BASE}, {"name": "slower", "rows": slower}]}}
+        on_gpu = variants.table(dict(told, flags=["--device", "cuda"]))
+        self.assertIn("| 4.0 (4.0 to 4.0) | 2.00 |", on_gpu[-1])
+        on_cores = variants.table(dict(told, flags=[]))
+        self.assertIn("| 11.0 (11.0 to 11.0) | 2.75 |", on_cores[-1])
 
     def test_a_seed_that_the_first_lacks_has_no_change(self):
         self.assertEqual(variants.differences([dict(self.BASE[0], seed=9)], self.BASE, "psnr"), [])
 
     def test_stage_one_alone_has_no_segments(self):
         rows = [{"seed": 1, "psnr": 30.0, "seconds": 1, "core_seconds": 2.0}]
-        (row,) = variants.tell("fern", [{"name": "first", "rows": rows}])
+        (row,) = variants.tell("fern", [{"name": "first", "rows": rows}], "")
         self.assertEqual(row[2:7], ["-", "30.00", "-", "-", "-"])
 
     def test_leaves_out_flags_with_their_values(self):

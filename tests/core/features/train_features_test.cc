@@ -64,6 +64,25 @@ TEST(TrainFeatures, TheChunkSizeChangesNothing) {
   EXPECT_EQ(a.features, b.features);
 }
 
+// What a Gaussian's moments do in the steps that do not see it is made up for in one go: the same
+// but for rounding.
+TEST(TrainFeatures, MovingAllGaussiansInEachStepChangesNothing) {
+  const Capture capture = CaptureWithGaps();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kShort;
+  ASSERT_OK_AND_ASSIGN(const FeatureField seen,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  options.only_seen_gaussians = false;
+  ASSERT_OK_AND_ASSIGN(const FeatureField all,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  ASSERT_EQ(seen.features.size(), all.features.size());
+  EXPECT_NE(seen.features, all.features);  // it is another way
+  for (size_t i = 0; i < seen.features.size(); ++i) {
+    ASSERT_NEAR(seen.features[i], all.features[i], 2e-3f) << i;
+  }
+}
+
 TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
