@@ -131,7 +131,10 @@ struct Half {
 struct RenderFeaturesArgs {
   DeviceSpan<const float> features;  // [N, 32]
   RenderScratch* scratch = nullptr;
-  DeviceSpan<Half> map;  // [H * W, 32] sum of weight * feature
+  // [H * W, 32] sum of weight * feature; with confidences the weights are shared out by them:
+  // sum(weight) * sum(weight * confidence * feature) / sum(weight * confidence).
+  DeviceSpan<Half> map;
+  DeviceSpan<const float> confidence = {};  // [N] over 0; may be empty
 };
 
 }  // namespace pepeseg

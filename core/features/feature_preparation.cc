@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "core/features/feature_confidence.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
@@ -135,6 +136,9 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
     return absl::FailedPreconditionError(
         "features: no training view has a mask of at least 8 pixels on which something is "
         "rendered");
+  }
+  if (options.sure_views > 0) {
+    prepared.confidence = FeatureConfidence(capture, scene, options.sure_views);
   }
   AddUncovered(capture, scene, options, prepared.views);
   std::vector<std::vector<uint8_t>> edges =

@@ -19,7 +19,8 @@ namespace pepeseg {
 // What stage two knows before its first step.
 struct PreparedFeatures {
   std::vector<DrawableView> views;
-  std::vector<float> scale_quantiles;  // of the field
+  std::vector<float> scale_quantiles;  // of the field, as the next
+  std::vector<float> confidence;       // none where all count alike
   std::vector<int32_t> neighbors;      // of the graph
   std::vector<float> features;         // to begin with
   // Null where the perception loss is left out. The cues look at the other one.

@@ -16,6 +16,15 @@ constexpr int kFeatureStep = 100;  // of Backend::Sequence; stage one has the sm
 // How many steps are queued before the host waits for their losses.
 int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
 
+// What no mask reached has no feature, and stays before what is behind it: that it is in no mask is
+// sure.
+void TrustNoFeature(FeatureField& field) {
+  for (size_t i = 0; i < field.confidence.size(); ++i) {
+    const std::span<const float> feature(&field.features[i * kFeatureSize], kFeatureSize);
+    if (std::ranges::all_of(feature, [](float f) { return f == 0; })) field.confidence[i] = 1;
+  }
+}
+
 }  // namespace
 
 FeatureStage::FeatureStage(Backend& backend, const Capture& capture, const Gaussians& gaussians,
@@ -63,6 +72,7 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
 absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpoint* checkpoint) {
   skipped_ = std::move(prepared.skipped);
   field_.scale_quantiles = std::move(prepared.scale_quantiles);
+  field_.confidence = std::move(prepared.confidence);
   cross_view_ = std::move(prepared.cross_view);
   cues_ = std::move(prepared.cues);
   neighbors_ = Buffer<int32_t>(backend_, std::span<const int32_t>(prepared.neighbors));
@@ -171,6 +181,7 @@ absl::StatusOr<FeatureCheckpoint> FeatureStage::Save() {
 FeatureField FeatureStage::Export() {
   FeatureField field = field_;
   trainer_->Export(field);
+  TrustNoFeature(field);
   return field;
 }
 

@@ -1,9 +1,10 @@
 #include "core/features/mask_coverage.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <span>
+
+#include "core/features/host_rows.h"
 
 namespace pepeseg {
 namespace {
@@ -14,37 +15,6 @@ constexpr double kMinAlpha = 0.5;           // where less is blended nothing is 
 
 bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
 bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[pixel] != 0; }
-
-// A regular grid without ignored pixels.
-std::vector<int32_t> GridPixels(const View& view) {
-  const int width = view.camera.width, height = view.camera.height;
-  const int stride = std::max(
-      1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / kMaxCellsOfView))));
-  std::vector<int32_t> pixels;
-  for (int y = stride / 2; y < height; y += stride) {
-    for (int x = stride / 2; x < width; x += stride) {
-      const int32_t pixel = y * width + x;
-      if (view.ignore.empty() || view.ignore[pixel] == 0) pixels.push_back(pixel);
-    }
-  }
-  return pixels;
-}
-
-// Rows on the host.
-struct HostRows {
-  explicit HostRows(const CapturedRows& rows)
-      : first(static_cast<size_t>(rows.first.size())),
-        gaussian(static_cast<size_t>(rows.gaussian.size())),
-        weight(static_cast<size_t>(rows.weight.size())) {
-    rows.first.Download(std::span<int32_t>(first));
-    rows.gaussian.Download(std::span<int32_t>(gaussian));
-    rows.weight.Download(std::span<float>(weight));
-  }
-  size_t num_rows() const { return first.empty() ? 0 : first.size() - 1; }
-
-  std::vector<int32_t> first, gaussian;
-  std::vector<float> weight;
-};
 
 // How much of what was seen of a Gaussian lay under a mask.
 class Coverage {
@@ -88,7 +58,7 @@ std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& 
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
-    const std::vector<int32_t> pixels = GridPixels(view);
+    const std::vector<int32_t> pixels = GridPixels(view, kMaxCellsOfView);
     coverage.Add(view, pixels, HostRows(scene.Capture(view, pixels)));
     std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
                  [&](int32_t pixel) { return !IsCovered(view, pixel); });

@@ -40,6 +40,7 @@ absl::Status Validate(const FeatureOptions& options) {
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));
   RETURN_IF_ERROR(CheckRange("learning_rate", options.learning_rate, 1e-8f, 1.0f));
   RETURN_IF_ERROR(CheckRange("min_loss_fall", options.min_loss_fall, 0.0, 1.0));
+  RETURN_IF_ERROR(CheckRange("sure_views", options.sure_views, 0, 64));
   RETURN_IF_ERROR(CheckRange("closing_share", options.closing_share, 0.0, 1.0));
   return CheckRange("steps_per_chunk", options.steps_per_chunk, 1, 100'000);
 }

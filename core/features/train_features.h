@@ -66,6 +66,9 @@ struct FeatureOptions {
   // faster. 0: never.
   double min_loss_fall = 0.01;
   double closing_share = 0.5;
+  // In so many training views, and a sixth of them, a Gaussian must show for its feature to count
+  // in full where features are blended, see FeatureConfidence. 0: all count alike.
+  int sure_views = 8;
   // A step moves only the Gaussians that its samples see; what the moments of the others would have
   // done is made up for when they are next seen. False: it moves all of them, for nothing but to
   // measure what that saves.

@@ -31,8 +31,22 @@ bool AllFinite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
+absl::Status CheckConfidence(const FeatureField& field, absl::string_view name) {
+  const size_t count = field.features.size() / kFeatureDim;
+  if (field.confidence.size() != count && !field.confidence.empty()) {
+    return Refused(name,
+                   absl::StrCat(field.confidence.size(), " confidences of ", count, " Gaussians"));
+  }
+  const auto bad = std::find_if(field.confidence.begin(), field.confidence.end(),
+                                [](float c) { return !(c > 0 && c <= 1); });
+  if (bad == field.confidence.end()) return absl::OkStatus();
+  return Refused(name, absl::StrCat("the confidence of Gaussian ", bad - field.confidence.begin(),
+                                    " is ", *bad, ", must be in (0, 1]"));
+}
+
 absl::Status CheckField(const FeatureField& field, absl::string_view name) {
   if (field.features.size() % kFeatureDim != 0) return Refused(name, "features are not whole rows");
+  RETURN_IF_ERROR(CheckConfidence(field, name));
   if (!AllFinite(field.gate)) return Refused(name, "the gate is not finite");
   if (!AllFinite(field.scale_quantiles)) return Refused(name, "a scale quantile is not finite");
   if (!std::is_sorted(field.scale_quantiles.begin(), field.scale_quantiles.end())) {
@@ -52,10 +66,12 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
   RETURN_IF_ERROR(CheckField(field, path.string()));
   const std::vector<uint32_t> head = {kVersion, kFeatureDim};
   const std::vector<uint64_t> count = {field.features.size() / kFeatureDim};
-  const std::vector<uint32_t> tail = {static_cast<uint32_t>(field.scale_quantiles.size()), 0};
+  const std::vector<uint32_t> tail = {static_cast<uint32_t>(field.scale_quantiles.size()),
+                                      field.confidence.empty() ? 0u : 1u};
   std::vector<uint16_t> halves;
-  halves.reserve(field.features.size());
+  halves.reserve(field.features.size() + field.confidence.size());
   for (const float value : field.features) halves.push_back(HalfFromFloat(value));
+  for (const float value : field.confidence) halves.push_back(HalfFromFloat(value));
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
   RETURN_IF_ERROR(file.Append(std::string_view(kMagic.data(), kMagic.size())));
   for (const std::string_view part :
@@ -78,7 +94,7 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
   const auto dim = reader.Take<uint32_t>();
   const auto count = reader.Take<uint64_t>();
   const auto num_quantiles = reader.Take<uint32_t>();
-  reader.Take<uint32_t>();
+  const auto with_confidence = reader.Take<uint32_t>();
   if (!reader.ok()) return Refused(name, "is cut short");
   if (version != kVersion || dim != kFeatureDim) {
     return Refused(
@@ -86,9 +102,13 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
                            " and ", kFeatureDim, " are read"));
   }
   FeatureField field;
+  if (with_confidence > 1) {
+    return Refused(name, absl::StrCat("has ", with_confidence,
+                                      " where 1 stands for confidences and 0 for none"));
+  }
   if (count > kMaxGaussians || num_quantiles > kMaxQuantiles ||
       reader.remaining() != sizeof(field.gate) + num_quantiles * sizeof(float) +
-                                count * kFeatureDim * sizeof(uint16_t)) {
+                                count * (kFeatureDim + with_confidence) * sizeof(uint16_t)) {
     return Refused(name,
                    absl::StrCat("declares ", count, " Gaussians and ", num_quantiles,
                                 " quantiles, which ", reader.remaining(), " bytes do not hold"));
@@ -98,6 +118,8 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
   reader.TakeAll(std::span<float>(field.scale_quantiles));
   field.features.resize(count * kFeatureDim);
   for (float& value : field.features) value = FloatFromHalf(reader.Take<uint16_t>());
+  field.confidence.resize(count * with_confidence);
+  for (float& value : field.confidence) value = FloatFromHalf(reader.Take<uint16_t>());
   RETURN_IF_ERROR(CheckField(field, name));
   return field;
 }

@@ -29,6 +29,7 @@ ModelRenderer::ModelRenderer(Backend& backend, const Model& model)
       model_(model),
       planes_(backend, std::span<const float>(model.gaussians.planes)),
       features_(backend, std::span<const float>(model.field.features)),
+      confidence_(backend, std::span<const float>(model.field.confidence)),
       most_pixels_(MostPixels(LargestView(model.views))) {}
 
 void ModelRenderer::ReleaseOversized() {
@@ -93,7 +94,7 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
 absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map,
                                      const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not looked at
-  backend_.RenderFeatures({features_.span(), &scratch_, map});
+  backend_.RenderFeatures({features_.span(), &scratch_, map, confidence_.span()});
   return TakeStatus(backend_);
 }
 

@@ -41,7 +41,7 @@ class ModelRenderer {
   // over a half.
   absl::StatusOr<std::vector<float>> Depth(const ModelView& view,
                                            const GaussianSet* subset = nullptr);
-  // sum of weight * feature of each pixel: [height * width, 32].
+  // What is blended of the features into each pixel, [height * width, 32]: see RenderFeaturesArgs.
   absl::Status Features(const ModelView& view, DeviceSpan<Half> map,
                         const GaussianSet* subset = nullptr);
   // pixels: y * width + x.
@@ -64,7 +64,7 @@ class ModelRenderer {
 
   Backend& backend_;
   const Model& model_;
-  Buffer<float> planes_, features_, color_, alpha_, depth_;
+  Buffer<float> planes_, features_, confidence_, color_, alpha_, depth_;
   RenderScratch scratch_;
   const int64_t most_pixels_;
   bool some_hidden_ = false;  // of the opacities on the backend

@@ -17,6 +17,12 @@ constexpr double kMinClickedNorm = 0.05;
 absl::Status CheckModel(const Model& model) {
   const size_t num_features = static_cast<size_t>(model.gaussians.count) * kFeatureSize;
   if (model.gaussians.count == 0) return absl::InvalidArgumentError("the model has no Gaussian");
+  const size_t num_confidences = model.field.confidence.size();
+  if (num_confidences != 0 && num_confidences * kFeatureSize != num_features) {
+    return absl::InvalidArgumentError(absl::StrCat("the model has ", num_confidences,
+                                                   " confidences for its ", model.gaussians.count,
+                                                   " Gaussians"));
+  }
   if (model.field.features.size() == num_features) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("the model has ", model.field.features.size(),
                                                  " feature values, must be ", num_features,

@@ -16,6 +16,7 @@ namespace pepeseg {
 // The result of stage two: a feature per Gaussian, the scale gate and the scales' distribution.
 struct FeatureField {
   std::vector<float> features;         // [num_gaussians, 32], normalised
+  std::vector<float> confidence;       // [num_gaussians] (0, 1], see FeatureConfidence; none: all 1
   std::array<float, 64> gate{};        // W[32], b[32]: psi(s) = sigmoid(W s + b)
   std::vector<float> scale_quantiles;  // [1000] ascending, scene units: quantile k / 999
 

@@ -15,7 +15,8 @@ void CpuBackend::RenderFeatures(const RenderFeaturesArgs& args) {
   pool_.ParallelFor(NumTilesOf(scratch), [&](int64_t i, int thread) {
     const TileSplats tile = TileAt(scratch, i);
     float* tile_sums = sums.data() + thread * kTileValues;
-    simd_.blend_features(tile, args.features.data, scratch.visible_gaussian.span().data, tile_sums);
+    simd_.blend_features(tile, args.features.data, args.confidence.data,
+                         scratch.visible_gaussian.span().data, tile_sums);
     ForEachTilePixel(tile, scratch.width, [&](int64_t out, int in) {
       const float* from = tile_sums + in * kFeatureSize;
       std::transform(from, from + kFeatureSize, args.map.data + out * kFeatureSize, HalfFromFloat);

@@ -76,8 +76,9 @@ struct SimdKernels {
   // weights [pixels, tile.count] of the entries at some pixels, each once, given as y * kTileSize +
   // x within the tile; 0 where an entry is skipped. All of them in rows 2 n and 2 n + 1.
   void (*pixel_weights)(const TileSplats& tile, std::span<const int32_t> pixels, float* weights);
-  // features [visible, kFeatureSize] -> sums [kTilePixels, kFeatureSize]
-  void (*blend_features)(const TileSplats& tile, const float* features,
+  // features [N, kFeatureSize], confidence [N] or null -> sums [kTilePixels, kFeatureSize]; see
+  // RenderFeaturesArgs.
+  void (*blend_features)(const TileSplats& tile, const float* features, const float* confidence,
                          const int32_t* visible_gaussian, float* sums);
   void (*project)(ProjectJob& job);
   void (*update)(ParameterJob& job);

@@ -12,12 +12,14 @@ struct FeatureParams {
   const int32_t* entry_visible;
   const int32_t* visible_gaussian;
   const int32_t* pixel_last_entry;
-  const float* features;  // [N, 32]
-  __half* map;            // [H * W, 32]
+  const float* features;    // [N, 32]
+  const float* confidence;  // [N] or null
+  __half* map;              // [H * W, 32]
 };
 
 struct FeatureBatch {
   float4 a[32], b[32], c[32];
+  float confidence[32];
   float4 feature[32][kFeatureSize / 4];
 };
 
@@ -36,7 +38,7 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
   const int32_t first = p.tiles.tile_first_entry[tile];
   const int32_t end = first + (inside ? p.pixel_last_entry[pixel] : 0);
   const int32_t last_end = __reduce_max_sync(kAllLanes, end);
-  float transmittance = 1, sum[kFeatureSize] = {};
+  float transmittance = 1, weights = 0, confident = 0, sum[kFeatureSize] = {};
   for (int32_t base = first; base < last_end; base += 32) {
     bool reached = false;
     int32_t gaussian = 0;
@@ -48,6 +50,7 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
       batch.b[lane] = s.b;
       batch.c[lane] = s.c;
       gaussian = p.visible_gaussian[visible];
+      batch.confidence[lane] = p.confidence == nullptr ? 1.0f : p.confidence[gaussian];
       reached =
           ReachesCell(MakeSplatExtent(ToSplat(s)), cell_x + 0.5f - s.a.x, cell_y + 0.5f - s.a.y);
     }
@@ -63,23 +66,26 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
       const SplatWords s = {batch.a[k], batch.b[k], batch.c[k]};
       const float alpha = base + k < end ? SplatAlpha(s, x + 0.5f, y + 0.5f) : 0.0f;
       if (alpha == 0) continue;
-      const float weight = alpha * transmittance;
+      const float weight = alpha * transmittance, share = weight * batch.confidence[k];
       transmittance *= 1 - alpha;
+      weights += weight;
+      confident += share;
 #pragma unroll
       for (int i = 0; i < kFeatureSize / 4; ++i) {
         const float4 f = batch.feature[k][i];
-        sum[4 * i] += weight * f.x;
-        sum[4 * i + 1] += weight * f.y;
-        sum[4 * i + 2] += weight * f.z;
-        sum[4 * i + 3] += weight * f.w;
+        sum[4 * i] += share * f.x;
+        sum[4 * i + 1] += share * f.y;
+        sum[4 * i + 2] += share * f.z;
+        sum[4 * i + 3] += share * f.w;
       }
     }
   }
   if (!inside) return;
+  const float factor = p.confidence == nullptr || confident == 0 ? 1.0f : weights / confident;
   __half2* out = reinterpret_cast<__half2*>(p.map + pixel * kFeatureSize);
 #pragma unroll
   for (int i = 0; i < kFeatureSize / 2; ++i) {
-    out[i] = __floats2half2_rn(sum[2 * i], sum[2 * i + 1]);
+    out[i] = __floats2half2_rn(factor * sum[2 * i], factor * sum[2 * i + 1]);
   }
 }
 
@@ -93,7 +99,7 @@ void CudaBackend::RenderFeatures(const RenderFeaturesArgs& args) {
   if (num_tiles == 0) return;
   FeatureKernel<<<num_tiles * kNumCells / 2, 64, 0, stream_>>>(
       {TilesOf(scratch), scratch.entry_visible.span().data, scratch.visible_gaussian.span().data,
-       scratch.pixel_last_entry.span().data, args.features.data,
+       scratch.pixel_last_entry.span().data, args.features.data, args.confidence.data,
        reinterpret_cast<__half*>(args.map.data)});
   Launched("render features");
 }

@@ -21,7 +21,7 @@ constexpr int64_t kFixedHostBytes = 1 << 20;  // views, facts, scale quantiles
 }  // namespace
 
 MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape) {
-  const int64_t parameters = (NumPlanes(shape.sh_degree) + kFeatureSize) * kFloat;
+  const int64_t parameters = (NumPlanes(shape.sh_degree) + kFeatureSize + 1) * kFloat;
   constexpr int64_t kDecomposed =
       Decompositions::kMostKept * int64_t{kDefaultDecompositionScales.size()} * kFloat;
   // While it is read, the features also as they stand in the file; it is not taken apart before.

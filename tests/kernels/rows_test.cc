@@ -123,6 +123,56 @@ TEST_P(RowsTest, GiveTheRenderedFeatures) {
   }
 }
 
+TEST_P(RowsTest, ShareTheWeightsOutByConfidence) {
+  Rendered scene = Render();
+  const std::vector<int32_t> pixels = EveryPixelBackwards();
+  Rows rows;
+  Capture(scene, pixels, rows);
+  const std::vector<float> features = RandomValues(400 * kFeatureSize, 3);
+  std::vector<float> confidence(400);
+  for (size_t i = 0; i < confidence.size(); ++i)
+    confidence[i] = 1.0f / static_cast<float>(1 + i % 9);
+  const Buffer<float> features_in = Upload(*backend_, features);
+  const Buffer<float> confidence_in = Upload(*backend_, confidence);
+  Buffer<Half> map(*backend_, kNumPixels * kFeatureSize);
+  backend_->RenderFeatures({features_in.span(), &scene.scratch, map.span(), confidence_in.span()});
+  const auto first = Download(rows.first), gaussian = Download(rows.gaussian);
+  const auto weight = Download(rows.weight);
+  const std::vector<Half> got = Download(map);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    double sum = 0, confident = 0;
+    std::vector<double> want(kFeatureSize);
+    for (int32_t k = first[i]; k < first[i + 1]; ++k) {
+      const double share = double{weight[k]} * double{confidence[gaussian[k]]};
+      sum += double{weight[k]};
+      confident += share;
+      for (int c = 0; c < kFeatureSize; ++c) {
+        want[c] += share * double{features[gaussian[k] * kFeatureSize + c]};
+      }
+    }
+    for (int c = 0; c < kFeatureSize; ++c) {
+      const double value = confident > 0 ? want[c] * sum / confident : 0;
+      ASSERT_NEAR(double{FloatFromHalf(got[pixels[i] * kFeatureSize + c])}, value,
+                  2e-5 + std::abs(value) / 1024)
+          << i;
+    }
+  }
+}
+
+TEST_P(RowsTest, OneConfidenceOfAllChangesNothing) {
+  Rendered scene = Render();
+  const Buffer<float> features = Upload(*backend_, RandomValues(400 * kFeatureSize, 3));
+  const Buffer<float> confidence = Upload(*backend_, std::vector<float>(400, 0.25f));
+  Buffer<Half> without(*backend_, kNumPixels * kFeatureSize), with(*backend_, without.size());
+  backend_->RenderFeatures({features.span(), &scene.scratch, without.span()});
+  backend_->RenderFeatures({features.span(), &scene.scratch, with.span(), confidence.span()});
+  const std::vector<Half> want = Download(without), got = Download(with);
+  for (size_t i = 0; i < want.size(); ++i) {
+    ASSERT_NEAR(FloatFromHalf(got[i]), FloatFromHalf(want[i]),
+                1e-6f + std::abs(FloatFromHalf(want[i])) / 1024);
+  }
+}
+
 // [H * W, 32] in double, three channels at a time as the colours of the reference renderer, black
 // behind. close_call: see ReferenceImage.
 std::vector<double> DenseFeatures(const Rendered& scene, const std::vector<float>& features,

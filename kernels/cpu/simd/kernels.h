@@ -13,8 +13,8 @@ const SimdKernels& GetSimdKernels();
 void BlendTile(const TileSplats& tile, const ImageColors& image);
 void BlendTileBackward(const TileSplats& tile, const ImageGrads& image, SplatGrad* slot_grad);
 void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float* weights);
-void BlendFeatures(const TileSplats& tile, const float* features, const int32_t* visible_gaussian,
-                   float* sums);
+void BlendFeatures(const TileSplats& tile, const float* features, const float* confidence,
+                   const int32_t* visible_gaussian, float* sums);
 void ProjectGaussians(ProjectJob& job);
 void UpdateParameters(ParameterJob& job);
 void ImageLossBand(LossBand& band);

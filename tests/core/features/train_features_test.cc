@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/features/feature_stage.h"
@@ -81,6 +82,33 @@ TEST(TrainFeatures, MovingAllGaussiansInEachStepChangesNothing) {
   for (size_t i = 0; i < seen.features.size(); ++i) {
     ASSERT_NEAR(seen.features[i], all.features[i], 2e-3f) << i;
   }
+}
+
+TEST(TrainFeatures, TellsHowFarEachFeatureIsToBeBelieved) {
+  Capture capture = SmallCapture();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kShort;
+  ASSERT_OK_AND_ASSIGN(const FeatureField field,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  ASSERT_EQ(static_cast<int64_t>(field.confidence.size()), gaussians.count);
+  int64_t num_sure = 0, num_unsure = 0;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    const float* feature = &field.features[i * 32];
+    if (std::all_of(feature, feature + 32, [](float f) { return f == 0; })) {
+      EXPECT_EQ(field.confidence[i], 1) << "of no feature, " << i;
+      continue;
+    }
+    EXPECT_GT(field.confidence[i], 0);
+    (field.confidence[i] == 1 ? num_sure : num_unsure) += 1;
+  }
+  EXPECT_GT(num_sure, 100);
+  EXPECT_GT(num_unsure, 100);
+  options.sure_views = 0;
+  ASSERT_OK_AND_ASSIGN(const FeatureField alike,
+                       TrainFeatures(*backend, capture, gaussians, options, Go));
+  EXPECT_TRUE(alike.confidence.empty());
+  EXPECT_EQ(alike.features, field.features);
 }
 
 TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {

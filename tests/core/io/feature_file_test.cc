@@ -39,6 +39,19 @@ TEST(FeatureFile, ComesBackInHalfPrecision) {
   }
 }
 
+TEST(FeatureFile, ConfidencesComeBackWhereThereAreAny) {
+  const testing::TempFolder folder;
+  FeatureField field = MakeField(3);
+  ASSERT_OK(WriteFeatureFile(folder / "f", field));
+  ASSERT_OK_AND_ASSIGN(const FeatureField without, ReadFeatureFile(folder / "f", "f"));
+  EXPECT_TRUE(without.confidence.empty());
+  field.confidence = {1, 0.375f, 0.0200042725f};  // of half precision
+  ASSERT_OK(WriteFeatureFile(folder / "f", field));
+  ASSERT_OK_AND_ASSIGN(const FeatureField with, ReadFeatureFile(folder / "f", "f"));
+  EXPECT_EQ(with.confidence, field.confidence);
+  EXPECT_EQ(with.features, without.features);
+}
+
 TEST(FeatureFile, RefusesFieldsThatAreNone) {
   const testing::TempFolder folder;
   FeatureField field = MakeField(3);
@@ -50,6 +63,15 @@ TEST(FeatureFile, RefusesFieldsThatAreNone) {
   field = MakeField(3);
   std::swap(field.scale_quantiles[4], field.scale_quantiles[5]);
   EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument, "descend");
+  field = MakeField(3);
+  field.confidence = {1, 1};
+  EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument,
+                "2 confidences of 3 Gaussians");
+  for (const float bad : {0.0f, -1.0f, 1.5f, std::numeric_limits<float>::quiet_NaN()}) {
+    field.confidence = {1, bad, 1};
+    EXPECT_STATUS(WriteFeatureFile(folder / "f", field), kInvalidArgument,
+                  "the confidence of Gaussian 1 is");
+  }
   EXPECT_FALSE(std::filesystem::exists(folder / "f"));
 }
 
@@ -68,6 +90,8 @@ TEST(FeatureFile, RefusesCountsThatItsBytesDoNotHold) {
   expect_refused(12, 16, "16 dimensions");
   expect_refused(16, 4, "declares 4 Gaussians");
   expect_refused(23, 127, "declares");
+  expect_refused(28, 1, "declares");  // confidences that are not there
+  expect_refused(28, 2, "has 2 where 1 stands for confidences");
   expect_refused(27, 127, "quantiles");
 }
 

@@ -8,6 +8,7 @@
 #include "core/query/resolve_prompt.h"
 #include "core/status_macros.h"
 #include "tests/core/query/front_blobs.h"
+#include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -64,6 +65,32 @@ TEST_F(SegmenterTest, AClickFindsItsBlobAndNotTheOther) {
   ASSERT_EQ(result.similarity.size(), size_t{kSize} * kSize);
   EXPECT_NEAR(result.similarity[24 * kSize + 17], 1, 1e-3);
   EXPECT_LT(result.similarity[24 * kSize + 30], 0.5);
+}
+
+// A veil before both blobs, of neither's feature: what is clicked on through it is the blob.
+TEST_F(SegmenterTest, AClickGoesThroughWhatHardlyAnyViewShows) {
+  const auto click = [&](std::vector<float> confidence) -> absl::StatusOr<std::vector<float>> {
+    Capture capture;
+    capture.points.push_back({Eigen::Vector3f(-0.5f, 0, 3), {255, 0, 0}});
+    capture.points.push_back({Eigen::Vector3f(0.5f, 0, 3), {0, 0, 255}});
+    capture.points.push_back({Eigen::Vector3f(0, 0, 1), {255, 255, 255}});
+    Model model = TwoBlobs();
+    model.gaussians = testing::PointGaussians(capture, 0.12f);
+    for (int k = 0; k < 3; ++k) model.gaussians.Plane(kLogScalePlane + k)[2] = std::log(0.5f);
+    model.gaussians.Plane(kOpacityPlane)[2] = 1;  // over 0.7
+    model.field.features.resize(3 * 32, 0.0f);
+    model.field.features[2 * 32 + 2] = 1;
+    model.field.confidence = std::move(confidence);
+    ASSIGN_OR_RETURN(const auto segmenter, Segmenter::Create(*backend_, std::move(model)));
+    return segmenter->PointFeatures(view_, points_);
+  };
+  ASSERT_OK_AND_ASSIGN(const auto veiled, click({}));
+  EXPECT_LT(veiled[0], veiled[2]);
+  ASSERT_OK_AND_ASSIGN(const auto through, click({1, 1, 0.02f}));
+  EXPECT_GT(through[0], 0.9f);
+  EXPECT_LT(through[2], 0.1f);
+  EXPECT_STATUS(click({1, 1}), absl::StatusCode::kInvalidArgument,
+                "2 confidences for its 3 Gaussians");
 }
 
 TEST_F(SegmenterTest, TheBoxHoldsTheMask) {

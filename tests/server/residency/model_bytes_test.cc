@@ -29,6 +29,7 @@ Model CloudBeforeAView(int width, int height) {
     model.gaussians.Plane(kOpacityPlane)[i] = 1;
   }
   model.field.features.assign(kCount * kFeatureSize, 0.176f);
+  model.field.confidence.assign(kCount, 1);
   ModelView view;
   view.camera = {width, height, 1.2 * width, 1.2 * width, 0.5 * width, 0.5 * height};
   model.views = {view};
@@ -40,7 +41,7 @@ TEST(BytesOfModel, HoldTheModelAndAllThatQuestionsLeave) {
   const Model model = CloudBeforeAView(320, 240);
   const MemoryBytes bytes = BytesOfModel(*backend, {kCount, kDegree, int64_t{320} * 240});
   ASSERT_OK_AND_ASSIGN(const auto segmenter, Segmenter::Create(*backend, model));
-  const int64_t parameters = kCount * (NumPlanes(kDegree) + kFeatureSize) * 4;
+  const int64_t parameters = kCount * (NumPlanes(kDegree) + kFeatureSize + 1) * 4;
   EXPECT_NEAR(static_cast<double>(backend->bytes_in_use()), static_cast<double>(parameters), 1024);
   EXPECT_GT(bytes.host, parameters);
   Query query;

@@ -1,0 +1,81 @@
+#include "core/features/feature_confidence.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "tests/core/query/point_gaussians.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::FloatEq;
+
+constexpr int kSize = 40;
+constexpr float kUnseen = 0.005f;
+
+// From the origin along z, turned about y.
+View Looking(double angle) {
+  View view;
+  view.camera = {kSize, kSize, 40, 40, kSize / 2.0, kSize / 2.0};
+  view.cam_from_world.rotation = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY());
+  view.masks = BuildMaskSet(kSize, kSize, {{BinaryMask{std::vector<uint8_t>(kSize * kSize, 1)}}});
+  return view;
+}
+
+// Ten views ahead and two back, and a Gaussian ahead, one behind and one above, which none shows.
+struct Scene {
+  Scene() {
+    for (int i = 0; i < 10; ++i) capture.views.push_back(Looking(0.01 * i));
+    for (int i = 0; i < 2; ++i) capture.views.push_back(Looking(std::numbers::pi + 0.01 * i));
+    for (const Eigen::Vector3f& position :
+         {Eigen::Vector3f(0, 0, 5), Eigen::Vector3f(0, 0, -5), Eigen::Vector3f(0, 50, 0)}) {
+      capture.points.push_back({position, {255, 255, 255}});
+    }
+  }
+  std::vector<float> Confidence(int sure_views) {
+    const Gaussians gaussians = testing::PointGaussians(capture, 0.2f);
+    FrozenScene frozen(*backend, gaussians, 1);
+    return FeatureConfidence(capture, frozen, sure_views);
+  }
+
+  std::unique_ptr<Backend> backend = MakeCpuBackend(2);
+  Capture capture;
+};
+
+TEST(FeatureConfidence, GrowsWithTheViewsThatShowAGaussian) {
+  Scene scene;
+  EXPECT_THAT(scene.Confidence(8), ElementsAre(1, FloatEq(0.0625f), kUnseen));
+  EXPECT_THAT(scene.Confidence(2), ElementsAre(1, 1, kUnseen));
+}
+
+TEST(FeatureConfidence, OfFewViewsIsAShareOfThem) {
+  Scene scene;
+  EXPECT_THAT(scene.Confidence(64),
+              ElementsAre(FloatEq(100.0f / 144), FloatEq(4.0f / 144), kUnseen));
+}
+
+TEST(FeatureConfidence, CountsNoViewThatTeachesNothing) {
+  Scene scene;
+  scene.capture.views[10].held_out = true;
+  scene.capture.views[0].masks = {};
+  EXPECT_THAT(scene.Confidence(64), ElementsAre(FloatEq(0.81f), FloatEq(0.01f), kUnseen));
+}
+
+TEST(FeatureConfidence, OfManyViewsIsAShareOfASixth) {
+  Scene scene;
+  for (int i = 0; i < 36; ++i) scene.capture.views.push_back(Looking(0));
+  EXPECT_THAT(scene.Confidence(1), ElementsAre(1, FloatEq(4.0f / 64), kUnseen));
+}
+
+TEST(FeatureConfidence, LooksAtNoMoreThanSixtyFourViews) {
+  Scene scene;
+  for (int i = 0; i < 244; ++i) scene.capture.views.insert(scene.capture.views.begin(), Looking(0));
+  // Every fourth of the 256: neither of the last two, which look back.
+  EXPECT_THAT(scene.Confidence(64), ElementsAre(1, kUnseen, kUnseen));
+}
+
+}  // namespace
+}  // namespace pepeseg
