@@ -53,6 +53,7 @@
   FIELD(num_steps) \
   FIELD(num_pixels) \
   FIELD(mask_share) \
+  FIELD(sure_views) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(scale_mapping) \

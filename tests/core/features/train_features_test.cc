@@ -47,6 +47,7 @@ TEST(TrainFeatures, SameBytesForAnyNumberOfThreads) {
     ASSERT_OK_AND_ASSIGN(const FeatureField other,
                          TrainFeatures(*MakeCpuBackend(threads), capture, gaussians, kShort, Go));
     EXPECT_EQ(one.features, other.features);
+    EXPECT_EQ(one.confidence, other.confidence);
     EXPECT_EQ(one.gate, other.gate);
     EXPECT_EQ(one.scale_quantiles, other.scale_quantiles);
   }
@@ -214,6 +215,8 @@ TEST(Validate, FeatureOptionsNameTheField) {
   EXPECT_OK(Validate(FeatureOptions()));
   EXPECT_STATUS(Validate(FeatureOptions{.num_steps = 0}), absl::StatusCode::kInvalidArgument,
                 "num_steps is 0");
+  EXPECT_STATUS(Validate(FeatureOptions{.sure_views = -1}), absl::StatusCode::kInvalidArgument,
+                "sure_views is -1, must be in [0, 64]");
   EXPECT_STATUS(Validate(FeatureOptions{.mask_share = 1.5}), absl::StatusCode::kInvalidArgument,
                 "mask_share");
   EXPECT_STATUS(Validate(FeatureOptions{.num_pixels = 1}), absl::StatusCode::kInvalidArgument,
