@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
 #include "core/features/masks_of_patch.h"
 #include "core/features/random_draws.h"
@@ -48,7 +49,7 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
   std::vector<DrawableView> views;
   for (size_t i = 0; i < capture.views.size(); ++i) {
     const View& view = capture.views[i];
-    if (view.held_out || view.masks.empty()) continue;
+    if (!IsTrained(view)) continue;
     DrawableView drawable = {
         static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "core/features/host_rows.h"
+#include "core/features/is_trained.h"
 
 namespace pepeseg {
 namespace {
@@ -18,7 +19,7 @@ constexpr float kOfUnseen = 0.005f;     // confidence
 std::vector<const View*> SomeTrained(const Capture& capture) {
   std::vector<const View*> all;
   for (const View& view : capture.views) {
-    if (!view.held_out && !view.masks.empty()) all.push_back(&view);
+    if (IsTrained(view)) all.push_back(&view);
   }
   const size_t num = std::min(kMaxViews, all.size());
   std::vector<const View*> some;
@@ -38,7 +39,7 @@ std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
   std::vector<float> weight(count);
   for (const View* view : views) {
     std::ranges::fill(weight, 0.0f);
-    const HostRows rows(scene.Capture(*view, GridPixels(*view, kMaxCells)));
+    const HostRows rows(scene.Capture(*view, KnownGridPixels(*view, kMaxCells)));
     for (size_t e = 0; e < rows.gaussian.size(); ++e) weight[rows.gaussian[e]] += rows.weight[e];
     for (size_t i = 0; i < count; ++i) num_views[i] += weight[i] > kMinWeight ? 1 : 0;
   }

@@ -8,6 +8,7 @@
 
 #include "core/features/feature_confidence.h"
 #include "core/features/feature_trainer.h"
+#include "core/features/is_trained.h"
 #include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
 #include "core/features/neighbor_graph.h"
@@ -48,7 +49,7 @@ MeasuredViews MeasureViews(const Capture& capture, FrozenScene& scene, bool keep
                             std::vector<std::vector<float>>(capture.views.size())};
   std::vector<size_t> trained;
   for (size_t i = 0; i < capture.views.size(); ++i) {
-    if (!capture.views[i].held_out && !capture.views[i].masks.empty()) trained.push_back(i);
+    if (IsTrained(capture.views[i])) trained.push_back(i);
   }
   ThreadPool pool(0);
   for (size_t first = 0; first < trained.size(); first += kBlock) {

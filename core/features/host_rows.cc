@@ -1,8 +1,8 @@
 #include "core/features/host_rows.h"
 
-#include <algorithm>
-#include <cmath>
 #include <span>
+
+#include "core/scene/pixel_grid.h"
 
 namespace pepeseg {
 
@@ -15,17 +15,9 @@ HostRows::HostRows(const CapturedRows& rows)
   rows.weight.Download(std::span<float>(weight));
 }
 
-std::vector<int32_t> GridPixels(const View& view, double max_cells) {
-  const int width = view.camera.width, height = view.camera.height;
-  const int stride =
-      std::max(1, static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / max_cells))));
-  std::vector<int32_t> pixels;
-  for (int y = stride / 2; y < height; y += stride) {
-    for (int x = stride / 2; x < width; x += stride) {
-      const int32_t pixel = y * width + x;
-      if (view.ignore.empty() || view.ignore[pixel] == 0) pixels.push_back(pixel);
-    }
-  }
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells) {
+  std::vector<int32_t> pixels = GridPixels(view.camera, max_cells);
+  if (!view.ignore.empty()) std::erase_if(pixels, [&](int32_t p) { return view.ignore[p] != 0; });
   return pixels;
 }
 

@@ -17,8 +17,7 @@ struct HostRows {
   std::vector<float> weight;
 };
 
-// Pixels of a view, y * width + x, on a regular grid of at most so many cells, without ignored
-// ones.
-std::vector<int32_t> GridPixels(const View& view, double max_cells);
+// See GridPixels; without ignored ones.
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells);
 
 }  // namespace pepeseg

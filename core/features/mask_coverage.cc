@@ -5,6 +5,7 @@
 #include <span>
 
 #include "core/features/host_rows.h"
+#include "core/features/is_trained.h"
 
 namespace pepeseg {
 namespace {
@@ -13,7 +14,6 @@ constexpr double kMaxCellsOfView = 16'384;  // of a view
 constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
 constexpr double kMinAlpha = 0.5;           // where less is blended nothing is known
 
-bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
 bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[pixel] != 0; }
 
 // How much of what was seen of a Gaussian lay under a mask.
@@ -58,7 +58,7 @@ std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& 
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
-    const std::vector<int32_t> pixels = GridPixels(view, kMaxCellsOfView);
+    const std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
     coverage.Add(view, pixels, HostRows(scene.Capture(view, pixels)));
     std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
                  [&](int32_t pixel) { return !IsCovered(view, pixel); });

@@ -121,23 +121,21 @@ void BlendFeatures(const TileSplats& tile, const float* features, const float* c
   alignas(64) float transmittance[kTilePixels];
   ClearTransmittance(tile, transmittance);
   for (int i = 0; i < kTilePixels * kFeatureSize; ++i) sums[i] = 0;
-  float weights[kTilePixels] = {}, confident[kTilePixels] = {};
+  alignas(64) float confident[kTilePixels] = {};  // sums of weight * confidence
   WalkTile(
       tile, kWholeTile, transmittance,
       [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
         const int64_t gaussian = visible_gaussian[tile.entries[k]];
         const float* feature = features + gaussian * kFeatureSize;
         const float sure = confidence == nullptr ? 1.0f : confidence[gaussian];
+        AddTo(confident + pixel, weight, Lanes(sure));
         alignas(64) float lanes[kLanes];
-        weight.Store(lanes);
+        (weight * Lanes(sure)).Store(lanes);
         for (uint32_t bits = BitsOf(live); bits != 0; bits &= bits - 1) {
           const int lane = __builtin_ctz(bits);
-          const float share = sure * lanes[lane];
-          weights[pixel + lane] += lanes[lane];
-          confident[pixel + lane] += share;
           float* sum = sums + (pixel + lane) * kFeatureSize;
           for (int c = 0; c < kFeatureSize; c += kLanes) {
-            AddTo(sum + c, Lanes(share), Lanes::Load(feature + c));
+            AddTo(sum + c, Lanes(lanes[lane]), Lanes::Load(feature + c));
           }
         }
       },
@@ -145,7 +143,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const float* c
   if (confidence == nullptr) return;
   for (int i = 0; i < kTilePixels; ++i) {
     if (confident[i] == 0) continue;
-    const float factor = weights[i] / confident[i];
+    const float factor = (1 - __builtin_fabsf(transmittance[i])) / confident[i];
     for (int c = 0; c < kFeatureSize; ++c) sums[i * kFeatureSize + c] *= factor;
   }
 }
