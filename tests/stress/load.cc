@@ -47,10 +47,12 @@ v1::ServerStatus LoadedServer::Status() {
 
 int LoadedServer::AwaitStreams(int want) {
   const absl::Time deadline = absl::Now() + absl::Seconds(30);
-  while (Status().num_streams() != want && absl::Now() < deadline) {
+  int num = Status().num_streams();
+  while (num != want && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(20));
+    num = Status().num_streams();
   }
-  return Status().num_streams();
+  return num;
 }
 
 double LoadedServer::Metric(const std::string& name) {
