@@ -1,5 +1,6 @@
 from google.protobuf import timestamp_pb2 as _timestamp_pb2
 from pepeseg.v1 import access_pb2 as _access_pb2
+from pepeseg.v1 import prompt_pb2 as _prompt_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
@@ -29,18 +30,20 @@ class CreateUploadRequest(_message.Message):
     def __init__(self, parent: _Optional[str] = ..., files: _Optional[_Iterable[_Union[FileDeclaration, _Mapping]]] = ..., request_id: _Optional[str] = ...) -> None: ...
 
 class Dataset(_message.Message):
-    __slots__ = ["create_time", "name", "num_bytes", "num_files", "seal_time"]
+    __slots__ = ["advice", "create_time", "name", "num_bytes", "num_files", "seal_time"]
+    ADVICE_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
     NUM_FILES_FIELD_NUMBER: _ClassVar[int]
     SEAL_TIME_FIELD_NUMBER: _ClassVar[int]
+    advice: _containers.RepeatedScalarFieldContainer[str]
     create_time: _timestamp_pb2.Timestamp
     name: str
     num_bytes: int
     num_files: int
     seal_time: _timestamp_pb2.Timestamp
-    def __init__(self, name: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., seal_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_files: _Optional[int] = ..., num_bytes: _Optional[int] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., seal_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_files: _Optional[int] = ..., num_bytes: _Optional[int] = ..., advice: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class FileDeclaration(_message.Message):
     __slots__ = ["kind", "path", "sha256", "size"]
@@ -53,6 +56,46 @@ class FileDeclaration(_message.Message):
     sha256: str
     size: int
     def __init__(self, path: _Optional[str] = ..., kind: _Optional[_Union[FileKind, str]] = ..., size: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
+
+class GetPhotographRequest(_message.Message):
+    __slots__ = ["frame", "max_side", "original", "parent", "photograph"]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    MAX_SIDE_FIELD_NUMBER: _ClassVar[int]
+    ORIGINAL_FIELD_NUMBER: _ClassVar[int]
+    PARENT_FIELD_NUMBER: _ClassVar[int]
+    PHOTOGRAPH_FIELD_NUMBER: _ClassVar[int]
+    frame: _prompt_pb2.PixelFrame
+    max_side: int
+    original: bool
+    parent: str
+    photograph: str
+    def __init__(self, parent: _Optional[str] = ..., photograph: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., max_side: _Optional[int] = ..., original: bool = ...) -> None: ...
+
+class GetPhotographResponse(_message.Message):
+    __slots__ = ["chunk", "header"]
+    class Chunk(_message.Message):
+        __slots__ = ["crc32c", "data"]
+        CRC32C_FIELD_NUMBER: _ClassVar[int]
+        DATA_FIELD_NUMBER: _ClassVar[int]
+        crc32c: int
+        data: bytes
+        def __init__(self, data: _Optional[bytes] = ..., crc32c: _Optional[int] = ...) -> None: ...
+    class Header(_message.Message):
+        __slots__ = ["content_type", "height", "num_bytes", "width"]
+        CONTENT_TYPE_FIELD_NUMBER: _ClassVar[int]
+        HEIGHT_FIELD_NUMBER: _ClassVar[int]
+        NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
+        WIDTH_FIELD_NUMBER: _ClassVar[int]
+        content_type: str
+        height: int
+        num_bytes: int
+        width: int
+        def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., content_type: _Optional[str] = ..., num_bytes: _Optional[int] = ...) -> None: ...
+    CHUNK_FIELD_NUMBER: _ClassVar[int]
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    chunk: GetPhotographResponse.Chunk
+    header: GetPhotographResponse.Header
+    def __init__(self, header: _Optional[_Union[GetPhotographResponse.Header, _Mapping]] = ..., chunk: _Optional[_Union[GetPhotographResponse.Chunk, _Mapping]] = ...) -> None: ...
 
 class GetUploadRequest(_message.Message):
     __slots__ = ["name"]

@@ -46,6 +46,11 @@ class DatasetServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsResponse.FromString,
                 )
+        self.GetPhotograph = channel.unary_stream(
+                '/pepeseg.v1.DatasetService/GetPhotograph',
+                request_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographResponse.FromString,
+                )
 
 
 class DatasetServiceServicer(object):
@@ -105,6 +110,17 @@ class DatasetServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def GetPhotograph(self, request, context):
+        """A photograph of a sealed dataset: its bytes as they were uploaded, or decoded, warped and shrunk
+        as asked (by a sandboxed process, never by the server itself). Header, then chunks.
+        NOT_FOUND: the dataset has no such photograph (a frame of a video is none). INVALID_ARGUMENT: the
+        file cannot be decoded, PIXEL_FRAME_VIEW without a model that has the view, max_side out of
+        range. DATA_LOSS: the stored file is damaged.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_DatasetServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -132,6 +148,11 @@ def add_DatasetServiceServicer_to_server(servicer, server):
                     servicer.ListDatasets,
                     request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsResponse.SerializeToString,
+            ),
+            'GetPhotograph': grpc.unary_stream_rpc_method_handler(
+                    servicer.GetPhotograph,
+                    request_deserializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -232,5 +253,22 @@ class DatasetService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.DatasetService/ListDatasets',
             pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsRequest.SerializeToString,
             pepeseg_dot_v1_dot_dataset__service__pb2.ListDatasetsResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def GetPhotograph(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(request, target, '/pepeseg.v1.DatasetService/GetPhotograph',
+            pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographRequest.SerializeToString,
+            pepeseg_dot_v1_dot_dataset__service__pb2.GetPhotographResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

@@ -12,9 +12,10 @@ _sym_db = _symbol_database.Default()
 
 
 from google.protobuf import duration_pb2 as google_dot_protobuf_dot_duration__pb2
+from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1bpepeseg/v1/evaluation.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\"\xa7\x01\n\x11\x45valuationOptions\x12\x0e\n\x06scales\x18\x01 \x03(\x01\x12\x12\n\nthresholds\x18\x02 \x03(\x01\x12\x14\n\x0c\x66ixed_scales\x18\x03 \x03(\x01\x12\x1c\n\x0f\x66ixed_threshold\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x05 \x01(\x03H\x01\x88\x01\x01\x42\x12\n\x10_fixed_thresholdB\r\n\x0b_min_pixels\"\xbd\x02\n\x0f\x45valuateRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x36\n\x06labels\x18\x02 \x03(\x0b\x32&.pepeseg.v1.EvaluateRequest.ViewLabels\x12\x42\n\x0c\x65ntity_names\x18\x03 \x03(\x0b\x32,.pepeseg.v1.EvaluateRequest.EntityNamesEntry\x12.\n\x07options\x18\x04 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x1a;\n\nViewLabels\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x0b\n\x03png\x18\x02 \x01(\x0c\x12\x12\n\nignore_png\x18\x03 \x01(\x0c\x1a\x32\n\x10\x45ntityNamesEntry\x12\x0b\n\x03key\x18\x01 \x01(\x05\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\x8c\x06\n\x10\x45valuateResponse\x12\x35\n\x08\x65ntities\x18\x01 \x03(\x0b\x32#.pepeseg.v1.EvaluateResponse.Entity\x12\x10\n\x08left_out\x18\x02 \x03(\x05\x12\x33\n\x06\x63hosen\x18\x03 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x33\n\x06oracle\x18\x04 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x11\n\tfixed_iou\x18\x05 \x03(\x01\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12*\n\x07\x63ompute\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\r\n\x05model\x18\x08 \x01(\t\x1aV\n\x06\x43hoice\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x0b\n\x03iou\x18\x03 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x04 \x01(\x01\x1a\x63\n\tViewScore\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nnum_pixels\x18\x02 \x01(\x03\x12\x0b\n\x03iou\x18\x03 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x04 \x01(\x01\x12\x11\n\tfixed_iou\x18\x05 \x03(\x01\x1a\x89\x02\n\x06\x45ntity\x12\n\n\x02id\x18\x01 \x01(\x05\x12\x0c\n\x04name\x18\x02 \x01(\t\x12\x0f\n\x07\x63lick_x\x18\x03 \x01(\x01\x12\x0f\n\x07\x63lick_y\x18\x04 \x01(\x01\x12\x0f\n\x07missing\x18\x05 \x01(\x08\x12\x33\n\x06\x63hosen\x18\x06 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x33\n\x06oracle\x18\x07 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x11\n\tfixed_iou\x18\x08 \x03(\x01\x12\x35\n\x05views\x18\t \x03(\x0b\x32&.pepeseg.v1.EvaluateResponse.ViewScoreb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1bpepeseg/v1/evaluation.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x17pepeseg/v1/prompt.proto\"\xa7\x01\n\x11\x45valuationOptions\x12\x0e\n\x06scales\x18\x01 \x03(\x01\x12\x12\n\nthresholds\x18\x02 \x03(\x01\x12\x14\n\x0c\x66ixed_scales\x18\x03 \x03(\x01\x12\x1c\n\x0f\x66ixed_threshold\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\nmin_pixels\x18\x05 \x01(\x03H\x01\x88\x01\x01\x42\x12\n\x10_fixed_thresholdB\r\n\x0b_min_pixels\"\xe4\x02\n\x0f\x45valuateRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x36\n\x06labels\x18\x02 \x03(\x0b\x32&.pepeseg.v1.EvaluateRequest.ViewLabels\x12\x42\n\x0c\x65ntity_names\x18\x03 \x03(\x0b\x32,.pepeseg.v1.EvaluateRequest.EntityNamesEntry\x12.\n\x07options\x18\x04 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1a;\n\nViewLabels\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x0b\n\x03png\x18\x02 \x01(\x0c\x12\x12\n\nignore_png\x18\x03 \x01(\x0c\x1a\x32\n\x10\x45ntityNamesEntry\x12\x0b\n\x03key\x18\x01 \x01(\x05\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\x8c\x06\n\x10\x45valuateResponse\x12\x35\n\x08\x65ntities\x18\x01 \x03(\x0b\x32#.pepeseg.v1.EvaluateResponse.Entity\x12\x10\n\x08left_out\x18\x02 \x03(\x05\x12\x33\n\x06\x63hosen\x18\x03 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x33\n\x06oracle\x18\x04 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x11\n\tfixed_iou\x18\x05 \x03(\x01\x12.\n\x07options\x18\x06 \x01(\x0b\x32\x1d.pepeseg.v1.EvaluationOptions\x12*\n\x07\x63ompute\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\r\n\x05model\x18\x08 \x01(\t\x1aV\n\x06\x43hoice\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x0b\n\x03iou\x18\x03 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x04 \x01(\x01\x1a\x63\n\tViewScore\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\nnum_pixels\x18\x02 \x01(\x03\x12\x0b\n\x03iou\x18\x03 \x01(\x01\x12\x14\n\x0c\x62oundary_iou\x18\x04 \x01(\x01\x12\x11\n\tfixed_iou\x18\x05 \x03(\x01\x1a\x89\x02\n\x06\x45ntity\x12\n\n\x02id\x18\x01 \x01(\x05\x12\x0c\n\x04name\x18\x02 \x01(\t\x12\x0f\n\x07\x63lick_x\x18\x03 \x01(\x01\x12\x0f\n\x07\x63lick_y\x18\x04 \x01(\x01\x12\x0f\n\x07missing\x18\x05 \x01(\x08\x12\x33\n\x06\x63hosen\x18\x06 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x33\n\x06oracle\x18\x07 \x01(\x0b\x32#.pepeseg.v1.EvaluateResponse.Choice\x12\x11\n\tfixed_iou\x18\x08 \x03(\x01\x12\x35\n\x05views\x18\t \x03(\x0b\x32&.pepeseg.v1.EvaluateResponse.ViewScoreb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.evaluation_pb2', globals())
@@ -23,20 +24,20 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   DESCRIPTOR._options = None
   _EVALUATEREQUEST_ENTITYNAMESENTRY._options = None
   _EVALUATEREQUEST_ENTITYNAMESENTRY._serialized_options = b'8\001'
-  _EVALUATIONOPTIONS._serialized_start=76
-  _EVALUATIONOPTIONS._serialized_end=243
-  _EVALUATEREQUEST._serialized_start=246
-  _EVALUATEREQUEST._serialized_end=563
-  _EVALUATEREQUEST_VIEWLABELS._serialized_start=452
-  _EVALUATEREQUEST_VIEWLABELS._serialized_end=511
-  _EVALUATEREQUEST_ENTITYNAMESENTRY._serialized_start=513
-  _EVALUATEREQUEST_ENTITYNAMESENTRY._serialized_end=563
-  _EVALUATERESPONSE._serialized_start=566
-  _EVALUATERESPONSE._serialized_end=1346
-  _EVALUATERESPONSE_CHOICE._serialized_start=891
-  _EVALUATERESPONSE_CHOICE._serialized_end=977
-  _EVALUATERESPONSE_VIEWSCORE._serialized_start=979
-  _EVALUATERESPONSE_VIEWSCORE._serialized_end=1078
-  _EVALUATERESPONSE_ENTITY._serialized_start=1081
-  _EVALUATERESPONSE_ENTITY._serialized_end=1346
+  _EVALUATIONOPTIONS._serialized_start=101
+  _EVALUATIONOPTIONS._serialized_end=268
+  _EVALUATEREQUEST._serialized_start=271
+  _EVALUATEREQUEST._serialized_end=627
+  _EVALUATEREQUEST_VIEWLABELS._serialized_start=516
+  _EVALUATEREQUEST_VIEWLABELS._serialized_end=575
+  _EVALUATEREQUEST_ENTITYNAMESENTRY._serialized_start=577
+  _EVALUATEREQUEST_ENTITYNAMESENTRY._serialized_end=627
+  _EVALUATERESPONSE._serialized_start=630
+  _EVALUATERESPONSE._serialized_end=1410
+  _EVALUATERESPONSE_CHOICE._serialized_start=955
+  _EVALUATERESPONSE_CHOICE._serialized_end=1041
+  _EVALUATERESPONSE_VIEWSCORE._serialized_start=1043
+  _EVALUATERESPONSE_VIEWSCORE._serialized_end=1142
+  _EVALUATERESPONSE_ENTITY._serialized_start=1145
+  _EVALUATERESPONSE_ENTITY._serialized_end=1410
 # @@protoc_insertion_point(module_scope)

@@ -1,4 +1,5 @@
 from google.protobuf import duration_pb2 as _duration_pb2
+from pepeseg.v1 import prompt_pb2 as _prompt_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -7,7 +8,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class EvaluateRequest(_message.Message):
-    __slots__ = ["entity_names", "labels", "model", "options"]
+    __slots__ = ["entity_names", "frame", "labels", "model", "options"]
     class EntityNamesEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -25,14 +26,16 @@ class EvaluateRequest(_message.Message):
         view: str
         def __init__(self, view: _Optional[str] = ..., png: _Optional[bytes] = ..., ignore_png: _Optional[bytes] = ...) -> None: ...
     ENTITY_NAMES_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     LABELS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     OPTIONS_FIELD_NUMBER: _ClassVar[int]
     entity_names: _containers.ScalarMap[int, str]
+    frame: _prompt_pb2.PixelFrame
     labels: _containers.RepeatedCompositeFieldContainer[EvaluateRequest.ViewLabels]
     model: str
     options: EvaluationOptions
-    def __init__(self, model: _Optional[str] = ..., labels: _Optional[_Iterable[_Union[EvaluateRequest.ViewLabels, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., labels: _Optional[_Iterable[_Union[EvaluateRequest.ViewLabels, _Mapping]]] = ..., entity_names: _Optional[_Mapping[int, str]] = ..., options: _Optional[_Union[EvaluationOptions, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
 class EvaluateResponse(_message.Message):
     __slots__ = ["chosen", "compute", "entities", "fixed_iou", "left_out", "model", "options", "oracle"]

@@ -192,10 +192,12 @@ class JobEvent(_message.Message):
     def __init__(self, sequence: _Optional[int] = ..., time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., snapshot: _Optional[_Union[Job, _Mapping]] = ..., stage_started: _Optional[_Union[JobEvent.StageStarted, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., warning: _Optional[_Union[JobEvent.Warning, _Mapping]] = ..., state_changed: _Optional[_Union[JobEvent.StateChanged, _Mapping]] = ..., heartbeat: _Optional[_Union[JobEvent.Heartbeat, _Mapping]] = ..., stage_ended: _Optional[_Union[JobEvent.StageEnded, _Mapping]] = ..., term_skipped: _Optional[_Union[JobEvent.TermSkipped, _Mapping]] = ...) -> None: ...
 
 class JobProgress(_message.Message):
-    __slots__ = ["depth_loss", "elapsed", "eta", "loss", "memory_bytes", "num_culled_degenerate", "num_gaussians", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_steps", "num_void_renders", "psnr", "stage", "step", "steps_per_second"]
+    __slots__ = ["activity", "depth_loss", "elapsed", "eta", "job_eta", "loss", "memory_bytes", "num_culled_degenerate", "num_gaussians", "num_refine_split", "num_refined", "num_skipped_depths", "num_skipped_gradients", "num_stages", "num_steps", "num_void_renders", "psnr", "stage", "stage_number", "step", "steps_per_second", "unit"]
+    ACTIVITY_FIELD_NUMBER: _ClassVar[int]
     DEPTH_LOSS_FIELD_NUMBER: _ClassVar[int]
     ELAPSED_FIELD_NUMBER: _ClassVar[int]
     ETA_FIELD_NUMBER: _ClassVar[int]
+    JOB_ETA_FIELD_NUMBER: _ClassVar[int]
     LOSS_FIELD_NUMBER: _ClassVar[int]
     MEMORY_BYTES_FIELD_NUMBER: _ClassVar[int]
     NUM_CULLED_DEGENERATE_FIELD_NUMBER: _ClassVar[int]
@@ -204,15 +206,20 @@ class JobProgress(_message.Message):
     NUM_REFINE_SPLIT_FIELD_NUMBER: _ClassVar[int]
     NUM_SKIPPED_DEPTHS_FIELD_NUMBER: _ClassVar[int]
     NUM_SKIPPED_GRADIENTS_FIELD_NUMBER: _ClassVar[int]
+    NUM_STAGES_FIELD_NUMBER: _ClassVar[int]
     NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
     NUM_VOID_RENDERS_FIELD_NUMBER: _ClassVar[int]
     PSNR_FIELD_NUMBER: _ClassVar[int]
     STAGE_FIELD_NUMBER: _ClassVar[int]
+    STAGE_NUMBER_FIELD_NUMBER: _ClassVar[int]
     STEPS_PER_SECOND_FIELD_NUMBER: _ClassVar[int]
     STEP_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    activity: str
     depth_loss: float
     elapsed: _duration_pb2.Duration
     eta: _duration_pb2.Duration
+    job_eta: _duration_pb2.Duration
     loss: float
     memory_bytes: int
     num_culled_degenerate: int
@@ -221,13 +228,16 @@ class JobProgress(_message.Message):
     num_refined: int
     num_skipped_depths: int
     num_skipped_gradients: int
+    num_stages: int
     num_steps: int
     num_void_renders: int
     psnr: float
     stage: str
+    stage_number: int
     step: int
     steps_per_second: float
-    def __init__(self, stage: _Optional[str] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., loss: _Optional[float] = ..., psnr: _Optional[float] = ..., num_gaussians: _Optional[int] = ..., num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., steps_per_second: _Optional[float] = ..., memory_bytes: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ...) -> None: ...
+    unit: str
+    def __init__(self, stage: _Optional[str] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., loss: _Optional[float] = ..., psnr: _Optional[float] = ..., num_gaussians: _Optional[int] = ..., num_culled_degenerate: _Optional[int] = ..., num_skipped_gradients: _Optional[int] = ..., elapsed: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., steps_per_second: _Optional[float] = ..., memory_bytes: _Optional[int] = ..., num_void_renders: _Optional[int] = ..., num_refined: _Optional[int] = ..., num_refine_split: _Optional[int] = ..., depth_loss: _Optional[float] = ..., num_skipped_depths: _Optional[int] = ..., activity: _Optional[str] = ..., unit: _Optional[str] = ..., job_eta: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., stage_number: _Optional[int] = ..., num_stages: _Optional[int] = ...) -> None: ...
 
 class ListJobsRequest(_message.Message):
     __slots__ = ["page_size", "page_token", "scene", "state"]

@@ -15,7 +15,7 @@ from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16pepeseg/v1/label.proto\x12\npepeseg.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/prompt.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"l\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16pepeseg/v1/label.proto\x12\npepeseg.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/prompt.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x93\x01\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\tb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.label_pb2', globals())
@@ -24,12 +24,12 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   DESCRIPTOR._options = None
   _LABEL._serialized_start=97
   _LABEL._serialized_end=246
-  _CREATELABELREQUEST._serialized_start=248
-  _CREATELABELREQUEST._serialized_end=356
-  _LISTLABELSREQUEST._serialized_start=358
-  _LISTLABELSREQUEST._serialized_end=432
-  _LISTLABELSRESPONSE._serialized_start=434
-  _LISTLABELSRESPONSE._serialized_end=514
-  _DELETELABELREQUEST._serialized_start=516
-  _DELETELABELREQUEST._serialized_end=550
+  _CREATELABELREQUEST._serialized_start=249
+  _CREATELABELREQUEST._serialized_end=396
+  _LISTLABELSREQUEST._serialized_start=398
+  _LISTLABELSREQUEST._serialized_end=472
+  _LISTLABELSRESPONSE._serialized_start=474
+  _LISTLABELSRESPONSE._serialized_end=554
+  _DELETELABELREQUEST._serialized_start=556
+  _DELETELABELREQUEST._serialized_end=590
 # @@protoc_insertion_point(module_scope)

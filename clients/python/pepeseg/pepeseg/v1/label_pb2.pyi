@@ -8,16 +8,18 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class CreateLabelRequest(_message.Message):
-    __slots__ = ["label", "label_id", "parent", "request_id"]
+    __slots__ = ["frame", "label", "label_id", "parent", "request_id"]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
     LABEL_ID_FIELD_NUMBER: _ClassVar[int]
     PARENT_FIELD_NUMBER: _ClassVar[int]
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    frame: _prompt_pb2.PixelFrame
     label: Label
     label_id: str
     parent: str
     request_id: str
-    def __init__(self, parent: _Optional[str] = ..., label_id: _Optional[str] = ..., label: _Optional[_Union[Label, _Mapping]] = ..., request_id: _Optional[str] = ...) -> None: ...
+    def __init__(self, parent: _Optional[str] = ..., label_id: _Optional[str] = ..., label: _Optional[_Union[Label, _Mapping]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
 class DeleteLabelRequest(_message.Message):
     __slots__ = ["name"]

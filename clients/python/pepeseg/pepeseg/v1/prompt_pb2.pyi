@@ -9,6 +9,9 @@ DESCRIPTOR: _descriptor.FileDescriptor
 MASK_ENCODING_COCO_RLE: MaskEncoding
 MASK_ENCODING_PNG: MaskEncoding
 MASK_ENCODING_UNSPECIFIED: MaskEncoding
+PIXEL_FRAME_PHOTOGRAPH: PixelFrame
+PIXEL_FRAME_UNSPECIFIED: PixelFrame
+PIXEL_FRAME_VIEW: PixelFrame
 
 class BoxPrompt(_message.Message):
     __slots__ = ["height", "width", "x", "y"]
@@ -93,6 +96,9 @@ class Viewpoint(_message.Message):
     free: Viewpoint.FreeCamera
     view: str
     def __init__(self, view: _Optional[str] = ..., free: _Optional[_Union[Viewpoint.FreeCamera, _Mapping]] = ...) -> None: ...
+
+class PixelFrame(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
 
 class MaskEncoding(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

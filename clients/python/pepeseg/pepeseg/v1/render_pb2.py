@@ -16,7 +16,7 @@ from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 from pepeseg.v1 import timing_pb2 as pepeseg_dot_v1_dot_timing__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/render.proto\x12\npepeseg.v1\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x17pepeseg/v1/timing.proto\"b\n\x06Subset\x12\x13\n\tselection\x18\x01 \x01(\tH\x00\x12)\n\x07segment\x18\x02 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12\x12\n\ncomplement\x18\x03 \x01(\x08\x42\x04\n\x02of\"\xc2\x03\n\rRenderRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12(\n\tviewpoint\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12\x32\n\x07\x63ontent\x18\x03 \x01(\x0e\x32!.pepeseg.v1.RenderRequest.Content\x12\"\n\x06subset\x18\x04 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12\x1c\n\x14\x64\x65\x63omposition_scales\x18\x05 \x03(\x01\x12\r\n\x05level\x18\x06 \x01(\x05\x12\x15\n\rfeature_scale\x18\x07 \x01(\x01\x12-\n\x0coverlay_mask\x18\x08 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12,\n\x0eoverlay_subset\x18\t \x01(\x0b\x32\x12.pepeseg.v1.SubsetH\x00\"t\n\x07\x43ontent\x12\x17\n\x13\x43ONTENT_UNSPECIFIED\x10\x00\x12\x11\n\rCONTENT_COLOR\x10\x01\x12\x11\n\rCONTENT_DEPTH\x10\x02\x12\x14\n\x10\x43ONTENT_SEGMENTS\x10\x03\x12\x14\n\x10\x43ONTENT_FEATURES\x10\x04\x42\t\n\x07overlay\"\x88\x01\n\x0eRenderResponse\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0b\n\x03png\x18\x03 \x01(\x0c\x12\'\n\x06timing\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x05 \x01(\t\x12\x12\n\ndepth_unit\x18\x06 \x01(\x01\"K\n\x16\x45xportSelectionRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06subset\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Subset\"\x95\x02\n\x17\x45xportSelectionResponse\x12<\n\x06header\x18\x01 \x01(\x0b\x32*.pepeseg.v1.ExportSelectionResponse.HeaderH\x00\x12:\n\x05\x63hunk\x18\x02 \x01(\x0b\x32).pepeseg.v1.ExportSelectionResponse.ChunkH\x00\x1aQ\n\x06Header\x12\r\n\x05model\x18\x01 \x01(\t\x12\x15\n\rnum_gaussians\x18\x02 \x01(\x03\x12\x11\n\tnum_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\x1a%\n\x05\x43hunk\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x63rc32c\x18\x02 \x01(\x07\x42\x06\n\x04partb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/render.proto\x12\npepeseg.v1\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x17pepeseg/v1/timing.proto\"b\n\x06Subset\x12\x13\n\tselection\x18\x01 \x01(\tH\x00\x12)\n\x07segment\x18\x02 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12\x12\n\ncomplement\x18\x03 \x01(\x08\x42\x04\n\x02of\"\xfb\x03\n\rRenderRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12(\n\tviewpoint\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12\x32\n\x07\x63ontent\x18\x03 \x01(\x0e\x32!.pepeseg.v1.RenderRequest.Content\x12\"\n\x06subset\x18\x04 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12\x1c\n\x14\x64\x65\x63omposition_scales\x18\x05 \x03(\x01\x12\r\n\x05level\x18\x06 \x01(\x05\x12\x15\n\rfeature_scale\x18\x07 \x01(\x01\x12-\n\x0coverlay_mask\x18\x08 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12,\n\x0eoverlay_subset\x18\t \x01(\x0b\x32\x12.pepeseg.v1.SubsetH\x00\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x10\n\x08max_side\x18\x0b \x01(\x05\"t\n\x07\x43ontent\x12\x17\n\x13\x43ONTENT_UNSPECIFIED\x10\x00\x12\x11\n\rCONTENT_COLOR\x10\x01\x12\x11\n\rCONTENT_DEPTH\x10\x02\x12\x14\n\x10\x43ONTENT_SEGMENTS\x10\x03\x12\x14\n\x10\x43ONTENT_FEATURES\x10\x04\x42\t\n\x07overlay\"\x88\x01\n\x0eRenderResponse\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0b\n\x03png\x18\x03 \x01(\x0c\x12\'\n\x06timing\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x05 \x01(\t\x12\x12\n\ndepth_unit\x18\x06 \x01(\x01\"K\n\x16\x45xportSelectionRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06subset\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Subset\"\x95\x02\n\x17\x45xportSelectionResponse\x12<\n\x06header\x18\x01 \x01(\x0b\x32*.pepeseg.v1.ExportSelectionResponse.HeaderH\x00\x12:\n\x05\x63hunk\x18\x02 \x01(\x0b\x32).pepeseg.v1.ExportSelectionResponse.ChunkH\x00\x1aQ\n\x06Header\x12\r\n\x05model\x18\x01 \x01(\t\x12\x15\n\rnum_gaussians\x18\x02 \x01(\x03\x12\x11\n\tnum_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\x1a%\n\x05\x43hunk\x12\x0c\n\x04\x64\x61ta\x18\x01 \x01(\x0c\x12\x0e\n\x06\x63rc32c\x18\x02 \x01(\x07\x42\x06\n\x04partb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.render_pb2', globals())
@@ -26,17 +26,17 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SUBSET._serialized_start=121
   _SUBSET._serialized_end=219
   _RENDERREQUEST._serialized_start=222
-  _RENDERREQUEST._serialized_end=672
-  _RENDERREQUEST_CONTENT._serialized_start=545
-  _RENDERREQUEST_CONTENT._serialized_end=661
-  _RENDERRESPONSE._serialized_start=675
-  _RENDERRESPONSE._serialized_end=811
-  _EXPORTSELECTIONREQUEST._serialized_start=813
-  _EXPORTSELECTIONREQUEST._serialized_end=888
-  _EXPORTSELECTIONRESPONSE._serialized_start=891
-  _EXPORTSELECTIONRESPONSE._serialized_end=1168
-  _EXPORTSELECTIONRESPONSE_HEADER._serialized_start=1040
-  _EXPORTSELECTIONRESPONSE_HEADER._serialized_end=1121
-  _EXPORTSELECTIONRESPONSE_CHUNK._serialized_start=1123
-  _EXPORTSELECTIONRESPONSE_CHUNK._serialized_end=1160
+  _RENDERREQUEST._serialized_end=729
+  _RENDERREQUEST_CONTENT._serialized_start=602
+  _RENDERREQUEST_CONTENT._serialized_end=718
+  _RENDERRESPONSE._serialized_start=732
+  _RENDERRESPONSE._serialized_end=868
+  _EXPORTSELECTIONREQUEST._serialized_start=870
+  _EXPORTSELECTIONREQUEST._serialized_end=945
+  _EXPORTSELECTIONRESPONSE._serialized_start=948
+  _EXPORTSELECTIONRESPONSE._serialized_end=1225
+  _EXPORTSELECTIONRESPONSE_HEADER._serialized_start=1097
+  _EXPORTSELECTIONRESPONSE_HEADER._serialized_end=1178
+  _EXPORTSELECTIONRESPONSE_CHUNK._serialized_start=1180
+  _EXPORTSELECTIONRESPONSE_CHUNK._serialized_end=1217
 # @@protoc_insertion_point(module_scope)

@@ -44,7 +44,7 @@ class ExportSelectionResponse(_message.Message):
     def __init__(self, header: _Optional[_Union[ExportSelectionResponse.Header, _Mapping]] = ..., chunk: _Optional[_Union[ExportSelectionResponse.Chunk, _Mapping]] = ...) -> None: ...
 
 class RenderRequest(_message.Message):
-    __slots__ = ["content", "decomposition_scales", "feature_scale", "level", "model", "overlay_mask", "overlay_subset", "subset", "viewpoint"]
+    __slots__ = ["content", "decomposition_scales", "feature_scale", "frame", "level", "max_side", "model", "overlay_mask", "overlay_subset", "subset", "viewpoint"]
     class Content(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
     CONTENT_COLOR: RenderRequest.Content
@@ -55,7 +55,9 @@ class RenderRequest(_message.Message):
     CONTENT_UNSPECIFIED: RenderRequest.Content
     DECOMPOSITION_SCALES_FIELD_NUMBER: _ClassVar[int]
     FEATURE_SCALE_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     LEVEL_FIELD_NUMBER: _ClassVar[int]
+    MAX_SIDE_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     OVERLAY_MASK_FIELD_NUMBER: _ClassVar[int]
     OVERLAY_SUBSET_FIELD_NUMBER: _ClassVar[int]
@@ -64,13 +66,15 @@ class RenderRequest(_message.Message):
     content: RenderRequest.Content
     decomposition_scales: _containers.RepeatedScalarFieldContainer[float]
     feature_scale: float
+    frame: _prompt_pb2.PixelFrame
     level: int
+    max_side: int
     model: str
     overlay_mask: _prompt_pb2.MaskImage
     overlay_subset: Subset
     subset: Subset
     viewpoint: _prompt_pb2.Viewpoint
-    def __init__(self, model: _Optional[str] = ..., viewpoint: _Optional[_Union[_prompt_pb2.Viewpoint, _Mapping]] = ..., content: _Optional[_Union[RenderRequest.Content, str]] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., decomposition_scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ..., feature_scale: _Optional[float] = ..., overlay_mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., overlay_subset: _Optional[_Union[Subset, _Mapping]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., viewpoint: _Optional[_Union[_prompt_pb2.Viewpoint, _Mapping]] = ..., content: _Optional[_Union[RenderRequest.Content, str]] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., decomposition_scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ..., feature_scale: _Optional[float] = ..., overlay_mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., overlay_subset: _Optional[_Union[Subset, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., max_side: _Optional[int] = ...) -> None: ...
 
 class RenderResponse(_message.Message):
     __slots__ = ["depth_unit", "height", "model", "png", "timing", "width"]

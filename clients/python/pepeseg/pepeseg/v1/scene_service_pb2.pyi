@@ -105,7 +105,7 @@ class ListViewsResponse(_message.Message):
     def __init__(self, views: _Optional[_Iterable[_Union[View, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ["create_time", "device", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
+    __slots__ = ["advice", "create_time", "dataset", "device", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
     class MetricsEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -120,7 +120,9 @@ class Model(_message.Message):
         key: str
         value: str
         def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    ADVICE_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    DATASET_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     JOB_FIELD_NUMBER: _ClassVar[int]
     METRICS_FIELD_NUMBER: _ClassVar[int]
@@ -128,7 +130,9 @@ class Model(_message.Message):
     NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
     NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     SOURCES_FIELD_NUMBER: _ClassVar[int]
+    advice: _containers.RepeatedScalarFieldContainer[str]
     create_time: _timestamp_pb2.Timestamp
+    dataset: str
     device: str
     job: str
     metrics: _containers.ScalarMap[str, float]
@@ -136,7 +140,7 @@ class Model(_message.Message):
     num_bytes: int
     num_gaussians: int
     sources: _containers.ScalarMap[str, str]
-    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Mapping[str, str]] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Mapping[str, str]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ...) -> None: ...
 
 class PinholeCamera(_message.Message):
     __slots__ = ["cx", "cy", "fx", "fy", "height", "width"]
@@ -177,15 +181,19 @@ class Scene(_message.Message):
     def __init__(self, name: _Optional[str] = ..., display_name: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., live_model: _Optional[str] = ..., active_job: _Optional[str] = ...) -> None: ...
 
 class View(_message.Message):
-    __slots__ = ["cam_from_world", "camera", "held_out", "scores", "view"]
+    __slots__ = ["cam_from_world", "camera", "held_out", "photograph_height", "photograph_width", "scores", "view"]
     CAMERA_FIELD_NUMBER: _ClassVar[int]
     CAM_FROM_WORLD_FIELD_NUMBER: _ClassVar[int]
     HELD_OUT_FIELD_NUMBER: _ClassVar[int]
+    PHOTOGRAPH_HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    PHOTOGRAPH_WIDTH_FIELD_NUMBER: _ClassVar[int]
     SCORES_FIELD_NUMBER: _ClassVar[int]
     VIEW_FIELD_NUMBER: _ClassVar[int]
     cam_from_world: RigidTransform
     camera: PinholeCamera
     held_out: bool
+    photograph_height: int
+    photograph_width: int
     scores: ImageScores
     view: str
-    def __init__(self, view: _Optional[str] = ..., camera: _Optional[_Union[PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[RigidTransform, _Mapping]] = ..., held_out: bool = ..., scores: _Optional[_Union[ImageScores, _Mapping]] = ...) -> None: ...
+    def __init__(self, view: _Optional[str] = ..., camera: _Optional[_Union[PinholeCamera, _Mapping]] = ..., cam_from_world: _Optional[_Union[RigidTransform, _Mapping]] = ..., held_out: bool = ..., scores: _Optional[_Union[ImageScores, _Mapping]] = ..., photograph_width: _Optional[int] = ..., photograph_height: _Optional[int] = ...) -> None: ...

@@ -17,44 +17,56 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class ProposeScalesRequest(_message.Message):
-    __slots__ = ["mask_encoding", "max_proposals", "model", "prompt"]
+    __slots__ = ["frame", "mask_encoding", "max_proposals", "model", "prompt"]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
     MAX_PROPOSALS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
+    frame: _prompt_pb2.PixelFrame
     mask_encoding: _prompt_pb2.MaskEncoding
     max_proposals: int
     model: str
     prompt: _prompt_pb2.Prompt
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
 class ProposeScalesResponse(_message.Message):
-    __slots__ = ["model", "proposals", "timing"]
+    __slots__ = ["best", "model", "proposals", "timing"]
+    class Kind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = []
     class Proposal(_message.Message):
-        __slots__ = ["mask", "scale_quantile", "scale_units", "stability", "support", "threshold"]
+        __slots__ = ["kind", "mask", "scale_quantile", "scale_units", "stability", "support", "threshold"]
+        KIND_FIELD_NUMBER: _ClassVar[int]
         MASK_FIELD_NUMBER: _ClassVar[int]
         SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
         SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
         STABILITY_FIELD_NUMBER: _ClassVar[int]
         SUPPORT_FIELD_NUMBER: _ClassVar[int]
         THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+        kind: ProposeScalesResponse.Kind
         mask: SegmentResponse.ViewMask
         scale_quantile: float
         scale_units: float
         stability: float
         support: float
         threshold: float
-        def __init__(self, scale_quantile: _Optional[float] = ..., threshold: _Optional[float] = ..., scale_units: _Optional[float] = ..., support: _Optional[float] = ..., stability: _Optional[float] = ..., mask: _Optional[_Union[SegmentResponse.ViewMask, _Mapping]] = ...) -> None: ...
+        def __init__(self, scale_quantile: _Optional[float] = ..., threshold: _Optional[float] = ..., scale_units: _Optional[float] = ..., support: _Optional[float] = ..., stability: _Optional[float] = ..., mask: _Optional[_Union[SegmentResponse.ViewMask, _Mapping]] = ..., kind: _Optional[_Union[ProposeScalesResponse.Kind, str]] = ...) -> None: ...
+    BEST_FIELD_NUMBER: _ClassVar[int]
+    KIND_GROUP: ProposeScalesResponse.Kind
+    KIND_OBJECT: ProposeScalesResponse.Kind
+    KIND_PART: ProposeScalesResponse.Kind
+    KIND_UNSPECIFIED: ProposeScalesResponse.Kind
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROPOSALS_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
+    best: int
     model: str
     proposals: _containers.RepeatedCompositeFieldContainer[ProposeScalesResponse.Proposal]
     timing: _timing_pb2.QueryTiming
-    def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ...) -> None: ...
 
 class SegmentRequest(_message.Message):
-    __slots__ = ["granularity", "mask_encoding", "model", "prompt", "targets", "want_similarity"]
+    __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "targets", "want_similarity"]
     class Targets(_message.Message):
         __slots__ = ["group", "views"]
         class Group(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
@@ -67,19 +79,21 @@ class SegmentRequest(_message.Message):
         group: SegmentRequest.Targets.Group
         views: _containers.RepeatedScalarFieldContainer[str]
         def __init__(self, group: _Optional[_Union[SegmentRequest.Targets.Group, str]] = ..., views: _Optional[_Iterable[str]] = ...) -> None: ...
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     GRANULARITY_FIELD_NUMBER: _ClassVar[int]
     MASK_ENCODING_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     WANT_SIMILARITY_FIELD_NUMBER: _ClassVar[int]
+    frame: _prompt_pb2.PixelFrame
     granularity: _prompt_pb2.Granularity
     mask_encoding: _prompt_pb2.MaskEncoding
     model: str
     prompt: _prompt_pb2.Prompt
     targets: SegmentRequest.Targets
     want_similarity: bool
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
 class SegmentResponse(_message.Message):
     __slots__ = ["masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]

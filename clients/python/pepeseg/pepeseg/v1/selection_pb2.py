@@ -16,29 +16,29 @@ from pepeseg.v1 import decomposition_pb2 as pepeseg_dot_v1_dot_decomposition__pb
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1apepeseg/v1/selection.proto\x12\npepeseg.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/prompt.proto\"\x98\x01\n\tSelection\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05model\x18\x02 \x01(\t\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12\x0b\n\x03min\x18\x04 \x03(\x01\x12\x0b\n\x03max\x18\x05 \x03(\x01\x12\x0c\n\x04\x62\x61se\x18\x06 \x01(\t\x12/\n\x0b\x63reate_time\x18\x07 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\xa4\x02\n\rSelectRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.PromptH\x00\x12)\n\x07segment\x18\x03 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12,\n\x0bgranularity\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x11\n\tnum_views\x18\x05 \x01(\x05\x12\x19\n\x11keep_disconnected\x18\x06 \x01(\x08\x12\x0c\n\x04\x62\x61se\x18\x07 \x01(\t\x12+\n\toperation\x18\x08 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\t \x01(\tB\x08\n\x06source\"z\n\x18\x43ombineSelectionsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\t\x12\x0e\n\x06second\x18\x02 \x01(\t\x12+\n\toperation\x18\x03 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\x04 \x01(\t\"$\n\x14UndoSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"#\n\x13GetSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"N\n\x15ListSelectionsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"\\\n\x16ListSelectionsResponse\x12)\n\nselections\x18\x01 \x03(\x0b\x32\x15.pepeseg.v1.Selection\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"&\n\x16\x44\x65leteSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t*\x7f\n\x0cSetOperation\x12\x1d\n\x19SET_OPERATION_UNSPECIFIED\x10\x00\x12\x17\n\x13SET_OPERATION_UNION\x10\x01\x12\x1a\n\x16SET_OPERATION_SUBTRACT\x10\x02\x12\x1b\n\x17SET_OPERATION_INTERSECT\x10\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1apepeseg/v1/selection.proto\x12\npepeseg.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/prompt.proto\"\x98\x01\n\tSelection\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05model\x18\x02 \x01(\t\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12\x0b\n\x03min\x18\x04 \x03(\x01\x12\x0b\n\x03max\x18\x05 \x03(\x01\x12\x0c\n\x04\x62\x61se\x18\x06 \x01(\t\x12/\n\x0b\x63reate_time\x18\x07 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\xcb\x02\n\rSelectRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.PromptH\x00\x12)\n\x07segment\x18\x03 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12,\n\x0bgranularity\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x11\n\tnum_views\x18\x05 \x01(\x05\x12\x19\n\x11keep_disconnected\x18\x06 \x01(\x08\x12\x0c\n\x04\x62\x61se\x18\x07 \x01(\t\x12+\n\toperation\x18\x08 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\t \x01(\t\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrameB\x08\n\x06source\"z\n\x18\x43ombineSelectionsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\t\x12\x0e\n\x06second\x18\x02 \x01(\t\x12+\n\toperation\x18\x03 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\x04 \x01(\t\"$\n\x14UndoSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"#\n\x13GetSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"N\n\x15ListSelectionsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"\\\n\x16ListSelectionsResponse\x12)\n\nselections\x18\x01 \x03(\x0b\x32\x15.pepeseg.v1.Selection\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"&\n\x16\x44\x65leteSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t*\x7f\n\x0cSetOperation\x12\x1d\n\x19SET_OPERATION_UNSPECIFIED\x10\x00\x12\x17\n\x13SET_OPERATION_UNION\x10\x01\x12\x1a\n\x16SET_OPERATION_SUBTRACT\x10\x02\x12\x1b\n\x17SET_OPERATION_INTERSECT\x10\x03\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.selection_pb2', globals())
 if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
-  _SETOPERATION._serialized_start=995
-  _SETOPERATION._serialized_end=1122
+  _SETOPERATION._serialized_start=1034
+  _SETOPERATION._serialized_end=1161
   _SELECTION._serialized_start=133
   _SELECTION._serialized_end=285
   _SELECTREQUEST._serialized_start=288
-  _SELECTREQUEST._serialized_end=580
-  _COMBINESELECTIONSREQUEST._serialized_start=582
-  _COMBINESELECTIONSREQUEST._serialized_end=704
-  _UNDOSELECTIONREQUEST._serialized_start=706
-  _UNDOSELECTIONREQUEST._serialized_end=742
-  _GETSELECTIONREQUEST._serialized_start=744
-  _GETSELECTIONREQUEST._serialized_end=779
-  _LISTSELECTIONSREQUEST._serialized_start=781
-  _LISTSELECTIONSREQUEST._serialized_end=859
-  _LISTSELECTIONSRESPONSE._serialized_start=861
-  _LISTSELECTIONSRESPONSE._serialized_end=953
-  _DELETESELECTIONREQUEST._serialized_start=955
-  _DELETESELECTIONREQUEST._serialized_end=993
+  _SELECTREQUEST._serialized_end=619
+  _COMBINESELECTIONSREQUEST._serialized_start=621
+  _COMBINESELECTIONSREQUEST._serialized_end=743
+  _UNDOSELECTIONREQUEST._serialized_start=745
+  _UNDOSELECTIONREQUEST._serialized_end=781
+  _GETSELECTIONREQUEST._serialized_start=783
+  _GETSELECTIONREQUEST._serialized_end=818
+  _LISTSELECTIONSREQUEST._serialized_start=820
+  _LISTSELECTIONSREQUEST._serialized_end=898
+  _LISTSELECTIONSRESPONSE._serialized_start=900
+  _LISTSELECTIONSRESPONSE._serialized_end=992
+  _DELETESELECTIONREQUEST._serialized_start=994
+  _DELETESELECTIONREQUEST._serialized_end=1032
 # @@protoc_insertion_point(module_scope)

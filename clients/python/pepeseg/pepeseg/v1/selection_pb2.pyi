@@ -56,8 +56,9 @@ class ListSelectionsResponse(_message.Message):
     def __init__(self, selections: _Optional[_Iterable[_Union[Selection, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
 class SelectRequest(_message.Message):
-    __slots__ = ["base", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "segment"]
+    __slots__ = ["base", "frame", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "segment"]
     BASE_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
     GRANULARITY_FIELD_NUMBER: _ClassVar[int]
     KEEP_DISCONNECTED_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
@@ -67,6 +68,7 @@ class SelectRequest(_message.Message):
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     base: str
+    frame: _prompt_pb2.PixelFrame
     granularity: _prompt_pb2.Granularity
     keep_disconnected: bool
     model: str
@@ -75,7 +77,7 @@ class SelectRequest(_message.Message):
     prompt: _prompt_pb2.Prompt
     request_id: str
     segment: _decomposition_pb2.SegmentRef
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
 
 class Selection(_message.Message):
     __slots__ = ["base", "create_time", "max", "min", "model", "name", "num_gaussians"]
