@@ -1,7 +1,11 @@
 #include "core/io/image_header.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cerrno>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
@@ -105,14 +109,21 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
 }
 
 // PNG: chunks of big-endian length, type, data and CRC, from IHDR to IEND.
-absl::StatusOr<Size> PngSize(Bytes bytes) {
-  constexpr size_t kAround = 12;  // length, type and CRC of a chunk
-  size_t at = kPngMagic.size();
+constexpr size_t kAround = 12;  // length, type and CRC of a chunk
+
+// From the first chunk.
+absl::StatusOr<Size> PngHeaderSize(Bytes bytes) {
+  const size_t at = kPngMagic.size();
   if (bytes.size() < at + kAround + 13) return CutShort("PNG");
   if (!HasTag(bytes, at + 4, "IHDR") || BigEndian(bytes, at, 4) != 13) {
     return Malformed("PNG", "its first chunk is not the header");
   }
-  const Size size = {BigEndian(bytes, at + 8, 4), BigEndian(bytes, at + 12, 4)};
+  return Size{BigEndian(bytes, at + 8, 4), BigEndian(bytes, at + 12, 4)};
+}
+
+absl::StatusOr<Size> PngSize(Bytes bytes) {
+  ASSIGN_OR_RETURN(const Size size, PngHeaderSize(bytes));
+  size_t at = kPngMagic.size();
   while (bytes.size() - at >= kAround) {
     const uint64_t length = BigEndian(bytes, at, 4);
     if (length > bytes.size() - at - kAround) break;
@@ -123,10 +134,9 @@ absl::StatusOr<Size> PngSize(Bytes bytes) {
 }
 
 // WebP: a RIFF container whose first chunk is VP8 (lossy), VP8L (lossless) or VP8X (extended).
-absl::StatusOr<Size> WebpSize(Bytes bytes) {
+absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
   constexpr size_t kSmallest = 30;
   if (bytes.size() < kSmallest) return CutShort("WebP");
-  if (uint64_t{LittleEndian(bytes, 4, 4)} + 8 > bytes.size()) return CutShort("WebP");
   if (HasTag(bytes, 12, "VP8X")) {
     return Size{LittleEndian(bytes, 24, 3) + 1, LittleEndian(bytes, 27, 3) + 1};
   }
@@ -138,6 +148,12 @@ absl::StatusOr<Size> WebpSize(Bytes bytes) {
     return Size{LittleEndian(bytes, 26, 2) & 0x3FFF, LittleEndian(bytes, 28, 2) & 0x3FFF};
   }
   return Malformed("WebP", "its first chunk is not a picture");
+}
+
+absl::StatusOr<Size> WebpSize(Bytes bytes) {
+  ASSIGN_OR_RETURN(const Size size, WebpHeaderSize(bytes));
+  if (uint64_t{LittleEndian(bytes, 4, 4)} + 8 > bytes.size()) return CutShort("WebP");
+  return size;
 }
 
 absl::StatusOr<Size> SizeOf(ImageFormat format, Bytes bytes) {
@@ -153,15 +169,116 @@ absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   return absl::InvalidArgumentError("not a JPEG, PNG or WebP image");
 }
 
-absl::StatusOr<ImageHeader> Read(Bytes bytes) {
-  ASSIGN_OR_RETURN(const ImageFormat format, FormatOf(bytes));
-  ASSIGN_OR_RETURN(const Size size, SizeOf(format, bytes));
+absl::StatusOr<ImageHeader> CheckSize(ImageFormat format, const Size& size) {
   if (size.width == 0 || size.height == 0) return absl::InvalidArgumentError("an empty image");
   if (size.width * size.height > static_cast<uint64_t>(kMaxImagePixels)) {
     return absl::InvalidArgumentError(
         absl::StrCat(size.width, "x", size.height, " pixels, the limit is ", kMaxImagePixels));
   }
   return ImageHeader{format, static_cast<int>(size.width), static_cast<int>(size.height)};
+}
+
+absl::StatusOr<ImageHeader> Read(Bytes bytes) {
+  ASSIGN_OR_RETURN(const ImageFormat format, FormatOf(bytes));
+  ASSIGN_OR_RETURN(const Size size, SizeOf(format, bytes));
+  return CheckSize(format, size);
+}
+
+// A file of which only some pieces are read.
+class HeaderReader {
+ public:
+  explicit HeaderReader(int descriptor) : descriptor_(descriptor) {}
+  ~HeaderReader() { close(descriptor_); }
+  HeaderReader(const HeaderReader&) = delete;
+  HeaderReader& operator=(const HeaderReader&) = delete;
+
+  // Up to `count` bytes from `at` on, fewer at the end of the file, none after an error. They stay
+  // until the next call. At most kHeaderReadBytes.
+  Bytes At(uint64_t at, size_t count) {
+    if (at < start_ || at + count > start_ + size_) Fill(at);
+    if (at < start_ || at >= start_ + size_) return {};
+    const size_t first = at - start_;
+    return Bytes(piece_).subspan(first, std::min(count, size_ - first));
+  }
+  // What no more bytes may mean: INTERNAL, or too many reads. OK: the end of the file.
+  const absl::Status& status() const { return status_; }
+
+ private:
+  void Fill(uint64_t at) {
+    start_ = at;
+    size_ = 0;
+    if (!status_.ok()) return;
+    if (++num_reads_ > kMaxHeaderReads) {
+      status_ = absl::InvalidArgumentError(
+          absl::StrCat("the header is not found by ", kMaxHeaderReads, " reads of ",
+                       kHeaderReadBytes, " bytes: save the image anew"));
+      return;
+    }
+    while (size_ < piece_.size()) {
+      const ssize_t got = pread(descriptor_, piece_.data() + size_, piece_.size() - size_,
+                                static_cast<off_t>(at + size_));
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) status_ = absl::InternalError("cannot be read");
+      if (got <= 0) return;
+      size_ += static_cast<size_t>(got);
+    }
+  }
+
+  const int descriptor_;
+  std::array<uint8_t, kHeaderReadBytes> piece_{};
+  uint64_t start_ = 0;  // of the piece in the file
+  size_t size_ = 0;     // of the piece, bytes
+  int num_reads_ = 0;
+  absl::Status status_;
+};
+
+// As JpegSize, up to the frame header.
+absl::StatusOr<Size> FindJpegSize(HeaderReader& file) {
+  for (uint64_t at = 2;;) {
+    const Bytes two = file.At(at, 2);
+    if (two.size() < 2) break;
+    const uint8_t marker = two[1];
+    if (two[0] != 0xFF || marker == 0xFF || marker == 0) {
+      ++at;
+      continue;
+    }
+    at += 2;
+    if (marker == kTem || (marker >= kRst0 && marker <= kRst7)) continue;
+    if (marker == kEoi || marker == kSos) return Malformed("JPEG", "no frame header");
+    const Bytes segment = file.At(at, 7);
+    if (segment.size() < 2) break;
+    const size_t length = BigEndian(segment, 0, 2);
+    if (length < 2) return Malformed("JPEG", absl::StrCat("segment of no length at byte ", at));
+    if (IsFrameHeader(marker)) {
+      if (length < 8) return Malformed("JPEG", "short frame header");
+      if (segment.size() < 7) break;
+      return Size{BigEndian(segment, 5, 2), BigEndian(segment, 3, 2)};
+    }
+    at += length;
+  }
+  return file.status().ok() ? CutShort("JPEG") : file.status();
+}
+
+// Another format adds its magic to FormatOf and its case here.
+absl::StatusOr<ImageHeader> ReadSize(HeaderReader& file) {
+  constexpr size_t kFrontBytes = 64;
+  const Bytes front = file.At(0, kFrontBytes);
+  RETURN_IF_ERROR(file.status());
+  ASSIGN_OR_RETURN(const ImageFormat format, FormatOf(front));
+  absl::StatusOr<Size> size;
+  switch (format) {
+    case ImageFormat::kJpeg:
+      size = FindJpegSize(file);
+      break;
+    case ImageFormat::kPng:
+      size = PngHeaderSize(front);
+      break;
+    case ImageFormat::kWebp:
+      size = WebpHeaderSize(front);
+      break;
+  }
+  RETURN_IF_ERROR(size.status());
+  return CheckSize(format, *size);
 }
 
 }  // namespace
@@ -183,6 +300,19 @@ absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name,
   absl::StatusOr<ImageHeader> header = Read(bytes);
   if (header.ok()) return header;
   return absl::InvalidArgumentError(absl::StrCat(name, ": ", header.status().message()));
+}
+
+absl::StatusOr<ImageHeader> ReadImageSize(const std::filesystem::path& path,
+                                          absl::string_view name) {
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) {
+    if (errno == ENOENT) return absl::NotFoundError(absl::StrCat(name, ": no such file"));
+    return absl::InternalError(absl::StrCat(name, ": cannot be opened"));
+  }
+  HeaderReader file(descriptor);
+  absl::StatusOr<ImageHeader> header = ReadSize(file);
+  if (header.ok()) return header;
+  return absl::Status(header.status().code(), absl::StrCat(name, ": ", header.status().message()));
 }
 
 }  // namespace pepeseg
