@@ -115,6 +115,9 @@ v1::View ToProto(const ModelView& view) {
   for (double value : {q.w(), q.x(), q.y(), q.z()}) pose.add_rotation(value);
   for (double value : view.cam_from_world.translation) pose.add_translation(value);
   proto.set_held_out(view.held_out);
+  const auto& photograph = view.photograph;
+  proto.set_photograph_width(photograph ? photograph->UprightWidth() : view.camera.width);
+  proto.set_photograph_height(photograph ? photograph->UprightHeight() : view.camera.height);
   if (view.scores) *proto.mutable_scores() = ToProto(*view.scores);
   return proto;
 }

@@ -8,9 +8,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/lens.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
+#include "core/scene/lens.h"
 
 namespace pepeseg {
 

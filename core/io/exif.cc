@@ -8,9 +8,11 @@ namespace {
 // Tags of EXIF 2.3: of the main directory, and of the one that kExifDirectory points to.
 constexpr uint32_t kMaker = 0x010f;
 constexpr uint32_t kModel = 0x0110;
+constexpr uint32_t kOrientation = 0x0112;
 constexpr uint32_t kExifDirectory = 0x8769;
 constexpr uint32_t kFocalLength = 0x920a;
 constexpr uint32_t kFocalLength35Mm = 0xa405;
+constexpr uint32_t kEntryBytes = 12;
 constexpr size_t kMaxText = 64;
 
 // Numbers of a TIFF structure, in the byte order that it names. Past its end they are 0.
@@ -44,7 +46,6 @@ class Tiff {
 };
 
 void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
-  constexpr uint32_t kEntryBytes = 12;
   const uint32_t count = tiff.Number(offset, 2);
   for (uint32_t i = 0; i < count; ++i) {
     const uint32_t entry = offset + 2 + i * kEntryBytes;
@@ -76,7 +77,8 @@ void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
 uint32_t FindDirectory(const Tiff& tiff, uint32_t offset, uint32_t tag) {
   const uint32_t count = tiff.Number(offset, 2);
   for (uint32_t i = 0; i < count; ++i) {
-    if (tiff.Number(offset + 2 + i * 12, 2) == tag) return tiff.Number(offset + 2 + i * 12 + 8, 4);
+    const uint32_t entry = offset + 2 + i * kEntryBytes;
+    if (tiff.Number(entry, 2) == tag) return tiff.Number(entry + 8, 4);
   }
   return 0;
 }
@@ -93,9 +95,8 @@ ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
   return camera;
 }
 
-}  // namespace
-
-ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) {
+// The TIFF structure of a JPEG file's EXIF data; empty where there is none.
+std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
   constexpr uint8_t kApp1 = 0xe1, kStartOfScan = 0xda;
   constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
   if (bytes.size() < 4 || bytes[0] != 0xff || bytes[1] != 0xd8) return {};
@@ -106,10 +107,28 @@ ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) {
     const auto segment = bytes.subspan(at + 4, length - 2);
     const bool exif = marker == kApp1 && segment.size() > sizeof(kMark) &&
                       std::equal(std::begin(kMark), std::end(kMark), segment.begin());
-    if (exif) return ReadTiff(segment.subspan(sizeof(kMark)));
+    if (exif) return segment.subspan(sizeof(kMark));
     at += 2 + length;
   }
   return {};
+}
+
+}  // namespace
+
+ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) { return ReadTiff(FindTiff(bytes)); }
+
+int ReadExifOrientation(std::span<const uint8_t> bytes) {
+  const Tiff tiff(FindTiff(bytes));
+  const uint32_t main = tiff.Number(4, 4);
+  if (main == 0) return 1;
+  const uint32_t count = tiff.Number(main, 2);
+  for (uint32_t i = 0; i < count; ++i) {
+    const uint32_t entry = main + 2 + i * kEntryBytes;
+    if (tiff.Number(entry, 2) != kOrientation) continue;
+    const uint32_t orientation = tiff.Number(entry + 8, 2);
+    return orientation >= 1 && orientation <= 8 ? static_cast<int>(orientation) : 1;
+  }
+  return 1;
 }
 
 }  // namespace pepeseg

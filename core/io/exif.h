@@ -19,4 +19,8 @@ struct ExifCamera {
 // Of a JPEG file; empty for other files and where the data are malformed.
 ExifCamera ReadExifCamera(std::span<const uint8_t> bytes);
 
+// EXIF orientation of a JPEG file, [1, 8]: how its pixels are turned and mirrored to be upright,
+// see core/scene/photograph.h. 1 for other files and where the data is malformed.
+int ReadExifOrientation(std::span<const uint8_t> bytes);
+
 }  // namespace pepeseg

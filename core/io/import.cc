@@ -12,6 +12,8 @@
 #include "core/io/dataset_index.h"
 #include "core/io/decode_image.h"
 #include "core/io/depth_files.h"
+#include "core/io/exif.h"
+#include "core/io/file_bytes.h"
 #include "core/io/file_name.h"
 #include "core/io/mask_files.h"
 #include "core/io/photo_poses.h"
@@ -112,6 +114,12 @@ absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::st
   return Resized(lens, photo.width, photo.height);
 }
 
+// EXIF's, of the file that was decoded before.
+absl::StatusOr<int> OrientationOf(const DatasetFile& photo) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(photo.path, photo.name, kMaxImageFileBytes));
+  return ReadExifOrientation({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+}
+
 // Makes the views, one after the other.
 class ViewReader {
  public:
@@ -136,6 +144,8 @@ class ViewReader {
     view.camera = warp_->camera();
     view.cam_from_world = match.pose.cam_from_world;
     view.photo = warp_->Photo(photo);
+    view.photograph = warp_->photograph();
+    ASSIGN_OR_RETURN(view.photograph->orientation, OrientationOf(*match.photo));
     if (!transparent.empty()) view.ignore = warp_->Ignore(transparent);
     RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
     return view;

@@ -1,7 +1,9 @@
 #include "core/io/model_facts.h"
 
 #include <cmath>
+#include <iterator>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -21,6 +23,18 @@ json FormatScores(const ImageScores& scores) {
   return object;
 }
 
+json FormatPhotograph(const Photograph& photograph) {
+  const Lens& lens = photograph.lens;
+  return {{"lens", std::string(NameOf(lens.model))},
+          {"width", lens.width},
+          {"height", lens.height},
+          {"focal", {lens.fx, lens.fy}},
+          {"principal_point", {lens.cx, lens.cy}},
+          {"distortion", lens.distortion},
+          {"orientation", photograph.orientation},
+          {"part", {photograph.left, photograph.top, photograph.width, photograph.height}}};
+}
+
 json FormatView(const ModelView& view) {
   const Eigen::Quaterniond& q = view.cam_from_world.rotation;
   const Eigen::Vector3d& t = view.cam_from_world.translation;
@@ -33,6 +47,7 @@ json FormatView(const ModelView& view) {
                  {"translation", {t.x(), t.y(), t.z()}},
                  {"held_out", view.held_out}};
   if (view.scores) object["scores"] = FormatScores(*view.scores);
+  if (view.photograph) object["photograph"] = FormatPhotograph(*view.photograph);
   return object;
 }
 
@@ -48,11 +63,13 @@ bool TakeInt(const json& object, const char* key, int& value) {
   return value == wide;
 }
 
-template <size_t n>
-bool TakeNumbers(const json& object, const char* key, double (&values)[n]) {
+template <class Values>
+bool TakeNumbers(const json& object, const char* key, Values& values) {
   const auto found = object.find(key);
-  if (found == object.end() || !found->is_array() || found->size() != n) return false;
-  for (size_t i = 0; i < n; ++i) {
+  if (found == object.end() || !found->is_array() || found->size() != std::size(values)) {
+    return false;
+  }
+  for (size_t i = 0; i < std::size(values); ++i) {
     if (!(*found)[i].is_number()) return false;
     values[i] = (*found)[i].get<double>();
     if (!std::isfinite(values[i])) return false;
@@ -73,6 +90,30 @@ bool ParseScores(const json& value, ImageScores& scores) {
   return true;
 }
 
+bool ParsePhotograph(const json& value, Photograph& photograph) {
+  if (!value.is_object()) return false;
+  Lens& lens = photograph.lens;
+  const auto name = value.find("lens");
+  if (name == value.end() || !name->is_string()) return false;
+  const std::optional<LensModel> model = LensModelByName(name->get<std::string>());
+  double focal[2], center[2], part[4];
+  if (!model || !TakeInt(value, "width", lens.width) || !TakeInt(value, "height", lens.height) ||
+      !TakeNumbers(value, "focal", focal) || !TakeNumbers(value, "principal_point", center) ||
+      !TakeNumbers(value, "distortion", lens.distortion) ||
+      !TakeInt(value, "orientation", photograph.orientation) || !TakeNumbers(value, "part", part)) {
+    return false;
+  }
+  lens.model = *model;
+  lens.fx = focal[0], lens.fy = focal[1];
+  lens.cx = center[0], lens.cy = center[1];
+  int* const sides[] = {&photograph.left, &photograph.top, &photograph.width, &photograph.height};
+  for (size_t i = 0; i < std::size(sides); ++i) {
+    if (!(std::abs(part[i]) <= 1e6)) return false;
+    *sides[i] = static_cast<int>(part[i]);
+  }
+  return Validate(photograph).ok();
+}
+
 bool ParseView(const json& value, ModelView& view) {
   if (!value.is_object()) return false;
   const auto name = value.find("name");
@@ -83,6 +124,10 @@ bool ParseView(const json& value, ModelView& view) {
   view.held_out = held_out->get<bool>();
   const auto scores = value.find("scores");
   if (scores != value.end() && !ParseScores(*scores, view.scores.emplace())) return false;
+  const auto photograph = value.find("photograph");
+  if (photograph != value.end() && !ParsePhotograph(*photograph, view.photograph.emplace())) {
+    return false;
+  }
   double focal[2], center[2], q[4], t[3];
   if (!TakeInt(value, "width", view.camera.width) ||
       !TakeInt(value, "height", view.camera.height) || !TakeNumbers(value, "focal", focal) ||

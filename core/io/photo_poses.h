@@ -8,8 +8,8 @@
 
 #include "absl/status/statusor.h"
 #include "core/io/dataset_index.h"
-#include "core/io/lens.h"
 #include "core/scene/camera.h"
+#include "core/scene/lens.h"
 
 namespace pepeseg {
 

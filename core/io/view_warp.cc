@@ -41,15 +41,11 @@ double LargestSlope(const Lens& lens, double farthest) {
   return largest;
 }
 
-Vector2d RayOf(const Lens& lens, double x, double y) {
-  return {(x - lens.cx) / lens.fx, (y - lens.cy) / lens.fy};
-}
-
 double FarthestSlope(const Lens& lens) {
   double farthest = 0;
   for (const double x : {0.0, static_cast<double>(lens.width)}) {
     for (const double y : {0.0, static_cast<double>(lens.height)}) {
-      farthest = std::max(farthest, RayOf(lens, x, y).norm());
+      farthest = std::max(farthest, lens.PinholeRay({x, y}).norm());
     }
   }
   return farthest;
@@ -64,7 +60,7 @@ std::vector<float> SourcePlaces(const Lens& lens) {
   source.reserve(static_cast<size_t>(lens.width) * lens.height * 2);
   for (int y = 0; y < lens.height; ++y) {
     for (int x = 0; x < lens.width; ++x) {
-      const Vector2d ray = RayOf(lens, x + 0.5, y + 0.5);
+      const Vector2d ray = lens.PinholeRay({x + 0.5, y + 0.5});
       const Vector2d place = lens.Project(ray);
       const bool covered = ray.norm() <= largest_slope && place.x() >= 0 && place.y() >= 0 &&
                            place.x() <= lens.width && place.y() <= lens.height;
@@ -132,8 +128,6 @@ ViewWarp::Frame ViewWarp::CoveredPart(const Lens& lens, const std::vector<float>
 }
 
 void ViewWarp::KeepPart(const Frame& part, const std::vector<float>& source) {
-  full_width_ = part.width;
-  full_height_ = part.height;
   source_.reserve(static_cast<size_t>(part.width) * part.height * 2);
   for (int y = part.top; y < part.top + part.height; ++y) {
     const auto row = source.begin() + 2 * (static_cast<ptrdiff_t>(y) * photo_width_ + part.left);
@@ -141,11 +135,18 @@ void ViewWarp::KeepPart(const Frame& part, const std::vector<float>& source) {
   }
 }
 
+void ViewWarp::SetPart(const Lens& lens, const Frame& part) {
+  photograph_ = {lens, 1, part.left, part.top, part.width, part.height};
+  photo_width_ = lens.width;
+  photo_height_ = lens.height;
+  full_width_ = part.width;
+  full_height_ = part.height;
+}
+
 absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) {
   ViewWarp warp;
-  warp.photo_width_ = warp.full_width_ = lens.width;
-  warp.photo_height_ = warp.full_height_ = lens.height;
   Frame part{0, 0, lens.width, lens.height};
+  warp.SetPart(lens, part);
   if (!lens.IsPinhole()) {
     const std::vector<float> source = SourcePlaces(lens);
     part = CoveredPart(lens, source);
@@ -153,6 +154,7 @@ absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) 
       return absl::InvalidArgumentError(absl::StrCat(
           "the ", NameOf(lens.model), " parameters leave no usable part of the photograph"));
     }
+    warp.SetPart(lens, part);
     warp.KeepPart(part, source);
   }
   Camera& camera = warp.camera_;
@@ -164,6 +166,24 @@ absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) 
   camera.fy = lens.fy * sy;
   camera.cx = (lens.cx - part.left) * sx;
   camera.cy = (lens.cy - part.top) * sy;
+  return warp;
+}
+
+ViewWarp ViewWarp::Restore(const Photograph& photograph, const Camera& camera) {
+  ViewWarp warp;
+  const Lens& lens = photograph.lens;
+  warp.SetPart(lens, {photograph.left, photograph.top, photograph.width, photograph.height});
+  warp.camera_ = camera;
+  if (lens.IsPinhole()) return warp;
+  warp.source_.reserve(static_cast<size_t>(photograph.width) * photograph.height * 2);
+  for (int y = 0; y < photograph.height; ++y) {
+    for (int x = 0; x < photograph.width; ++x) {
+      const Vector2d pixel(photograph.left + x + 0.5, photograph.top + y + 0.5);
+      const Vector2d place = lens.Project(lens.PinholeRay(pixel));
+      warp.source_.push_back(static_cast<float>(place.x()));
+      warp.source_.push_back(static_cast<float>(place.y()));
+    }
+  }
   return warp;
 }
 

@@ -5,10 +5,11 @@
 
 #include "absl/status/statusor.h"
 #include "core/io/float_image.h"
-#include "core/io/lens.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
+#include "core/scene/lens.h"
 #include "core/scene/mask_set.h"
+#include "core/scene/photograph.h"
 
 namespace pepeseg {
 
@@ -23,7 +24,12 @@ class ViewWarp {
   // INVALID_ARGUMENT: no pixel of the frame is covered.
   static absl::StatusOr<ViewWarp> Create(const Lens& lens, double image_scale);
 
+  // The warp that made a view with this camera of this photograph.
+  static ViewWarp Restore(const Photograph& photograph, const Camera& camera);
+
   const Camera& camera() const { return camera_; }
+  // What Restore needs. Its orientation is 1: nothing here looks at how the pixels are turned.
+  const Photograph& photograph() const { return photograph_; }
   // Bilinear through the lens, area-averaged to a smaller size.
   Image Photo(const Image& photo) const;
   // Nearest; a pixel of the result is ignored if any of it is.
@@ -41,11 +47,13 @@ class ViewWarp {
   struct Frame {  // a part of the photograph's frame, pixels
     int left = 0, top = 0, width = 0, height = 0;
   };
+  void SetPart(const Lens& lens, const Frame& part);
   // The centre of the result's pixel, in pixels of the photograph.
   Eigen::Vector2d PlaceInPhoto(int x, int y) const;
   static Frame CoveredPart(const Lens& lens, const std::vector<float>& source);
   void KeepPart(const Frame& part, const std::vector<float>& source);
 
+  Photograph photograph_;
   int photo_width_ = 0, photo_height_ = 0;
   int full_width_ = 0, full_height_ = 0;  // of the pinhole image before it is shrunk
   std::vector<float> source_;  // [full_height, full_width, 2] x, y; empty: as in the photograph

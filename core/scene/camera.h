@@ -11,6 +11,8 @@ struct Camera {
   int width = 0;
   int height = 0;
   double fx = 0, fy = 0, cx = 0, cy = 0;
+
+  bool operator==(const Camera&) const = default;
 };
 
 // A rigid transform: x_to = rotation * x_from + translation. World: COLMAP's; camera axes: x right,

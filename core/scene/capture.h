@@ -2,11 +2,13 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/scene/camera.h"
 #include "core/scene/mask_set.h"
+#include "core/scene/photograph.h"
 
 namespace pepeseg {
 
@@ -45,6 +47,8 @@ struct View {
       ignore;  // [height, width], non-zero: neither trained on nor scored; or empty
   MaskSet masks;
   DepthPrior depth;
+  // What `photo` was made of; none: it is the photograph.
+  std::optional<Photograph> photograph = std::nullopt;
 };
 
 // True when the view has a prior that knows at least one pixel.

@@ -10,6 +10,7 @@
 #include "core/scene/camera.h"
 #include "core/scene/gaussians.h"
 #include "core/scene/image_scores.h"
+#include "core/scene/photograph.h"
 
 namespace pepeseg {
 
@@ -29,6 +30,8 @@ struct ModelView {
   Pose cam_from_world;
   bool held_out = false;
   std::optional<ImageScores> scores = std::nullopt;  // of a held-out view
+  // What it was made of. None: a free camera, or a model that was trained before this was recorded.
+  std::optional<Photograph> photograph = std::nullopt;
 };
 
 // Everything that a query needs; loading one never needs the photographs.

@@ -206,7 +206,11 @@ absl::Status Training::TrainSceneFeatures() {
 
 void Training::DescribeModel() {
   for (const View& view : inputs_.capture.views) {
-    model_.views.push_back({view.name, view.camera, view.cam_from_world, view.held_out});
+    model_.views.push_back({.name = view.name,
+                            .camera = view.camera,
+                            .cam_from_world = view.cam_from_world,
+                            .held_out = view.held_out,
+                            .photograph = view.photograph});
   }
   model_.origin = inputs_.capture.origin;
   model_.scene_radius = SceneRadius(inputs_.capture);

@@ -74,6 +74,29 @@ TEST(ReadExifCamera, ReadsBothByteOrders) {
   }
 }
 
+// With nothing but an orientation.
+std::vector<uint8_t> TurnedPhoto(bool big_endian, uint32_t orientation) {
+  TiffBytes tiff(big_endian);
+  tiff.Add(1, 2);
+  tiff.Entry(0x0112, 3, 1, orientation);
+  tiff.Add(0, 4);
+  return tiff.Jpeg();
+}
+
+TEST(ReadExifOrientation, ReadsBothByteOrders) {
+  for (const bool big_endian : {false, true}) {
+    EXPECT_EQ(ReadExifOrientation(TurnedPhoto(big_endian, 6)), 6);
+    EXPECT_EQ(ReadExifOrientation(TurnedPhoto(big_endian, 1)), 1);
+  }
+}
+
+TEST(ReadExifOrientation, IsUprightWhereNothingOrNonsenseIsSaid) {
+  EXPECT_EQ(ReadExifOrientation({}), 1);
+  EXPECT_EQ(ReadExifOrientation(Photo(false)), 1);
+  EXPECT_EQ(ReadExifOrientation(TurnedPhoto(true, 0)), 1);
+  EXPECT_EQ(ReadExifOrientation(TurnedPhoto(true, 9)), 1);
+}
+
 // The sanitizers watch.
 TEST(ReadExifCamera, ReadsNoFurtherThanTheBytesGo) {
   const std::vector<uint8_t> photo = Photo(false);
@@ -85,6 +108,7 @@ TEST(ReadExifCamera, ReadsNoFurtherThanTheBytesGo) {
     std::vector<uint8_t> changed = photo;
     changed[i] ^= 0xff;
     ReadExifCamera(changed);
+    ReadExifOrientation(changed);
   }
 }
 

@@ -221,5 +221,45 @@ TEST(ImportCapture, UndistortsPhotographMasksAndIgnoreMask) {
   EXPECT_EQ(view.ignore.size(), static_cast<size_t>(view.camera.width) * view.camera.height);
 }
 
+TEST(ImportCapture, KeepsTheLensAndThePartOfThePhotograph) {
+  SmallDataset dataset;
+  // Half as large as its camera.
+  dataset.cameras = {{1, 3, "RADIAL", 80, 60, {90, 40, 30, 0.3, 0.05}}};
+  dataset.Write();
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import({.image_scale = 0.5}));
+  for (const View& view : capture.views) {
+    ASSERT_TRUE(view.photograph.has_value());
+    const Photograph& photograph = *view.photograph;
+    EXPECT_OK(Validate(photograph));
+    EXPECT_EQ(photograph.lens.model, LensModel::kRadial);
+    EXPECT_EQ(photograph.lens.width, 40);
+    EXPECT_EQ(photograph.lens.height, 30);
+    EXPECT_DOUBLE_EQ(photograph.lens.fx, 45);
+    EXPECT_DOUBLE_EQ(photograph.lens.distortion[0], 0.3);
+    EXPECT_EQ(photograph.orientation, 1);
+    EXPECT_EQ(view.camera.width, std::lround(photograph.width * 0.5));
+    EXPECT_DOUBLE_EQ(view.camera.cx * photograph.width / view.camera.width,
+                     photograph.lens.cx - photograph.left);
+  }
+}
+
+TEST(ImportCapture, KeepsHowExifTurnsAPhotograph) {
+  SmallDataset dataset;
+  dataset.Write();
+  // An APP1 segment with a TIFF structure of one entry: orientation 6.
+  const std::string exif(
+      "\xff\xe1\0\x22"
+      "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0",
+      36);
+  std::string jpeg = testing::ReadBytes(dataset.folder / "images/a.jpg");
+  jpeg.insert(2, exif);
+  testing::WriteBytes(dataset.folder / "images/a.jpg", jpeg);
+  ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
+  EXPECT_EQ(capture.views[0].photograph->orientation, 6);
+  EXPECT_EQ(capture.views[1].photograph->orientation, 1);
+  // Poses belong to the pixels as stored.
+  EXPECT_EQ(capture.views[0].photo.width, 40);
+}
+
 }  // namespace
 }  // namespace pepeseg

@@ -6,6 +6,7 @@
 
 #include "core/io/atomic_file.h"
 #include "core/io/file_bytes.h"
+#include "core/io/model_facts.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -36,6 +37,10 @@ Model MakeModel(bool with_features) {
   model.views[0].scores = {24.25, 0.8125, 0.1};
   model.views[1].scores = {1.0 / 3, -0.5, {}};
   model.views.push_back(view);
+  Photograph& photograph = model.views[1].photograph.emplace();
+  photograph.lens = {LensModel::kSimpleRadial, 1280, 960, 1203.5, 1.0 / 7, 640.25, 479, {-0.1}};
+  photograph.orientation = 6;
+  photograph.left = 3, photograph.top = 1, photograph.width = 1270, photograph.height = 955;
   model.scene_radius = 1.0 / 9;
   model.metrics = {{"psnr", 23.456789012345}, {"none", std::numeric_limits<double>::quiet_NaN()}};
   model.facts = {{"seed", "1"}, {"odd", "\xFF\"\n"}};
@@ -72,6 +77,8 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.views[1].scores->ssim, -0.5);
   EXPECT_FALSE(read.views[1].scores->lpips.has_value());
   EXPECT_FALSE(read.views[2].scores.has_value());
+  EXPECT_FALSE(read.views[0].photograph.has_value());
+  EXPECT_EQ(read.views[1].photograph, model.views[1].photograph);
   EXPECT_EQ(read.views[0].name, model.views[0].name);
   EXPECT_EQ(read.views[0].camera.fy, 1.0 / 3);
   EXPECT_EQ(read.views[0].camera.width, 640);
@@ -83,6 +90,23 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.origin, Eigen::Vector3d::Zero());
   EXPECT_EQ(read.metrics, (std::map<std::string, double>{{"psnr", 23.456789012345}}));
   EXPECT_EQ(read.facts.at("seed"), "1");
+}
+
+TEST(ModelFile, RefusesAPhotographThatItsViewCannotBeOf) {
+  Model model = MakeModel(true);
+  const std::string text = FormatModelFacts(model);
+  for (const auto& [good, bad] : std::vector<std::pair<std::string, std::string>>{
+           {"SIMPLE_RADIAL", "SIMPLE"},
+           {"\"orientation\": 6", "\"orientation\": 9"},
+           {"1270,", "1270e300,"},
+           {"1270,", "1280,"}}) {
+    std::string changed = text;
+    ASSERT_NE(changed.find(good), std::string::npos) << good;
+    changed.replace(changed.find(good), good.size(), bad);
+    Model read;
+    SCOPED_TRACE(bad);
+    EXPECT_STATUS(ParseModelFacts(changed, read), kDataLoss, "view 1");
+  }
 }
 
 TEST(ModelFile, TellsItsShapeFromTheHeads) {

@@ -8,41 +8,18 @@
 #include <string>
 #include <vector>
 
+#include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
 using Eigen::Vector2d;
+using testing::DistortingLenses;
+using testing::LensCase;
 
 constexpr int kWidth = 160;
 constexpr int kHeight = 120;
-
-struct Case {
-  LensModel model;
-  std::vector<double> distortion;
-};
-const std::vector<Case>& DistortingCases() {
-  static const std::vector<Case> cases = {
-      {LensModel::kSimpleRadial, {-0.15}},
-      {LensModel::kRadial, {0.2, -0.03}},
-      {LensModel::kOpencv, {-0.2, 0.05, 0.002, -0.003}},
-      {LensModel::kOpencvFisheye, {0.03, -0.01, 0.002, 0}},
-      {LensModel::kFullOpencv, {-0.2, 0.05, 0.002, -0.003, 0.01, 0.02, 0.01, 0}},
-      {LensModel::kFov, {0.8}},
-      {LensModel::kSimpleRadialFisheye, {0.02}},
-      {LensModel::kRadialFisheye, {0.02, -0.01}},
-      {LensModel::kThinPrismFisheye, {0.03, -0.01, 0.001, 0.002, 0, 0, 0.003, -0.002}},
-  };
-  return cases;
-}
-
-Lens MakeTestLens(const Case& c) {
-  Lens lens{.model = c.model, .width = kWidth, .height = kHeight};
-  lens.fx = 120, lens.fy = 122, lens.cx = 83, lens.cy = 57;
-  std::copy(c.distortion.begin(), c.distortion.end(), lens.distortion.begin());
-  return lens;
-}
 
 // The world behind the camera's glass: a smooth brightness for every ray.
 double Brightness(const Vector2d& ray) {
@@ -80,9 +57,9 @@ Vector2d PinholeRay(const Camera& camera, int x, int y) {
 }
 
 TEST(ViewWarp, TurnsTheDistortedPhotographIntoThePinholes) {
-  for (const Case& c : DistortingCases()) {
+  for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
-    const Lens lens = MakeTestLens(c);
+    const Lens lens = c.MakeLens();
     ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1.0));
     const Camera& camera = warp.camera();
     EXPECT_EQ(camera.fx, lens.fx);
@@ -108,9 +85,9 @@ TEST(ViewWarp, TurnsTheDistortedPhotographIntoThePinholes) {
 }
 
 TEST(ViewWarp, TakesMasksAndIgnoreMaskTheSameWay) {
-  for (const Case& c : DistortingCases()) {
+  for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
-    const Lens lens = MakeTestLens(c);
+    const Lens lens = c.MakeLens();
     const auto inside = [](const Vector2d& ray) { return ray.x() > -0.2 && ray.y() > 0.1; };
     BinaryMask mask;
     for (int y = 0; y < kHeight; ++y) {
@@ -138,7 +115,7 @@ TEST(ViewWarp, TakesMasksAndIgnoreMaskTheSameWay) {
 }
 
 TEST(ViewWarp, ShrinksAnUndistortedPhotograph) {
-  const Lens lens = MakeTestLens(DistortingCases()[2]);
+  const Lens lens = DistortingLenses()[2].MakeLens();
   ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 0.3));
   const Camera& camera = warp.camera();
   const Image photo = warp.Photo(Photograph(lens));
@@ -163,7 +140,7 @@ TEST(ViewWarp, OfAPinholeChangesNothing) {
 
 TEST(ViewWarp, ShowsNothingTwiceWhereThePolynomialTurnsBack) {
   // Beyond a slope of sqrt(1 / 3) rays would come back toward the centre.
-  Lens lens = MakeTestLens({LensModel::kSimpleRadial, {-1.0}});
+  Lens lens = LensCase{LensModel::kSimpleRadial, {-1.0}}.MakeLens();
   ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1.0));
   const Camera& camera = warp.camera();
   for (const int x : {0, camera.width - 1}) {
@@ -173,8 +150,20 @@ TEST(ViewWarp, ShowsNothingTwiceWhereThePolynomialTurnsBack) {
   }
 }
 
+TEST(ViewWarp, IsRestoredFromWhatAModelKeeps) {
+  for (const LensCase& c : DistortingLenses()) {
+    SCOPED_TRACE(std::string(NameOf(c.model)));
+    const Lens lens = c.MakeLens();
+    ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 0.5));
+    const ViewWarp restored = ViewWarp::Restore(warp.photograph(), warp.camera());
+    const Image photo = Photograph(lens);
+    EXPECT_EQ(restored.Photo(photo).pixels, warp.Photo(photo).pixels);
+    EXPECT_EQ(restored.Ignore(photo.pixels), warp.Ignore(photo.pixels));
+  }
+}
+
 TEST(ViewWarp, RefusesALensThatShowsNothing) {
-  Lens lens = MakeTestLens({LensModel::kSimpleRadial, {0.0}});
+  Lens lens = LensCase{LensModel::kSimpleRadial, {0.0}}.MakeLens();
   lens.cx = 1e5;
   lens.distortion[0] = 1e8;
   EXPECT_STATUS(ViewWarp::Create(lens, 1.0), absl::StatusCode::kInvalidArgument, "SIMPLE_RADIAL");

@@ -1,4 +1,4 @@
-#include "core/io/lens.h"
+#include "core/scene/lens.h"
 
 #include <algorithm>
 #include <cmath>
@@ -126,6 +126,10 @@ Vector2d Lens::Distort(const Vector2d& ray) const {
 Vector2d Lens::Project(const Vector2d& ray) const {
   const Vector2d p = Distort(ray);
   return {fx * p.x() + cx, fy * p.y() + cy};
+}
+
+Vector2d Lens::PinholeRay(const Vector2d& pixel) const {
+  return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy};
 }
 
 Lens MakeLens(LensModel model, int width, int height, const double* parameters) {

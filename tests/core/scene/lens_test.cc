@@ -1,4 +1,4 @@
-#include "core/io/lens.h"
+#include "core/scene/lens.h"
 
 #include <gtest/gtest.h>
 

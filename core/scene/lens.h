@@ -45,6 +45,10 @@ struct Lens {
   Eigen::Vector2d Distort(const Eigen::Vector2d& ray) const;
   // The same in pixels.
   Eigen::Vector2d Project(const Eigen::Vector2d& ray) const;
+  // The ray through a pixel of a pinhole with these focal lengths and this principal point.
+  Eigen::Vector2d PinholeRay(const Eigen::Vector2d& pixel) const;
+
+  bool operator==(const Lens&) const = default;
 };
 
 // `parameters`: NumParameters(model) numbers as in COLMAP's files.
