@@ -93,10 +93,16 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
   app.add_option(
          "--sandbox", server.launch.sandbox,
-         "on: workers, which read what clients upload, have no network and write only below "
-         "their job's folder; off: for a machine where that hinders them")
+         "on: workers, which read what clients upload, have no network, read only their job's "
+         "files and the system's libraries, and write only below their job's folder; off: for a "
+         "machine where that hinders them")
       ->transform(CLI::CheckedTransformer(on_off))
       ->type_name("on|off");
+  app.add_option("--sandbox-read", server.launch.sandbox_reads,
+                 "File or folder outside /usr that workers and the programs that they run may read "
+                 "and execute: the priors command's modules and weights, COLMAP's libraries. May "
+                 "be given several times")
+      ->type_name("PATH");
   const std::map<std::string, LaunchOptions::Launcher> launchers = {
       {"process", LaunchOptions::Launcher::kProcess}, {"slurm", LaunchOptions::Launcher::kSlurm}};
   app.add_option("--launcher", server.launch.launcher,
@@ -170,6 +176,9 @@ void MakePathsAbsolute(Flags& flags) {
        {&server.data, &server.worker, &server.lpips_weights, &server.access.tls_certificate,
         &server.access.tls_key, &server.access.tls_client_ca, &flags.port_file}) {
     if (!path->empty()) *path = std::filesystem::absolute(*path);
+  }
+  for (std::string& path : server.launch.sandbox_reads) {
+    path = std::filesystem::absolute(path).string();
   }
   // A name without a slash is looked for in PATH.
   if (server.colmap.find('/') != std::string::npos) {

@@ -140,13 +140,13 @@ absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
   bool any_mask = false;
   const std::vector<std::string> names = SafeNames(photographs);
   for (size_t i = 0; i < photographs.size(); ++i) {
-    const std::filesystem::path link = images / names[i];
-    RETURN_IF_ERROR(MakeFolder(link.parent_path()));
+    const std::filesystem::path copy = images / names[i];
+    RETURN_IF_ERROR(MakeFolder(copy.parent_path()));
     std::error_code error;
-    std::filesystem::create_symlink(std::filesystem::absolute(photographs[i].path), link, error);
+    std::filesystem::copy_file(photographs[i].path, copy, error);
     if (error) {
       return absl::InternalError(
-          absl::StrCat("cannot make ", link.string(), ": ", error.message()));
+          absl::StrCat("cannot make ", copy.string(), ": ", error.message()));
     }
     if (photographs[i].ignore.empty()) continue;
     RETURN_IF_ERROR(WriteMask(photographs[i], masks / (names[i] + ".png")));

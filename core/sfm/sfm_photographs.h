@@ -41,9 +41,9 @@ bool AreNumbered(std::span<const SfmPhotograph> photographs);
 // that its bytes have: "c1/000001.jpg". Sorted as the photographs are, in each camera.
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs);
 
-// Links to the photographs under their safe names below `images`, and where they have ignore masks,
-// what COLMAP wants of them below `masks`: a grey PNG, 0 where it must not look, of the name with
-// ".png" behind it. True: there is one.
+// Copies the photographs to their safe names below `images`: a worker's sandbox makes no links.
+// Where they have ignore masks, writes what COLMAP wants of them below `masks`: a grey PNG, 0 where
+// it must not look, of the name with ".png" behind it. True: there is one.
 absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
                             const std::filesystem::path& images,
                             const std::filesystem::path& masks);

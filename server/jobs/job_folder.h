@@ -20,6 +20,7 @@
 //   attempt-FENCE/       the model, once its manifest is there; reconstruct/: stage one's result;
 //                        checkpoints/: its state on the way there; frames/: of videos, poses/: of
 //                        the stage sfm, each whole once its own manifest is there
+//   tmp/                 TMPDIR of the worker, and of the programs that it runs
 //   priors/              the priors command's files, and how it ended (worker_priors_command.h)
 //   result-FENCE.json    worker -> server: how it ended
 namespace pepeseg {
@@ -77,6 +78,9 @@ class JobFolder {
   std::filesystem::path pulse(int64_t fence) const;
   std::filesystem::path lease(int64_t fence) const;
   std::filesystem::path sfm_log() const { return path_ / "sfm.log"; }
+  // Where the worker writes.
+  std::filesystem::path work() const { return path_; }
+  std::filesystem::path temporary() const { return work() / "tmp"; }
   std::filesystem::path attempt(int64_t fence) const;
   std::filesystem::path frames(int64_t fence) const;
   std::filesystem::path poses(int64_t fence) const;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace pepeseg {
 
@@ -13,6 +14,8 @@ struct LaunchOptions {
   std::string slurm_device;     // of the nodes, as OpenDevice takes it; empty: the server's
   // Workers limit themselves to what a job needs (worker_sandbox.h).
   bool sandbox = true;
+  // Absolute paths of files and folders that they read and run besides what every job needs.
+  std::vector<std::string> sandbox_reads;
   // For workers that Slurm starts again: they take their next fence there. Store::Open's.
   std::string database;
   // A server that is not heard of for so long has lost its jobs to whoever claims them next.

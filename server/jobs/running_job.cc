@@ -108,6 +108,9 @@ WorkerCommand RunningJob::Command() const {
       absl::StrCat("--job=", folder_.path().string()), absl::StrCat("--fence=", job_.fence),
       absl::StrCat("--colmap=", options.colmap), absl::StrCat("--log-format=", options.log_format)};
   if (!options.launch.sandbox) command.arguments.emplace_back("--sandbox=off");
+  for (const std::string& path : options.launch.sandbox_reads) {
+    command.arguments.push_back(absl::StrCat("--sandbox-read=", path));
+  }
   if (!options.lpips_weights.empty()) {
     command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
   }

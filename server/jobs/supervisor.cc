@@ -1,11 +1,30 @@
 #include "server/jobs/supervisor.h"
 
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <string>
+
 #include "core/status_macros.h"
+#include "server/jobs/landlock_version.h"
 #include "server/jobs/supervisor_loop.h"
 
 namespace pepeseg {
+
+namespace {
+
+// Once, where an operator looks for it. On a cluster each node's kernel counts: its worker's log
+// has the same line.
+void ReportSandbox(const LaunchOptions& options) {
+  if (!options.sandbox) {
+    spdlog::warn("--sandbox=off: jobs read and write every file of this user");
+  } else if (options.launcher == LaunchOptions::Launcher::kProcess) {
+    const std::string missing = MissingFromSandbox(LandlockVersion());
+    if (!missing.empty()) spdlog::warn("sandbox: {}", missing);
+  }
+}
+
+}  // namespace
 
 Supervisor::Supervisor(std::unique_ptr<Loop> loop) : loop_(std::move(loop)) {}
 Supervisor::~Supervisor() = default;
@@ -15,6 +34,7 @@ absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
   if (access(options.worker.c_str(), X_OK) != 0) {
     return absl::NotFoundError(options.worker.string() + ": no program to run jobs with");
   }
+  ReportSandbox(options.launch);
   auto loop = std::make_unique<Loop>(store, std::move(options));
   RETURN_IF_ERROR(loop->Recover());
   loop->StartThread();

@@ -1,6 +1,8 @@
 #include "server/jobs/worker_landlock.h"
 
+#include <dlfcn.h>
 #include <fcntl.h>
+#include <link.h>
 #include <linux/landlock.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -11,15 +13,20 @@
 #include <cstdlib>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "core/status_macros.h"
+#include "server/jobs/landlock_version.h"
 
 namespace pepeseg {
 namespace {
 
-// Debian 12's header ends with Linux 6.1; the kernel tells what it knows beyond.
+namespace fs = std::filesystem;
+
+// Debian 12's header ends with Linux 6.1; the kernel reports what it knows beyond.
 constexpr uint64_t kTruncate = uint64_t{1} << 14;
 constexpr uint64_t kScopeAbstractSockets = 1, kScopeSignals = 2;
 struct Ruleset {
@@ -28,68 +35,103 @@ struct Ruleset {
   uint64_t scoped;
 };
 
-constexpr int kVersionOfRefer = 2, kVersionOfTruncate = 3, kVersionOfScopes = 6;
+constexpr uint64_t kRead = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR;
+constexpr uint64_t kExecute = kRead | LANDLOCK_ACCESS_FS_EXECUTE;
+constexpr uint64_t kWrite = LANDLOCK_ACCESS_FS_WRITE_FILE | kTruncate;
+constexpr uint64_t kReadAndWrite = kRead | kWrite;
+// A folder that it may fill with files and folders, and with nothing else.
+constexpr uint64_t kFill = kReadAndWrite | LANDLOCK_ACCESS_FS_REMOVE_DIR |
+                           LANDLOCK_ACCESS_FS_REMOVE_FILE | LANDLOCK_ACCESS_FS_MAKE_DIR |
+                           LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_REFER;
+constexpr uint64_t kHandled = kFill | kExecute | LANDLOCK_ACCESS_FS_MAKE_CHAR |
+                              LANDLOCK_ACCESS_FS_MAKE_BLOCK | LANDLOCK_ACCESS_FS_MAKE_SOCK |
+                              LANDLOCK_ACCESS_FS_MAKE_FIFO | LANDLOCK_ACCESS_FS_MAKE_SYM;
+constexpr uint64_t kForFiles = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_EXECUTE | kWrite;
 
-// Of a file; of a folder also what makes and removes entries.
-constexpr uint64_t kWriteFile = LANDLOCK_ACCESS_FS_WRITE_FILE | kTruncate;
-// No devices are made: that is what mknod is not allowed for, too.
-constexpr uint64_t kWriteBelow =
-    kWriteFile | LANDLOCK_ACCESS_FS_REMOVE_DIR | LANDLOCK_ACCESS_FS_REMOVE_FILE |
-    LANDLOCK_ACCESS_FS_MAKE_DIR | LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_MAKE_SOCK |
-    LANDLOCK_ACCESS_FS_MAKE_FIFO | LANDLOCK_ACCESS_FS_MAKE_SYM | LANDLOCK_ACCESS_FS_REFER;
-constexpr uint64_t kHandled =
-    kWriteBelow | LANDLOCK_ACCESS_FS_MAKE_CHAR | LANDLOCK_ACCESS_FS_MAKE_BLOCK;
+// Programs, libraries and their data.
+constexpr const char* kSystemFolders[] = {"/usr",    "/lib", "/lib32", "/lib64",
+                                          "/libx32", "/bin", "/sbin"};
+// What the dynamic loader and the C library read, and files about the machine.
+constexpr const char* kSystemFiles[] = {"/etc/ld.so.cache",
+                                        "/etc/ld.so.conf",
+                                        "/etc/ld.so.conf.d",
+                                        "/etc/ld.so.preload",
+                                        "/etc/localtime",
+                                        "/etc/timezone",
+                                        "/etc/ssl/openssl.cnf",
+                                        "/proc/cpuinfo",
+                                        "/proc/filesystems",
+                                        "/proc/meminfo",
+                                        "/proc/stat",
+                                        "/proc/sys/vm/overcommit_memory",
+                                        "/proc/version",
+                                        "/sys/devices/system/cpu",
+                                        "/sys/devices/system/node",
+                                        "/sys/fs/cgroup",
+                                        "/sys/kernel/mm/transparent_hugepage"};
+// Python, and whatever else asks who it is.
+constexpr const char* kProgramFiles[] = {"/etc/passwd", "/etc/group", "/etc/nsswitch.conf"};
+constexpr const char* kDeviceFiles[] = {"/sys", "/proc/devices", "/proc/modules",
+                                        "/proc/driver/nvidia", "/etc/nvidia"};
+constexpr const char* kReadDevices[] = {"/dev/random", "/dev/urandom"};
+// All of /dev would be disks and terminals too, where the service runs as root.
+constexpr const char* kWriteDevices[] = {"/dev/null", "/dev/zero", "/dev/full"};
 
 absl::Status SystemError(absl::string_view what) {
   return absl::InternalError(
       absl::StrCat("sandbox: ", what, ": ", std::generic_category().message(errno)));
 }
 
-class WriteRules {
+class FileRules {
  public:
-  WriteRules() = default;
-  ~WriteRules() {
+  FileRules() = default;
+  ~FileRules() {
     if (ruleset_ >= 0) close(ruleset_);
   }
-  WriteRules(const WriteRules&) = delete;
-  WriteRules& operator=(const WriteRules&) = delete;
+  FileRules(const FileRules&) = delete;
+  FileRules& operator=(const FileRules&) = delete;
 
-  absl::Status Open(bool has_device) {
-    const long version =
-        syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
-    if (version < kVersionOfRefer) {
-      return absl::FailedPreconditionError(
-          version < 0 ? "the kernel has no Landlock, or it is not enabled"
-                      : "the kernel's Landlock is older than Linux 5.19's");
+  absl::Status Open() {
+    const int version = LandlockVersion();
+    if (version < kLandlockRefer) {
+      return absl::FailedPreconditionError(MissingFromSandbox(version));
     }
     handled_ = kHandled;
-    if (version < kVersionOfTruncate) handled_ &= ~kTruncate;
+    if (version < kLandlockTruncate) handled_ &= ~kTruncate;
     Ruleset rules{handled_, 0, 0};
     size_t size = sizeof(rules.handled_files);
-    if (version >= kVersionOfScopes) {
-      // CUDA's driver may talk to its daemons through abstract sockets.
-      rules.scoped = has_device ? kScopeSignals : kScopeSignals | kScopeAbstractSockets;
+    if (version >= kLandlockScopes) {
+      rules.scoped = kScopeSignals | kScopeAbstractSockets;
       size = sizeof(rules);
     }
     ruleset_ = static_cast<int>(syscall(SYS_landlock_create_ruleset, &rules, size, 0));
     return ruleset_ >= 0 ? absl::OkStatus() : SystemError("Landlock's rules");
   }
 
-  // What is not there cannot be written either.
-  absl::Status Allow(const std::filesystem::path& path) const {
+  // Of a file, `access` counts as far as it is a file's. What this process does not find or reach
+  // now is no use to it later either.
+  absl::Status Allow(const fs::path& path, uint64_t access) const {
     const int file = open(path.c_str(), O_PATH | O_CLOEXEC);
-    if (file < 0 && errno == ENOENT) return absl::OkStatus();
+    if (file < 0 && (errno == ENOENT || errno == ENOTDIR || errno == EACCES)) {
+      return absl::OkStatus();
+    }
     if (file < 0) return SystemError(path.string());
     const absl::Cleanup closes = [file] { close(file); };
     struct stat what {};
     if (fstat(file, &what) != 0) return SystemError(path.string());
     landlock_path_beneath_attr rule{};
-    rule.allowed_access = (S_ISDIR(what.st_mode) ? kWriteBelow : kWriteFile) & handled_;
+    rule.allowed_access = access & handled_ & (S_ISDIR(what.st_mode) ? ~uint64_t{0} : kForFiles);
     rule.parent_fd = file;
     if (syscall(SYS_landlock_add_rule, ruleset_, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0) {
       return absl::OkStatus();
     }
     return SystemError(absl::StrCat("Landlock, ", path.string()));
+  }
+
+  template <typename Paths>
+  absl::Status AllowEach(const Paths& paths, uint64_t access) const {
+    for (const auto& path : paths) RETURN_IF_ERROR(Allow(path, access));
+    return absl::OkStatus();
   }
 
   absl::Status Enter() const {
@@ -103,36 +145,90 @@ class WriteRules {
 };
 
 // Where CUDA keeps what it has compiled; as CUDA itself finds it.
-std::filesystem::path CudaCache() {
+fs::path CudaCache() {
   if (const char* path = std::getenv("CUDA_CACHE_PATH")) return path;
   const char* home = std::getenv("HOME");
-  return std::filesystem::path(home != nullptr ? home : "/root") / ".nv";
+  return fs::path(home != nullptr ? home : "/root") / ".nv";
+}
+
+// The files of the libraries that this process has loaded.
+std::vector<fs::path> LoadedLibraries() {
+  std::vector<fs::path> libraries;
+  dl_iterate_phdr(
+      [](dl_phdr_info* info, size_t, void* found) {
+        const std::string name = info->dlpi_name;
+        if (name.starts_with('/')) static_cast<std::vector<fs::path>*>(found)->emplace_back(name);
+        return 0;
+      },
+      &libraries);
+  return libraries;
+}
+
+std::vector<fs::path> LibraryFolders() {
+  std::vector<fs::path> folders;
+  const char* words = std::getenv("LD_LIBRARY_PATH");
+  for (const absl::string_view word : absl::StrSplit(words != nullptr ? words : "", ':')) {
+    if (!word.empty() && word.front() == '/') folders.emplace_back(std::string(word));
+  }
+  return folders;
+}
+
+// CUDA's driver loads more libraries from the folder in which it is itself, wherever that is.
+std::vector<fs::path> CudaFolders() {
+  dlopen("libcuda.so.1", RTLD_LAZY | RTLD_GLOBAL);
+  std::vector<fs::path> folders;
+  for (const fs::path& library : LoadedLibraries()) {
+    if (!library.filename().string().starts_with("libcuda.so")) continue;
+    folders.push_back(library.parent_path());
+    std::error_code error;
+    const fs::path real = fs::canonical(library, error);
+    if (!error) folders.push_back(real.parent_path());
+  }
+  return folders;
+}
+
+absl::Status AllowSystem(const FileRules& rules, bool runs_programs) {
+  RETURN_IF_ERROR(rules.AllowEach(kSystemFolders, runs_programs ? kExecute : kRead));
+  RETURN_IF_ERROR(rules.AllowEach(kSystemFiles, kRead));
+  RETURN_IF_ERROR(rules.AllowEach(kReadDevices, kRead));
+  RETURN_IF_ERROR(rules.AllowEach(kWriteDevices, kReadAndWrite));
+  RETURN_IF_ERROR(rules.AllowEach(LoadedLibraries(), kRead));
+  RETURN_IF_ERROR(rules.AllowEach(LibraryFolders(), kRead));
+  RETURN_IF_ERROR(rules.Allow("/proc/self/exe", kRead));
+  // Of this process only: those that it starts have others, which are not known yet.
+  return rules.Allow("/proc/self", kRead);
+}
+
+absl::Status AllowDevice(const FileRules& rules) {
+  RETURN_IF_ERROR(rules.AllowEach(CudaFolders(), kRead));
+  RETURN_IF_ERROR(rules.AllowEach(kDeviceFiles, kRead));
+  std::error_code error;
+  for (fs::directory_iterator entry("/dev", error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry->path(), kReadAndWrite));
+  }
+  // CUDA's driver names its threads, and gives up where it cannot (seen on an H200).
+  RETURN_IF_ERROR(rules.Allow("/proc/self/task", kReadAndWrite));
+  fs::create_directories(CudaCache(), error);  // without it CUDA compiles each time
+  return rules.Allow(CudaCache(), kFill);
 }
 
 }  // namespace
 
-absl::Status LimitWrites(const SandboxNeeds& needs) {
-  WriteRules rules;
-  RETURN_IF_ERROR(rules.Open(needs.has_device));
-  RETURN_IF_ERROR(rules.Allow(needs.folder));
-  const char* temporary = std::getenv("TMPDIR");
-  RETURN_IF_ERROR(rules.Allow(temporary != nullptr && *temporary != '\0' ? temporary : "/tmp"));
-  // All of /dev would be disks and terminals too, where the service runs as root.
-  for (const char* device : {"/dev/null", "/dev/zero", "/dev/full", "/dev/shm"}) {
-    RETURN_IF_ERROR(rules.Allow(device));
+absl::Status LimitFiles(const SandboxNeeds& needs) {
+  FileRules rules;
+  RETURN_IF_ERROR(rules.Open());
+  RETURN_IF_ERROR(AllowSystem(rules, needs.runs_programs));
+  RETURN_IF_ERROR(rules.AllowEach(needs.reads, kRead));
+  RETURN_IF_ERROR(rules.AllowEach(needs.writes, kFill));
+  if (needs.runs_programs) {
+    RETURN_IF_ERROR(rules.AllowEach(needs.programs, kExecute));
+    RETURN_IF_ERROR(rules.AllowEach(kProgramFiles, kRead));
   }
-  if (needs.has_device) {
-    std::error_code error;
-    for (std::filesystem::directory_iterator entry("/dev", error), end; !error && entry != end;
-         entry.increment(error)) {
-      const std::string name = entry->path().filename().string();
-      if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry->path()));
-    }
-    // CUDA's driver names its threads, and gives up where it cannot (seen on an H200).
-    RETURN_IF_ERROR(rules.Allow("/proc/self/task"));
-    std::filesystem::create_directories(CudaCache(), error);  // without it CUDA compiles each time
-    RETURN_IF_ERROR(rules.Allow(CudaCache()));
-  }
+  // Semaphores and shared memory of Python's and CUDA's processes.
+  if (needs.runs_programs || needs.has_device) RETURN_IF_ERROR(rules.Allow("/dev/shm", kFill));
+  if (needs.has_device) RETURN_IF_ERROR(AllowDevice(rules));
   return rules.Enter();
 }
 

@@ -8,13 +8,18 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <new>
 #include <string>
+#include <system_error>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/child_process.h"
 #include "core/status_macros.h"
+#include "server/jobs/file_error.h"
 #include "server/jobs/pulse.h"
 #include "server/jobs/store.h"
 #include "server/jobs/worker_inputs.h"
@@ -45,13 +50,14 @@ struct Arguments {
   pid_t parent = 0;
   std::string database;  // of a worker that Slurm may have started again
   bool sandbox = true;
+  std::vector<std::string> sandbox_reads;  // files and folders, besides what every job reads
   LogFormat log_format = LogFormat::kText;
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] [--slurm-database=URL] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off]";
+    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off] [--sandbox-read=PATH]...";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -73,6 +79,8 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     }
     if (TakeFlag(word, "--priors-command=", &text)) {
       arguments->priors.program = text;
+    } else if (TakeFlag(word, "--sandbox-read=", &text)) {
+      arguments->sandbox_reads.push_back(text);
     } else if (TakeFlag(word, "--priors-seconds=", &text)) {
       if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
       arguments->priors.time_limit = absl::Seconds(seconds);
@@ -155,8 +163,30 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
   return folder.WriteSpec(spec);
 }
 
+// An empty folder for temporary files, of this attempt alone: what others keep in /tmp is theirs.
+absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::remove_all(folder, error);
+  if (!error) std::filesystem::create_directories(folder, error);
+  if (!error) std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);
+  if (error) return FileError(folder, "make", error.value());
+  setenv("TMPDIR", folder.c_str(), /*overwrite=*/1);
+  return absl::OkStatus();
+}
+
+// The bytes of the dataset one by one, not the folders in which other projects' are, too.
 SandboxNeeds NeedsOf(const JobSpec& spec, const JobFolder& folder, const Arguments& arguments) {
-  return {folder.path(), RunsPrograms(spec, arguments.priors), spec.device != "cpu"};
+  SandboxNeeds needs;
+  needs.writes = {folder.work()};
+  for (const JobSpecFile& file : spec.files) needs.reads.emplace_back(file.path);
+  if (!arguments.lpips_weights.empty()) needs.reads.emplace_back(arguments.lpips_weights);
+  needs.runs_programs = RunsPrograms(spec, arguments.priors);
+  needs.programs = {arguments.priors.program};
+  const auto colmap = FindProgram(arguments.colmap);
+  if (colmap.ok()) needs.programs.push_back(*colmap);
+  for (const std::string& path : arguments.sandbox_reads) needs.programs.emplace_back(path);
+  needs.has_device = spec.device != "cpu";
+  return needs;
 }
 
 WorkerExit Run(const Arguments& arguments) {
@@ -169,6 +199,7 @@ WorkerExit Run(const Arguments& arguments) {
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
+  if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());
   // After the database, and before the first byte of a dataset.
   if (ready.ok() && arguments.sandbox) ready = EnterSandbox(NeedsOf(*spec, folder, arguments));
   if (!ready.ok()) {

@@ -6,18 +6,19 @@
 // machine, or its libseccomp, does not have are passed over.
 namespace pepeseg {
 
-// The dataset, the results, libraries; locks and temporary files of SQLite in COLMAP. Where it may
-// write is Landlock's to say. No chown, mknod, chroot, mount; no truncate by path, which Landlock
-// knows only from Linux 6.2 on; no io_uring, whose calls no filter sees.
+// Files: the dataset, the results, libraries; locks and temporary files of SQLite in COLMAP. Which
+// ones is for Landlock to say; open and openat have conditions of their own. No links, which would
+// lead whoever reads the results elsewhere; no chown, mknod, chroot, mount; no truncate by path; no
+// io_uring, whose calls no filter sees.
 inline constexpr absl::string_view kFileCalls =
     "access chdir chmod close close_range copy_file_range creat dup dup2 dup3 faccessat "
     "faccessat2 fadvise64 fallocate fchdir fchmod fchmodat fcntl fdatasync fgetxattr flistxattr "
     "flock fstat fstatfs fsync ftruncate futimesat getcwd getdents getdents64 getxattr "
-    "inotify_add_watch inotify_init1 inotify_rm_watch lgetxattr link linkat listxattr "
-    "llistxattr lseek lstat mkdir mkdirat newfstatat open openat openat2 pipe pipe2 pread64 "
-    "preadv preadv2 pwrite64 pwritev pwritev2 read readahead readlink readlinkat readv rename "
-    "renameat renameat2 rmdir sendfile splice stat statfs statx symlink symlinkat "
-    "sync_file_range syncfs umask unlink unlinkat utime utimensat utimes write writev";
+    "inotify_add_watch inotify_init1 inotify_rm_watch lgetxattr listxattr llistxattr lseek "
+    "lstat mkdir mkdirat newfstatat pipe pipe2 pread64 preadv preadv2 pwrite64 pwritev pwritev2 "
+    "read readahead readlink readlinkat readv rename renameat renameat2 rmdir sendfile splice "
+    "stat statfs statx sync_file_range syncfs umask unlink unlinkat utime utimensat utimes write "
+    "writev";
 
 inline constexpr absl::string_view kMemoryCalls =
     "brk get_mempolicy madvise membarrier memfd_create mincore mlock mlock2 mmap mprotect "
@@ -35,18 +36,17 @@ inline constexpr absl::string_view kTimeCalls =
     "setitimer time timer_create timer_delete timer_getoverrun timer_gettime timer_settime "
     "timerfd_create timerfd_gettime timerfd_settime times";
 
-// And waiting for descriptors. That signals reach only what the worker has started is Landlock's to
-// say, from Linux 6.12 on.
+// Signals, and waiting for descriptors. The calls that send signals have conditions of their own.
 inline constexpr absl::string_view kSignalCalls =
     "epoll_create epoll_create1 epoll_ctl epoll_pwait epoll_pwait2 epoll_wait eventfd eventfd2 "
-    "kill pause poll ppoll pselect6 restart_syscall rt_sigaction rt_sigpending rt_sigprocmask "
-    "rt_sigqueueinfo rt_sigreturn rt_sigsuspend rt_sigtimedwait rt_tgsigqueueinfo select "
-    "sigaltstack signalfd signalfd4 tgkill tkill";
+    "pause poll ppoll pselect6 restart_syscall rt_sigaction rt_sigpending rt_sigprocmask "
+    "rt_sigreturn rt_sigsuspend rt_sigtimedwait select sigaltstack signalfd signalfd4";
 
-// Of sockets that are there; which ones can be made stands in worker_sandbox.cc.
+// Pairs of sockets between a process and its children; which ones can be made stands in
+// worker_sandbox.cc. No connect.
 inline constexpr absl::string_view kSocketCalls =
-    "accept accept4 bind connect getpeername getsockname getsockopt listen recvfrom recvmmsg "
-    "recvmsg sendmmsg sendmsg sendto setsockopt shutdown";
+    "getpeername getsockname getsockopt recvfrom recvmmsg recvmsg sendmmsg sendmsg sendto "
+    "setsockopt shutdown";
 
 inline constexpr absl::string_view kAboutItselfCalls =
     "capget getegid geteuid getgid getgroups getpgid getpgrp getpid getppid getpriority "
@@ -60,6 +60,9 @@ inline constexpr absl::string_view kDeviceCalls =
     "munlockall pidfd_getfd pidfd_open pidfd_send_signal sched_setattr sched_setparam "
     "sched_setscheduler semctl semget semop semtimedop set_mempolicy setpriority shmat shmctl "
     "shmdt shmget";
+
+// CUDA's driver listens on a socket by which processes share memory of the device.
+inline constexpr absl::string_view kDeviceSocketCalls = "accept accept4 bind listen";
 
 // COLMAP and the priors command: to start them, to wait for them, and what shells and Python's own
 // processes need. No setsid: what leaves its group would outlive the job.

@@ -4,6 +4,7 @@
 
 #include "core/io/decode_image.h"
 #include "core/io/encode_png.h"
+#include "core/io/file_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -85,8 +86,9 @@ TEST_F(SfmPhotographsTest, AreLaidOutWithWhatToLookAt) {
   ASSERT_OK_AND_ASSIGN(const auto photographs, ReadSfmPhotographs(files_));
   ASSERT_OK_AND_ASSIGN(const bool any, LayOut(photographs, folder_ / "i", folder_ / "m"));
   EXPECT_TRUE(any);
-  EXPECT_EQ(std::filesystem::canonical(folder_ / "i/c1/000001.png"),
-            std::filesystem::canonical(files_[0].path));
+  EXPECT_FALSE(std::filesystem::is_symlink(folder_ / "i/c1/000001.png"));
+  EXPECT_EQ(ReadFile(folder_ / "i/c1/000001.png", "copy", 1 << 20).value_or(""),
+            ReadFile(files_[0].path, "photograph", 1 << 20).value_or("none"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "m/c1/000001.png.png"));
   ASSERT_OK_AND_ASSIGN(const FloatImage mask, DecodeGrey(folder_ / "m/c1/000002.png.png", "mask"));
   EXPECT_EQ(mask.width, 8);

@@ -45,20 +45,22 @@ class WorkerPriorsTest : public WorkerTest {
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     spec_.options.mutable_features()->set_num_steps(5);
     spec_.options.mutable_features()->set_steps_per_chunk(5);
+    std::filesystem::create_directories(Shared(""));
   }
 
   // A shell script, with `photos`, `out` and `want` set from its arguments.
   void SetCommand(const std::string& script) {
     const std::filesystem::path path = folder_.path() / "make_priors";
     std::ofstream(path) << "#!/bin/sh\n"
-                        << "echo x >> '" << folder_.path().string() << "/runs'\n"
+                        << "echo x >> '" << Shared("runs") << "'\n"
                         << "photos=$2 out=$4 want=$6\n[ \"$1 $3 $5\" = '--photos --out --want' ] "
                         << "|| exit 9\n"
                         << script;
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
     flags_ = {"--priors-command=" + path.string()};
   }
-  std::string Shared(const std::string& name) { return (folder_.path() / name).string(); }
+  // What the script may read and write.
+  std::string Shared(const std::string& name) { return (job_.work() / "shared" / name).string(); }
   std::string Text(const std::string& name) {
     return ReadFile(Shared(name), name, 1 << 20).value_or("");
   }

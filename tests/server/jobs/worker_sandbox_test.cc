@@ -6,7 +6,6 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <linux/landlock.h>
 #include <netinet/in.h>
 #include <sched.h>
 #include <sys/ioctl.h>
@@ -26,10 +25,14 @@
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <iostream>
 #include <string>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
+#include "server/jobs/landlock_version.h"
 #include "server/jobs/sanitizers.h"
+#include "tests/server/jobs/listening_socket.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -40,24 +43,29 @@ constexpr int kNotEntered = 255;
 // 0: the call went well; else its errno.
 int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
-bool HasLandlock() {
-  return syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION) >= 2;
-}
+bool HasLandlock() { return LandlockVersion() >= kLandlockRefer; }
 
 class WorkerSandboxTest : public ::testing::Test {
  protected:
-  WorkerSandboxTest() : needs_{folder_ / "job", false, false} {
-    std::filesystem::create_directories(needs_.folder);
-    std::filesystem::create_directories(folder_ / "tmp");
-    setenv("TMPDIR", (folder_ / "tmp").c_str(), 1);
-    std::ofstream(folder_ / "outside") << "of another job";
+  WorkerSandboxTest() {
+    needs_.writes = {folder_ / "job"};
+    needs_.reads = {folder_ / "blobs/mine"};
+    for (const char* folder : {"job", "blobs"}) {
+      std::filesystem::create_directories(folder_ / folder);
+    }
+    for (const char* file : {"blobs/mine", "blobs/theirs", "pepeseg.db", "audit.log", "job/old"}) {
+      std::ofstream(folder_ / file) << file;
+    }
   }
-  ~WorkerSandboxTest() override { unsetenv("TMPDIR"); }
 
   // How a process ends that enters the sandbox and does `act`, as waitpid tells it.
   int Try(const std::function<int()>& act) {
     const pid_t pid = fork();
-    if (pid == 0) _exit(EnterSandbox(needs_).ok() ? act() : kNotEntered);
+    if (pid == 0) {
+      const absl::Status entered = EnterSandbox(needs_);
+      if (!entered.ok()) std::cerr << entered << std::endl;
+      _exit(entered.ok() ? act() : kNotEntered);
+    }
     int status = 0;
     EXPECT_EQ(waitpid(pid, &status, 0), pid);
     return status;
@@ -74,7 +82,21 @@ class WorkerSandboxTest : public ::testing::Test {
     EXPECT_EQ(WTERMSIG(status), SIGSYS);
   }
   long Open(const std::string& name, int flags) const {
-    return open((folder_ / name).c_str(), flags | O_CLOEXEC, 0600);
+    return OpenPath((folder_ / name).string(), flags);
+  }
+  static long OpenPath(const std::string& path, int flags) {
+    return open(path.c_str(), flags | O_CLOEXEC, 0600);
+  }
+  // Runs `test` for each kind of job.
+  void ForEachKind(const std::function<void()>& test) {
+    for (const bool programs : {false, true}) {
+      for (const bool device : {false, true}) {
+        SCOPED_TRACE(absl::StrCat("programs ", programs, ", device ", device));
+        needs_.runs_programs = programs;
+        needs_.has_device = device;
+        test();
+      }
+    }
   }
   long Exec() const {
     const pid_t pid = fork();
@@ -93,35 +115,58 @@ class WorkerSandboxTest : public ::testing::Test {
   SandboxNeeds needs_;
 };
 
-long ConnectToLoopback() {
-  const int end = socket(AF_INET, SOCK_STREAM, 0);
-  if (end < 0) return -1;
+long ConnectToPort(uint16_t port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  address.sin_port = htons(1);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons(port);
+  const int end = socket(AF_INET, SOCK_STREAM, 0);
+  if (end < 0) return -1;
   return connect(end, reinterpret_cast<sockaddr*>(&address), sizeof(address));
 }
 
+long ConnectToPath(const std::filesystem::path& path, int end) {
+  if (end < 0) return -1;
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.string().copy(address.sun_path, sizeof(address.sun_path) - 1);
+  return connect(end, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
+}
+
 TEST_F(WorkerSandboxTest, HasNoNetwork) {
-  for (const bool more : {false, true}) {
-    needs_.runs_programs = needs_.has_device = more;
-    ExpectRefused(ConnectToLoopback);
+  const testing::ListeningSocket server;
+  ASSERT_EQ(ConnectToPort(server.port()), 0);
+  ForEachKind([&] {
+    ExpectRefused([&] { return ConnectToPort(server.port()); });
     for (const int family : {AF_INET, AF_INET6, AF_NETLINK, AF_PACKET, AF_VSOCK}) {
       ExpectRefused([&] { return socket(family, SOCK_DGRAM, 0); });
     }
     ExpectRefused([] { return syscall(SYS_io_uring_setup, 8, nullptr); });
-  }
+  });
 }
 
-TEST_F(WorkerSandboxTest, HasLocalSocketsWhereADriverOrAProgramNeedsThem) {
-  const auto local = [] { return socket(AF_UNIX, SOCK_STREAM, 0); };
-  ExpectRefused(local);
-  needs_.has_device = true;
-  ExpectAllowed(local);
-  needs_.has_device = false;
-  needs_.runs_programs = true;
-  ExpectAllowed(local);
+// Not the admin listener's either.
+TEST_F(WorkerSandboxTest, ReachesNoLocalSocket) {
+  const std::filesystem::path path = folder_ / "job/admin";
+  const testing::ListeningSocket server(path);
+  ASSERT_EQ(ConnectToPath(path, socket(AF_UNIX, SOCK_STREAM, 0)), 0);
+  const int made_before = socket(AF_UNIX, SOCK_STREAM, 0);
+  ForEachKind([&] {
+    ExpectRefused([&] { return ConnectToPath(path, socket(AF_UNIX, SOCK_STREAM, 0)); });
+    ExpectRefused([&] { return ConnectToPath(path, made_before); });
+  });
+  close(made_before);
+}
+
+// A datagram's socket sends to any name without connecting.
+TEST_F(WorkerSandboxTest, MakesPairsOfConnectedSocketsOnly) {
+  int ends[2];
+  ForEachKind([&] {
+    ExpectAllowed([&] { return socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends); });
+    ExpectAllowed([&] { return socketpair(AF_UNIX, SOCK_SEQPACKET, 0, ends); });
+    ExpectRefused([&] { return socketpair(AF_UNIX, SOCK_DGRAM, 0, ends); });
+    ExpectRefused([] { return socket(AF_UNIX, SOCK_DGRAM, 0); });
+  });
 }
 
 TEST_F(WorkerSandboxTest, RunsProgramsOnlyWhenTheJobDoes) {
@@ -145,27 +190,110 @@ TEST_F(WorkerSandboxTest, IsInheritedByPrograms) {
   EXPECT_EQ(WEXITSTATUS(status), 7);
 }
 
-TEST_F(WorkerSandboxTest, WritesOnlyBelowItsFolders) {
+TEST_F(WorkerSandboxTest, ReadsOnlyTheFilesOfItsJob) {
   if (!HasLandlock()) GTEST_SKIP() << "the kernel has no Landlock";
-  for (const bool more : {false, true}) {
-    needs_.runs_programs = needs_.has_device = more;
-    ExpectRefused([this] { return Open("outside", O_WRONLY); }, EACCES);
-    ExpectRefused([this] { return Open("outside", O_RDWR | O_APPEND); }, EACCES);
+  ForEachKind([&] {
+    ExpectAllowed([this] { return Open("blobs/mine", O_RDONLY); });
+    ExpectAllowed([this] { return Open("job/old", O_RDONLY); });
+    for (const char* name : {"blobs/theirs", "pepeseg.db", "audit.log"}) {
+      ExpectRefused([&] { return Open(name, O_RDONLY); }, EACCES);
+    }
+    for (const char* folder : {"blobs", "."}) {
+      ExpectRefused([&] { return Open(folder, O_RDONLY | O_DIRECTORY); }, EACCES);
+    }
+    const std::string parent = absl::StrCat("/proc/", getppid());
+    const std::string test = absl::StrCat("/proc/", getpid());
+    for (const std::string& process : {parent, test}) {
+      for (const char* file : {"/environ", "/cmdline", "/maps", "/mem"}) {
+        ExpectRefused([&] { return OpenPath(process + file, O_RDONLY); }, EACCES);
+      }
+    }
+    for (const char* path : {"/etc/shadow", "/root", "/home", "/var", "/tmp", "/", "/proc"}) {
+      ExpectRefused([&] { return OpenPath(path, O_RDONLY); }, EACCES);
+    }
+  });
+}
+
+TEST_F(WorkerSandboxTest, ReadsWhatLibrariesNeed) {
+  ForEachKind([&] {
+    for (const char* path : {"/usr/lib", "/etc/ld.so.cache", "/dev/urandom", "/proc/self/status",
+                             "/proc/meminfo", "/sys/devices/system/cpu/online"}) {
+      ExpectAllowed([&] { return OpenPath(path, O_RDONLY); });
+    }
+  });
+}
+
+TEST_F(WorkerSandboxTest, WritesOnlyBelowItsFolder) {
+  if (!HasLandlock()) GTEST_SKIP() << "the kernel has no Landlock";
+  ForEachKind([&] {
+    for (const char* name : {"audit.log", "blobs/mine"}) {
+      ExpectRefused([&] { return Open(name, O_WRONLY); }, EACCES);
+      ExpectRefused([&] { return Open(name, O_RDWR | O_APPEND); }, EACCES);
+    }
     ExpectRefused([this] { return Open("new", O_WRONLY | O_CREAT); }, EACCES);
-    ExpectRefused([this] { return unlink((folder_ / "outside").c_str()); }, EACCES);
+    ExpectRefused([this] { return unlink((folder_ / "audit.log").c_str()); }, EACCES);
     ExpectRefused([this] { return mkdir((folder_ / "new").c_str(), 0700); }, EACCES);
-    ExpectRefused([this] { return symlink("/", (folder_ / "new").c_str()); }, EACCES);
     ExpectRefused(
-        [this] { return rename((folder_ / "outside").c_str(), (needs_.folder / "taken").c_str()); },
+        [this] { return rename((folder_ / "audit.log").c_str(), (folder_ / "job/a").c_str()); },
         EACCES);
-    ExpectRefused([this] { return truncate((folder_ / "outside").c_str(), 0); });
-    ExpectRefused([] { return open("/dev/tty", O_WRONLY | O_CLOEXEC); }, EACCES);
-    ExpectRefused([] { return open("/etc/passwd", O_WRONLY | O_CLOEXEC); }, EACCES);
-    ExpectAllowed([this] { return Open("outside", O_RDONLY); });
-    ExpectAllowed([this] { return Open("job/new", O_WRONLY | O_CREAT); });
-    ExpectAllowed([this] { return Open("tmp/new", O_WRONLY | O_CREAT | O_TRUNC); });
-    ExpectAllowed([] { return open("/dev/null", O_RDWR | O_CLOEXEC); });
-  }
+    ExpectRefused([this] { return truncate((folder_ / "audit.log").c_str(), 0); });
+    ExpectRefused([] { return OpenPath("/dev/tty", O_WRONLY); }, EACCES);
+    ExpectRefused([] { return OpenPath("/etc/passwd", O_WRONLY); }, EACCES);
+    ExpectRefused([] { return OpenPath("/tmp/new", O_WRONLY | O_CREAT); }, EACCES);
+    ExpectAllowed([this] { return Open("job/new", O_WRONLY | O_CREAT | O_TRUNC); });
+    ExpectAllowed([] { return OpenPath("/dev/null", O_RDWR); });
+  });
+}
+
+// Which truncates all the same, and older kernels' Landlock does not see it.
+TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
+  ForEachKind([&] {
+    for (const char* name : {"blobs/mine", "job/old"}) {
+      ExpectRefused([&] { return Open(name, O_RDONLY | O_TRUNC); });
+      const std::string path = folder_ / name;
+      ExpectRefused([&] { return syscall(SYS_open, path.c_str(), O_RDONLY | O_TRUNC, 0); });
+      const uint64_t how[3] = {O_RDONLY | O_TRUNC, 0, 0};
+      ExpectRefused([&] { return syscall(SYS_openat2, AT_FDCWD, path.c_str(), how, sizeof(how)); },
+                    ENOSYS);
+    }
+    EXPECT_EQ(std::filesystem::file_size(folder_ / "blobs/mine"), 10u);
+  });
+}
+
+// The server reads what is in the job's folder, as itself.
+TEST_F(WorkerSandboxTest, MakesNothingButFilesAndFolders) {
+  const std::string secret = folder_ / "audit.log", mine = folder_ / "job/old";
+  ForEachKind([&] {
+    for (const std::string& target : {secret, mine}) {
+      const std::string link = folder_ / "job/events-1.log";
+      ExpectRefused([&] { return symlink(target.c_str(), link.c_str()); });
+      ExpectRefused([&] { return symlinkat(target.c_str(), AT_FDCWD, link.c_str()); });
+      ExpectRefused([&] { return ::link(target.c_str(), link.c_str()); });
+      ExpectRefused([&] { return linkat(AT_FDCWD, target.c_str(), AT_FDCWD, link.c_str(), 0); });
+    }
+    ExpectRefused([&] { return mkfifo((folder_ / "job/pipe").c_str(), 0600); });
+  });
+}
+
+TEST_F(WorkerSandboxTest, ExecutesNothingOfItsOwn) {
+  if (!HasLandlock()) GTEST_SKIP() << "the kernel has no Landlock";
+  needs_.runs_programs = true;
+  std::filesystem::copy_file("/bin/true", folder_ / "job/true");
+  std::filesystem::copy_file("/bin/true", folder_ / "true");
+  const auto run = [this](const char* name) {
+    return execl((folder_ / name).c_str(), "true", nullptr);
+  };
+  ExpectRefused([&] { return run("job/true"); }, EACCES);
+  ExpectRefused([&] { return run("true"); }, EACCES);
+  needs_.programs = {folder_ / "true"};
+  ExpectAllowed([&] { return run("true"); });
+}
+
+TEST(LandlockVersions, OldKernelsAreReportedWithWhatTheyLack) {
+  EXPECT_THAT(MissingFromSandbox(0), ::testing::HasSubstr("files are not limited"));
+  EXPECT_THAT(MissingFromSandbox(1), ::testing::HasSubstr("files are not limited"));
+  EXPECT_THAT(MissingFromSandbox(kLandlockRefer), ::testing::HasSubstr("signals"));
+  EXPECT_EQ(MissingFromSandbox(kLandlockScopes), "");
 }
 
 TEST_F(WorkerSandboxTest, GetsNoPrivilegesAndNoNamespaces) {
@@ -178,8 +306,8 @@ TEST_F(WorkerSandboxTest, GetsNoPrivilegesAndNoNamespaces) {
     ExpectRefused([] { return syscall(SYS_clone, CLONE_NEWUSER | SIGCHLD, 0, 0, 0, 0); });
     ExpectRefused([] { return syscall(SYS_clone3, nullptr, 0); }, ENOSYS);
     ExpectRefused([] { return chroot("/"); });
-    ExpectRefused([this] { return mknod((needs_.folder / "disk").c_str(), S_IFBLK, 0x800); });
-    ExpectRefused([this] { return chown((folder_ / "outside").c_str(), 1, 1); });
+    ExpectRefused([this] { return mknod((folder_ / "job/disk").c_str(), S_IFBLK, 0x800); });
+    ExpectRefused([this] { return chown((folder_ / "job/old").c_str(), 1, 1); });
     ExpectRefused([] { return setsid(); });
   }
 }
@@ -228,12 +356,12 @@ TEST_F(WorkerSandboxTest, ComputesInThreads) {
 }
 
 TEST_F(WorkerSandboxTest, SignalsOnlyItself) {
-  if (syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION) < 6) {
-    GTEST_SKIP() << "the kernel is older than Linux 6.12";
-  }
   const pid_t parent = getpid();
   ExpectRefused([parent] { return kill(parent, 0); });
   ExpectAllowed([] { return kill(getpid(), 0); });
+  needs_.runs_programs = true;
+  if (LandlockVersion() < kLandlockScopes) GTEST_SKIP() << "the kernel is older than Linux 6.12";
+  ExpectRefused([parent] { return kill(parent, 0); });
 }
 
 }  // namespace

@@ -3,8 +3,13 @@
 
 #include <csignal>
 #include <fstream>
+#include <map>
 #include <sstream>
 
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "server/jobs/landlock_version.h"
+#include "tests/server/jobs/listening_socket.h"
 #include "tests/server/jobs/worker_fixture.h"
 
 namespace pepeseg {
@@ -12,39 +17,85 @@ namespace {
 
 using ::testing::HasSubstr;
 
+// What a priors command does to get at what is not its job's. `folder`: of the test; `server`: the
+// process that has started the worker. Prints what came of each attempt.
+constexpr char kProbe[] = R"(
+import os, socket, sys
+folder, server, port = FOLDER, SERVER, PORT
+job = os.path.dirname(os.environ['TMPDIR'])
+def connect(family, address):
+  socket.socket(family).connect(address)
+def pair():
+  left, right = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+  left.sendto(b'x', folder + '/admin')
+attempts = {
+  'read another blob': lambda: open(folder + '/blob').read(),
+  'read the database': lambda: open(folder + '/pepeseg.db').read(),
+  'read the audit log': lambda: open(folder + '/audit.log').read(),
+  'list the folder': lambda: os.listdir(folder),
+  'read the environment of the server': lambda: open('/proc/%d/environ' % server).read(),
+  'read the command line of the server': lambda: open('/proc/%d/cmdline' % server).read(),
+  'read /etc/shadow': lambda: open('/etc/shadow').read(),
+  'write a file': lambda: open(folder + '/beside', 'w'),
+  'truncate a blob': lambda: os.open(folder + '/mine', os.O_RDONLY | os.O_TRUNC),
+  'connect to the admin socket': lambda: connect(socket.AF_UNIX, folder + '/admin'),
+  'send to a local socket': pair,
+  'connect to the admin port': lambda: connect(socket.AF_INET, ('127.0.0.1', port)),
+  'make a symbolic link': lambda: os.symlink(folder + '/audit.log', job + '/events-2.log'),
+  'make a hard link': lambda: os.link(job + '/mine', job + '/events-3.log'),
+  'make a FIFO': lambda: os.mkfifo(job + '/events-4.log'),
+  'signal the server': lambda: os.kill(server, 0),
+}
+open(job + '/mine', 'w').write('x')
+said = []
+for name, attempt in attempts.items():
+  try:
+    attempt()
+    said.append(name + ': done')
+  except OSError as error:
+    said.append(name + ': refused')
+print('\n'.join(said), file=open(job + '/tried', 'w'))
+)";
+
 class WorkerSandboxedTest : public WorkerTest {
  protected:
-  // A priors command that tries to have a socket of the network, and to write beside the job's
-  // folder; "tried" is what came of it.
-  void UseCommandThatTries() {
+  void UseProbe() {
+    for (const char* name : {"blob", "pepeseg.db", "audit.log"}) {
+      std::ofstream(folder_ / name) << "a secret";
+    }
     std::erase_if(spec_.files, [](const JobSpecFile& file) {
       return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
     });
+    for (JobSpecFile& file : spec_.files) {
+      if (file.kind != v1::FILE_KIND_IMAGE) continue;
+      std::filesystem::copy_file(file.path, folder_ / "mine");
+      file.path = folder_ / "mine";
+      break;
+    }
     spec_.options.mutable_reconstruct()->set_num_steps(5);
-    const std::filesystem::path path = folder_ / "tries";
-    std::ofstream(path)
-        << "#!/usr/bin/python3\n"
-           "import os, pathlib, socket\n"
-           "said = []\n"
-           "for attempt in (lambda: socket.socket(socket.AF_INET),\n"
-           "                lambda: open('"
-        << (folder_ / "beside").string()
-        << "', 'w')):\n"
-           "  try:\n"
-           "    attempt()\n"
-           "    said.append('done')\n"
-           "  except PermissionError:\n"
-           "    said.append('refused')\n"
-           "(pathlib.Path(os.environ['TMPDIR']) / 'tried').write_text(' '.join(said))\n";
+    const std::filesystem::path path = folder_ / "probe";
+    std::ofstream(path) << "#!/usr/bin/python3\n"
+                        << absl::StrReplaceAll(
+                               kProbe, {{"FOLDER", absl::StrCat("'", folder_.path().string(), "'")},
+                                        {"SERVER", absl::StrCat(getpid())},
+                                        {"PORT", absl::StrCat(tcp_.port())}});
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
     flags_ = {"--priors-command=" + path.string()};
-    // /tmp, where the job stands in this test, is not written to then.
-    std::filesystem::create_directories(job_.path() / "tmp");
-    setenv("TMPDIR", (job_.path() / "tmp").c_str(), 1);
   }
-  ~WorkerSandboxedTest() override { unsetenv("TMPDIR"); }
 
-  std::string Tried() { return ReadFile(job_.path() / "tmp" / "tried", "tried", 100).value_or(""); }
+  // What the probe's attempts came to.
+  std::map<std::string, std::string> Tried() {
+    std::map<std::string, std::string> tried;
+    const std::string text = ReadFile(job_.work() / "tried", "tried", 10'000).value_or("");
+    for (const absl::string_view line : absl::StrSplit(text, '\n', absl::SkipEmpty())) {
+      const std::pair<std::string, std::string> parts = absl::StrSplit(line, ": ");
+      tried.insert(parts);
+    }
+    return tried;
+  }
+
+  const testing::ListeningSocket admin_{folder_ / "admin"};
+  const testing::ListeningSocket tcp_;
 };
 
 TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
@@ -64,20 +115,28 @@ TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
   WaitFor(*worker);
 }
 
-TEST_F(WorkerSandboxedTest, ItsCommandHasNoNetworkAndWritesNowhereElse) {
-  UseCommandThatTries();
+TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
+  if (LandlockVersion() < kLandlockScopes) GTEST_SKIP() << "needs Linux 6.12";
+  UseProbe();
   Run();
-  // Where the kernel has no Landlock, the log says so.
-  const std::string log = ReadFileTail(job_.worker_log(), 100'000);
-  const bool limited = log.find("writing is not limited") == std::string::npos;
-  EXPECT_EQ(Tried(), limited ? "refused refused" : "refused done");
+  const std::map<std::string, std::string> tried = Tried();
+  EXPECT_EQ(tried.size(), 16u) << ReadFileTail(job_.worker_log(), 4000);
+  for (const auto& [attempt, outcome] : tried) EXPECT_EQ(outcome, "refused") << attempt;
+  EXPECT_GT(std::filesystem::file_size(folder_ / "mine"), 0u);
 }
 
-TEST_F(WorkerSandboxedTest, WithoutItTheCommandDoesAsItLikes) {
-  UseCommandThatTries();
+// So the probe's attempts are such as go well where nothing refuses them.
+TEST_F(WorkerSandboxedTest, WithoutItTheProgramDoesAsItLikes) {
+  UseProbe();
   flags_.emplace_back("--sandbox=off");
   Run();
-  EXPECT_EQ(Tried(), "done done");
+  const std::map<std::string, std::string> tried = Tried();
+  EXPECT_EQ(tried.size(), 16u) << ReadFileTail(job_.worker_log(), 4000);
+  for (const auto& [attempt, outcome] : tried) {
+    if (attempt == "send to a local socket") continue;  // nobody takes datagrams there
+    if (attempt == "read /etc/shadow" && geteuid() != 0) continue;
+    EXPECT_EQ(outcome, "done") << attempt;
+  }
 }
 
 }  // namespace

@@ -24,6 +24,8 @@ class WorkerSfmTest : public WorkerTest {
   }
 
   std::string PathOf(const std::string& name) const { return (folder_.path() / name).string(); }
+  // Where programs write.
+  std::string PathInJob(const std::string& name) const { return (job_.work() / name).string(); }
 
   void AddPhoto(const Image& photo) {
     const std::string path = PathOf(absl::StrCat("photo", spec_.files.size()));
@@ -44,17 +46,17 @@ class WorkerSfmTest : public WorkerTest {
   void UseEndlessColmap() {
     colmap_ = PathOf("endless");
     std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
-                           << "echo 'Processed file [1/4]'; echo $$ > " << PathOf("pid.new")
-                           << "; mv " << PathOf("pid.new") << " " << PathOf("pid")
+                           << "echo 'Processed file [1/4]'; echo $$ > " << PathInJob("pid.new")
+                           << "; mv " << PathInJob("pid.new") << " " << PathInJob("pid")
                            << "; exec sleep 100\n";
     std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
   }
   pid_t WaitForColmap() {
-    for (int i = 0; i < 1000 && !std::filesystem::exists(PathOf("pid")); ++i) {
+    for (int i = 0; i < 1000 && !std::filesystem::exists(PathInJob("pid")); ++i) {
       absl::SleepFor(absl::Milliseconds(10));
     }
     pid_t pid = 0;
-    std::ifstream(PathOf("pid")) >> pid;
+    std::ifstream(PathInJob("pid")) >> pid;
     return pid;
   }
 
