@@ -54,7 +54,8 @@ __device__ bool IsInside(const PixelBox& box, int x, int y) {
   return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
 }
 
-// In thread 0, in an order that depends on the block's size alone. T: plain sums with operator+.
+// Returns the block's sum in thread 0, and zeros in all others, which would read it while thread 0
+// still writes. The order of the sum depends on the block's size alone. T: plain sums with operator+.
 template <class T, int kThreads>
 __device__ T SumOverBlock(const T& own) {
   __shared__ T threads[kThreads];
@@ -65,7 +66,7 @@ __device__ T SumOverBlock(const T& own) {
       threads[threadIdx.x] = threads[threadIdx.x] + threads[threadIdx.x + half];
     }
   }
-  return threads[0];
+  return threadIdx.x == 0 ? threads[0] : T{};
 }
 // The same of memory, by one block.
 template <class T>
