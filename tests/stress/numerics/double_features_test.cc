@@ -8,6 +8,7 @@
 #include "tests/kernels/pair_reference.h"
 #include "tests/kernels/test_scene.h"
 #include "tests/stress/full_stress.h"
+#include "tests/stress/numerics/measured.h"
 #include "tests/stress/numerics/tiny_runs.h"
 
 // The pair loss of stage two with its optimiser, in single precision beside itself in double, 1,000
@@ -248,16 +249,14 @@ TEST_P(DoubleFeatureRuns, StageTwoStaysWithItself) {
   for (uint64_t seed = 1; seed <= kNumBatches; ++seed) batches.push_back(RandomBatch(seed));
   SingleFeatures single(*backend_);
   DoubleFeatures wide;
-  double first = 0, last = 0, largest = 0;
+  double first = 0, last = 0, of_50 = 0, largest = 0;
   for (int step = 0; step < NumSteps(); ++step) {
     const Batch& batch = batches[static_cast<size_t>(step * 5) % batches.size()];
     const double loss = single.Step(batch), want = wide.Step(batch);
     if (step == 0) first = want;
     last = want;
     largest = std::max(largest, std::abs(loss - want));
-    if (step < 50) {
-      EXPECT_NEAR(loss, want, 1e-3) << step;
-    }
+    if (step < 50) of_50 = largest;
   }
   const std::vector<float> features = single.Features();
   double difference = 0, squares = 0;
@@ -265,13 +264,11 @@ TEST_P(DoubleFeatureRuns, StageTwoStaysWithItself) {
     difference += std::pow(features[i] - wide.features()[i], 2);
     squares += std::pow(wide.features()[i], 2);
   }
-  std::printf(
-      "features: loss %.4f -> %.4f, losses apart by at most %.2g, features by %.2g of "
-      "themselves\n",
-      first, last, largest, std::sqrt(difference / squares));
+  std::printf("features: loss %.4f -> %.4f\n", first, last);
   EXPECT_LT(last, first);
-  EXPECT_LT(largest, 0.3);
-  EXPECT_LT(std::sqrt(difference / squares), 0.1);
+  ExpectAsMeasured(*backend_, "stage two in double: loss, 50 steps", of_50);
+  ExpectAsMeasured(*backend_, "stage two in double: loss, all steps", largest);
+  ExpectAsMeasured(*backend_, "stage two in double: features", std::sqrt(difference / squares));
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <random>
+#include <string>
 
 #include "tests/stress/full_stress.h"
+#include "tests/stress/numerics/measured.h"
 #include "tests/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
@@ -43,9 +45,8 @@ class ExtremeMasks : public BackendTest {
     EXPECT_OK(one.status()) << what;
     const auto two = RunStageTwo(*backend_, capture, gaussians_, TinyFeatures(NumSteps()));
     ASSERT_OK(two.status()) << what;
-    std::printf("%s: %lld refined; loss of features %.4f -> %.4f\n", what,
-                static_cast<long long>(one.ok() ? one->last.num_refined : 0),
-                MeanOfFirst(two->losses, 0.05), MeanOfLast(two->losses, 0.05));
+    ExpectAsMeasured(*backend_, std::string("masks, ") + what, MeanOfLast(two->losses, 0.05));
+    if (one.ok()) ExpectAsMeasured(*backend_, std::string("masks, ") + what + ": PSNR", one->psnr);
   }
 
   Capture capture_;

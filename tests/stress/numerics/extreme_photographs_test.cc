@@ -2,8 +2,10 @@
 #include <cmath>
 #include <cstdio>
 #include <random>
+#include <string>
 
 #include "tests/stress/full_stress.h"
+#include "tests/stress/numerics/measured.h"
 #include "tests/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
@@ -20,8 +22,7 @@ class ExtremePhotographs : public BackendTest {
     const auto run = RunStageOne(*backend_, capture, options);
     EXPECT_OK(run.status()) << what;
     if (!run.ok()) return {};
-    std::printf("%s: held out %.2f dB, loss %.5f, %lld Gaussians\n", what, run->psnr,
-                MeanOfLast(run->losses, 0.1), static_cast<long long>(run->gaussians.count));
+    ExpectAsMeasured(*backend_, std::string("photographs, ") + what, run->psnr);
     return *run;
   }
   StageOneRun Learn(const char* what, const Capture& capture) {
@@ -40,12 +41,12 @@ Capture Painted(uint8_t value) {
 TEST_P(ExtremePhotographs, AllBlackIsLearntUntilNothingIsLeft) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.prune_opacity = 0;
-  EXPECT_GT(Learn("black", Painted(0), options).psnr, 35);
+  Learn("black", Painted(0), options);
   options = TinyReconstruct(20'000);
   EXPECT_STATUS(RunStageOne(*backend_, Painted(0), options), absl::StatusCode::kFailedPrecondition,
                 "density control left none");
 }
-TEST_P(ExtremePhotographs, AllWhiteIsLearnt) { EXPECT_GT(Learn("white", Painted(255)).psnr, 15); }
+TEST_P(ExtremePhotographs, AllWhiteIsLearnt) { Learn("white", Painted(255)); }
 
 // From different places: no scene looks so.
 TEST_P(ExtremePhotographs, IdenticalOnesGiveNumbers) {
@@ -70,8 +71,7 @@ TEST_P(ExtremePhotographs, AllIgnoredChangesNoColour) {
   }
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.opacity_decay = 1;
-  const StageOneRun run = Learn("all ignored", capture, options);
-  EXPECT_GT(run.psnr, 5);
+  Learn("all ignored", capture, options);
 }
 
 TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
@@ -88,7 +88,7 @@ TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
 TEST_P(ExtremePhotographs, PointsOnOneSpotAreTrained) {
   Capture capture = TinyCapture();
   for (ScenePoint& point : capture.points) point.position = capture.points[0].position;
-  EXPECT_GT(Learn("one spot", capture).psnr, 14);
+  Learn("one spot", capture);
 }
 
 TEST_P(ExtremePhotographs, WithoutPointsRandomOnesAreTrained) {
@@ -96,7 +96,7 @@ TEST_P(ExtremePhotographs, WithoutPointsRandomOnesAreTrained) {
   capture.points.clear();
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.num_random_points = 300;
-  EXPECT_GT(Learn("no points", capture, options).psnr, 12);
+  Learn("no points", capture, options);
 }
 
 }  // namespace

@@ -2,9 +2,11 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <string>
 
 #include "core/scene/origin.h"
 #include "tests/stress/full_stress.h"
+#include "tests/stress/numerics/measured.h"
 #include "tests/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
@@ -23,7 +25,7 @@ class ExtremeScenes : public BackendTest {
     const auto run = RunStageOne(*backend_, capture, TinyReconstruct(num_steps));
     EXPECT_OK(run.status()) << what;
     if (!run.ok()) return 0;
-    std::printf("%s: held out %.2f dB, loss %.4f\n", what, run->psnr, MeanOfLast(run->losses, 0.1));
+    ExpectAsMeasured(*backend_, std::string("scene, ") + what, run->psnr);
     return run->psnr;
   }
 };
@@ -38,7 +40,6 @@ Capture Scaled(Capture capture, double factor) {
 TEST_P(ExtremeScenes, UnitsChangeNothing) {
   const Capture capture = TinyCapture();
   const double metres = Learn("unit 1", capture);
-  EXPECT_GT(metres, 20);
   EXPECT_NEAR(Learn("unit 1e-6", Scaled(capture, 1e6)), metres, 1);
   EXPECT_NEAR(Learn("unit 1e6", Scaled(capture, 1e-6)), metres, 1);
 }
@@ -93,7 +94,10 @@ TEST_P(ExtremeScenes, AnyFocalLengthGivesNumbers) {
   for (const double focal : {10.0, 1e3, 1e5}) {
     Capture capture = TinyCapture();
     for (View& view : capture.views) view.camera.fx = view.camera.fy = focal;
-    Learn("zoomed in place", capture);
+    Learn(focal == 10    ? "zoomed in place, 10"
+          : focal == 1e3 ? "zoomed in place, 1e3"
+                         : "zoomed in place, 1e5",
+          capture);
   }
 }
 
@@ -118,8 +122,7 @@ TEST_P(ExtremeScenes, OneViewIsLearnt) {
   capture.views = {capture.views[1]};
   ASSERT_OK_AND_ASSIGN(const StageOneRun run,
                        RunStageOne(*backend_, capture, TinyReconstruct(NumSteps())));
-  std::printf("one view: PSNR %.2f dB\n", run.last.psnr);
-  EXPECT_GT(run.last.psnr, 22);
+  ExpectAsMeasured(*backend_, "scene, one view", run.last.psnr);
   EXPECT_GT(LargestMove(run, capture), 0.05);
 }
 
@@ -133,13 +136,13 @@ TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
     view.cam_from_world = first.cam_from_world;
     view.cam_from_world.translation = -(view.cam_from_world.rotation * eye);
   }
-  EXPECT_GT(Learn("one place", capture), 22);
+  Learn("one place", capture);
 }
 
 TEST_P(ExtremeScenes, TenThousandViewsAreLearnt) {
   const int num_views = FullStress() ? 10'000 : 1'000;
   Capture capture = TinyCapture({.num_views = num_views, .side = 16, .held_out_every = 8});
-  EXPECT_GT(Learn("many views", capture, FullStress() ? 10'000 : 400), 17);
+  Learn("many views", capture, FullStress() ? 10'000 : 400);
 }
 
 }  // namespace

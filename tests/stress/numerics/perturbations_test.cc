@@ -3,8 +3,10 @@
 #include <cmath>
 #include <cstdio>
 #include <random>
+#include <string>
 
 #include "tests/stress/full_stress.h"
+#include "tests/stress/numerics/measured.h"
 #include "tests/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
@@ -31,8 +33,6 @@ class Perturbations : public BackendTest {
                         .num_points = 500,
                         .depth = DepthPrior::Kind::kDisparity});
     truth_ = Learn("none", [](View&) {});
-    ASSERT_GT(truth_.psnr, 20);
-    ASSERT_GT(truth_.iou, 0.5);
   }
 
   template <class Fn>
@@ -56,8 +56,8 @@ class Perturbations : public BackendTest {
     const auto iou = ClickIou(*backend_, clean_, one->gaussians, two->field);
     EXPECT_OK(iou.status());
     accuracy.iou = iou.value_or(0);
-    std::printf("| %-39s | %6.2f | %+6.2f | %.3f | %+.3f |\n", what, accuracy.psnr,
-                accuracy.psnr - truth_.psnr, accuracy.iou, accuracy.iou - truth_.iou);
+    ExpectAsMeasured(*backend_, std::string("perturbed, ") + what + ": PSNR", accuracy.psnr);
+    ExpectAsMeasured(*backend_, std::string("perturbed, ") + what + ": IoU", accuracy.iou);
     return accuracy;
   }
 
@@ -146,33 +146,28 @@ INSTANTIATE_TEST_SUITE_P(Backends, Perturbations, CpuAndCuda(), BackendName);
 // A pixel is 0.02 radians here, a degree 0.9 pixels.
 TEST_P(Perturbations, OfPosesCostByTheirSize) {
   const Accuracy small = LearnFromPoses(0.1, 0.001);
-  EXPECT_GT(small.psnr, truth_.psnr - 1);
-  EXPECT_GT(small.iou, truth_.iou - 0.1);
   if (FullStress()) LearnFromPoses(0.3, 0.003);
   if (FullStress()) LearnFromPoses(1, 0.01);
   const Accuracy large = LearnFromPoses(3, 0.03);
   EXPECT_LT(large.psnr, small.psnr);
+  EXPECT_LT(large.psnr, truth_.psnr - 1);
 }
 
 TEST_P(Perturbations, OfPriorsCostLittle) {
   EXPECT_GT(LearnFromPriors(0.05f).psnr, truth_.psnr - 0.5);
   if (FullStress()) LearnFromPriors(0.2f);
-  EXPECT_GT(LearnFromPriors(1).psnr, truth_.psnr - 1.5);
+  EXPECT_GT(LearnFromPriors(1).psnr, truth_.psnr - 1);
 }
 
 TEST_P(Perturbations, OfMasksCostNoColour) {
-  const Accuracy moved = LearnFromMovedMasks(1);
-  EXPECT_GT(moved.psnr, truth_.psnr - 0.7);
-  EXPECT_GT(moved.iou, truth_.iou - 0.2);
+  EXPECT_GT(LearnFromMovedMasks(1).psnr, truth_.psnr - 0.7);
   if (FullStress()) LearnFromMovedMasks(2);
   if (FullStress()) LearnFromMovedMasks(4);
   if (FullStress()) LearnFromMissingMasks(0.25);
-  const Accuracy missing = LearnFromMissingMasks(0.5);
-  EXPECT_GT(missing.psnr, truth_.psnr - 0.7);
-  EXPECT_GT(missing.iou, 0.3);  // what a view has no mask for passes for background elsewhere
+  EXPECT_GT(LearnFromMissingMasks(0.5).psnr, truth_.psnr - 0.7);
   if (FullStress()) LearnFromMissingMasks(0.75);
   if (FullStress()) LearnFromSpeckledMasks(0.02);
-  EXPECT_GT(LearnFromSpeckledMasks(0.1).iou, truth_.iou - 0.3);
+  LearnFromSpeckledMasks(0.1);
 }
 
 }  // namespace

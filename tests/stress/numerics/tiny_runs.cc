@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <random>
 
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
 #include "core/features/feature_stage.h"
+#include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"
 #include "core/status_macros.h"
 
@@ -30,6 +32,18 @@ void ExpectSoundRows(const GaussianRows& rows, StageOneRun& run) {
   for (const int32_t steps : rows.num_steps) {
     EXPECT_GE(steps, 0);
     run.most_steps = std::max(run.most_steps, steps);
+  }
+}
+
+void ExpectLogScalesWithinBounds(const Capture& capture, const ReconstructOptions& options,
+                                 const Gaussians& gaussians) {
+  std::mt19937_64 random(options.seed);
+  const LogScaleBounds bounds = BoundLogScales(capture, StartingPoints(capture, options, random));
+  EXPECT_LT(bounds.min, bounds.max);
+  for (int plane = kLogScalePlane; plane < kLogScalePlane + 3; ++plane) {
+    const auto [least, most] = std::ranges::minmax(gaussians.Plane(plane));
+    EXPECT_GE(least, bounds.min);
+    EXPECT_LE(most, bounds.max);
   }
 }
 
@@ -91,15 +105,22 @@ absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture
                                         const ReconstructOptions& options) {
   ASSIGN_OR_RETURN(const auto stage, Reconstructor::Create(backend, capture, options));
   StageOneRun run;
+  int num_unmeasured = 0;  // steps before the first result of the device was read
   while (!stage->done()) {
     ASSIGN_OR_RETURN(run.last, stage->Step());
-    if (!std::isnan(run.last.loss)) run.losses.push_back(run.last.loss);
+    if (run.losses.empty() && std::isnan(run.last.loss)) {
+      ++num_unmeasured;
+    } else {
+      run.losses.push_back(run.last.loss);
+    }
   }
+  EXPECT_LE(num_unmeasured, backend.queue_depth());
   EXPECT_TRUE(std::ranges::all_of(run.losses, [](double loss) { return std::isfinite(loss); }));
   EXPECT_EQ(run.last.num_skipped_gradients, 0);
   EXPECT_EQ(run.last.num_culled_degenerate, 0);
   ASSIGN_OR_RETURN(const ReconstructCheckpoint checkpoint, stage->Save());
   ExpectSoundRows(checkpoint.gaussians, run);
+  ExpectLogScalesWithinBounds(capture, options, stage->Result());
   run.gaussians = stage->Result();
   run.skipped = stage->skipped();
   if (!HasHeldOut(capture)) return run;

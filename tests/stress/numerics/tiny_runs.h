@@ -42,8 +42,8 @@ struct StageOneRun {
   float largest_moment1 = 0, largest_moment2 = 0;
   int32_t most_steps = 0;  // of a Gaussian
 };
-// With the checks that hold of every run: losses and parameters are finite, log scales within
-// their bounds, moments finite and second moments not negative, no gradient row was skipped.
+// Checks what holds of every run: all losses and parameters are finite, log scales within their
+// bounds, moments finite, second moments not negative, no gradient row skipped, no Gaussian culled.
 absl::StatusOr<StageOneRun> RunStageOne(Backend& backend, const Capture& capture,
                                         const ReconstructOptions& options);
 
