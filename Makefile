@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test bench curves stress gateway-test lint asan tsan fuzz image \
+.PHONY: help packages build demo test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
   image-test deploy-check web web-app web-test
 
 BUILD ?= build
@@ -23,6 +23,8 @@ help:
 	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
 	@echo 'make test      install what is needed, build, run every test'
+	@echo 'make cuda-test on a machine with an NVIDIA GPU: every test of CUDA, and the kernels under'
+	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
 	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
 	@echo 'make curves    error against time of a scene (SCENE=folder, CURVES="options of pepeseg bench"):'
 	@echo '               record, table and plots in $(BUILD)/curves; hours'
@@ -55,6 +57,13 @@ demo: $(BUILD)/CMakeCache.txt packages
 
 test: build
 	cd $(BUILD) && $(CTEST)
+
+# Run it after a change to kernels/cuda, and commit the summary with the change.
+cuda-test: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS) --target kernels_render_test kernels_image_loss_test \
+	  kernels_depth_loss_test kernels_refine_test kernels_features_test kernels_cluster_test \
+	  core_features_test stress_numerics_test
+	tests/kernels/cuda_test.sh $(BUILD) tests/bench/results/cuda_tests.md
 
 bench: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_step_bench pepeseg_mask_bench pepesegd \
