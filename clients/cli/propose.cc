@@ -1,6 +1,7 @@
 // The verb that asks what a click may mean.
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -21,18 +22,35 @@ struct ProposeFlags {
   std::string out;
 };
 
+std::string KindName(v1::ProposeScalesResponse::Kind kind) {
+  switch (kind) {
+    case v1::ProposeScalesResponse::KIND_PART:
+      return "part";
+    case v1::ProposeScalesResponse::KIND_OBJECT:
+      return "object";
+    case v1::ProposeScalesResponse::KIND_GROUP:
+      return "group";
+    default:
+      return "";
+  }
+}
+
 void PrintAnswer(const v1::ProposeScalesResponse& answer) {
   Print(answer.model());
-  for (const auto& proposal : answer.proposals()) {
-    Print(absl::StrFormat(
-        "  scale %.2f (%.4g scene units)  threshold %.2f  %8d px  support %.2f  stability %.2f",
-        proposal.scale_quantile(), proposal.scale_units(), proposal.threshold(),
-        proposal.mask().area(), proposal.support(), proposal.stability()));
+  for (int i = 0; i < answer.proposals_size(); ++i) {
+    const auto& proposal = answer.proposals(i);
+    Print(
+        absl::StrFormat("%c %-6s  scale %.2f (%.4g scene units)  threshold %.2f  %8d px  "
+                        "support %.2f  stability %.2f",
+                        i == answer.best() ? '*' : ' ', KindName(proposal.kind()),
+                        proposal.scale_quantile(), proposal.scale_units(), proposal.threshold(),
+                        proposal.mask().area(), proposal.support(), proposal.stability()));
   }
+  if (!answer.proposals().empty()) Print("* what segment answers without --scale");
   if (answer.proposals().empty()) Print("  nothing stable is under the click");
 }
 
-// STEM_1.png, the best, and so on.
+// STEM_1.png, the smallest, and so on.
 absl::Status WriteOverlays(const Client& client, const ProposeFlags& flags,
                            const v1::ProposeScalesRequest& request,
                            const v1::ProposeScalesResponse& answer) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/query/ladder.h"
 #include "core/query/mask_grid.h"
 #include "core/status_macros.h"
 #include "kernels/ops.h"
@@ -47,18 +48,17 @@ SmallView SmallViewOf(const ModelView& view) {
   return small;
 }
 
-absl::StatusOr<std::vector<StableGranularity>> FindStable(const Segmenter& segmenter,
-                                                          const Query& query, const ModelView& view,
-                                                          const GranularityGrid& grid,
-                                                          int max_count) {
+absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter, const Query& query,
+                                                    const ModelView& view,
+                                                    const GranularityGrid& grid, int max_count) {
   ASSIGN_OR_RETURN(LevelCounts counts, segmenter.CountLevels(query, grid.scales, grid.thresholds,
                                                              SmallViewOf(view).view));
-  const MaskGrid masks(std::move(counts));
-  std::vector<StableGranularity> found;
-  for (const MaskGrid::Plateau& plateau : masks.FindPlateaus(kMinArea, max_count)) {
-    found.push_back({grid.scales[plateau.cell.scale],
-                     double{grid.thresholds[plateau.cell.threshold]}, plateau.stability,
-                     plateau.support});
+  const Ladder ladder = FindLadder(MaskGrid(std::move(counts)), kMinArea, max_count);
+  GranularityLadder found = {{}, ladder.best};
+  for (const MaskGrid::Plateau& rung : ladder.rungs) {
+    found.rungs.push_back({grid.scales[rung.cell.scale],
+                           double{grid.thresholds[rung.cell.threshold]}, rung.stability,
+                           rung.support});
   }
   return found;
 }

@@ -31,13 +31,18 @@ SmallView SmallViewOf(const ModelView& view);
 // A scale and a threshold that show something stable.
 struct StableGranularity {
   double scale = 0, threshold = 0;
-  double stability = 0;  // see MaskGrid::Plateau
-  double support = 0;
+  double stability = 0;  // see MaskGrid::Stability
+  double support = 0;    // see MaskGrid::Plateau
 };
-// Those with the most support first, at most `max_count`; of the query, features and signs count.
-absl::StatusOr<std::vector<StableGranularity>> FindStable(const Segmenter& segmenter,
-                                                          const Query& query, const ModelView& view,
-                                                          const GranularityGrid& grid,
-                                                          int max_count);
+// What a query may mean in a view, see Ladder.
+struct GranularityLadder {
+  std::vector<StableGranularity> rungs;
+  int best = 0;
+};
+// Of the query, features and signs count. Without rungs: nothing of 16 pixels of the small view is
+// there.
+absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter, const Query& query,
+                                                    const ModelView& view,
+                                                    const GranularityGrid& grid, int max_count);
 
 }  // namespace pepeseg

@@ -28,6 +28,7 @@ MaskGrid::MaskGrid(LevelCounts counts) : counts_(std::move(counts)) {
   for (size_t pair = 0; pair < counts_.pixels.size(); pair += side * side) {
     SumFromTop(&counts_.pixels[pair], static_cast<int>(side));
   }
+  stability_ = Stabilities();
 }
 
 int64_t MaskGrid::Common(const Cell& a, const Cell& b) const {
@@ -63,20 +64,19 @@ std::vector<double> MaskGrid::Stabilities() const {
 }
 
 std::vector<MaskGrid::Plateau> MaskGrid::FindPlateaus(int64_t min_area, int max_count) const {
-  const std::vector<double> stability = Stabilities();
   std::vector<size_t> left;  // cells, the most stable first
-  for (size_t k = 0; k < stability.size(); ++k) {
+  for (size_t k = 0; k < stability_.size(); ++k) {
     if (Area(CellAt(k)) >= min_area) left.push_back(k);
   }
   std::stable_sort(left.begin(), left.end(),
-                   [&](size_t a, size_t b) { return stability[a] > stability[b]; });
+                   [&](size_t a, size_t b) { return stability_[a] > stability_[b]; });
   std::vector<Plateau> plateaus;
   while (!left.empty()) {
     const Cell best = CellAt(left.front());
-    const double before = static_cast<double>(left.size()), first = stability[left.front()];
+    const double before = static_cast<double>(left.size()), first = stability_[left.front()];
     std::erase_if(left, [&](size_t k) { return Iou(best, CellAt(k)) > kSameMask; });
     const double support =
-        (before - static_cast<double>(left.size())) / static_cast<double>(stability.size());
+        (before - static_cast<double>(left.size())) / static_cast<double>(stability_.size());
     plateaus.push_back({best, first, support});
   }
   std::stable_sort(plateaus.begin(), plateaus.end(),

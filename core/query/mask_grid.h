@@ -25,10 +25,16 @@ class MaskGrid {
   };
   int64_t Area(const Cell& cell) const { return Common(cell, cell); }
   double Iou(const Cell& a, const Cell& b) const;
+  // Pixels in both masks.
+  int64_t Common(const Cell& a, const Cell& b) const;
+  // Mean IoU of the cell's mask with those beside it on the grid, [0, 1].
+  double Stability(const Cell& cell) const { return stability_[IndexOf(cell)]; }
+  int num_scales() const { return counts_.num_scales; }
+  int num_thresholds() const { return counts_.num_thresholds; }
 
   struct Plateau {
     Cell cell;             // the most stable of the cells that show this mask
-    double stability = 0;  // mean IoU of its mask with those beside it on the grid
+    double stability = 0;  // of the cell
     double support = 0;    // share of the grid's cells that show it: IoU with it over kSameMask
   };
   static constexpr double kSameMask = 0.8;
@@ -37,15 +43,18 @@ class MaskGrid {
   std::vector<Plateau> FindPlateaus(int64_t min_area, int max_count) const;
 
  private:
-  int64_t Common(const Cell& a, const Cell& b) const;  // pixels in both masks
   std::vector<double> Stabilities() const;
 
+  size_t IndexOf(const Cell& cell) const {
+    return static_cast<size_t>(cell.scale) * counts_.num_thresholds + cell.threshold;
+  }
   Cell CellAt(size_t index) const {
     return {static_cast<int>(index) / counts_.num_thresholds,
             static_cast<int>(index) % counts_.num_thresholds};
   }
 
-  LevelCounts counts_;  // summed up from the top: pixels whose levels are at least these
+  LevelCounts counts_;             // summed up from the top: pixels whose levels are at least these
+  std::vector<double> stability_;  // [num_scales, num_thresholds]
 };
 
 }  // namespace pepeseg

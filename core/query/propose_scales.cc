@@ -1,17 +1,48 @@
 #include "core/query/propose_scales.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/query/choose_granularity.h"
+#include "core/query/ladder.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
+namespace {
 
-absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmenter,
-                                                         const ModelView& view,
-                                                         std::span<const PointPrompt> points,
-                                                         int max_count) {
+// In the view itself, which has more pixels than the one that the ladder was found in.
+bool Holds(const SegmentResult& large, const SegmentResult& small) {
+  int64_t common = 0;
+  for (size_t p = 0; p < small.mask.pixels.size(); ++p) {
+    common += small.mask.pixels[p] != 0 && large.mask.pixels[p] != 0 ? 1 : 0;
+  }
+  return static_cast<double>(large.area) >= Ladder::kMinGrowth * static_cast<double>(small.area) &&
+         static_cast<double>(common) >= Ladder::kMinHeld * static_cast<double>(small.area);
+}
+
+// Removes what does not nest with its neighbour on the side of the best one.
+void KeepNested(ScaleProposals& proposals) {
+  std::vector<ScaleProposal>& ladder = proposals.ladder;
+  for (int i = proposals.best - 1; i >= 0; --i) {
+    if (Holds(ladder[i + 1].result, ladder[i].result)) continue;
+    ladder.erase(ladder.begin() + i);
+    --proposals.best;
+  }
+  for (size_t i = proposals.best + 1; i < ladder.size();) {
+    if (Holds(ladder[i].result, ladder[i - 1].result)) {
+      ++i;
+    } else {
+      ladder.erase(ladder.begin() + static_cast<ptrdiff_t>(i));
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const ModelView& view,
+                                             std::span<const PointPrompt> points, int max_count) {
   if (max_count < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(max_count, " proposals are asked for, must be at least 1"));
@@ -19,16 +50,32 @@ absl::StatusOr<std::vector<ScaleProposal>> ProposeScales(const Segmenter& segmen
   Query query;
   ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
   for (const PointPrompt& point : points) query.positive.push_back(point.positive ? 1 : 0);
-  ASSIGN_OR_RETURN(const std::vector<StableGranularity> stable,
-                   FindStable(segmenter, query, view, GridOf({}), max_count));
-  std::vector<ScaleProposal> proposals;
-  for (const StableGranularity& at : stable) {
+  ASSIGN_OR_RETURN(const GranularityLadder found,
+                   FindGranularities(segmenter, query, view, GridOf({}), max_count));
+  ScaleProposals proposals = {{}, found.best};
+  for (const StableGranularity& at : found.rungs) {
     query.scale = at.scale;
     query.threshold = at.threshold;
     ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
-    proposals.push_back({std::move(results[0]), at.stability, at.support});
+    proposals.ladder.push_back({std::move(results[0]), at.stability, at.support});
   }
+  KeepNested(proposals);
+  const auto count = static_cast<int>(proposals.ladder.size());
+  const std::vector<ProposalKind> kinds = KindsOfLadder(count, proposals.best);
+  for (int i = 0; i < count; ++i) proposals.ladder[i].kind = kinds[i];
   return proposals;
+}
+
+std::vector<ProposalKind> KindsOfLadder(int count, int best) {
+  std::vector<ProposalKind> kinds(count, ProposalKind::kUnnamed);
+  if (count < 2) return kinds;
+  const int object = count == 2 ? best : std::clamp(best, 1, count - 2);
+  for (int i = 0; i < count; ++i) {
+    kinds[i] = i < object    ? ProposalKind::kPart
+               : i == object ? ProposalKind::kObject
+                             : ProposalKind::kGroup;
+  }
+  return kinds;
 }
 
 }  // namespace pepeseg

@@ -17,11 +17,12 @@ absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView&
   query.scale = granularity.scale.value_or(query.scale);
   query.threshold = granularity.threshold.value_or(query.threshold);
   if (granularity.scale && granularity.threshold) return query;
-  ASSIGN_OR_RETURN(const std::vector<StableGranularity> stable,
-                   FindStable(segmenter, query, view, GridOf(granularity), 1));
-  if (stable.empty()) return query;  // some pixels at most, at any scale: as good as any
-  query.scale = stable.front().scale;
-  query.threshold = granularity.threshold.value_or(stable.front().threshold);
+  ASSIGN_OR_RETURN(const GranularityLadder ladder,
+                   FindGranularities(segmenter, query, view, GridOf(granularity), 1));
+  if (ladder.rungs.empty()) return query;  // some pixels at most, at any scale: as good as any
+  const StableGranularity& best = ladder.rungs[ladder.best];
+  query.scale = best.scale;
+  query.threshold = granularity.threshold.value_or(best.threshold);
   return query;
 }
 

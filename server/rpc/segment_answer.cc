@@ -13,6 +13,23 @@
 #include "server/rpc/stopwatch.h"
 
 namespace pepeseg {
+namespace {
+
+v1::ProposeScalesResponse::Kind ProtoKind(ProposalKind kind) {
+  switch (kind) {
+    case ProposalKind::kUnnamed:
+      break;
+    case ProposalKind::kPart:
+      return v1::ProposeScalesResponse::KIND_PART;
+    case ProposalKind::kObject:
+      return v1::ProposeScalesResponse::KIND_OBJECT;
+    case ProposalKind::kGroup:
+      return v1::ProposeScalesResponse::KIND_GROUP;
+  }
+  return v1::ProposeScalesResponse::KIND_UNSPECIFIED;
+}
+
+}  // namespace
 
 // One view after the other, so that a client that is gone costs no more than one of them.
 absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
@@ -60,20 +77,22 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
   RETURN_IF_ERROR(call.CheckWanted());  // a load takes long
   ASSIGN_OR_RETURN(const ProposalQuestion question, ReadQuestion(context, model, request));
   ASSIGN_OR_RETURN(
-      const std::vector<ScaleProposal> proposals,
+      const ScaleProposals proposals,
       ProposeScales(*model.segmenter, question.view, question.points, question.max_proposals));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
-  for (const ScaleProposal& proposal : proposals) {
+  for (const ScaleProposal& proposal : proposals.ladder) {
     v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
     out.set_scale_quantile(proposal.result.scale);
     out.set_threshold(proposal.result.threshold);
     out.set_scale_units(proposal.result.scale_units);
     out.set_support(proposal.support);
     out.set_stability(proposal.stability);
+    out.set_kind(ProtoKind(proposal.kind));
     ASSIGN_OR_RETURN(*out.mutable_mask(),
                      EncodeMask(question.view.name, proposal.result, request.mask_encoding()));
   }
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
+  response->set_best(proposals.best);
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());
 }

@@ -6,12 +6,15 @@
 #include <utility>
 #include <vector>
 
+#include "tests/core/query/scale_maps.h"
+
 namespace pepeseg {
 namespace {
 
 constexpr int kSide = 40;
+using testing::Scales;
 using Map = std::vector<float>;
-const std::vector<float> kThresholds = {0.5f, 0.6f, 0.7f, 0.8f, 0.9f};
+const std::vector<float> kThresholds = testing::ScaleThresholds();
 
 // A part inside an object inside a group: squares about the corner, less similar outwards. At small
 // scales only the part is similar, at large ones all are.
@@ -30,38 +33,6 @@ Map Similarity(double scale) {
   }
   return map;
 }
-
-// The levels of masks added one scale after the other, counted pixel by pixel.
-class Scales {
- public:
-  void Add(const Map& positive, const Map& negative) {
-    std::vector<int>& levels = levels_.emplace_back();
-    levels.reserve(positive.size());
-    for (size_t p = 0; p < positive.size(); ++p) {
-      int level = 0;
-      for (const float threshold : kThresholds) level += positive[p] > threshold ? 1 : 0;
-      levels.push_back(positive[p] > negative[p] ? level : 0);
-    }
-  }
-  MaskGrid Grid() const {
-    const auto num_thresholds = static_cast<int>(kThresholds.size());
-    const size_t side = kThresholds.size() + 1, num = levels_.size();
-    LevelCounts counts = {static_cast<int>(num), num_thresholds, {}};
-    counts.pixels.resize(num * num * side * side);
-    for (size_t a = 0; a < num; ++a) {
-      for (size_t b = a; b < num; ++b) {
-        for (size_t p = 0; p < levels_[a].size(); ++p) {
-          if (levels_[a][p] + levels_[b][p] == 0) continue;
-          ++counts.pixels[((a * num + b) * side + levels_[a][p]) * side + levels_[b][p]];
-        }
-      }
-    }
-    return MaskGrid(std::move(counts));
-  }
-
- private:
-  std::vector<std::vector<int>> levels_;
-};
 
 const Map kNothing(kSide* kSide, -1.0f);
 

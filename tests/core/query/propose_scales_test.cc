@@ -18,7 +18,7 @@ class ProposeScalesTest : public ::testing::Test {
     view_ = segmenter_->model().views[0];
     points_ = {{kLeftX, kY, true}};
   }
-  absl::StatusOr<std::vector<ScaleProposal>> Propose(int max_count = kDefaultProposals) const {
+  absl::StatusOr<ScaleProposals> Propose(int max_count = kDefaultProposals) const {
     return ProposeScales(*segmenter_, view_, points_, max_count);
   }
   static bool Shows(const SegmentResult& result, double x) {
@@ -31,32 +31,36 @@ class ProposeScalesTest : public ::testing::Test {
   std::vector<PointPrompt> points_;
 };
 
-TEST_F(ProposeScalesTest, FindsTheBlobAndBothBlobs) {
-  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose());
-  ASSERT_EQ(proposals.size(), 2u);
-  EXPECT_GE(proposals[0].support, proposals[1].support);
-  const bool first_is_one = !Shows(proposals[0].result, kRightX);
-  const ScaleProposal &one = proposals[first_is_one ? 0 : 1],
-                      &both = proposals[first_is_one ? 1 : 0];
+TEST_F(ProposeScalesTest, FindsTheBlobAndThenBothBlobs) {
+  ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals, Propose());
+  ASSERT_EQ(proposals.ladder.size(), 2u);
+  const ScaleProposal &one = proposals.ladder[0], &both = proposals.ladder[1];
   EXPECT_TRUE(Shows(one.result, kLeftX) && !Shows(one.result, kRightX));
   EXPECT_TRUE(Shows(both.result, kLeftX) && Shows(both.result, kRightX));
   EXPECT_LT(one.result.scale, both.result.scale);
-  for (const ScaleProposal& proposal : proposals) {
+  EXPECT_GE(proposals.ladder[proposals.best].support, one.support);
+  EXPECT_GE(proposals.ladder[proposals.best].support, both.support);
+  for (const ScaleProposal& proposal : proposals.ladder) {
     EXPECT_GT(proposal.stability, 0.9);
     EXPECT_GT(proposal.result.scale_units, 0);
+    EXPECT_NE(proposal.kind, ProposalKind::kUnnamed);
   }
 }
 
 TEST_F(ProposeScalesTest, ANegativePointLeavesTheOther) {
   points_.push_back({kRightX, kY, false});
-  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose());
-  ASSERT_FALSE(proposals.empty());
-  for (const ScaleProposal& proposal : proposals) EXPECT_FALSE(Shows(proposal.result, kRightX));
+  ASSERT_OK_AND_ASSIGN(const ScaleProposals proposals, Propose());
+  ASSERT_FALSE(proposals.ladder.empty());
+  for (const ScaleProposal& proposal : proposals.ladder)
+    EXPECT_FALSE(Shows(proposal.result, kRightX));
 }
 
 TEST_F(ProposeScalesTest, AtMostAsManyAsAskedFor) {
-  ASSERT_OK_AND_ASSIGN(const auto proposals, Propose(1));
-  EXPECT_EQ(proposals.size(), 1u);
+  ASSERT_OK_AND_ASSIGN(const ScaleProposals all, Propose());
+  ASSERT_OK_AND_ASSIGN(const ScaleProposals one, Propose(1));
+  ASSERT_EQ(one.ladder.size(), 1u);
+  EXPECT_EQ(one.ladder[0].result.scale, all.ladder[all.best].result.scale);
+  EXPECT_EQ(one.ladder[0].kind, ProposalKind::kUnnamed);
   EXPECT_STATUS(Propose(0), absl::StatusCode::kInvalidArgument, "0 proposals");
 }
 
@@ -67,6 +71,20 @@ TEST_F(ProposeScalesTest, BadPromptsAreRefused) {
   EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "no positive point");
   points_ = {{2, 3, true}};
   EXPECT_STATUS(Propose(), absl::StatusCode::kInvalidArgument, "nothing with a feature");
+}
+
+TEST(KindsOfLadder, NamesOnlyWhatOthersHoldOrLieIn) {
+  constexpr auto kPart = ProposalKind::kPart, kObject = ProposalKind::kObject,
+                 kGroup = ProposalKind::kGroup;
+  using Kinds = std::vector<ProposalKind>;
+  EXPECT_EQ(KindsOfLadder(0, 0), Kinds());
+  EXPECT_EQ(KindsOfLadder(1, 0), Kinds({ProposalKind::kUnnamed}));
+  EXPECT_EQ(KindsOfLadder(2, 1), Kinds({kPart, kObject}));
+  EXPECT_EQ(KindsOfLadder(2, 0), Kinds({kObject, kGroup}));
+  for (const int best : {0, 1, 2}) {
+    EXPECT_EQ(KindsOfLadder(3, best), Kinds({kPart, kObject, kGroup}));
+  }
+  EXPECT_EQ(KindsOfLadder(5, 3), Kinds({kPart, kPart, kPart, kObject, kGroup}));
 }
 
 }  // namespace

@@ -58,11 +58,13 @@ TEST_F(ResolvePromptTest, PointsTakeWhatIsGivenAsItIs) {
 TEST_F(ResolvePromptTest, PointsWithoutAGranularityTakeTheBestProposal) {
   const SmallView small = SmallViewOf(view_);
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {}));
-  ASSERT_OK_AND_ASSIGN(const auto stable,
-                       FindStable(*segmenter_, query, small.view, GridOf({}), 1));
-  ASSERT_EQ(stable.size(), 1u);
-  EXPECT_EQ(query.scale, stable[0].scale);
-  EXPECT_EQ(query.threshold, stable[0].threshold);
+  for (const int max_count : {1, 5}) {
+    ASSERT_OK_AND_ASSIGN(const GranularityLadder ladder,
+                         FindGranularities(*segmenter_, query, small.view, GridOf({}), max_count));
+    ASSERT_FALSE(ladder.rungs.empty());
+    EXPECT_EQ(query.scale, ladder.rungs[ladder.best].scale);
+    EXPECT_EQ(query.threshold, ladder.rungs[ladder.best].threshold);
+  }
 }
 
 TEST_F(ResolvePromptTest, PointsChooseTheThresholdOfAScaleAndTheScaleOfAThreshold) {

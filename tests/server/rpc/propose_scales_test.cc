@@ -38,7 +38,7 @@ TEST_F(ProposeScalesRpcTest, AProposalIsWhatSegmentShowsAtItsScaleAndThreshold) 
   ASSERT_TRUE(status.ok()) << status.error_message();
   ASSERT_GE(answer.proposals_size(), 1);
   EXPECT_EQ(answer.model(), "scenes/shelf/models/1");
-  const auto& best = answer.proposals(0);
+  const auto& best = answer.proposals(answer.best());
   EXPECT_GT(best.support(), 0.5);
   EXPECT_GT(best.stability(), 0.9);
   EXPECT_GT(best.scale_units(), 0);
@@ -52,6 +52,32 @@ TEST_F(ProposeScalesRpcTest, AProposalIsWhatSegmentShowsAtItsScaleAndThreshold) 
   grpc::ClientContext context;
   ASSERT_TRUE(running.segmentation->Segment(&context, same, &segment).ok());
   EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
+}
+
+TEST_F(ProposeScalesRpcTest, SegmentWithoutAGranularityAnswersTheBestProposal) {
+  ASSERT_TRUE(Propose().ok());
+  ASSERT_GE(answer.proposals_size(), 1);
+  v1::SegmentRequest plain;
+  plain.set_model(request.model());
+  *plain.mutable_prompt() = request.prompt();
+  v1::SegmentResponse segment;
+  grpc::ClientContext context;
+  ASSERT_TRUE(running.segmentation->Segment(&context, plain, &segment).ok());
+  const auto& best = answer.proposals(answer.best());
+  EXPECT_EQ(segment.scale_quantile(), best.scale_quantile());
+  EXPECT_EQ(segment.threshold(), best.threshold());
+  EXPECT_EQ(segment.masks(0).rle().counts(), best.mask().rle().counts());
+}
+
+TEST_F(ProposeScalesRpcTest, ProposalsGrowWithTheirScale) {
+  ASSERT_TRUE(Propose().ok());
+  for (int i = 1; i < answer.proposals_size(); ++i) {
+    const auto &small = answer.proposals(i - 1), &large = answer.proposals(i);
+    EXPECT_GE(large.scale_quantile(), small.scale_quantile());
+    EXPECT_GE(large.mask().area(), 1.5 * small.mask().area());
+    EXPECT_GE(large.kind(), small.kind());
+    EXPECT_NE(small.kind(), v1::ProposeScalesResponse::KIND_UNSPECIFIED);
+  }
 }
 
 TEST_F(ProposeScalesRpcTest, AnswersAsPngAndAtMostAsManyAsAskedFor) {

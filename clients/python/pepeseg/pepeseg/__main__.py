@@ -150,8 +150,9 @@ def _segment(client: Client, arguments: argparse.Namespace) -> None:
 def _propose(client: Client, arguments: argparse.Namespace) -> None:
     for proposal in client.propose(arguments.view, points=arguments.point):
         print(
-            f"scale {proposal.scale:.3f}  threshold {proposal.threshold:.3f}  "
-            f"support {proposal.support:.3f}  {proposal.area} px"
+            f"{'*' if proposal.best else ' '} {proposal.kind:6}  scale {proposal.scale:.3f}  "
+            f"threshold {proposal.threshold:.3f}  support {proposal.support:.3f}  "
+            f"{proposal.area} px"
         )
 
 
@@ -219,7 +220,7 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
     verb.add_argument("--views", nargs="+", default=[], help="names, all or held-out")
     verb.add_argument("--out", type=Path, help="folder for STEM_mask.png")
     for name, do, text in (
-        ("propose", _propose, "what a click may mean, best first"),
+        ("propose", _propose, "what a click may mean, smallest first; * marks the best"),
         ("select", _select, "choose what a click means in 3D"),
     ):
         verb = add(name, do, text)

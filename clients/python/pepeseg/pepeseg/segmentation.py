@@ -81,6 +81,8 @@ class Proposal:
         stability: how little the mask changes from one to the next, [0, 1]: mean IoU.
         mask: bool [height, width], of the prompt's view.
         score, box, area: as in ViewMask.
+        kind: "part", "object" or "group" by its place on the ladder; "": it is the only one.
+        best: whether it has the most support of all: what `segment` answers without a scale.
     """
 
     scale: float
@@ -92,6 +94,15 @@ class Proposal:
     score: float
     box: tuple[int, int, int, int]
     area: int
+    kind: str = ""
+    best: bool = False
+
+
+_KINDS = {
+    segmentation_service_pb2.ProposeScalesResponse.KIND_PART: "part",
+    segmentation_service_pb2.ProposeScalesResponse.KIND_OBJECT: "object",
+    segmentation_service_pb2.ProposeScalesResponse.KIND_GROUP: "group",
+}
 
 
 def _seconds(duration: Any) -> float:
@@ -189,7 +200,9 @@ def segment(
     return parse_segmentation(answer)
 
 
-def _parse_proposal(message: segmentation_service_pb2.ProposeScalesResponse.Proposal) -> Proposal:
+def _parse_proposal(
+    message: segmentation_service_pb2.ProposeScalesResponse.Proposal, best: bool
+) -> Proposal:
     found = parse_view_mask(message.mask)
     return Proposal(
         scale=message.scale_quantile,
@@ -201,6 +214,8 @@ def _parse_proposal(message: segmentation_service_pb2.ProposeScalesResponse.Prop
         score=found.score,
         box=found.box,
         area=found.area,
+        kind=_KINDS.get(message.kind, ""),
+        best=best,
     )
 
 
@@ -212,7 +227,10 @@ def propose(
     negative: npt.ArrayLike | None = None,
     max_proposals: int = 0,
 ) -> Steps[list[Proposal]]:
-    """What a click may mean, as a part, the object, a group: those with the most support first.
+    """What a click may mean, smallest first: a part, the object that has it, a group.
+
+    Each mask holds at least 95 % of the one before it and has at least 1.5 times its area; scales do
+    not fall.
 
     Args:
         view, points, negative: as in `segment`.
@@ -232,4 +250,6 @@ def propose(
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
     )
     answer = yield Unary("segmentation", "ProposeScales", request, at.scene)
-    return [_parse_proposal(proposal) for proposal in answer.proposals]
+    return [
+        _parse_proposal(proposal, i == answer.best) for i, proposal in enumerate(answer.proposals)
+    ]

@@ -1,5 +1,7 @@
 """Questions to a model, as NumPy arrays."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -99,10 +101,13 @@ class TestPropose:
     def test_each_proposal_is_shown_by_its_scale_and_threshold(self, client):
         proposals = client.propose(VIEW, points=POINT, max_proposals=3)
         assert 1 <= len(proposals) <= 3
-        assert [p.support for p in proposals] == sorted(
-            (p.support for p in proposals), reverse=True
-        )
-        best = proposals[0]
+        assert [p.best for p in proposals].count(True) == 1
+        best = next(p for p in proposals if p.best)
+        assert best.support == max(p.support for p in proposals)
+        for small, large in itertools.pairwise(proposals):
+            assert large.area >= 1.5 * small.area and large.scale >= small.scale
+            assert (small.mask & large.mask).sum() >= 0.95 * small.area
+            assert small.kind != large.kind or small.kind in ("part", "group")
         assert best.mask.shape == (120, 160) and best.area == best.mask.sum()
         shown = client.segment(VIEW, points=POINT, scale=best.scale, threshold=best.threshold)
         assert iou(shown.mask, best.mask) > 0.9

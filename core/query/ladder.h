@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/query/mask_grid.h"
+
+namespace pepeseg {
+
+// The things that a prompt may mean, smallest first: a part, the object that has it, a group.
+struct Ladder {
+  // Each has at least kMinGrowth times the area of the one before, holds at least kMinHeld of its
+  // pixels, and stands at the same scale or a larger one.
+  std::vector<MaskGrid::Plateau> rungs;
+  int best = 0;  // index of the rung with the most support of all plateaus
+
+  static constexpr double kMinGrowth = 1.5;
+  static constexpr double kMinHeld = 0.95;
+};
+
+// Returns the ladder through the plateau with the most support that has the most support in all, of
+// at most `max_count` rungs; without rungs where no mask has `min_area` pixels. A mask may be shown
+// by many cells of the grid: each rung names the cell that makes the ladder possible, the best one
+// within an IoU of 0.95 of its most stable cell, the others within 0.9. A plateau of a single cell
+// is a rung only if it is the best.
+Ladder FindLadder(const MaskGrid& masks, int64_t min_area, int max_count);
+
+}  // namespace pepeseg
