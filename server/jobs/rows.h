@@ -106,6 +106,7 @@ struct ModelRow {
   std::string scene;
   int64_t number = 0;  // from 1, never reused
   std::string job;
+  int64_t dataset = 0;  // number of the dataset that the job was trained on; 0: not known
   std::string device;   // JobRow's, of the attempt that made it
   std::string folder;   // below the data directory: for core/io/model_file.h
   std::string metrics;  // JSON object of numbers: Model::metrics

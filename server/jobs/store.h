@@ -71,6 +71,8 @@ class Store {
                                                                int64_t number);
   absl::StatusOr<DatasetFileRow> GetDatasetFile(const std::string& scene, int64_t number,
                                                 const std::string& path);
+  // `kind`: pepeseg.v1.FileKind. False also for a dataset that does not exist.
+  absl::StatusOr<bool> HasFileOfKind(const std::string& scene, int64_t number, int kind);
   // FAILED_PRECONDITION on a sealed dataset.
   absl::Status MarkFileStored(const std::string& scene, int64_t number, const std::string& path);
   // FAILED_PRECONDITION names the first file that is not stored, and how many are not. Sealing a

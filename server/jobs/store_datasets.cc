@@ -227,6 +227,16 @@ absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, i
   });
 }
 
+absl::StatusOr<bool> Store::HasFileOfKind(const std::string& scene, int64_t number, int kind) {
+  return database_->Read<bool>([&](soci::session& sql) -> absl::StatusOr<bool> {
+    int found = 0;
+    sql << "SELECT 1 FROM dataset_files WHERE scene = :scene AND dataset = :dataset"
+           " AND kind = :kind LIMIT 1",
+        soci::use(scene), soci::use(number), soci::use(kind), soci::into(found);
+    return sql.got_data();
+  });
+}
+
 absl::Status Store::MarkFileStored(const std::string& scene, int64_t number,
                                    const std::string& path) {
   return database_->Transact([&](soci::session& sql) -> absl::Status {

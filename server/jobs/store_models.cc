@@ -11,6 +11,11 @@ namespace {
 
 constexpr int64_t kNewestModel = std::numeric_limits<int64_t>::max();
 
+// A model's job is "j" and the number of a record that lives as long as the scene.
+constexpr char kDatasetOfJob[] =
+    "COALESCE((SELECT dataset FROM jobs WHERE jobs.number = CAST(SUBSTR(models.job, 2) AS BIGINT)),"
+    " 0)";
+
 // Models of a scene whose number stands to `key` as `condition` says, newest first.
 std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
                                    const std::string& condition, const PageStart& start,
@@ -18,13 +23,14 @@ std::vector<ModelRow> SelectModels(soci::session& sql, const std::string& scene,
   ModelRow row;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, number, job, device, folder, metrics, sources, num_gaussians,"
+      (sql.prepare << "SELECT scene, number, job, " << kDatasetOfJob
+                   << ", device, folder, metrics, sources, num_gaussians,"
                       " num_bytes, create_time FROM models WHERE scene = :scene AND number "
                    << condition << " :key ORDER BY number DESC LIMIT :limit",
-       soci::into(row.scene), soci::into(row.number), soci::into(row.job), soci::into(row.device),
-       soci::into(row.folder), soci::into(row.metrics), soci::into(row.sources),
-       soci::into(row.num_gaussians), soci::into(row.num_bytes), soci::into(create_time),
-       soci::use(scene), soci::use(key), soci::use(start.limit));
+       soci::into(row.scene), soci::into(row.number), soci::into(row.job), soci::into(row.dataset),
+       soci::into(row.device), soci::into(row.folder), soci::into(row.metrics),
+       soci::into(row.sources), soci::into(row.num_gaussians), soci::into(row.num_bytes),
+       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
   select.execute();
   std::vector<ModelRow> rows;
   while (select.fetch()) {

@@ -196,12 +196,15 @@ absl::StatusOr<JobRow> Store::RequestCancel(const std::string& id) {
 absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence, bool saved) {
   return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
-    job.state = JobState::kQueued;
-    job.stage.clear();
-    job.start_time = absl::InfinitePast();
-    job.fruitless = saved ? 0 : job.fruitless + 1;
     EndClaim(job);
-    if (job.cancel_requested) MarkCancelled(job);
+    if (job.cancel_requested) {
+      MarkCancelled(job);  // in the stage of the attempt
+    } else {
+      job.state = JobState::kQueued;
+      job.stage.clear();
+      job.start_time = absl::InfinitePast();
+      job.fruitless = saved ? 0 : job.fruitless + 1;
+    }
     UpdateJob(sql, job);
     return job;
   });
@@ -229,6 +232,7 @@ absl::StatusOr<ModelRow> Store::CommitModel(const std::string& id, int64_t fence
     ModelRow row = model;
     row.scene = job.scene;
     row.job = job.id;
+    row.dataset = job.dataset;
     row.device = job.device;
     row.number = TakeNumber(sql, job.scene, "next_model");
     row.create_time = absl::Now();

@@ -3,10 +3,12 @@
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "core/io/atomic_file.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/mask_advice.h"
 #include "server/layout.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
@@ -84,6 +86,16 @@ absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* up
   return absl::OkStatus();
 }
 
+absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
+  *dataset = ToProto(row);
+  ASSIGN_OR_RETURN(const bool has_masks,
+                   context_.store->HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+  for (std::string& advice : AdviceOnDataset(has_masks, context_.has_priors_command)) {
+    dataset->add_advice(std::move(advice));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
                                        v1::Upload* response) const {
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
@@ -147,8 +159,7 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
     row = *sealed;
   }
-  *response = ToProto(row);
-  return absl::OkStatus();
+  return FillDataset(row, response);
 }
 
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
@@ -168,7 +179,8 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerCo
                      PageFromProto(request->page_size(), request->page_token()));
     ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, context_.store->ListDatasets(scene, page));
     for (const DatasetRow& row : datasets.rows) {
-      if (row.state == DatasetState::kSealed) *response->add_datasets() = ToProto(row);
+      if (row.state != DatasetState::kSealed) continue;
+      RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
     }
     response->set_next_page_token(datasets.next_page_token);
     return absl::OkStatus();

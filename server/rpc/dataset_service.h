@@ -26,6 +26,8 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
 
  private:
   absl::Status Create(const v1::CreateUploadRequest& request, v1::Upload* response) const;
+  // As ToProto, with its advice.
+  absl::Status FillDataset(const DatasetRow& row, v1::Dataset* dataset) const;
   absl::Status FillUpload(const DatasetRow& row, v1::Upload* upload) const;
   absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
 

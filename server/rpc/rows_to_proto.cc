@@ -1,10 +1,13 @@
 #include "server/rpc/rows_to_proto.h"
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/jobs/mask_advice.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 
@@ -13,6 +16,16 @@ namespace {
 
 constexpr int kMaxPageSize = 1000;
 constexpr size_t kMaxRequestIdBytes = 128;
+
+std::map<std::string, std::string> SourcesOf(const ModelRow& row) {
+  std::map<std::string, std::string> sources;
+  const auto json = nlohmann::json::parse(row.sources, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object()) return sources;
+  for (const auto& [what, source] : json.items()) {
+    if (source.is_string()) sources[what] = source.get<std::string>();
+  }
+  return sources;
+}
 
 }  // namespace
 
@@ -36,6 +49,7 @@ v1::Model ToProto(const ModelRow& row) {
   v1::Model proto;
   proto.set_name(ChildName(row.scene, "models", row.number));
   proto.set_job(JobName(row.job));
+  if (row.dataset != 0) proto.set_dataset(ChildName(row.scene, "datasets", row.dataset));
   proto.set_device(row.device);
   *proto.mutable_create_time() = ToProto(row.create_time);
   proto.set_num_gaussians(row.num_gaussians);
@@ -46,12 +60,9 @@ v1::Model ToProto(const ModelRow& row) {
       if (value.is_number()) (*proto.mutable_metrics())[name] = value.get<double>();
     }
   }
-  const auto sources = nlohmann::json::parse(row.sources, nullptr, /*allow_exceptions=*/false);
-  if (sources.is_object()) {
-    for (const auto& [what, source] : sources.items()) {
-      if (source.is_string()) (*proto.mutable_sources())[what] = source.get<std::string>();
-    }
-  }
+  const std::map<std::string, std::string> sources = SourcesOf(row);
+  proto.mutable_sources()->insert(sources.begin(), sources.end());
+  for (std::string& advice : AdviceOnModel(sources)) proto.add_advice(std::move(advice));
   return proto;
 }
 

@@ -242,6 +242,7 @@ TEST_F(StoreTest, CommitsAModelWithItsJob) {
   EXPECT_EQ(live->folder, model.folder);
   EXPECT_EQ(live->metrics, model.metrics);
   EXPECT_EQ(live->job, "j1");
+  EXPECT_EQ(live->dataset, 1);
 }
 
 TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
@@ -283,7 +284,28 @@ TEST_F(StoreTest, CancelOfARunningJobSurvivesItsRequeue) {
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   EXPECT_EQ(store_->RequestCancel("j1")->state, JobState::kRunning);
   EXPECT_TRUE(store_->GetJob("j1")->cancel_requested);
+  ASSERT_TRUE(store_->SetJobStage("j1", 1, "features").ok());
   EXPECT_EQ(store_->RequeueJob("j1", 1, false)->state, JobState::kCancelled);
+  EXPECT_EQ(store_->GetJob("j1")->stage, "features") << "the stage in which it ended";
+}
+
+TEST_F(StoreTest, KeepsTheStageInWhichAJobFailed) {
+  MakeTrainable("a");
+  ASSERT_TRUE(Train("a").ok());
+  ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
+  ASSERT_TRUE(store_->SetJobStage("j1", 1, "sfm").ok());
+  ASSERT_TRUE(store_->EndJob("j1", 1, absl::InvalidArgumentError("no pairs")).ok());
+  EXPECT_EQ(store_->GetJob("j1")->stage, "sfm");
+}
+
+TEST_F(StoreTest, FindsFilesOfAKind) {
+  ASSERT_TRUE(store_->CreateScene({"a", "", "", {}}).ok());
+  constexpr int kImage = 1, kMask = 3;
+  const std::string digest(64, 'a');
+  ASSERT_TRUE(store_->CreateDataset("a", "", {{"images/1.jpg", kImage, 5, digest}}).ok());
+  EXPECT_TRUE(*store_->HasFileOfKind("a", 1, kImage));
+  EXPECT_FALSE(*store_->HasFileOfKind("a", 1, kMask));
+  EXPECT_FALSE(*store_->HasFileOfKind("a", 2, kImage));
 }
 
 TEST_F(StoreTest, ListsJobsNewestFirstByFilter) {

@@ -91,6 +91,30 @@ TEST_F(DatasetServiceTest, TakesFilesAndSeals) {
   EXPECT_EQ(manifest["files"][2]["kind"], "FILE_KIND_POSES");
 }
 
+TEST_F(DatasetServiceTest, AdvisesMasksWhereADatasetHasNone) {
+  const auto advice = [this](const std::vector<TestFile>& files) {
+    running.UploadAndSeal("shelf", files);
+    grpc::ClientContext context;
+    v1::ListDatasetsRequest request;
+    request.set_parent("scenes/shelf");
+    v1::ListDatasetsResponse all;
+    EXPECT_TRUE(running.datasets->ListDatasets(&context, request, &all).ok());
+    return all.datasets(all.datasets_size() - 1).advice();
+  };
+  const TestFile photograph{"images/1.jpg", "x"};
+  const TestFile mask{"masks/1.png", "y", v1::FILE_KIND_MASK};
+  EXPECT_TRUE(advice({photograph, mask}).empty());
+  const auto without = advice({photograph});
+  ASSERT_EQ(without.size(), 1);
+  EXPECT_NE(without[0].find("pepeseg-priors"), std::string::npos) << without[0];
+  ASSERT_TRUE(Seal("scenes/shelf/uploads/2").ok());
+  EXPECT_EQ(dataset.advice_size(), 1);
+
+  running.options.priors_command = "/bin/true";
+  running.Restart();
+  EXPECT_TRUE(advice({photograph}).empty()) << "the server makes masks by its command";
+}
+
 TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
   const TestFile one{"images/1.jpg", ManyBytes(100'000, 1)};
   const TestFile two{"images/2.jpg", ManyBytes(3'000'000, 2)};

@@ -134,6 +134,9 @@ TEST_F(SceneServiceTest, ListsTheModelsOfItsJobs) {
   EXPECT_EQ(models.models(0).metrics().at("psnr"), 20.5);
   EXPECT_EQ(models.models(0).device().find("cpu (1 thread, "), 0u);
   EXPECT_EQ(models.models(0).num_gaussians(), 7);
+  EXPECT_EQ(models.models(0).dataset(), second.dataset());
+  EXPECT_EQ(models.models(1).dataset(), first.dataset());
+  EXPECT_EQ(models.models(0).advice_size(), 0) << "a command made its masks";
   grpc::ClientContext live_context;
   v1::GetModelRequest live;
   live.set_name("scenes/shelf/models/live");

@@ -1,0 +1,40 @@
+#include "server/jobs/mask_advice.h"
+
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg {
+namespace {
+
+// What works today: see clients/python/pepeseg_priors/README.md.
+constexpr char kRemedy[] =
+    "For better masks, run pepeseg-priors (SAM, in clients/python/pepeseg_priors) on the "
+    "photographs and upload its masks/ with them, or start the server with pepesegd "
+    "--priors-command=pepeseg-priors; then train again.";
+
+}  // namespace
+
+std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>& sources) {
+  const auto masks = sources.find("masks");
+  if (masks == sources.end()) return {};
+  if (masks->second == "embedded") {
+    return {absl::StrCat(
+        "The masks were made by the server's built-in method, which knows no objects: segments "
+        "may be poor. ",
+        kRemedy)};
+  }
+  if (masks->second == "none") {
+    return {
+        absl::StrCat("Trained without masks: the model can be rendered, not segmented. ", kRemedy)};
+  }
+  return {};
+}
+
+std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_priors_command) {
+  if (has_masks || has_priors_command) return {};
+  return {absl::StrCat(
+      "No masks are among the files: a training makes them by the server's built-in method, which "
+      "knows no objects, so segments may be poor. ",
+      kRemedy)};
+}
+
+}  // namespace pepeseg
