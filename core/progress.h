@@ -34,6 +34,10 @@ struct StepReport {
   int64_t num_refine_split = 0;    // likewise: Gaussians that it added
   int64_t num_skipped_depths = 0;  // likewise: steps whose view's depth could not be fitted
   double depth_loss = std::numeric_limits<double>::quiet_NaN();  // weighted; not part of `loss`
+  // What the steps are, as in "matching 19 of 60 pairs": literals. Both empty: steps.
+  std::string_view activity = {}, unit = {};
+  // Share of the stage's work that is done, [0, 1]. NaN: as the steps tell.
+  double share = std::numeric_limits<double>::quiet_NaN();
 };
 
 // Called after each step: an error returned (CANCELLED, say) ends the stage with that error.

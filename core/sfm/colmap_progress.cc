@@ -37,37 +37,73 @@ std::optional<int64_t> NumberAfter(absl::string_view line, absl::string_view bef
 
 }  // namespace
 
-void ColmapProgress::ReachShare(int part, int64_t done, int64_t of) {
-  if (of <= 0) return;
-  const int64_t within = num_photographs_ * std::clamp<int64_t>(done, 0, of) / of;
-  step_ = std::max(step_, part * num_photographs_ + within);
+std::string_view ColmapProgress::activity() const {
+  switch (part_) {
+    case kExtracting:
+      return "finding features in";
+    case kMatching:
+      return "matching";
+    case kMapping:
+      return "placing";
+    default:
+      return "";
+  }
+}
+
+std::string_view ColmapProgress::unit() const {
+  if (part_ == kNone) return "";
+  return part_ == kMatching && by_blocks_ ? "pairs" : "photographs";
+}
+
+double ColmapProgress::share() const {
+  if (part_ == kNone) return 0;
+  const double parts[] = {work_.extracting, work_.matching, work_.mapping};
+  double done = 0;
+  for (int part = 0; part < part_; ++part) done += parts[part];
+  if (num_steps_ > 0) {
+    done += parts[part_] * static_cast<double>(step_) / static_cast<double>(num_steps_);
+  }
+  return work_.sum() > 0 ? done / work_.sum() : 0;
+}
+
+void ColmapProgress::Reach(Part part, int64_t done, int64_t of) {
+  if (of <= 0 || part < part_) return;
+  if (part > part_) step_ = 0;
+  part_ = part;
+  num_steps_ = part == kMatching && by_blocks_ ? num_pairs_ : num_photographs_;
+  step_ = std::max(step_, num_steps_ * std::clamp<int64_t>(done, 0, of) / of);
+}
+
+void ColmapProgress::Finish() { Reach(kMapping, 1, 1); }
+
+// "[5/20]" photographs, or "[1/4, 3/4]" of a square of blocks, row by row.
+void ColmapProgress::ReadMatching(absl::string_view counts) {
+  const std::vector<int64_t> numbers = NumbersBefore(counts, ']');
+  if (numbers.size() == 2) Reach(kMatching, numbers[0], numbers[1]);
+  if (numbers.size() != 4 || part_ > kMatching) return;
+  by_blocks_ = true;
+  Reach(kMatching, (numbers[0] - 1) * numbers[3] + numbers[2], numbers[1] * numbers[3]);
 }
 
 void ColmapProgress::Read(absl::string_view line) {
   line = absl::StripAsciiWhitespace(line);
   if (absl::ConsumePrefix(&line, "Processed file [")) {
     const std::vector<int64_t> counts = NumbersBefore(line, ']');
-    if (counts.size() == 2) ReachShare(0, counts[0], counts[1]);
+    if (counts.size() == 2) Reach(kExtracting, counts[0], counts[1]);
   } else if (absl::ConsumePrefix(&line, "Name:")) {
     name_ = std::string(absl::StripAsciiWhitespace(line));
   } else if (absl::ConsumePrefix(&line, "Features:")) {
     const std::vector<int64_t> count = NumbersBefore(line, '\n');
     if (!count.empty() && !name_.empty()) num_features_[name_] = count.front();
-  } else if (absl::ConsumePrefix(&line, "Matching image [")) {
-    const std::vector<int64_t> counts = NumbersBefore(line, ']');
-    if (counts.size() == 2) ReachShare(1, counts[0], counts[1]);
-  } else if (absl::ConsumePrefix(&line, "Matching block [")) {
-    // Of a square of blocks, row by row.
-    const std::vector<int64_t> counts = NumbersBefore(line, ']');
-    if (counts.size() == 4) {
-      ReachShare(1, (counts[0] - 1) * counts[3] + counts[2], counts[1] * counts[3]);
-    }
+  } else if (absl::ConsumePrefix(&line, "Matching image [") ||
+             absl::ConsumePrefix(&line, "Matching block [")) {
+    ReadMatching(line);
   } else if (absl::StartsWith(line, "Loading images...")) {
     num_connected_ = NumberAfter(line, "(connected").value_or(num_connected_);
   } else if (absl::StartsWith(line, "Registering image #")) {
     // In brackets stands the number that it would have.
     const std::optional<int64_t> number = NumberAfter(line, "(");
-    if (number) ReachShare(2, *number - 1, num_photographs_);
+    if (number) Reach(kMapping, *number - 1, num_photographs_);
   }
 }
 

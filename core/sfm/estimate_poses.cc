@@ -56,6 +56,11 @@ int NumExtracting(int num_threads) {
   return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
 }
 
+ColmapProgress ProgressOf(int64_t num_photographs, bool sequential, const SfmOptions& options) {
+  const int64_t num_pairs = NumSfmPairs(num_photographs, sequential, options);
+  return {num_photographs, num_pairs, ExpectedSfmWork(num_photographs, num_pairs, options)};
+}
+
 // One attempt, step by step.
 class PoseEstimation {
  public:
@@ -67,7 +72,8 @@ class PoseEstimation {
         on_progress_(progress),
         deadline_(absl::Now() + absl::Seconds(options.max_seconds)),
         safe_names_(SafeNames(photographs)),
-        progress_(static_cast<int64_t>(photographs.size())) {}
+        progress_(
+            ProgressOf(static_cast<int64_t>(photographs.size()), MatchesSequentially(), options)) {}
 
   absl::Status OpenProgram();
   absl::Status LayOutPhotographs();
@@ -78,7 +84,7 @@ class PoseEstimation {
 
  private:
   absl::Status Run(const ColmapProgram::Command& command);
-  absl::Status Report(int64_t step);
+  absl::Status Report();
   bool MatchesSequentially() const;
   Words MatchingWords() const;
   SfmEvidence Evidence() const;
@@ -101,11 +107,14 @@ class PoseEstimation {
   std::vector<SfmModel> models_;
 };
 
-absl::Status PoseEstimation::Report(int64_t step) {
+absl::Status PoseEstimation::Report() {
   StepReport report;
   report.stage = "sfm";
-  report.step = step;
+  report.step = progress_.step();
   report.num_steps = progress_.num_steps();
+  report.activity = progress_.activity();
+  report.unit = progress_.unit();
+  report.share = progress_.share();
   return on_progress_(report);
 }
 
@@ -113,7 +122,7 @@ absl::Status PoseEstimation::Run(const ColmapProgram::Command& command) {
   absl::Status status =
       program_->Run(command, deadline_, [this](std::span<const std::string> lines) {
         for (const std::string& line : lines) progress_.Read(line);
-        return Report(progress_.step());
+        return Report();
       });
   if (!absl::IsDeadlineExceeded(status)) return status;
   return absl::DeadlineExceededError(absl::StrCat(
@@ -225,7 +234,8 @@ absl::Status PoseEstimation::KeepLargestModel() {
   const Words files = {"cameras.bin", "images.bin", "points3D.bin", kProgramFile};
   ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(places_.result, files));
   RETURN_IF_ERROR(WriteManifest(places_.result, manifest));
-  return Report(progress_.num_steps());
+  progress_.Finish();
+  return Report();
 }
 
 }  // namespace

@@ -8,6 +8,8 @@
 #include "core/io/dataset_index.h"
 #include "core/priors/embed_priors.h"
 #include "core/status_macros.h"
+#include "server/jobs/mask_advice.h"
+#include "server/jobs/worker_plan.h"
 #include "server/jobs/worker_priors_command.h"
 #include "server/jobs/worker_sfm.h"
 
@@ -27,7 +29,9 @@ bool ByCommand(PriorMaker maker) {
 class InputStages {
  public:
   InputStages(const WorkerJob& job, const TrainingSettings& settings, StageLog& stages)
-      : job_(job), settings_(settings), stages_(stages) {}
+      : job_(job), settings_(settings), stages_(stages), facts_(FactsOf(job, settings)) {
+    stages_.Plan(PlanStages(facts_, settings_));
+  }
 
   absl::Status Prepare();
   absl::Status EstimatePoses();
@@ -48,6 +52,7 @@ class InputStages {
   const TrainingSettings& settings_;
   StageLog& stages_;
   std::vector<DatasetFile> files_;
+  JobFacts facts_;
   std::set<std::string> told_;              // warnings of the import
   std::vector<SfmPhotograph> photographs_;  // where poses are not given
   SceneInputs inputs_;
@@ -66,6 +71,8 @@ absl::Status InputStages::ListFiles() {
 absl::Status InputStages::Import() {
   inputs_.capture = Capture();
   ASSIGN_OR_RETURN(inputs_.capture, ImportCapture(files_, settings_.import));
+  SetViews(inputs_.capture, facts_);
+  stages_.Plan(PlanStages(facts_, settings_));
   std::vector<std::string> news;
   for (const std::string& warning : inputs_.capture.warnings) {
     if (told_.insert(warning).second) news.push_back(warning);
@@ -189,11 +196,18 @@ absl::Status InputStages::MakeEmbeddedPriors(PriorWants asked) {
                                wants(asked.depth, "depth", settings_.priors.depth)};
   if (!made.masks && !made.depth) return absl::OkStatus();
   RETURN_IF_ERROR(
-      EmbedPriors(made, job_.spec.num_threads, inputs_.capture, [this](int done, int num_views) {
-        return stages_.Step({.stage = "priors", .step = done, .num_steps = num_views});
+      EmbedPriors(made, job_.spec.num_threads, inputs_.capture, [&](int done, int num_views) {
+        return stages_.Step({.stage = "priors",
+                             .step = done,
+                             .num_steps = num_views,
+                             .activity = MakingActivity(made.masks, made.depth),
+                             .unit = "photographs"});
       }));
   const std::map<std::string, double> counts = Counts();
-  if (made.masks && counts.at("num_masks") > 0) inputs_.sources["masks"] = "embedded";
+  if (made.masks && counts.at("num_masks") > 0) {
+    inputs_.sources["masks"] = "embedded";
+    for (const std::string& advice : AdviceOnModel(inputs_.sources)) stages_.Warn(advice);
+  }
   if (made.depth && counts.at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
   return absl::OkStatus();
 }

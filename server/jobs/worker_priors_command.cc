@@ -123,7 +123,13 @@ std::optional<absl::Status> CommandRun::Kept() const {
 absl::Status CommandRun::Watch(std::span<const std::string> lines, StageLog& stages) const {
   if (job_.stop.stop) return absl::CancelledError("stopped while the priors command ran");
   for (const std::string& line : lines) {
-    if (const auto report = ParseProgress(line)) RETURN_IF_ERROR(stages.Step(*report));
+    std::optional<StepReport> report = ParseProgress(line);
+    if (!report) continue;
+    if (report->num_steps == static_cast<int64_t>(photos_.size())) {
+      report->activity = MakingActivity(wants_.masks, wants_.depth);
+      report->unit = "photographs";
+    }
+    RETURN_IF_ERROR(stages.Step(*report));
   }
   return absl::OkStatus();
 }
@@ -197,6 +203,11 @@ std::vector<DatasetFile> CommandRun::Made() const {
 }
 
 }  // namespace
+
+std::string_view MakingActivity(bool masks, bool depth) {
+  if (masks && depth) return "making masks and depth for";
+  return masks ? "making masks for" : "making depth for";
+}
 
 absl::StatusOr<std::vector<DatasetFile>> RunPriorsCommand(const WorkerJob& job,
                                                           std::span<const DatasetFile> photos,

@@ -2,6 +2,7 @@
 
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -45,6 +46,9 @@ struct PriorWants {
 absl::StatusOr<std::vector<DatasetFile>> RunPriorsCommand(const WorkerJob& job,
                                                           std::span<const DatasetFile> photos,
                                                           PriorWants wants, StageLog& stages);
+
+// "making masks for", "making depth for" or both: what the steps of the stage are.
+std::string_view MakingActivity(bool masks, bool depth);
 
 // "command NAME", as a model's source.
 std::string SourceOfCommand(const WorkerJob& job);

@@ -33,8 +33,12 @@ int64_t ResidentBytes() {
 
 double WorkerProgress::seconds_in_stage() const { return Seconds(Clock::now() - stage_start_); }
 
+double WorkerProgress::Now() const { return Seconds(Clock::now().time_since_epoch()); }
+
 absl::Status WorkerProgress::StartStage(const std::string& stage) {
   stage_ = stage;
+  activity_.clear();
+  eta_.StartStage(stage, Now());
   stage_start_ = Clock::now();
   last_event_ = stage_start_;
   first_step_ = 0;
@@ -51,6 +55,7 @@ void WorkerProgress::GoOnFrom(int64_t step) { first_step_ = last_step_ = step; }
 absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics,
                                       v1::JobEvent::StageEnded end) {
   end.set_stage(stage_);
+  eta_.EndStage(Now());
   *end.mutable_elapsed() = ToProto(seconds_in_stage());
   for (const auto& [name, value] : metrics) (*end.mutable_metrics())[name] = value;
   v1::JobEvent event;
@@ -86,18 +91,20 @@ absl::Status WorkerProgress::Step(const StepReport& report) {
     ++num_psnr_;
   }
   const Clock::time_point now = Clock::now();
-  const bool first_or_last = report.step == first_step_ + 1 || report.step == report.num_steps;
+  const bool first_or_last = report.step == first_step_ + 1 || report.step == report.num_steps ||
+                             report.activity != activity_;
   if (!first_or_last && now - last_event_ < interval_) return absl::OkStatus();
   v1::JobEvent event;
   *event.mutable_progress() = Describe(report);
   last_event_ = now;
   last_step_ = report.step;
+  activity_ = std::string(report.activity);
   psnr_sum_ = 0;
   num_psnr_ = 0;
   return log_.Append(std::move(event));
 }
 
-v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
+v1::JobProgress WorkerProgress::Describe(const StepReport& report) {
   v1::JobProgress progress;
   progress.set_stage(stage_);
   progress.set_step(report.step);
@@ -112,18 +119,30 @@ v1::JobProgress WorkerProgress::Describe(const StepReport& report) const {
   progress.set_num_refine_split(report.num_refine_split);
   if (std::isfinite(report.depth_loss)) progress.set_depth_loss(report.depth_loss);
   progress.set_num_skipped_depths(report.num_skipped_depths);
-  const double elapsed = seconds_in_stage();
-  *progress.mutable_elapsed() = ToProto(elapsed);
-  const auto left = static_cast<double>(report.num_steps - report.step);
-  if (const int64_t done = report.step - first_step_; done > 0) {
-    *progress.mutable_eta() = ToProto(elapsed / static_cast<double>(done) * left);
-  }
-  const double since_last = Seconds(Clock::now() - last_event_);
-  if (since_last > 0) {
-    progress.set_steps_per_second(static_cast<double>(report.step - last_step_) / since_last);
-  }
+  progress.set_activity(std::string(report.activity));
+  progress.set_unit(std::string(report.unit));
+  DescribeTimes(report, progress);
   progress.set_memory_bytes(ResidentBytes());
   return progress;
+}
+
+void WorkerProgress::DescribeTimes(const StepReport& report, v1::JobProgress& progress) {
+  const double now = Now();
+  if (std::isfinite(report.share)) {
+    eta_.Share(report.share, now);
+  } else {
+    eta_.Step(first_step_, report.step, report.num_steps, now);
+  }
+  *progress.mutable_elapsed() = ToProto(seconds_in_stage());
+  if (const auto left = eta_.StageSecondsLeft()) *progress.mutable_eta() = ToProto(*left);
+  if (const auto left = eta_.SecondsLeft(now)) *progress.mutable_job_eta() = ToProto(*left);
+  progress.set_stage_number(eta_.stage_number());
+  if (eta_.stage_number() > 0) progress.set_num_stages(eta_.num_stages());
+  const double since_last = Seconds(Clock::now() - last_event_);
+  const int64_t before = report.activity == activity_ ? last_step_ : 0;
+  if (since_last > 0 && report.step > before) {
+    progress.set_steps_per_second(static_cast<double>(report.step - before) / since_last);
+  }
 }
 
 }  // namespace pepeseg

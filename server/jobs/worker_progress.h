@@ -4,10 +4,13 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "core/progress.h"
 #include "server/jobs/event_log.h"
+#include "server/jobs/job_eta.h"
 
 namespace pepeseg {
 
@@ -21,6 +24,10 @@ class WorkerProgress {
   explicit WorkerProgress(EventLogWriter& log,
                           Clock::duration interval = std::chrono::milliseconds(200))
       : log_(log), interval_(interval) {}
+
+  // See JobEta. Before it is called, and for stages that are not planned, events carry no ETA of
+  // the job and no number of the stage.
+  void Plan(std::vector<PlannedStage> stages) { eta_.Plan(std::move(stages)); }
 
   absl::Status StartStage(const std::string& stage);
   // The stage began with what an earlier attempt did in `step` steps: its pace is without them.
@@ -36,7 +43,9 @@ class WorkerProgress {
   double seconds_in_stage() const;
 
  private:
-  v1::JobProgress Describe(const StepReport& report) const;
+  v1::JobProgress Describe(const StepReport& report);
+  void DescribeTimes(const StepReport& report, v1::JobProgress& progress);
+  double Now() const;
 
   EventLogWriter& log_;
   Clock::duration interval_;
@@ -45,7 +54,9 @@ class WorkerProgress {
   Clock::time_point last_event_;
   int64_t first_step_ = 0;  // steps that an earlier attempt did
   int64_t last_step_ = 0;   // told of
-  double psnr_sum_ = 0;     // over the steps since then that measured it
+  std::string activity_;    // likewise
+  JobEta eta_;
+  double psnr_sum_ = 0;  // over the steps since then that measured it
   int64_t num_psnr_ = 0;
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string_view>
 #include <system_error>
 
 #include "absl/strings/numbers.h"
@@ -24,8 +25,10 @@ class Steps {
   Steps(const WorkerJob& job, StageLog& stages) : job_(job), stages_(stages) {}
 
   absl::Status Tell(const StepReport& report) {
-    if (report.step == last_ && !job_.stop.stop) return absl::OkStatus();
+    const bool is_new = report.step != last_ || report.activity != activity_;
+    if (!is_new && !job_.stop.stop) return absl::OkStatus();
     last_ = report.step;
+    activity_ = report.activity;
     return stages_.Step(report);
   }
 
@@ -33,6 +36,7 @@ class Steps {
   const WorkerJob& job_;
   StageLog& stages_;
   int64_t last_ = 0;
+  std::string_view activity_;
 };
 
 // A video's frames are v0_000123.jpg of the first video, v1_... of the second: what its owner calls
@@ -86,6 +90,8 @@ absl::Status WriteFrames(const WorkerJob& job, const std::vector<DatasetFile>& v
       report.stage = "prepare";
       report.step = done;
       report.num_steps = num_frames;
+      report.activity = "extracting";
+      report.unit = "frames";
       return steps.Tell(report);
     };
     ASSIGN_OR_RETURN(const std::vector<VideoFrame> frames, ExtractFrames(task, tell));

@@ -3,6 +3,8 @@
 #include <map>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "core/progress.h"
@@ -19,6 +21,8 @@ class StageLog {
   // `job` must outlive it.
   explicit StageLog(const WorkerJob& job) : stop_(job.stop), progress_(job.log) {}
 
+  // The stages that are expected to run, for the ETA of the job. May be called again.
+  void Plan(std::vector<PlannedStage> stages) { progress_.Plan(std::move(stages)); }
   // CANCELLED: the job was told to stop.
   absl::Status Start(const std::string& stage);
   // `metrics`: what the stage measured of its result; they are the model's, too.

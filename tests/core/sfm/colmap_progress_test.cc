@@ -3,16 +3,27 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
+
 namespace pepeseg {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::Pair;
 
+constexpr SfmWork kWork{.extracting = 20, .matching = 60, .mapping = 20};
+
+// "matching 19 of 190 pairs".
+std::string Text(const ColmapProgress& progress) {
+  return absl::StrCat(std::string(progress.activity()), " ", progress.step(), " of ",
+                      progress.num_steps(), " ", std::string(progress.unit()));
+}
+
 // Lines of COLMAP 3.8.
-TEST(ColmapProgress, CountsFeatures) {
-  ColmapProgress progress(20);
-  EXPECT_EQ(progress.num_steps(), 60);
+TEST(ColmapProgress, CountsPhotographsWhoseFeaturesAreFound) {
+  ColmapProgress progress(20, 190, kWork);
+  EXPECT_EQ(progress.activity(), "");
+  EXPECT_EQ(progress.share(), 0);
   for (const char* line :
        {"Feature extraction", "Processed file [1/20]", "  Name:            c1/000001.jpg",
         "  Dimensions:      640 x 480", "  Camera:          #1 - SIMPLE_RADIAL",
@@ -21,38 +32,59 @@ TEST(ColmapProgress, CountsFeatures) {
         "  ERROR: Failed to read image file format."}) {
     progress.Read(line);
   }
-  EXPECT_EQ(progress.step(), 3);
+  EXPECT_EQ(Text(progress), "finding features in 3 of 20 photographs");
+  EXPECT_NEAR(progress.share(), 0.03, 1e-9);
   EXPECT_THAT(progress.num_features(),
               ElementsAre(Pair("c1/000001.jpg", 2952), Pair("c1/000003.jpg", 17)));
 }
 
-TEST(ColmapProgress, CountsMatches) {
-  ColmapProgress progress(20);
+TEST(ColmapProgress, CountsPairsWhereAllAreMatched) {
+  ColmapProgress progress(20, 190, kWork);
   progress.Read("Matching block [1/4, 1/4] in 1.174s");
-  EXPECT_EQ(progress.step(), 20 + 20 / 16);
+  EXPECT_EQ(Text(progress), "matching 11 of 190 pairs");
   progress.Read("Matching block [3/4, 2/4] in 1.174s");
-  EXPECT_EQ(progress.step(), 20 + 20 * 10 / 16);
+  EXPECT_EQ(progress.step(), 190 * 10 / 16);
+  EXPECT_NEAR(progress.share(), 0.2 + 0.6 * 118 / 190, 1e-9);
   progress.Read("Matching block [4/4, 4/4] in 1.174s");
-  EXPECT_EQ(progress.step(), 40);
-  ColmapProgress sequential(20);
-  sequential.Read("Matching image [5/20] in 0.003s");
-  EXPECT_EQ(sequential.step(), 25);
+  EXPECT_EQ(Text(progress), "matching 190 of 190 pairs");
+  EXPECT_NEAR(progress.share(), 0.8, 1e-9);
+}
+
+TEST(ColmapProgress, CountsPhotographsWhereNeighboursAreMatched) {
+  ColmapProgress progress(20, 150, kWork);
+  progress.Read("Matching image [5/20] in 0.003s");
+  EXPECT_EQ(Text(progress), "matching 5 of 20 photographs");
+  EXPECT_NEAR(progress.share(), 0.2 + 0.6 * 5 / 20, 1e-9);
 }
 
 TEST(ColmapProgress, CountsRegistrationsAndNeverFalls) {
-  ColmapProgress progress(20);
+  ColmapProgress progress(20, 190, kWork);
   progress.Read("Loading images... 20 in 0.007s (connected 18)");
   EXPECT_EQ(progress.num_connected(), 18);
   progress.Read("Registering image #15 (3)");
-  EXPECT_EQ(progress.step(), 42);
+  EXPECT_EQ(Text(progress), "placing 2 of 20 photographs");
   progress.Read("Registering image #1 (20)");
-  EXPECT_EQ(progress.step(), 59);
+  EXPECT_EQ(progress.step(), 19);
   progress.Read("Registering image #4 (3)");  // of a second model
-  EXPECT_EQ(progress.step(), 59);
+  EXPECT_EQ(progress.step(), 19);
+  progress.Read("Matching block [1/4, 1/4] in 1.174s");
+  EXPECT_EQ(Text(progress), "placing 19 of 20 photographs") << "no earlier part comes back";
+  progress.Finish();
+  EXPECT_EQ(progress.step(), 20);
+  EXPECT_EQ(progress.share(), 1);
+}
+
+TEST(SfmWork, ComparesAllPairsOrNeighboursOnly) {
+  SfmOptions options;
+  options.sequential_overlap = 10;
+  EXPECT_EQ(NumSfmPairs(20, false, options), 190);
+  EXPECT_EQ(NumSfmPairs(20, true, options), 190);  // few are all
+  EXPECT_EQ(NumSfmPairs(1000, true, options), 10 * 1000 + (1000 - 16) + (1000 - 32) + (1000 - 64) +
+                                                  (1000 - 128) + (1000 - 256) + (1000 - 512));
 }
 
 TEST(ColmapProgress, PassesOverWhatItDoesNotKnow) {
-  ColmapProgress progress(20);
+  ColmapProgress progress(20, 190, kWork);
   for (const char* line :
        {"", "Processed file [", "Processed file [x/y]", "Matching block [1/0, 1/0]",
         "Registering image #", "Features: many", "Processed file [99999999999999999999/1]"}) {

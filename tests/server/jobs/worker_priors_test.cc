@@ -22,6 +22,12 @@ using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
+// The warning that follows when the built-in masks are used.
+auto AdvisesOtherMasks() {
+  return AllOf(HasSubstr("segments may be poor"), HasSubstr("pepeseg-priors"),
+               HasSubstr("--priors-command"));
+}
+
 // Writes the upper half of each photograph as its mask.
 constexpr char kMakeMasks[] = R"(
 mkdir -p "$out/masks"
@@ -89,7 +95,7 @@ TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
                                               Pair("depth", "embedded")));
-  EXPECT_THAT(Warnings(), IsEmpty());
+  EXPECT_THAT(Warnings(), ElementsAre(AdvisesOtherMasks()));
   const auto model = ReadModel(job_.attempt(1));
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_GT(model->metrics.at("num_masks"), 100);
@@ -164,7 +170,8 @@ TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(),
               ElementsAre(AllOf(HasSubstr("the priors command make_priors: exited with code 3"),
-                                HasSubstr("weights are missing"))));
+                                HasSubstr("weights are missing")),
+                          AdvisesOtherMasks()));
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
@@ -197,7 +204,8 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
   SetCommand(script);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(), ElementsAre(AllOf(HasSubstr("made what cannot be used"),
-                                            HasSubstr("masks/frame-000001.json"))));
+                                            HasSubstr("masks/frame-000001.json")),
+                                      AdvisesOtherMasks()));
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
@@ -205,7 +213,7 @@ TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {
   SetCommand("sleep 600");
   flags_.push_back("--priors-seconds=1");
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit")));
+  EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
 }
 
 TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {

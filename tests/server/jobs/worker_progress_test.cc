@@ -68,6 +68,60 @@ TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
   EXPECT_EQ(told.num_void_renders(), 5);
 }
 
+TEST_F(WorkerProgressTest, ReportsWhatTheStepsAre) {
+  WorkerProgress progress(*log_, std::chrono::hours(1));
+  ASSERT_TRUE(progress.StartStage("sfm").ok());
+  StepReport report{.stage = "sfm",
+                    .step = 20,
+                    .num_steps = 20,
+                    .activity = "finding features in",
+                    .unit = "photographs",
+                    .share = 0.2};
+  ASSERT_TRUE(progress.Step(report).ok());
+  report.activity = "matching";
+  report.unit = "pairs";
+  report.step = 19;
+  report.num_steps = 60;
+  report.share = 0.5;
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  ASSERT_TRUE(progress.Step(report).ok()) << "the first of an activity is reported at once";
+  const auto events = EventLogReader(path_).Read();
+  ASSERT_EQ(events->size(), 3u);
+  const v1::JobProgress& told = events->back().progress();
+  EXPECT_EQ(told.activity(), "matching");
+  EXPECT_EQ(told.unit(), "pairs");
+  EXPECT_EQ(told.step(), 19);
+  EXPECT_EQ(told.num_steps(), 60);
+  EXPECT_GE(told.steps_per_second(), 0);
+  const auto seconds = [](const google::protobuf::Duration& time) {
+    return static_cast<double>(time.seconds()) + 1e-9 * time.nanos();
+  };
+  EXPECT_NEAR(seconds(told.eta()), seconds(told.elapsed()), 0.01) << "half of the work is done";
+  EXPECT_FALSE(told.has_job_eta());
+  EXPECT_EQ(told.stage_number(), 0) << "nothing was planned";
+}
+
+TEST_F(WorkerProgressTest, CarriesTheStagesNumberAndTheEtaOfTheJob) {
+  WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
+  progress.Plan({{.name = "prepare", .seconds = 1},
+                 {.name = "reconstruct", .seconds = 1},
+                 {.name = "index", .seconds = 1}});
+  ASSERT_TRUE(progress.StartStage("reconstruct").ok());
+  StepReport report{.stage = "reconstruct", .step = 1, .num_steps = 2};
+  ASSERT_TRUE(progress.Step(report).ok());
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));
+  ASSERT_TRUE(progress.Step(report).ok());
+  const auto events = EventLogReader(path_).Read();
+  ASSERT_EQ(events->size(), 3u);
+  EXPECT_FALSE(events->at(1).progress().has_job_eta()) << "no pace yet";
+  const v1::JobProgress& told = events->back().progress();
+  EXPECT_EQ(told.stage_number(), 2);
+  EXPECT_EQ(told.num_stages(), 3);
+  ASSERT_TRUE(told.has_job_eta());
+  EXPECT_GE(told.job_eta().seconds(), 3);  // 1.1 s of the stage, and 2.2 times the 1 s of "index"
+  EXPECT_LE(told.job_eta().seconds(), 10);
+}
+
 TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
   WorkerProgress progress(*log_);
   ASSERT_TRUE(progress.StartStage("features").ok());

@@ -1,7 +1,8 @@
 #include <algorithm>
 #include <csignal>
 #include <fstream>
-#include <set>
+#include <map>
+#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "core/io/encode_png.h"
@@ -14,6 +15,8 @@ namespace pepeseg {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 // The worker on photographs and videos that come without poses.
 class WorkerSfmTest : public WorkerTest {
@@ -94,15 +97,18 @@ TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
   EXPECT_EQ(model->metrics.at("num_photographs"), 6);
   EXPECT_LT(model->metrics.at("reprojection_error"), 1);
   EXPECT_GT(model->metrics.at("seconds_sfm"), 0);
-  std::set<int64_t> steps;
+  std::map<std::string, std::string> last;  // by activity
   for (const v1::JobEvent& event : Events()) {
-    if (event.has_progress() && event.progress().stage() == "sfm") {
-      EXPECT_EQ(event.progress().num_steps(), 18);
-      steps.insert(event.progress().step());
-    }
+    const v1::JobProgress& progress = event.progress();
+    if (progress.stage() != "sfm") continue;
+    EXPECT_EQ(progress.stage_number(), 2);
+    EXPECT_EQ(progress.num_stages(), 7);
+    last[progress.activity()] =
+        absl::StrCat(progress.step(), " of ", progress.num_steps(), " ", progress.unit());
   }
-  EXPECT_GE(steps.size(), 3u);
-  EXPECT_EQ(*steps.rbegin(), 18);
+  EXPECT_THAT(last, UnorderedElementsAre(Pair("finding features in", "6 of 6 photographs"),
+                                         Pair("matching", "15 of 15 pairs"),
+                                         Pair("placing", "6 of 6 photographs")));
   EXPECT_FALSE(std::filesystem::exists(job_.poses(1)));
   EXPECT_TRUE(std::filesystem::exists(job_.sfm_log()));
 }

@@ -1,0 +1,147 @@
+#include "server/jobs/job_eta.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace pepeseg {
+namespace {
+
+// A pace counts after this share of a stage and this time.
+constexpr double kFirstShare = 0.01, kFirstSeconds = 1;
+// A stage is no more than so many times slower or faster than expected.
+constexpr double kMostOff = 100;
+// Smoothing: the predicted end moves by 1 - 1/e of the difference within this share of the time
+// left, seconds within the limits.
+constexpr double kSmoothShare = 0.1, kLeastSmooth = 2, kMostSmooth = 60;
+
+double PlannedWork(const PlannedStage& stage) {
+  double work = 0;
+  for (const PlannedStage::Piece& piece : stage.pieces) {
+    work += static_cast<double>(piece.num_steps) * piece.seconds_per_step;
+  }
+  return work;
+}
+
+int64_t PlannedSteps(const PlannedStage& stage) {
+  int64_t num_steps = 0;
+  for (const PlannedStage::Piece& piece : stage.pieces) num_steps += piece.num_steps;
+  return num_steps;
+}
+
+// Expected work of the first `steps` steps.
+double WorkUntil(const PlannedStage& stage, int64_t steps) {
+  double work = 0;
+  for (const PlannedStage::Piece& piece : stage.pieces) {
+    const int64_t within = std::clamp<int64_t>(steps, 0, piece.num_steps);
+    work += static_cast<double>(within) * piece.seconds_per_step;
+    steps -= within;
+  }
+  return work;
+}
+
+}  // namespace
+
+void JobEta::Plan(std::vector<PlannedStage> stages) {
+  stages_ = std::move(stages);
+  const auto running = std::find_if(stages_.begin(), stages_.end(),
+                                    [this](const PlannedStage& s) { return s.name == name_; });
+  current_ = running == stages_.end() ? -1 : static_cast<int>(running - stages_.begin());
+}
+
+void JobEta::StartStage(const std::string& name, double now) {
+  EndStage(now);
+  name_ = name;
+  stage_start_ = now;
+  Plan(std::move(stages_));
+}
+
+void JobEta::EndStage(double now) {
+  if (current_ >= 0 && measured_ && stages_[current_].seconds) {
+    Pace& pace = ended_[stages_[current_].on_device ? 1 : 0];
+    pace.seconds += now - stage_start_;
+    pace.expected += *stages_[current_].seconds * (done_ + left_);
+  }
+  measured_ = false;
+  done_ = 0;
+  left_ = 1;
+  elapsed_ = 0;
+}
+
+void JobEta::Step(int64_t first_step, int64_t step, int64_t num_steps, double now) {
+  if (num_steps <= 0) return;
+  const auto all = static_cast<double>(num_steps);
+  double done = static_cast<double>(step - first_step) / all;
+  double left = static_cast<double>(num_steps - step) / all;
+  if (current_ >= 0 && PlannedWork(stages_[current_]) > 0) {
+    const PlannedStage& stage = stages_[current_];
+    const double work = PlannedWork(stage);
+    done = (WorkUntil(stage, step) - WorkUntil(stage, first_step)) / work;
+    left = 1 - WorkUntil(stage, PlannedSteps(stage) - (num_steps - step)) / work;
+  }
+  Measure(done, left, now);
+}
+
+void JobEta::Share(double share, double now) { Measure(share, 1 - share, now); }
+
+void JobEta::Measure(double done, double left, double now) {
+  done_ = std::max(0.0, done);
+  left_ = std::clamp(left, 0.0, 1.0);
+  elapsed_ = now - stage_start_;
+  measured_ = done_ > 0 && (left_ == 0 || (done_ >= kFirstShare && elapsed_ >= kFirstSeconds));
+}
+
+std::optional<double> JobEta::StageSecondsLeft() const {
+  if (done_ <= 0) return std::nullopt;
+  return elapsed_ / done_ * left_;
+}
+
+double JobEta::SpeedOf(bool on_device) const {
+  Pace pace = ended_[on_device ? 1 : 0];
+  if (current_ >= 0 && measured_ && stages_[current_].on_device == on_device &&
+      stages_[current_].seconds) {
+    pace.seconds += elapsed_;
+    pace.expected += *stages_[current_].seconds * done_;
+  }
+  if (pace.expected <= 0) return 1;
+  return std::clamp(pace.seconds / pace.expected, 1 / kMostOff, kMostOff);
+}
+
+std::optional<double> JobEta::RawSecondsLeft() const {
+  const bool any = ended_[0].expected > 0 || ended_[1].expected > 0 || measured_;
+  if (current_ < 0 || !any) return std::nullopt;
+  const PlannedStage& running = stages_[current_];
+  double seconds = 0;
+  if (measured_) {
+    seconds = *StageSecondsLeft();
+  } else if (running.seconds) {
+    seconds = *running.seconds * left_ * SpeedOf(running.on_device);
+  } else {
+    return std::nullopt;
+  }
+  for (size_t i = current_ + 1; i < stages_.size(); ++i) {
+    if (!stages_[i].seconds) return std::nullopt;
+    seconds += *stages_[i].seconds * SpeedOf(stages_[i].on_device);
+  }
+  return seconds;
+}
+
+std::optional<double> JobEta::SecondsLeft(double now) {
+  const std::optional<double> raw = RawSecondsLeft();
+  if (!raw) {
+    end_.reset();
+    return std::nullopt;
+  }
+  const double target = now + *raw;
+  if (!end_) {
+    end_ = target;
+  } else {
+    const double left = std::min(*end_ - now, *raw);
+    const double time = std::clamp(kSmoothShare * left, kLeastSmooth, kMostSmooth);
+    *end_ += (1 - std::exp(-(now - last_) / time)) * (target - *end_);
+  }
+  last_ = now;
+  return std::max(0.0, *end_ - now);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,202 @@
+#include "server/jobs/job_eta.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace pepeseg {
+namespace {
+
+using ::testing::DoubleNear;
+using ::testing::Optional;
+
+// A stage as it turns out to be.
+struct ActualStage {
+  std::string name;
+  int64_t num_steps = 0;  // 0: it reports none
+  double seconds = 0;
+};
+
+struct Moment {
+  double now = 0;   // seconds since the start of the job
+  double left = 0;  // as estimated
+  int stage = 0;
+};
+
+// Runs the stages on a clock of its own, one report a second, and returns the estimates.
+std::vector<Moment> RunStages(JobEta& eta, const std::vector<ActualStage>& stages) {
+  std::vector<Moment> moments;
+  double start = 0;
+  for (const ActualStage& stage : stages) {
+    eta.StartStage(stage.name, start);
+    for (double t = 1; stage.num_steps > 0 && t <= stage.seconds; t += 1) {
+      const auto step = static_cast<int64_t>(std::lround(t / stage.seconds * stage.num_steps));
+      eta.Step(0, step, stage.num_steps, start + t);
+      if (const auto left = eta.SecondsLeft(start + t)) {
+        moments.push_back({start + t, *left, eta.stage_number()});
+      }
+    }
+    start += stage.seconds;
+    eta.EndStage(start);
+  }
+  return moments;
+}
+
+// From one report to the next the predicted end moves by no more than this share of the time left,
+// and 2 s.
+void ExpectSteady(const std::vector<Moment>& moments, double share) {
+  for (size_t i = 1; i < moments.size(); ++i) {
+    const double passed = moments[i].now - moments[i - 1].now;
+    const double moved = std::abs(moments[i].left + passed - moments[i - 1].left);
+    EXPECT_LE(moved, 2 + share * moments[i - 1].left * passed) << "after " << moments[i].now;
+  }
+}
+
+const std::vector<PlannedStage> kPlan = {{.name = "prepare", .seconds = 2},
+                                         {.name = "reconstruct", .seconds = 100},
+                                         {.name = "evaluate", .seconds = 4},
+                                         {.name = "features", .seconds = 60},
+                                         {.name = "index", .seconds = 1}};
+
+TEST(JobEta, IsExactWhereTheJobRunsAsPlanned) {
+  JobEta eta;
+  eta.Plan(kPlan);
+  const auto moments = RunStages(eta, {{"prepare", 0, 2},
+                                       {"reconstruct", 1000, 100},
+                                       {"evaluate", 0, 4},
+                                       {"features", 6000, 60},
+                                       {"index", 0, 1}});
+  ASSERT_GT(moments.size(), 150u);
+  for (const Moment& moment : moments) {
+    EXPECT_NEAR(moment.left, 167 - moment.now, 0.5) << "after " << moment.now;
+  }
+  EXPECT_EQ(moments.front().stage, 2);
+  EXPECT_EQ(moments.back().stage, 4);
+  EXPECT_EQ(eta.num_stages(), 5);
+}
+
+TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
+  JobEta eta;
+  eta.Plan(kPlan);  // everything takes 6 times as long
+  const auto moments = RunStages(eta, {{"prepare", 0, 12},
+                                       {"reconstruct", 1000, 600},
+                                       {"evaluate", 0, 24},
+                                       {"features", 6000, 360},
+                                       {"index", 0, 6}});
+  for (const Moment& moment : moments) {
+    EXPECT_NEAR(moment.left, 1002 - moment.now, 3) << "after " << moment.now;
+  }
+}
+
+TEST(JobEta, DoesNotJumpWhereStagesTakeOtherThanExpected) {
+  JobEta eta;
+  eta.Plan(kPlan);  // features take four times their share
+  const auto moments = RunStages(eta, {{"prepare", 0, 2},
+                                       {"reconstruct", 1000, 100},
+                                       {"evaluate", 0, 4},
+                                       {"features", 6000, 240},
+                                       {"index", 0, 1}});
+  ExpectSteady(moments, 0.5);
+  for (const Moment& moment : moments) {
+    const double truth = 347 - moment.now;
+    // Wrong by what nobody can know, until the second stage has shown its pace.
+    if (moment.now > 180) {
+      EXPECT_NEAR(moment.left, truth, 3 + 0.15 * truth) << "after " << moment.now;
+    }
+  }
+}
+
+TEST(JobEta, DoesNotFollowSingleSlowSteps) {
+  JobEta eta;
+  eta.Plan(kPlan);
+  eta.StartStage("reconstruct", 0);
+  std::vector<Moment> moments;
+  double now = 0;
+  for (int step = 1; step <= 1000; ++step) {
+    now += step % 100 == 0 ? 3 : 0.07;  // every hundredth step saves its state
+    eta.Step(0, step, 1000, now);
+    if (const auto left = eta.SecondsLeft(now)) moments.push_back({now, *left, 1});
+  }
+  ExpectSteady(moments, 0.1);
+}
+
+TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
+  JobEta eta;
+  eta.Plan({{.name = "reconstruct",
+             .seconds = 100,
+             .pieces = {{.num_steps = 10000, .seconds_per_step = 0.01}}}});
+  eta.StartStage("reconstruct", 0);
+  std::vector<Moment> moments;
+  for (int second = 1; second <= 45; ++second) {
+    // At step 4000 it is decided that 5500 are not done.
+    const int64_t num_steps = second < 40 ? 10000 : 4500;
+    eta.Step(0, int64_t{100} * second, num_steps, second);
+    moments.push_back({double(second), eta.SecondsLeft(second).value_or(-1), 1});
+  }
+  EXPECT_NEAR(moments[38].left, 61, 2);
+  EXPECT_NEAR(moments.back().left, 0, 5);
+  EXPECT_NEAR(*eta.StageSecondsLeft(), 0, 1e-6);
+}
+
+TEST(JobEta, WeighsStepsByWhatTheyCost) {
+  JobEta eta;
+  // Half of the steps on shrunk photographs, at a tenth of the cost.
+  eta.Plan({{.name = "reconstruct", .seconds = 110, .pieces = {{1000, 0.01}, {1000, 0.1}}}});
+  eta.StartStage("reconstruct", 0);
+  eta.Step(0, 500, 2000, 5);
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(105, 1e-6)));
+  eta.Step(0, 1000, 2000, 10);
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(100, 1e-6)));
+  eta.Step(0, 1500, 2000, 60);
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(50, 1e-6)));
+}
+
+TEST(JobEta, TakesThePaceOfThisAttemptOnly) {
+  JobEta eta;
+  eta.Plan(kPlan);
+  eta.StartStage("reconstruct", 0);
+  eta.Step(900, 910, 1000, 10);  // 900 steps were done before
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(90, 1e-6)));
+}
+
+TEST(JobEta, IsUnknownBeforeAPaceAndBeforeAStageOfUnknownLength) {
+  JobEta eta;
+  eta.Plan({{.name = "sfm", .seconds = 10}, {.name = "priors"}, {.name = "index", .seconds = 5}});
+  EXPECT_EQ(eta.SecondsLeft(0), std::nullopt);
+  eta.StartStage("sfm", 0);
+  EXPECT_EQ(eta.SecondsLeft(1), std::nullopt);
+  eta.Share(0.5, 5);
+  EXPECT_EQ(eta.SecondsLeft(5), std::nullopt) << "nobody knows how long priors take";
+  EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(5, 1e-6)));
+  eta.StartStage("priors", 10);
+  EXPECT_EQ(eta.SecondsLeft(11), std::nullopt);
+  eta.Step(0, 1, 4, 20);
+  EXPECT_THAT(eta.SecondsLeft(20), Optional(DoubleNear(30 + 5, 1e-6)));
+  EXPECT_EQ(eta.stage_number(), 2);
+}
+
+TEST(JobEta, KeepsHostAndDeviceApart) {
+  JobEta eta;
+  eta.Plan({{.name = "sfm", .seconds = 10},
+            {.name = "reconstruct", .seconds = 100, .on_device = true},
+            {.name = "index", .seconds = 1}});
+  eta.StartStage("sfm", 0);
+  eta.Share(0.5, 50);  // ten times slower than expected: of cores, not of the device
+  EXPECT_THAT(eta.SecondsLeft(50), Optional(DoubleNear(50 + 100 + 10, 1e-6)));
+}
+
+TEST(JobEta, NumbersPlannedStagesOnly) {
+  JobEta eta;
+  eta.Plan(kPlan);
+  eta.StartStage("sfm", 0);  // skipped: the dataset has poses
+  EXPECT_EQ(eta.stage_number(), 0);
+  eta.StartStage("reconstruct", 1);
+  EXPECT_EQ(eta.stage_number(), 2);
+  eta.Plan({{.name = "reconstruct", .seconds = 10}, {.name = "index", .seconds = 1}});
+  EXPECT_EQ(eta.stage_number(), 1);
+  EXPECT_EQ(eta.num_stages(), 2);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,81 @@
+#include "server/jobs/worker_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace pepeseg {
+namespace {
+
+using ::testing::ElementsAre;
+
+std::vector<std::string> Names(const std::vector<PlannedStage>& stages) {
+  std::vector<std::string> names;
+  for (const PlannedStage& stage : stages) names.push_back(stage.name);
+  return names;
+}
+
+const PlannedStage& Find(const std::vector<PlannedStage>& stages, const std::string& name) {
+  for (const PlannedStage& stage : stages) {
+    if (stage.name == name) return stage;
+  }
+  ADD_FAILURE() << name;
+  return stages.front();
+}
+
+TEST(PlanStages, LeavesOutWhatTheDatasetBrings) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  EXPECT_THAT(
+      Names(PlanStages(facts, settings)),
+      ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate", "features", "index"));
+  facts.has_poses = facts.has_masks = facts.has_depth = true;
+  EXPECT_THAT(Names(PlanStages(facts, settings)),
+              ElementsAre("prepare", "reconstruct", "evaluate", "features", "index"));
+  facts.has_gaussians = true;
+  EXPECT_THAT(Names(PlanStages(facts, settings)),
+              ElementsAre("prepare", "evaluate", "features", "index"));
+  facts.has_masks = facts.has_depth = false;
+  settings.priors.masks = settings.priors.depth = PriorMaker::kNone;
+  EXPECT_THAT(Names(PlanStages(facts, settings)), ElementsAre("prepare", "evaluate", "index"));
+}
+
+TEST(PlanStages, DoesNotKnowHowLongACommandTakes) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  facts.has_priors_command = true;
+  EXPECT_FALSE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  settings.priors.masks = settings.priors.depth = PriorMaker::kEmbedded;
+  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+}
+
+TEST(PlanStages, ExpectsCoarseStepsToCostLess) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  settings.reconstruct.num_steps = 1000;
+  const double full = *Find(PlanStages(facts, settings), "reconstruct").seconds;
+  settings.reconstruct.coarse_until = 0.5;
+  const PlannedStage coarse = Find(PlanStages(facts, settings), "reconstruct");
+  EXPECT_LT(*coarse.seconds, 0.7 * full);
+  int64_t num_steps = 0;
+  for (const auto& piece : coarse.pieces) num_steps += piece.num_steps;
+  EXPECT_EQ(num_steps, 1000);
+}
+
+TEST(PlanStages, ExpectsMoreThreadsToTakeLessTimeOnCoresOnly) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  const TrainingSettings settings;
+  facts.on_device = true;
+  const auto one = PlanStages(facts, settings);
+  facts.num_threads = 8;
+  const auto eight = PlanStages(facts, settings);
+  EXPECT_DOUBLE_EQ(*Find(one, "sfm").seconds, 8 * *Find(eight, "sfm").seconds);
+  EXPECT_DOUBLE_EQ(*Find(one, "features").seconds, *Find(eight, "features").seconds);
+}
+
+}  // namespace
+}  // namespace pepeseg
