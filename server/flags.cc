@@ -61,7 +61,8 @@ void AddQuotaFlags(CLI::App& app, Quota& quota) {
         ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
         ->capture_default_str();
   };
-  add_bytes("--quota-stored-bytes", quota.stored_bytes, "Uploaded files of a project; 0: no limit");
+  add_bytes("--quota-stored-bytes", quota.stored_bytes,
+            "What a project keeps on the disk: uploaded files, models, selections; 0: no limit");
   add("--quota-open-uploads", quota.open_uploads, "Its uploads that are not sealed; 0: no limit");
   add("--quota-queued-jobs", quota.queued_jobs, "Its jobs in the queue; 0: no limit");
   add("--quota-running-jobs", quota.running_jobs, "Its jobs that run at a time; 0: no limit");

@@ -71,7 +71,9 @@ absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, con
   request.mutable_header()->set_upload(upload);
   request.mutable_header()->set_path(rest.file->name);
   request.mutable_header()->set_offset(rest.offset);
-  if (!stream->Write(request)) return false;
+  // A small file goes out in one packet with its header and its end.
+  const auto buffered = grpc::WriteOptions().set_buffer_hint();
+  if (!stream->Write(request, buffered)) return false;
   std::string piece(kChunkBytes, '\0');
   while (bytes) {
     bytes.read(piece.data(), static_cast<std::streamsize>(piece.size()));
@@ -80,7 +82,8 @@ absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, con
     v1::WriteFilesRequest::Chunk* chunk = request.mutable_chunk();
     chunk->set_data(piece.data(), size);
     chunk->set_crc32c(Crc32c(chunk->data()));
-    if (!stream->Write(request)) return false;
+    const bool last = size < piece.size();
+    if (!stream->Write(request, last ? buffered : grpc::WriteOptions())) return false;
     sent(static_cast<int64_t>(size));
   }
   request.mutable_end();

@@ -121,20 +121,34 @@ void EraseNamed(const std::set<std::string>& digests, std::vector<fs::path>& blo
                 [&](const fs::path& blob) { return digests.contains(blob.filename().string()); });
 }
 
-absl::Status CollectBlobsOf(Collection& collection, const fs::path& folder) {
-  const std::string project = folder.filename().string();
-  std::vector<fs::path> blobs = OldBlobs(collection, folder);
-  if (blobs.empty()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(std::set<std::string> digests, collection.store.ListDigests(project));
+// Blobs of a project that no dataset or upload names: those that the store counts, whatever their
+// age, since what named them was deleted; of others those that are old.
+absl::StatusOr<std::vector<fs::path>> UnnamedBlobs(const Collection& collection,
+                                                   const std::string& project) {
+  const fs::path& data = collection.options.data;
+  std::vector<fs::path> blobs = OldBlobs(collection, BlobFolderOf(data, project));
+  ASSIGN_OR_RETURN(const std::set<std::string> counted, collection.store.ListBlobs(project));
+  for (const std::string& digest : counted) blobs.push_back(BlobPath(data, {project, digest}));
+  if (blobs.empty()) return blobs;
+  ASSIGN_OR_RETURN(const std::set<std::string> digests, collection.store.ListDigests(project));
   EraseNamed(digests, blobs);
+  return blobs;
+}
+
+absl::Status CollectBlobsOf(Collection& collection, const std::string& project) {
+  ASSIGN_OR_RETURN(std::vector<fs::path> blobs, UnnamedBlobs(collection, project));
   if (blobs.empty()) return absl::OkStatus();
   // An upload may just have named one that was nobody's: no other can until they are gone.
   ASSIGN_OR_RETURN(const LockedFile alone,
                    LockedFile::WaitAlone(BlobLockPath(collection.options.data, project)));
-  ASSIGN_OR_RETURN(digests, collection.store.ListDigests(project));
-  EraseNamed(digests, blobs);
-  for (const fs::path& blob : blobs) collection.Remove(blob);
-  return absl::OkStatus();
+  ASSIGN_OR_RETURN(blobs, UnnamedBlobs(collection, project));
+  std::vector<std::string> gone;
+  for (const fs::path& blob : blobs) {
+    collection.Remove(blob);
+    std::error_code error;
+    if (!fs::exists(blob, error) && !error) gone.push_back(blob.filename().string());
+  }
+  return collection.store.ForgetBlobs(project, gone);
 }
 
 }  // namespace
@@ -159,9 +173,12 @@ absl::Status CollectBeginnings(Collection& collection) {
 }
 
 absl::Status CollectBlobs(Collection& collection) {
-  for (const fs::path& project : EntriesOf(BlobFolder(collection.options.data))) {
-    RETURN_IF_ERROR(CollectBlobsOf(collection, project));
+  ASSIGN_OR_RETURN(const std::vector<std::string> counted, collection.store.ListBlobProjects());
+  std::set<std::string> projects(counted.begin(), counted.end());
+  for (const fs::path& folder : EntriesOf(BlobFolder(collection.options.data))) {
+    projects.insert(folder.filename().string());
   }
+  for (const std::string& project : projects) RETURN_IF_ERROR(CollectBlobsOf(collection, project));
   return absl::OkStatus();
 }
 

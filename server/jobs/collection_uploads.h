@@ -10,7 +10,8 @@ namespace pepeseg {
 absl::Status CollectUploads(Collection& collection);
 // Beginnings of files of uploads that are sealed or gone.
 absl::Status CollectBeginnings(Collection& collection);
-// Of each project those that no dataset and no upload of it names.
+// Of each project those that no dataset and no upload of it names, and their records, by which they
+// count in its usage.
 absl::Status CollectBlobs(Collection& collection);
 
 }  // namespace pepeseg

@@ -17,7 +17,8 @@ namespace pepeseg {
 struct CollectorOptions {
   std::filesystem::path data;  // laid out as server/layout.h says
   absl::Duration interval = absl::Hours(1);
-  // What has no row may be about to get one, or be on its way, for so long.
+  // What has no row may be about to get one, or be on its way, for so long. Blobs that the store
+  // counts had one.
   absl::Duration file_age = absl::Hours(24);
   // No other server uses the directory: temporary files of before the collector was made are
   // nobody's, but for those of jobs, which may run on a cluster.

@@ -6,12 +6,6 @@
 namespace pepeseg {
 namespace {
 
-std::string SelectProjectOf(soci::session& sql, const std::string& scene) {
-  std::string project;
-  sql << "SELECT project FROM scenes WHERE id = :id", soci::use(scene), soci::into(project);
-  return project;
-}
-
 // The project's own where it has any.
 Quota SelectInForce(soci::session& sql, const std::string& project, const Quota& defaults) {
   Quota own;
@@ -22,15 +16,37 @@ Quota SelectInForce(soci::session& sql, const std::string& project, const Quota&
   return InForce(own, defaults);
 }
 
-// Each digest once, and those of open uploads as if they were there: what was accepted can be
-// finished.
-int64_t SumStoredBytes(soci::session& sql, const std::string& project) {
+// The sum of a column, bytes, over the records of a project.
+int64_t SumBytes(soci::session& sql, const std::string& column_from_where,
+                 const std::string& project) {
   int64_t bytes = 0;
-  sql << "SELECT CAST(COALESCE(SUM(size), 0) AS BIGINT) FROM (SELECT MAX(f.size) AS size"
-         " FROM dataset_files f JOIN scenes s ON s.id = f.scene WHERE s.project = :project"
-         " GROUP BY f.sha256) AS files",
-      soci::use(project), soci::into(bytes);
+  sql << "SELECT CAST(COALESCE(SUM(" << column_from_where, soci::use(project), soci::into(bytes);
   return bytes;
+}
+
+// What a project has on the disk, and what its open uploads may put there.
+//
+// A file of an open upload counts with its declared size until the project has its bytes, in each
+// upload on its own: each keeps its own partial file, of any bytes, until the digest is checked at
+// the end. So a digest counts once only where the digest was checked. Files of one digest but
+// another size count apart, since a declared size is checked at the end, too.
+int64_t SumStoredBytes(soci::session& sql, const std::string& project) {
+  return SumBytes(sql, "size), 0) AS BIGINT) FROM blobs WHERE project = :project", project) +
+         SumBytes(sql,
+                  "size), 0) AS BIGINT) FROM (SELECT f.size AS size FROM dataset_files f"
+                  " JOIN datasets d ON d.scene = f.scene AND d.number = f.dataset"
+                  " JOIN scenes s ON s.id = d.scene WHERE s.project = :project AND d.state = 0"
+                  " GROUP BY f.scene, f.dataset, f.sha256, f.size HAVING MAX(f.stored) = 0)"
+                  " AS missing",
+                  project) +
+         SumBytes(sql,
+                  "m.num_bytes), 0) AS BIGINT) FROM models m JOIN scenes s ON s.id = m.scene"
+                  " WHERE s.project = :project",
+                  project) +
+         SumBytes(sql,
+                  "l.num_bytes), 0) AS BIGINT) FROM selections l JOIN scenes s ON s.id = l.scene"
+                  " WHERE s.project = :project",
+                  project);
 }
 
 int64_t CountOpenUploads(soci::session& sql, const std::string& project) {
@@ -57,6 +73,12 @@ constexpr int kQueued = 0, kRunning = 1;  // JobState
 
 }  // namespace
 
+std::string SelectProjectOf(soci::session& sql, const std::string& scene) {
+  std::string project;
+  sql << "SELECT project FROM scenes WHERE id = :id", soci::use(scene), soci::into(project);
+  return project;
+}
+
 Quota SelectUsage(soci::session& sql, const std::string& project) {
   Quota used;
   used.stored_bytes = SumStoredBytes(sql, project);
@@ -80,8 +102,20 @@ absl::Status CheckUploadQuotas(soci::session& sql, const std::string& scene,
 absl::Status CheckQueueQuota(soci::session& sql, const std::string& scene, const Quota& defaults) {
   const std::string project = SelectProjectOf(sql, scene);
   const Quota quota = SelectInForce(sql, project, defaults);
+  if (quota.stored_bytes > 0) {
+    // How large the model will be is not known: at least one byte.
+    RETURN_IF_ERROR(CheckOne("stored_bytes", SumStoredBytes(sql, project) + 1, quota.stored_bytes));
+  }
   if (quota.queued_jobs == 0) return absl::OkStatus();
   return CheckOne("queued_jobs", CountJobs(sql, project, kQueued), quota.queued_jobs);
+}
+
+absl::Status CheckSelectionQuota(soci::session& sql, const std::string& scene,
+                                 const Quota& defaults) {
+  const std::string project = SelectProjectOf(sql, scene);
+  const Quota quota = SelectInForce(sql, project, defaults);
+  if (quota.stored_bytes == 0) return absl::OkStatus();
+  return CheckOne("stored_bytes", SumStoredBytes(sql, project), quota.stored_bytes);
 }
 
 }  // namespace pepeseg

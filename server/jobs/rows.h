@@ -56,12 +56,20 @@ struct DatasetRow {
   int64_t num_bytes = 0;  // declared sizes
 };
 
+// Whether a stored file's header has been read. kRefused: it is not the header of such a file; a
+// training names the error. Numbers are stored: never renumber.
+enum class HeaderState { kUnread = 0, kRead = 1, kRefused = 2 };
+
 struct DatasetFileRow {
   std::string path;  // the client's name for it: metadata, never opened
   int kind = 0;      // pepeseg.v1.FileKind
   int64_t size = 0;
-  std::string sha256;  // 64 hex digits, lower case
-  bool stored = false;
+  std::string sha256;   // 64 hex digits, lower case
+  bool stored = false;  // the project has the bytes
+  // What the header says once it is kRead; see ReadHeader in server/rpc/file_header.h.
+  HeaderState header = HeaderState::kUnread;
+  int width = 0, height = 0;  // of a photograph as stored, before EXIF turns it, pixels
+  int64_t num_points = 0;     // points or Gaussians in the file; of COLMAP's text form an estimate
 };
 
 enum class JobState { kQueued = 0, kRunning = 1, kSucceeded = 2, kFailed = 3, kCancelled = 4 };
@@ -139,6 +147,7 @@ struct SelectionRow {
   std::array<double, 3> min{}, max{};  // of their means, scene units; zeros when there are none
   int64_t base = 0;                    // number of the selection that it was made from; 0: none
   std::string file;                    // below the data directory: for core/io/selection_file.h
+  int64_t num_bytes = 0;               // of that file
   std::string request_id;
   std::string request_digest;  // of what was asked for with the request_id
   absl::Time create_time;

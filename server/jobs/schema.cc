@@ -189,6 +189,33 @@ constexpr const char* kJobHostBytes =
     "ALTER TABLE jobs ADD COLUMN host_bytes BIGINT NOT NULL DEFAULT 0";
 constexpr const char* kJobSeconds = "ALTER TABLE jobs ADD COLUMN seconds BIGINT NOT NULL DEFAULT 0";
 
+// What a stored file's header says (DatasetFileRow). header: 0 unread, 1 read, 2 refused.
+constexpr const char* kFileHeaders =
+    "ALTER TABLE dataset_files ADD COLUMN header INTEGER NOT NULL DEFAULT 0";
+constexpr const char* kFileWidths =
+    "ALTER TABLE dataset_files ADD COLUMN width INTEGER NOT NULL DEFAULT 0";
+constexpr const char* kFileHeights =
+    "ALTER TABLE dataset_files ADD COLUMN height INTEGER NOT NULL DEFAULT 0";
+constexpr const char* kFilePoints =
+    "ALTER TABLE dataset_files ADD COLUMN num_points BIGINT NOT NULL DEFAULT 0";
+// The blobs on the disk, also those that no file names any more, until the collector has removed
+// them: what stored_bytes counts.
+constexpr const char* kBlobs =
+    "CREATE TABLE blobs ("
+    " project VARCHAR(63) NOT NULL,"
+    " sha256 VARCHAR(64) NOT NULL,"
+    " size BIGINT NOT NULL,"
+    " PRIMARY KEY (project, sha256))";
+constexpr const char* kBlobsOfFiles =
+    "INSERT INTO blobs (project, sha256, size) SELECT s.project, f.sha256, MAX(f.size)"
+    " FROM dataset_files f JOIN scenes s ON s.id = f.scene WHERE f.stored = 1"
+    " GROUP BY s.project, f.sha256";
+// Size of the selection's file.
+constexpr const char* kSelectionBytes =
+    "ALTER TABLE selections ADD COLUMN num_bytes BIGINT NOT NULL DEFAULT 0";
+constexpr const char* kBytesOfSelections =
+    "UPDATE selections SET num_bytes = 88 + (model_gaussians + 7) / 8";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
@@ -207,6 +234,10 @@ std::vector<const char*> SchemaStep(int to) {
             kJobLeaseEnd,       kJobLaunch,
             kJobFruitless,      kJobHostBytes,
             kJobSeconds,        kJobTraces};
+  }
+  if (to == 6) {
+    return {kFileHeaders, kFileWidths,   kFileHeights,    kFilePoints,
+            kBlobs,       kBlobsOfFiles, kSelectionBytes, kBytesOfSelections};
   }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};

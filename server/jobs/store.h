@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/jobs/rows.h"
+#include "server/layout.h"
 
 namespace pepeseg {
 
@@ -57,9 +58,10 @@ class Store {
   // With all that belongs to it. FAILED_PRECONDITION while a job of it is active.
   absl::Status DeleteScene(const std::string& id);
 
-  // `files`: with distinct paths; `stored` is kept as given. Checks nothing else of them.
-  // RESOURCE_EXHAUSTED: the project's quota of stored bytes or open uploads. `admit`, which may be
-  // asked more than once, decides over a new one, not over one that the request_id made earlier.
+  // `files`: with distinct paths; `stored`, true where the project has the bytes, is kept as given.
+  // Checks nothing else of them. RESOURCE_EXHAUSTED: the project's quota of stored bytes or open
+  // uploads. `admit`, which may be asked more than once, decides over a new one, not over one that
+  // the request_id made earlier.
   absl::StatusOr<DatasetRow> CreateDataset(const std::string& scene, const std::string& request_id,
                                            const std::vector<DatasetFileRow>& files,
                                            const std::function<absl::Status()>& admit = {});
@@ -73,11 +75,23 @@ class Store {
                                                 const std::string& path);
   // `kind`: pepeseg.v1.FileKind. False also for a dataset that does not exist.
   absl::StatusOr<bool> HasFileOfKind(const std::string& scene, int64_t number, int kind);
-  // FAILED_PRECONDITION on a sealed dataset.
-  absl::Status MarkFileStored(const std::string& scene, int64_t number, const std::string& path);
+  // Up to `limit` files from `path` on, by path.
+  absl::StatusOr<std::vector<DatasetFileRow>> ListDatasetFilesFrom(const std::string& scene,
+                                                                   int64_t number,
+                                                                   const std::string& path,
+                                                                   int64_t limit);
+  // In one transaction: the files' bytes are on the disk as blobs of the project. Reads path,
+  // sha256, size and what the header says. FAILED_PRECONDITION: the upload is sealed; NOT_FOUND: it
+  // is gone, or has no such file. The blobs count in the project's usage also then.
+  absl::Status MarkFilesStored(const UploadName& upload, const std::vector<DatasetFileRow>& files);
+  // Keeps what the files' headers say.
+  absl::Status SetFileHeaders(const std::string& scene, int64_t number,
+                              const std::vector<DatasetFileRow>& files);
+  // In one transaction with marking `found` as stored, whose bytes came otherwise.
   // FAILED_PRECONDITION names the first file that is not stored, and how many are not. Sealing a
   // sealed dataset changes nothing.
-  absl::StatusOr<DatasetRow> SealDataset(const std::string& scene, int64_t number);
+  absl::StatusOr<DatasetRow> SealDataset(const std::string& scene, int64_t number,
+                                         const std::vector<DatasetFileRow>& found = {});
 
   // Those that are open and older than that.
   absl::StatusOr<std::vector<DatasetRow>> ListOpenUploads(absl::Time created_before);
@@ -85,10 +99,15 @@ class Store {
   absl::Status DeleteUpload(const std::string& scene, int64_t number);
   // Of all files that datasets and uploads of the project name.
   absl::StatusOr<std::set<std::string>> ListDigests(const std::string& project);
+  // Of all blobs that count in the project's usage.
+  absl::StatusOr<std::set<std::string>> ListBlobs(const std::string& project);
+  absl::StatusOr<std::vector<std::string>> ListBlobProjects();
+  // They are not on the disk any more.
+  absl::Status ForgetBlobs(const std::string& project, const std::vector<std::string>& digests);
 
   // Reads scene, dataset, options, effective_options, request_id, host_bytes and seconds. ABORTED
   // names the scene's active job when there is one; FAILED_PRECONDITION on an open dataset;
-  // RESOURCE_EXHAUSTED: the project's quota of queued jobs.
+  // RESOURCE_EXHAUSTED: the project's quota of queued jobs or stored bytes.
   absl::StatusOr<JobRow> CreateJob(const JobRow& job);
   absl::StatusOr<JobRow> GetJob(const std::string& id);
   struct JobFilter {
@@ -156,8 +175,9 @@ class Store {
   // again; none when request_id is empty. ALREADY_EXISTS: of another digest.
   absl::StatusOr<std::optional<SelectionRow>> FindSelectionOfRequest(
       const std::string& scene, const std::string& request_id, const std::string& request_digest);
-  // Reads all but create_time. NOT_FOUND: the model or the base is gone. When the answer has
-  // another number, it is what the request_id made meanwhile.
+  // Reads all but create_time. NOT_FOUND: the model or the base is gone. RESOURCE_EXHAUSTED: the
+  // project's quota of stored bytes. When the answer has another number, it is what the request_id
+  // made meanwhile.
   absl::StatusOr<SelectionRow> CreateSelection(const SelectionRow& selection);
   absl::StatusOr<SelectionRow> GetSelection(const std::string& scene, int64_t number);
   absl::StatusOr<Page<SelectionRow>> ListSelections(const std::string& scene,

@@ -1,6 +1,7 @@
 // What the store tells of what nothing refers to any more, and of what a project takes.
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/batch_statement.h"
 #include "server/jobs/database.h"
 #include "server/jobs/quota_sql.h"
 #include "server/jobs/store.h"
@@ -54,6 +55,43 @@ absl::StatusOr<std::set<std::string>> Store::ListDigests(const std::string& proj
     Digests digests;
     while (select.fetch()) digests.insert(digest);
     return digests;
+  });
+}
+
+absl::StatusOr<std::set<std::string>> Store::ListBlobs(const std::string& project) {
+  using Digests = std::set<std::string>;
+  return database_->Query<Digests>([&](soci::session& sql) -> absl::StatusOr<Digests> {
+    std::string digest;
+    soci::statement select = (sql.prepare << "SELECT sha256 FROM blobs WHERE project = :project",
+                              soci::into(digest), soci::use(project));
+    select.execute();
+    Digests digests;
+    while (select.fetch()) digests.insert(digest);
+    return digests;
+  });
+}
+
+absl::StatusOr<std::vector<std::string>> Store::ListBlobProjects() {
+  using Projects = std::vector<std::string>;
+  return database_->Query<Projects>([&](soci::session& sql) -> absl::StatusOr<Projects> {
+    std::string project;
+    soci::statement select =
+        (sql.prepare << "SELECT DISTINCT project FROM blobs ORDER BY project", soci::into(project));
+    select.execute();
+    Projects projects;
+    while (select.fetch()) projects.push_back(project);
+    return projects;
+  });
+}
+
+absl::Status Store::ForgetBlobs(const std::string& project,
+                                const std::vector<std::string>& digests) {
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    BatchStatement remove(sql,
+                          {"DELETE FROM blobs WHERE ", "(project = ? AND sha256 = ?)", " OR ", ""});
+    for (const std::string& digest : digests) remove.Add({project, digest});
+    remove.Finish();
+    return absl::OkStatus();
   });
 }
 

@@ -1,7 +1,10 @@
 #include <algorithm>
+#include <iterator>
+#include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/batch_statement.h"
 #include "server/jobs/database.h"
 #include "server/jobs/quota_sql.h"
 #include "server/jobs/store.h"
@@ -39,27 +42,34 @@ std::vector<DatasetRow> SelectDatasets(soci::session& sql, const std::string& sc
   return rows;
 }
 
+constexpr int64_t kAllFiles = std::numeric_limits<int64_t>::max();
+
 // Files of a dataset for which `condition` on `key` holds, by path.
 struct FileQuery {
   std::string scene;
   int64_t dataset = 0;
   std::string condition = "path <>";
-  std::string key;
+  std::string key = {};
+  int64_t limit = kAllFiles;
 };
 
 std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& query) {
   DatasetFileRow row;
   int stored = 0;
+  int header = 0;
   soci::statement select =
-      (sql.prepare << "SELECT path, kind, size, sha256, stored FROM dataset_files"
-                      " WHERE scene = :scene AND dataset = :dataset AND "
-                   << query.condition << " :key ORDER BY path",
+      (sql.prepare << "SELECT path, kind, size, sha256, stored, header, width, height, num_points"
+                      " FROM dataset_files WHERE scene = :scene AND dataset = :dataset AND "
+                   << query.condition << " :key ORDER BY path LIMIT :limit",
        soci::into(row.path), soci::into(row.kind), soci::into(row.size), soci::into(row.sha256),
-       soci::into(stored), soci::use(query.scene), soci::use(query.dataset), soci::use(query.key));
+       soci::into(stored), soci::into(header), soci::into(row.width), soci::into(row.height),
+       soci::into(row.num_points), soci::use(query.scene), soci::use(query.dataset),
+       soci::use(query.key), soci::use(query.limit));
   select.execute();
   std::vector<DatasetFileRow> rows;
   while (select.fetch()) {
     row.stored = stored != 0;
+    row.header = static_cast<HeaderState>(header);
     rows.push_back(row);
   }
   return rows;
@@ -67,18 +77,60 @@ std::vector<DatasetFileRow> SelectFiles(soci::session& sql, const FileQuery& que
 
 void InsertFiles(soci::session& sql, const DatasetRow& dataset,
                  const std::vector<DatasetFileRow>& files) {
-  DatasetFileRow row;
-  int stored = 0;
-  soci::statement insert =
-      (sql.prepare << "INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored)"
-                      " VALUES (:scene, :dataset, :path, :kind, :size, :sha256, :stored)",
-       soci::use(dataset.scene), soci::use(dataset.number), soci::use(row.path),
-       soci::use(row.kind), soci::use(row.size), soci::use(row.sha256), soci::use(stored));
+  BatchStatement insert(
+      sql, {"INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored) VALUES ",
+            "(CAST(? AS VARCHAR(63)), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
+            " CAST(? AS BIGINT), CAST(? AS VARCHAR(64)), CAST(? AS INTEGER))",
+            ", ", ""});
   for (const DatasetFileRow& file : files) {
-    row = file;
-    stored = file.stored ? 1 : 0;  // NOLINT(clang-analyzer-deadcode.DeadStores): bound above
-    insert.execute(true);
+    insert.Add({dataset.scene, dataset.number, file.path, int64_t{file.kind}, file.size,
+                file.sha256, int64_t{file.stored ? 1 : 0}});
   }
+  insert.Finish();
+}
+
+// They are on the disk.
+void InsertBlobs(soci::session& sql, const std::string& project,
+                 const std::vector<DatasetFileRow>& files) {
+  BatchStatement insert(sql, {"INSERT INTO blobs (project, sha256, size) VALUES ",
+                              "(CAST(? AS VARCHAR(63)), CAST(? AS VARCHAR(64)), CAST(? AS BIGINT))",
+                              ", ", " ON CONFLICT (project, sha256) DO NOTHING"});
+  for (const DatasetFileRow& file : files) insert.Add({project, file.sha256, file.size});
+  insert.Finish();
+}
+
+// Sets columns of files of a dataset by their path and digest, from values that `v` has. Returns
+// how many it has found.
+int64_t UpdateFiles(soci::session& sql, const std::string& columns, const DatasetRow& dataset,
+                    const std::vector<DatasetFileRow>& files) {
+  BatchStatement update(
+      sql, {"UPDATE dataset_files SET " + columns + " FROM (",
+            "SELECT CAST(? AS VARCHAR(63)) AS scene, CAST(? AS BIGINT) AS dataset,"
+            " CAST(? AS TEXT) AS path, CAST(? AS VARCHAR(64)) AS sha256,"
+            " CAST(? AS INTEGER) AS header, CAST(? AS INTEGER) AS width,"
+            " CAST(? AS INTEGER) AS height, CAST(? AS BIGINT) AS num_points",
+            " UNION ALL ",
+            ") AS v WHERE dataset_files.scene = v.scene AND dataset_files.dataset = v.dataset AND"
+            " dataset_files.path = v.path AND dataset_files.sha256 = v.sha256"});
+  for (const DatasetFileRow& file : files) {
+    update.Add({dataset.scene, dataset.number, file.path, file.sha256,
+                static_cast<int64_t>(file.header), int64_t{file.width}, int64_t{file.height},
+                file.num_points});
+  }
+  return update.Finish();
+}
+
+constexpr char kHeaderColumns[] =
+    "header = v.header, width = v.width, height = v.height, num_points = v.num_points";
+
+absl::Status MarkStored(soci::session& sql, const DatasetRow& dataset,
+                        const std::vector<DatasetFileRow>& files) {
+  const std::string columns = absl::StrCat("stored = 1, ", kHeaderColumns);
+  const int64_t num_found = UpdateFiles(sql, columns, dataset, files);
+  if (num_found == static_cast<int64_t>(files.size())) return absl::OkStatus();
+  return absl::NotFoundError(absl::StrCat(DatasetName(dataset.scene, dataset.number), " has ",
+                                          num_found, " of the ", files.size(),
+                                          " files that were written"));
 }
 
 bool SameFiles(std::vector<DatasetFileRow> a, std::vector<DatasetFileRow> b) {
@@ -171,6 +223,10 @@ absl::StatusOr<DatasetRow> Store::CreateDataset(const std::string& scene,
     if (earlier.number != 0) return earlier;
     if (admit) RETURN_IF_ERROR(admit());
     const DatasetRow made = InsertDataset(sql, row, files);
+    std::vector<DatasetFileRow> stored;
+    std::copy_if(files.begin(), files.end(), std::back_inserter(stored),
+                 [](const DatasetFileRow& file) { return file.stored; });
+    InsertBlobs(sql, SelectProjectOf(sql, scene), stored);
     // After it, so that it counts too: when that is too much, all of it is undone.
     RETURN_IF_ERROR(CheckUploadQuotas(sql, scene, default_quota_));
     return made;
@@ -218,7 +274,7 @@ absl::StatusOr<DatasetFileRow> Store::GetDatasetFile(const std::string& scene, i
   return database_->Query<DatasetFileRow>([&](soci::session& sql)
                                               -> absl::StatusOr<DatasetFileRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
-    std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path});
+    std::vector<DatasetFileRow> rows = SelectFiles(sql, {dataset.scene, number, "path =", path, 1});
     if (rows.empty()) {
       return absl::NotFoundError(
           absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
@@ -237,27 +293,54 @@ absl::StatusOr<bool> Store::HasFileOfKind(const std::string& scene, int64_t numb
   });
 }
 
-absl::Status Store::MarkFileStored(const std::string& scene, int64_t number,
-                                   const std::string& path) {
-  return database_->Transact([&](soci::session& sql) -> absl::Status {
-    ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
-    if (dataset.state == DatasetState::kSealed) {
-      return absl::FailedPreconditionError(absl::StrCat(DatasetName(scene, number), " is sealed"));
-    }
-    soci::statement update =
-        (sql.prepare << "UPDATE dataset_files SET stored = 1 WHERE scene = :scene"
-                        " AND dataset = :dataset AND path = :path",
-         soci::use(dataset.scene), soci::use(number), soci::use(path));
-    update.execute(true);
-    if (update.get_affected_rows() == 1) return absl::OkStatus();
-    return absl::NotFoundError(
-        absl::StrCat(DatasetName(scene, number), " has no file '", path, "'"));
+absl::StatusOr<std::vector<DatasetFileRow>> Store::ListDatasetFilesFrom(const std::string& scene,
+                                                                        int64_t number,
+                                                                        const std::string& path,
+                                                                        int64_t limit) {
+  using Files = std::vector<DatasetFileRow>;
+  return database_->Read<Files>([&](soci::session& sql) -> absl::StatusOr<Files> {
+    return SelectFiles(sql, {scene, number, "path >=", path, limit});
   });
 }
 
-absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t number) {
+absl::Status Store::MarkFilesStored(const UploadName& upload,
+                                    const std::vector<DatasetFileRow>& files) {
+  absl::Status refused;
+  RETURN_IF_ERROR(database_->Transact([&](soci::session& sql) -> absl::Status {
+    InsertBlobs(sql, upload.project, files);
+    const auto dataset = SelectDataset(sql, upload.scene, upload.number);
+    refused = dataset.status();
+    if (!refused.ok()) return absl::OkStatus();
+    if (dataset->state == DatasetState::kSealed) {
+      refused = absl::FailedPreconditionError(
+          absl::StrCat(DatasetName(upload.scene, upload.number), " is sealed"));
+      return absl::OkStatus();
+    }
+    refused = MarkStored(sql, *dataset, files);
+    return absl::OkStatus();
+  }));
+  return refused;
+}
+
+absl::Status Store::SetFileHeaders(const std::string& scene, int64_t number,
+                                   const std::vector<DatasetFileRow>& files) {
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    DatasetRow dataset;
+    dataset.scene = scene;
+    dataset.number = number;
+    UpdateFiles(sql, kHeaderColumns, dataset, files);
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<DatasetRow> Store::SealDataset(const std::string& scene, int64_t number,
+                                              const std::vector<DatasetFileRow>& found) {
   return database_->Query<DatasetRow>([&](soci::session& sql) -> absl::StatusOr<DatasetRow> {
     ASSIGN_OR_RETURN(const DatasetRow dataset, SelectDataset(sql, scene, number));
+    if (dataset.state == DatasetState::kOpen) {
+      InsertBlobs(sql, SelectProjectOf(sql, scene), found);
+      RETURN_IF_ERROR(MarkStored(sql, dataset, found));
+    }
     return Seal(sql, dataset);
   });
 }

@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/quota_sql.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 
@@ -22,16 +23,17 @@ std::vector<SelectionRow> SelectSelections(soci::session& sql, const std::string
   SelectionRow row;
   int64_t create_time = 0;
   soci::statement select =
-      (sql.prepare << "SELECT scene, number, model, model_gaussians, num_gaussians, min_x, min_y,"
-                      " min_z, max_x, max_y, max_z, base, file, request_id, request_digest,"
-                      " create_time FROM selections WHERE scene = :scene AND number "
-                   << condition << " :key ORDER BY number DESC LIMIT :limit",
+      (sql.prepare
+           << "SELECT scene, number, model, model_gaussians, num_gaussians, min_x, min_y,"
+              " min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+              " request_digest, create_time FROM selections WHERE scene = :scene AND number "
+           << condition << " :key ORDER BY number DESC LIMIT :limit",
        soci::into(row.scene), soci::into(row.number), soci::into(row.model),
        soci::into(row.model_gaussians), soci::into(row.num_gaussians), soci::into(row.min[0]),
        soci::into(row.min[1]), soci::into(row.min[2]), soci::into(row.max[0]),
        soci::into(row.max[1]), soci::into(row.max[2]), soci::into(row.base), soci::into(row.file),
-       soci::into(row.request_id), soci::into(row.request_digest), soci::into(create_time),
-       soci::use(scene), soci::use(key), soci::use(start.limit));
+       soci::into(row.num_bytes), soci::into(row.request_id), soci::into(row.request_digest),
+       soci::into(create_time), soci::use(scene), soci::use(key), soci::use(start.limit));
   select.execute();
   std::vector<SelectionRow> rows;
   while (select.fetch()) {
@@ -68,7 +70,8 @@ absl::StatusOr<std::optional<SelectionRow>> FindEarlier(soci::session& sql,
                                                " by asking for something else"));
 }
 
-absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const SelectionRow& selection) {
+absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const SelectionRow& selection,
+                                             const Quota& defaults) {
   RETURN_IF_ERROR(SelectModel(sql, selection.scene, selection.model).status());
   ASSIGN_OR_RETURN(const auto earlier, FindEarlier(sql, selection.scene, selection.request_id,
                                                    selection.request_digest));
@@ -80,14 +83,16 @@ absl::StatusOr<SelectionRow> InsertSelection(soci::session& sql, const Selection
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
   sql << "INSERT INTO selections (scene, number, model, model_gaussians, num_gaussians, min_x,"
-         " min_y, min_z, max_x, max_y, max_z, base, file, request_id, request_digest, create_time)"
+         " min_y, min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+         " request_digest, create_time)"
          " VALUES (:scene, :number, :model, :all, :num, :min_x, :min_y, :min_z, :max_x, :max_y,"
-         " :max_z, :base, :file, :request, :digest, :now)",
+         " :max_z, :base, :file, :bytes, :request, :digest, :now)",
       soci::use(row.scene), soci::use(row.number), soci::use(row.model),
       soci::use(row.model_gaussians), soci::use(row.num_gaussians), soci::use(row.min[0]),
       soci::use(row.min[1]), soci::use(row.min[2]), soci::use(row.max[0]), soci::use(row.max[1]),
-      soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.request_id),
-      soci::use(row.request_digest), soci::use(now);
+      soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
+      soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
+  RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene, defaults));
   return row;
 }
 
@@ -111,7 +116,7 @@ absl::StatusOr<std::optional<SelectionRow>> Store::FindSelectionOfRequest(
 
 absl::StatusOr<SelectionRow> Store::CreateSelection(const SelectionRow& selection) {
   return database_->Query<SelectionRow>(
-      [&](soci::session& sql) { return InsertSelection(sql, selection); });
+      [&](soci::session& sql) { return InsertSelection(sql, selection, default_quota_); });
 }
 
 absl::StatusOr<SelectionRow> Store::GetSelection(const std::string& scene, int64_t number) {

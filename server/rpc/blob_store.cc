@@ -31,6 +31,19 @@ absl::Status MakeFolders(const fs::path& folder) {
   return SyncFolder(folder.parent_path());
 }
 
+// Makes the folders for a project's blobs, all 256 with one sync.
+absl::Status MakeBlobFolders(const fs::path& data, const std::string& project) {
+  const fs::path folder = BlobFolderOf(data, project);
+  RETURN_IF_ERROR(MakeFolders(folder));
+  for (int prefix = 0; prefix < 256; ++prefix) {
+    const fs::path path = folder / absl::StrCat(absl::Hex(prefix, absl::kZeroPad2));
+    std::error_code error;
+    fs::create_directory(path, error);
+    if (error) return FileError(path, "cannot make the folder", error.value());
+  }
+  return SyncFolder(folder);
+}
+
 // Of two hex digits, as the folders of blobs are named in a project's, and were in the store's.
 bool IsPrefix(const std::string& name) {
   return name.size() == 2 && std::all_of(name.begin(), name.end(), [](char c) {
@@ -116,7 +129,10 @@ absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& u
   if (Has(blob, size)) return nullptr;
   const fs::path folder = PartialFolderOf(data_, upload);
   RETURN_IF_ERROR(MakeFolders(folder));
-  RETURN_IF_ERROR(MakeFolders(Path(blob).parent_path()));
+  std::error_code unknown;
+  if (!fs::is_directory(Path(blob).parent_path(), unknown)) {
+    RETURN_IF_ERROR(MakeBlobFolders(data_, upload.project));
+  }
   absl::StatusOr<LockedFile> file = LockedFile::TryAlone(folder / sha256);
   if (absl::IsNotFound(file.status())) {  // the folder was empty, and collected
     RETURN_IF_ERROR(MakeFolders(folder));
@@ -130,6 +146,23 @@ absl::StatusOr<std::shared_ptr<BlobWriter>> BlobStore::Begin(const UploadName& u
   }
   return std::make_shared<BlobWriter>(
       *std::move(file), BlobWriter::Target{folder / sha256, Path(blob), sha256, size});
+}
+
+void BlobStore::RemovePartial(const UploadName& upload) const {
+  std::error_code ignored;
+  const fs::path folder = PartialFolderOf(data_, upload);
+  std::vector<fs::path> files;
+  for (fs::directory_iterator entry(folder, ignored), end; !ignored && entry != end;
+       entry.increment(ignored)) {
+    if (entry->path().filename().string().size() == kDigestLength) files.push_back(entry->path());
+  }
+  for (const fs::path& file : files) {
+    const absl::StatusOr<LockedFile> locked = LockedFile::TryAlone(file);
+    if (!locked.ok()) continue;
+    fs::remove(LengthPath(file), ignored);
+    fs::remove(file, ignored);
+  }
+  fs::remove(folder, ignored);  // unless there is more in it
 }
 
 absl::StatusOr<int64_t> BlobStore::FreeBytes() const {

@@ -33,6 +33,10 @@ class BlobStore {
   // Committed bytes of the upload's files that are on their way, by digest; more than 0.
   std::map<std::string, int64_t> ListPartial(const UploadName& upload) const;
 
+  // Removes the partial files of an upload that is sealed or gone, but for those that a stream has
+  // open. What cannot be removed is left to the collector.
+  void RemovePartial(const UploadName& upload) const;
+
   // Of a file of an upload, which declared its digest and size; to be started at an offset first.
   // Null: the blob is there. ABORTED: another stream, or another server, writes it.
   absl::StatusOr<std::shared_ptr<BlobWriter>> Begin(const UploadName& upload,

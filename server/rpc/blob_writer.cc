@@ -125,25 +125,32 @@ absl::Status BlobWriter::Discard() {
   return error ? FileError(target_.partial, "cannot remove", error.value()) : absl::OkStatus();
 }
 
-absl::Status BlobWriter::Commit() {
+absl::Status BlobWriter::Finish() {
   if (written_ != target_.size) {
     return absl::InvalidArgumentError(
         absl::StrCat("ended after ", written_, " of the ", target_.size, " bytes declared"));
   }
   const std::string found = digest_.Hex();
-  if (found != target_.sha256) {
-    Discard().IgnoreError();
-    return absl::DataLossError(
-        absl::StrCat("the bytes have the SHA-256 ", found, ", declared was ", target_.sha256));
-  }
-  RETURN_IF_ERROR(Sync());
+  if (found == target_.sha256) return absl::OkStatus();
+  Discard().IgnoreError();
+  return absl::DataLossError(
+      absl::StrCat("the bytes have the SHA-256 ", found, ", declared was ", target_.sha256));
+}
+
+absl::Status BlobWriter::Publish() {
   std::error_code error;
   fs::rename(target_.partial, target_.blob, error);
   if (error) return FileError(target_.blob, "cannot rename to", error.value());
   ended_ = true;
-  RETURN_IF_ERROR(SyncFolder(target_.blob.parent_path()));
   fs::remove(LengthPath(target_.partial), error);  // alone it says nothing
   return absl::OkStatus();
+}
+
+absl::Status BlobWriter::Commit() {
+  RETURN_IF_ERROR(Finish());
+  RETURN_IF_ERROR(Sync());
+  RETURN_IF_ERROR(Publish());
+  return SyncFolder(target_.blob.parent_path());
 }
 
 }  // namespace pepeseg

@@ -13,8 +13,9 @@
 namespace pepeseg {
 
 // The one writer of a blob's beginning. What it has committed is on the disk, and known to be
-// right by whoever goes on after it; it commits every 32 MiB and where it is destroyed. For one
-// thread at a time; calls block.
+// right by whoever goes on after it; it commits every 32 MiB and where it is destroyed. Whole, its
+// bytes are checked (Finish), synced and published under the blob's name, on their own (Commit) or
+// with other files' (WriteGroup). For one thread at a time; calls block.
 class BlobWriter {
  public:
   struct Target {
@@ -38,13 +39,22 @@ class BlobWriter {
 
   // INVALID_ARGUMENT when it is more than was declared; RESOURCE_EXHAUSTED: the disk is full.
   absl::Status Append(std::string_view bytes);
-  // Makes the blob of it; nothing may come after. INVALID_ARGUMENT when it is less than declared;
-  // DATA_LOSS when the digest is another: then nothing of it is kept.
+  // Checks the whole; only Sync, Publish and Commit may come after. INVALID_ARGUMENT when it is
+  // less than declared; DATA_LOSS when the digest is another: then nothing of it is kept.
+  absl::Status Finish();
+  // Makes what is written durable. After an error nothing of what was not committed is kept.
+  absl::Status Sync();
+  // Gives the finished and synced file the blob's name, which is durable once the folder is synced.
+  absl::Status Publish();
+  // Finish, Sync, Publish, and a sync of the folder.
   absl::Status Commit();
+
+  int descriptor() const { return file_.descriptor(); }
+  int64_t size() const { return target_.size; }
+  const std::filesystem::path& blob() const { return target_.blob; }
 
  private:
   absl::Status Discard();
-  absl::Status Sync();
   // What is written is committed.
   absl::Status Record();
 

@@ -38,14 +38,39 @@ absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRo
   return WriteFileAtomically(path, manifest.dump(1));
 }
 
+// Notes which files' bytes the project has.
+void FindStored(const BlobStore& blobs, const std::string& project,
+                std::vector<DatasetFileRow>& files) {
+  for (DatasetFileRow& file : files) file.stored = blobs.Has({project, file.sha256}, file.size);
+}
+
+// FAILED_PRECONDITION unless the project has the bytes of all files. `found`: those that were not
+// noted as stored; their bytes may have come under another path, or for another dataset.
+absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
+                       const std::vector<DatasetFileRow>& files,
+                       std::vector<DatasetFileRow>& found) {
+  const DatasetFileRow* first = nullptr;
+  int64_t num_missing = 0;
+  for (const DatasetFileRow& file : files) {
+    if (!blobs.Has({project, file.sha256}, file.size)) {
+      if (num_missing++ == 0) first = &file;
+    } else if (!file.stored) {
+      found.push_back(file);
+    }
+  }
+  if (first == nullptr) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(num_missing, " of ", files.size(),
+                                                    " files are not uploaded, the first is '",
+                                                    first->path, "'"));
+}
+
 // What the file system must take in for a new upload, and whether it can. Others may fill it
 // meanwhile: then the upload waits for space where it is.
 absl::StatusOr<std::function<absl::Status()>> CheckRoom(const ServiceContext& context,
-                                                        const std::string& project,
                                                         const std::vector<DatasetFileRow>& files) {
   std::map<std::string, int64_t> missing;
   for (const DatasetFileRow& file : files) {
-    if (!context.blobs->Has({project, file.sha256}, file.size)) missing[file.sha256] = file.size;
+    if (!file.stored) missing[file.sha256] = file.size;
   }
   int64_t need = 0;
   for (const auto& [digest, size] : missing) need += size;
@@ -100,12 +125,13 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
                                        v1::Upload* response) const {
   ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  ASSIGN_OR_RETURN(const auto files, CheckUploadFiles(request));
+  ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
   const auto project = context_.store->ProjectOfScene(scene);
   if (!project.ok()) return WithResource(project.status(), "", request.parent());
   // A blob of nobody's that this upload names, and so need not be sent, must not go meanwhile.
   ASSIGN_OR_RETURN(const LockedFile hold, context_.blobs->Hold(*project));
-  ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, *project, files));
+  FindStored(*context_.blobs, *project, files);
+  ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, files));
   const auto row = context_.store->CreateDataset(scene, request.request_id(), files, admit);
   if (!row.ok()) return WithResource(row.status(), "", request.parent());
   return FillUpload(*row, response);
@@ -114,7 +140,7 @@ absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
                                                           const v1::CreateUploadRequest* request,
                                                           v1::Upload* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Create(*request, response);
   });
 }
@@ -122,7 +148,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerCo
 grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
                                                        const v1::GetUploadRequest* request,
                                                        v1::Upload* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
     const auto row = context_.store->GetDataset(upload.scene, upload.number);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
@@ -143,20 +169,16 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
   Store& store = *context_.store;
   ASSIGN_OR_RETURN(DatasetRow row, store.GetDataset(upload.scene, upload.number));
   if (row.state == DatasetState::kOpen) {
-    ASSIGN_OR_RETURN(const auto files, store.ListDatasetFiles(upload.scene, upload.number));
+    ASSIGN_OR_RETURN(auto files, store.ListDatasetFiles(upload.scene, upload.number));
     ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
-    bool complete = true;
-    for (const DatasetFileRow& file : files) {
-      const bool there = context_.blobs->Has({project, file.sha256}, file.size);
-      complete &= there;
-      // The same bytes may have come under another path, or for another dataset.
-      if (there && !file.stored) {
-        RETURN_IF_ERROR(store.MarkFileStored(upload.scene, upload.number, file.path));
-      }
-    }
-    if (complete) RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
-    const auto sealed = store.SealDataset(upload.scene, upload.number);
+    std::vector<DatasetFileRow> found;
+    const absl::Status complete = FindFiles(*context_.blobs, project, files, found);
+    if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
+    RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
+    const auto sealed = store.SealDataset(upload.scene, upload.number, found);
     if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
+    // Beginnings of files whose whole has come by another upload.
+    context_.blobs->RemovePartial({project, upload.scene, upload.number});
     row = *sealed;
   }
   return FillDataset(row, response);
@@ -165,7 +187,7 @@ absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
 grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
                                                         const v1::SealUploadRequest* request,
                                                         v1::Dataset* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
     return Seal(*request, response);
   });
 }

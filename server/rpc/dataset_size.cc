@@ -2,29 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <limits>
 #include <string>
 #include <vector>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/file_bytes.h"
-#include "core/io/image_header.h"
-#include "core/io/ply.h"
 #include "core/status_macros.h"
 #include "server/rpc/estimate_training.h"
+#include "server/rpc/file_header.h"
 
 namespace pepeseg {
 namespace {
 
+// Headers read in one call, of photographs and of points each.
 constexpr size_t kMostHeaders = 48;
-constexpr int64_t kMaxPhotoBytes = int64_t{1} << 30;
 // Of a frame that is taken from a video: they are shrunk to 1600 pixels on the longer side.
 constexpr int64_t kVideoFramePixels = 1600 * 1200;
 // Points that the stage "sfm" makes of a photograph: 215 of llff_fern's, 234 of fox's.
 constexpr int64_t kPointsOfPhoto = 250;
-constexpr int64_t kMaxPoints = 50'000'000;
 
 // Where the files' bytes are.
 struct Blobs {
@@ -35,56 +29,36 @@ struct Blobs {
   }
 };
 
-absl::StatusOr<int64_t> PixelsOf(const Blobs& blobs, const DatasetFileRow& file) {
-  ASSIGN_OR_RETURN(const std::string bytes,
-                   ReadFile(blobs.Path(file.sha256), file.path, kMaxPhotoBytes));
-  const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(file.path, span));
-  return int64_t{header.width} * header.height;
-}
-
-absl::Status Unreadable(const DatasetFileRow& file) {
-  return absl::InternalError(absl::StrCat(file.path, ": cannot be read"));
-}
-
-// COLMAP's count of points, no more than the file can hold.
-absl::StatusOr<int64_t> CountBinaryPoints(const std::filesystem::path& path,
-                                          const DatasetFileRow& row) {
-  constexpr int64_t kLeastRecord = 43;
-  std::ifstream file(path, std::ios::binary);
-  uint64_t count = 0;
-  file.read(reinterpret_cast<char*>(&count), sizeof(count));
-  if (!file.is_open() || file.bad()) return Unreadable(row);
-  const auto most = static_cast<uint64_t>(row.size / kLeastRecord);
-  return file ? static_cast<int64_t>(std::min(count, most)) : 0;
-}
-
-absl::StatusOr<int64_t> CountTextPoints(const std::filesystem::path& path,
-                                        const DatasetFileRow& row) {
-  std::ifstream file(path);
-  int64_t count = 0;
-  while (file.good()) {
-    const int first = file.peek();
-    if (first != '#' && first != '\n' && first != std::ifstream::traits_type::eof()) ++count;
-    file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+// Reads up to kMostHeaders of the files' headers, spread evenly, into `read`, too.
+absl::Status ReadSome(const Blobs& blobs, const std::vector<DatasetFileRow*>& files,
+                      CheckWanted wanted, std::vector<DatasetFileRow>& read) {
+  const size_t num_read = std::min(files.size(), kMostHeaders);
+  for (size_t i = 0; i < num_read; ++i) {
+    RETURN_IF_ERROR(wanted());
+    DatasetFileRow& file = *files[i * files.size() / num_read];
+    RETURN_IF_ERROR(ReadFileHeader(blobs.Path(file.sha256), file));
+    read.push_back(file);
   }
-  if (!file.is_open() || file.bad()) return Unreadable(row);
-  return count;
+  return absl::OkStatus();
 }
 
-// 0 where it is no PLY file that can be taken: the job says why.
-absl::StatusOr<int64_t> CountPly(const Blobs& blobs, const DatasetFileRow& file) {
-  const auto ply = OpenPly(blobs.Path(file.sha256), file.path, kMaxPoints);
-  if (absl::IsInvalidArgument(ply.status())) return 0;
-  RETURN_IF_ERROR(ply.status());
-  return ply->count;
-}
-
-absl::StatusOr<int64_t> CountPoints(const Blobs& blobs, const DatasetFileRow& file) {
-  const std::filesystem::path path = blobs.Path(file.sha256);
-  if (file.kind == v1::FILE_KIND_POINTS) return CountPly(blobs, file);
-  if (absl::EndsWith(file.path, "points3D.bin")) return CountBinaryPoints(path, file);
-  return absl::EndsWith(file.path, "points3D.txt") ? CountTextPoints(path, file) : 0;
+// Reads headers that were not read when their files were stored, and keeps what they say: of
+// datasets that an earlier version stored, or whose bytes were there before their upload.
+absl::Status ReadMissingHeaders(Store& store, const Blobs& blobs, const WantedTraining& training,
+                                CheckWanted wanted, std::vector<DatasetFileRow>& files) {
+  std::vector<DatasetFileRow*> photos, points;
+  for (DatasetFileRow& file : files) {
+    if (file.header != HeaderState::kUnread || !HasHeader(file)) continue;
+    (file.kind == v1::FILE_KIND_IMAGE ? photos : points).push_back(&file);
+  }
+  std::vector<DatasetFileRow> read;
+  absl::Status status = ReadSome(blobs, photos, wanted, read);
+  if (status.ok()) status = ReadSome(blobs, points, wanted, read);
+  // The next call need not read them again, also where this one is cancelled.
+  if (!read.empty()) {
+    status.Update(store.SetFileHeaders(training.scene, training.dataset, read));
+  }
+  return status;
 }
 
 int64_t CountKind(const std::vector<DatasetFileRow>& files, v1::FileKind kind) {
@@ -106,11 +80,14 @@ absl::Status MeasurePhotos(const Blobs& blobs, const std::vector<DatasetFileRow>
   if (photos.empty() && rules.num_video_frames == 0) {
     return absl::InvalidArgumentError("the dataset has no photograph");
   }
-  const size_t num_read = std::min(photos.size(), kMostHeaders);
   int64_t sum = 0;
-  for (size_t i = 0; i < num_read; ++i) {
-    ASSIGN_OR_RETURN(const int64_t pixels, PixelsOf(blobs, *photos[i * photos.size() / num_read]));
+  int64_t num_known = 0;
+  for (const DatasetFileRow* photo : photos) {
+    if (photo->header == HeaderState::kRefused) return RefusalOf(blobs.Path(photo->sha256), *photo);
+    if (photo->header == HeaderState::kUnread) continue;
+    const int64_t pixels = int64_t{photo->width} * photo->height;
     sum += pixels;
+    ++num_known;
     size.max_source_pixels = std::max(size.max_source_pixels, pixels);
   }
   if (rules.num_video_frames > 0) {
@@ -119,7 +96,8 @@ absl::Status MeasurePhotos(const Blobs& blobs, const std::vector<DatasetFileRow>
   const auto scaled = [&rules](double pixels) {
     return static_cast<int64_t>(std::ceil(pixels * rules.image_scale * rules.image_scale));
   };
-  const double mean = static_cast<double>(sum) / static_cast<double>(std::max<size_t>(1, num_read));
+  const double mean =
+      static_cast<double>(sum) / static_cast<double>(std::max<int64_t>(1, num_known));
   const auto video_pixels = static_cast<double>(rules.num_video_frames * kVideoFramePixels);
   TrainingSize& training = size.training;
   training.num_views = static_cast<int64_t>(photos.size()) + rules.num_video_frames;
@@ -131,11 +109,12 @@ absl::Status MeasurePhotos(const Blobs& blobs, const std::vector<DatasetFileRow>
 }  // namespace
 
 absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
-                                           const WantedTraining& training) {
-  ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
+                                           const WantedTraining& training, CheckWanted wanted) {
+  ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
                    context.store->ListDatasetFiles(training.scene, training.dataset));
   ASSIGN_OR_RETURN(const std::string project, context.store->ProjectOfScene(training.scene));
   const Blobs blobs{*context.blobs, project};
+  RETURN_IF_ERROR(ReadMissingHeaders(*context.store, blobs, training, wanted, files));
   const ImportOptions& import = training.settings.import;
   DatasetSize size;
   const PhotoRules rules{import.image_scale, CountKind(files, v1::FILE_KIND_VIDEO) *
@@ -153,11 +132,9 @@ absl::StatusOr<DatasetSize> MeasureDataset(const ServiceContext& context,
       std::min(counts.num_views,
                CountKind(files, v1::FILE_KIND_DEPTH) + CountKind(files, v1::FILE_KIND_DISPARITY));
   for (const DatasetFileRow& file : files) {
-    if (file.kind == v1::FILE_KIND_GAUSSIANS) {
-      ASSIGN_OR_RETURN(size.num_given_gaussians, CountPly(blobs, file));
-    }
-    ASSIGN_OR_RETURN(const int64_t num_points, CountPoints(blobs, file));
-    counts.num_points = std::max(counts.num_points, num_points);
+    int64_t& most =
+        file.kind == v1::FILE_KIND_GAUSSIANS ? size.num_given_gaussians : counts.num_points;
+    most = std::max(most, file.num_points);
   }
   if (!size.has_poses) counts.num_points = kPointsOfPhoto * counts.num_views;
   return size;

@@ -11,7 +11,6 @@
 #include "core/reconstruct/estimate.h"
 #include "core/sfm/estimate_poses.h"
 #include "core/status_macros.h"
-#include "server/rpc/dataset_size.h"
 #include "server/rpc/error.h"
 #include "server/rpc/rows_to_proto.h"
 
@@ -150,8 +149,9 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
 }  // namespace
 
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
-                                                              const WantedTraining& training) {
-  ASSIGN_OR_RETURN(DatasetSize dataset, MeasureDataset(context, training));
+                                                              const WantedTraining& training,
+                                                              CheckWanted wanted) {
+  ASSIGN_OR_RETURN(DatasetSize dataset, MeasureDataset(context, training, wanted));
   v1::EstimateTrainingResponse response;
   response.set_num_mask_files(dataset.training.num_masked_views);
   ExpectPriors(training.settings.priors, context.has_priors_command, dataset.training);
@@ -171,9 +171,10 @@ absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceConte
   return response;
 }
 
-absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context,
-                                      const WantedTraining& training) {
-  const auto estimate = EstimateTraining(context, training);
+absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context, const WantedTraining& training,
+                                      CheckWanted wanted) {
+  const auto estimate = EstimateTraining(context, training, wanted);
+  RETURN_IF_ERROR(wanted());
   if (!estimate.ok()) return WorkerShare();
   if (estimate->need_bytes() <= estimate->have_bytes()) return ShareOf(*estimate);
   v1::ErrorDetail detail;

@@ -4,6 +4,7 @@
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/convert.h"
+#include "server/rpc/dataset_size.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
@@ -15,10 +16,10 @@ struct WantedTraining {
   TrainingSettings settings;
 };
 
-// Reads headers of the dataset's files only. INVALID_ARGUMENT names a photograph whose header
-// cannot be read.
+// Estimates by what MeasureDataset finds, with its errors.
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
-                                                              const WantedTraining& training);
+                                                              const WantedTraining& training,
+                                                              CheckWanted wanted);
 
 // What a worker is to be given, with a reserve; 0: nothing is known.
 struct WorkerShare {
@@ -26,9 +27,9 @@ struct WorkerShare {
   int64_t seconds = 0;
 };
 
-// RESOURCE_EXHAUSTED with need and have when the training does not fit. Answers also where nothing
-// can be estimated: the job then says what is wrong with which file.
-absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context,
-                                      const WantedTraining& training);
+// RESOURCE_EXHAUSTED with need and have when the training does not fit; the error of `wanted`.
+// Answers also where nothing can be estimated: the job then says what is wrong with which file.
+absl::StatusOr<WorkerShare> CheckFits(const ServiceContext& context, const WantedTraining& training,
+                                      CheckWanted wanted);
 
 }  // namespace pepeseg

@@ -82,14 +82,15 @@ absl::Status JobServiceRpc::CheckSealed(const std::string& scene, int64_t datase
                       "NOT_SEALED", name);
 }
 
-absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request,
-                                  const std::string& traceparent, v1::Job* response) const {
+absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
+                                  v1::Job* response) const {
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
-  wanted.traceparent = traceparent;
+  wanted.traceparent = TraceparentOf(*call.context);
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-  ASSIGN_OR_RETURN(const WorkerShare share, CheckFits(context_, training));
+  ASSIGN_OR_RETURN(const WorkerShare share,
+                   CheckFits(context_, training, [&call] { return call.CheckWanted(); }));
   wanted.host_bytes = share.host_bytes;
   wanted.seconds = share.seconds;
   if (request.validate_only()) {
@@ -113,7 +114,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::TrainScene(grpc::CallbackServerContext*
                                                     const v1::TrainSceneRequest* request,
                                                     v1::Job* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
-    return Train(*request, TraceparentOf(*unary.context), response);
+    return Train(*request, unary, response);
   });
 }
 
@@ -176,11 +177,12 @@ grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
 grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     grpc::CallbackServerContext* call, const v1::EstimateTrainingRequest* request,
     v1::EstimateTrainingResponse* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
     RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
     RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
-    auto estimate = pepeseg::EstimateTraining(context_, training);
+    auto estimate =
+        pepeseg::EstimateTraining(context_, training, [&unary] { return unary.CheckWanted(); });
     RETURN_IF_ERROR(estimate.status());
     *response = *std::move(estimate);
     return absl::OkStatus();

@@ -5,6 +5,8 @@
 
 namespace pepeseg {
 
+struct UnaryRequest;
+
 class JobServiceRpc final : public v1::JobService::CallbackService {
  public:
   explicit JobServiceRpc(const ServiceContext& context) : context_(context) {}
@@ -29,7 +31,7 @@ class JobServiceRpc final : public v1::JobService::CallbackService {
  private:
   absl::Status CheckSealed(const std::string& scene, int64_t dataset) const;
   // `traceparent`: of the call.
-  absl::Status Train(const v1::TrainSceneRequest& request, const std::string& traceparent,
+  absl::Status Train(const v1::TrainSceneRequest& request, const UnaryRequest& call,
                      v1::Job* response) const;
 
   const ServiceContext context_;

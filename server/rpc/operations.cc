@@ -15,7 +15,8 @@ void Operations::SetDraining(bool draining) {
     spdlog::info(draining ? "draining: nothing new is taken" : "no longer draining");
   }
   health_.SetDraining(draining);
-  for (WorkerPool* pool : {context_.pool, context_.query_pool, context_.evaluation_pool}) {
+  for (WorkerPool* pool :
+       {context_.pool, context_.upload_pool, context_.query_pool, context_.evaluation_pool}) {
     pool->SetDraining(draining);
   }
   context_.streams->SetDraining(draining);

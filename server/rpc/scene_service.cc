@@ -25,9 +25,11 @@ absl::Status CheckCreate(const v1::CreateSceneRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-// What the store does not know of: the folders of a scene's jobs, and its models in memory.
+// What the store does not know of: the folders of a scene's jobs and of its uploads' partial files,
+// and its models in memory.
 struct SceneRemains {
   std::vector<std::string> jobs;
+  std::vector<UploadName> uploads;
   std::vector<std::string> resident_keys;
 };
 
@@ -44,6 +46,11 @@ absl::StatusOr<SceneRemains> FindRemains(const ServiceContext& context, const st
     for (const ModelRow& model : models.rows) remains.resident_keys.push_back(ResidentKey(model));
     page.page_token = models.next_page_token;
   } while (!page.page_token.empty());
+  ASSIGN_OR_RETURN(const std::string project, context.store->ProjectOfScene(scene));
+  ASSIGN_OR_RETURN(const auto uploads, context.store->ListOpenUploads(absl::InfiniteFuture()));
+  for (const DatasetRow& upload : uploads) {
+    if (upload.scene == scene) remains.uploads.push_back({project, scene, upload.number});
+  }
   return remains;
 }
 
@@ -57,6 +64,7 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
   }
   RETURN_IF_ERROR(deleted);
   for (const std::string& key : remains.resident_keys) context.models->Drop(key);
+  for (const UploadName& upload : remains.uploads) context.blobs->RemovePartial(upload);
   // The scene is gone already: a folder that cannot be removed only costs space.
   std::error_code ignored;
   for (const std::string& job : remains.jobs) {
@@ -67,13 +75,30 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
   return absl::OkStatus();
 }
 
-// Selections' files are collected later.
+// Files of a model's selections, below the data directory.
+absl::StatusOr<std::vector<std::string>> FindSelectionFiles(Store& store, const ModelRow& model) {
+  std::vector<std::string> files;
+  PageRequest page{1000, ""};
+  do {
+    ASSIGN_OR_RETURN(const auto selections, store.ListSelections(model.scene, page));
+    for (const SelectionRow& selection : selections.rows) {
+      if (selection.model == model.number) files.push_back(selection.file);
+    }
+    page.page_token = selections.next_page_token;
+  } while (!page.page_token.empty());
+  return files;
+}
+
 absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::string& name) {
   ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, name, "name"));
+  ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(*context.store, row));
   RETURN_IF_ERROR(context.store->DeleteModel(row.scene, row.number));
   context.models->Drop(ResidentKey(row));  // questions under way hold it
   std::error_code ignored;  // the model is gone already: its folder would be collected
   std::filesystem::remove_all(context.data_folder / row.folder, ignored);
+  for (const std::string& file : selections) {
+    std::filesystem::remove(context.data_folder / file, ignored);
+  }
   return absl::OkStatus();
 }
 

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/digest.h"
+#include "core/io/file_bytes.h"
 #include "core/io/selection_file.h"
 #include "core/query/gaussian_sets.h"
 #include "core/status_macros.h"
@@ -84,6 +85,7 @@ absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
   row.file = (SelectionFolder(row.scene) / std::to_string(row.number)).string();
   const std::filesystem::path path = context.data_folder / row.file;
   RETURN_IF_ERROR(WriteMembers(path, set));
+  ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
   auto made = context.store->CreateSelection(row);
   // Where nobody knows whether the row was committed, the collector finds out.
   const bool unknown = absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());

@@ -37,9 +37,11 @@ namespace {
 
 constexpr int kMaxRequestBytes = 8 << 20;
 constexpr int kNumIoThreads = 4;
+constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
 constexpr size_t kMaxQueuedCalls = 1000;
+constexpr size_t kMaxQueuedUploads = 64;  // calls, each with up to 8 MiB; parts of streams besides
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
 constexpr absl::Duration kTick = absl::Seconds(2);
@@ -67,6 +69,7 @@ struct Server::Parts {
   std::unique_ptr<Supervisor> supervisor;
   StreamRegistry streams{kTick, kMaxStreams};
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
+  WorkerPool upload_pool{kNumUploadThreads, kMaxQueuedUploads};
   WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
   WorkerPool evaluation_pool{kNumEvaluationThreads, kMaxQueuedEvaluations};
   std::unique_ptr<HealthMonitor> health;
@@ -144,6 +147,7 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
           device.backend.get(),
           models.get(),
           &pool,
+          &upload_pool,
           &query_pool,
           &evaluation_pool,
           &streams,
@@ -244,6 +248,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->health->Stop();
   // No call is left, so none of these tasks has anything to answer.
   parts_->pool.Stop();
+  parts_->upload_pool.Stop();
   parts_->query_pool.Stop();
   parts_->evaluation_pool.Stop();
   parts_->collector->Stop();

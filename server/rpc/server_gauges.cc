@@ -47,8 +47,9 @@ void ServerGauges::AddServer(Samples& samples) const {
 
 void ServerGauges::AddPools(Samples& samples) const {
   const ServiceContext& context = operations_.context();
-  const std::array<std::pair<const char*, WorkerPool::Use>, 3> pools = {
+  const std::array<std::pair<const char*, WorkerPool::Use>, 4> pools = {
       {{"io", context.pool->use()},
+       {"upload", context.upload_pool->use()},
        {"query", context.query_pool->use()},
        {"evaluation", context.evaluation_pool->use()}}};
   const auto add = [&](auto value) {

@@ -26,6 +26,7 @@ struct ServiceContext {
   Backend* backend;
   ModelCache* models;
   WorkerPool* pool;             // for what waits on the disk
+  WorkerPool* upload_pool;      // for what does so at length, so that short calls do not wait
   WorkerPool* query_pool;       // for what computes
   WorkerPool* evaluation_pool;  // for what does so at length: questions do not wait behind it
   StreamRegistry* streams;

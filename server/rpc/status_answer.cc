@@ -55,6 +55,7 @@ absl::Status AnswerStatus(const Operations& operations, v1::ServerStatus* respon
   FillPool("io", *context.pool, response);
   FillPool("query", *context.query_pool, response);
   FillPool("evaluation", *context.evaluation_pool, response);
+  FillPool("upload", *context.upload_pool, response);
   response->set_num_streams(static_cast<int32_t>(context.streams->size()));
   const LatencyWindow::Quantiles queries = LatencyWindow::Summarize(
       absl::Now(), context.query_pool->latencies(), context.evaluation_pool->latencies());

@@ -102,6 +102,13 @@ grpc::ServerUnaryReactor* RunOnPool(const UnaryRequest& request, const ServiceCo
   return RunOn(request, services, *services.pool, std::move(handler));
 }
 
+// On that for what waits on the disk at length: for each of thousands of files.
+template <typename Handler>
+grpc::ServerUnaryReactor* RunOnUploadPool(const UnaryRequest& request,
+                                          const ServiceContext& services, Handler handler) {
+  return RunOn(request, services, *services.upload_pool, std::move(handler));
+}
+
 // On that for what computes.
 template <typename Handler>
 grpc::ServerUnaryReactor* RunOnQueryPool(const UnaryRequest& request,

@@ -1,5 +1,7 @@
 #include "server/rpc/write_files.h"
 
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
@@ -10,24 +12,15 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kMaxChunkBytes = size_t{4} << 20;
+// Bytes of a file that may come before the stream finds out that its upload was deleted. They count
+// in no quota.
+constexpr int64_t kCheckedBytes = int64_t{32} << 20;
 
 absl::Status OutOfOrder(const std::string& what) {
   v1::ErrorDetail detail;
   detail.set_reason("OUT_OF_ORDER");
   detail.set_field("part");
   return WithDetail(absl::InvalidArgumentError(what), detail);
-}
-
-// The client's name of the file before what went wrong with it.
-absl::Status OfFile(const std::string& path, const absl::Status& status) {
-  if (status.ok()) return status;
-  v1::ErrorDetail detail;
-  detail.set_reason(absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
-                    : absl::IsResourceExhausted(status) ? "DISK_FULL"
-                                                        : "BAD_FILE");
-  detail.set_resource(path);
-  return WithDetail(
-      absl::Status(status.code(), absl::StrCat(path, ": ", std::string(status.message()))), detail);
 }
 
 absl::Status BusyFile(const std::string& path) {
@@ -39,6 +32,18 @@ absl::Status BusyFile(const std::string& path) {
                     detail);
 }
 
+// Commits what has ended, and keeps what came of the file on its way unless the upload is gone.
+absl::Status Close(const ServiceContext& context, const UploadName& upload, WriteGroup group,
+                   std::shared_ptr<BlobWriter> writer) {
+  absl::Status status = group.Commit(*context.store);
+  if (writer == nullptr) return status;
+  writer.reset();
+  if (absl::IsNotFound(context.store->GetDataset(upload.scene, upload.number).status())) {
+    context.blobs->RemovePartial(upload);
+  }
+  return status;
+}
+
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
@@ -47,7 +52,7 @@ Stream::Step WriteFilesStream::Work(bool io_ok) {
   absl::Status status = Authorize(message_);
   if (!status.ok()) return End(std::move(status));
   if (!io_ok) {
-    if (!in_file_) return End(absl::OkStatus());
+    if (!in_file_) return End(absl::OkStatus());  // commits the last group
     return End(OutOfOrder(absl::StrCat(file_.path, ": the stream ended before its end")));
   }
   status = Take(message_);
@@ -65,9 +70,13 @@ Stream::Step WriteFilesStream::Rehash() {
 }
 
 void WriteFilesStream::OnClosed() {
-  if (writer_ == nullptr) return;
+  if (writer_ == nullptr && group_.empty()) return;
   // After the pool has stopped, no reaction is left to be held up.
-  context_.pool->SubmitAlways([writer = std::move(writer_)]() mutable { writer.reset(); });
+  context_.upload_pool->SubmitAlways([context = context_, upload = upload_,
+                                      group = std::move(group_),
+                                      writer = std::move(writer_)]() mutable {
+    Close(context, upload, std::move(group), std::move(writer)).IgnoreError();
+  });
 }
 
 absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
@@ -85,7 +94,8 @@ absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
 }
 
 Stream::Step WriteFilesStream::End(absl::Status status) {
-  writer_.reset();  // keeps what came here, not in a reaction
+  // Keeps what came here, not in a reaction. Of two errors the first one is the cause.
+  status.Update(Close(context_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
   if (!status.ok() && named_.has_header()) {
     context_.authorizer->Record(origin_, *caller_, named_, status);
   }
@@ -99,31 +109,63 @@ absl::Status WriteFilesStream::Take(const v1::WriteFilesRequest& part) {
   }
   if (!in_file_) return OutOfOrder("a chunk, an end or nothing where a header must be");
   if (part.has_chunk()) return OfFile(file_.path, TakeChunk(part.chunk()));
-  if (part.has_end()) return OfFile(file_.path, EndFile());
+  if (part.has_end()) return EndFile();
   return OutOfOrder(absl::StrCat(file_.path, ": a message that is no part"));
 }
 
 absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& header) {
   ASSIGN_OR_RETURN(const SceneChild upload,
                    ParseChildName(header.upload(), "uploads", "header.upload"));
-  ASSIGN_OR_RETURN(const DatasetRow row, context_.store->GetDataset(upload.scene, upload.number));
-  if (row.state == DatasetState::kSealed) {
-    return WithResource(absl::FailedPreconditionError(absl::StrCat(header.upload(), " is sealed")),
-                        "SEALED", header.upload());
+  RETURN_IF_ERROR(FindFile(header, upload));
+  // The bytes that an ended file of the group has are as good as stored.
+  if (group_.Holds(file_.sha256, file_.size)) {
+    writer_ = nullptr;
+  } else {
+    auto writer = context_.blobs->Begin(upload_, file_.sha256, file_.size);
+    if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
+    RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
+    writer_ = *std::move(writer);
   }
-  ASSIGN_OR_RETURN(file_, context_.store->GetDatasetFile(upload.scene, upload.number,
-                                                         Utf8Prefix(header.path(), 512)));
-  scene_ = upload.scene;
-  dataset_ = upload.number;
-  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(scene_));
-  auto writer = context_.blobs->Begin({project, scene_, dataset_}, file_.sha256, file_.size);
-  if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
-  RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
-  writer_ = *std::move(writer);
   RETURN_IF_ERROR(StartAt(header));
   file_bytes_ = header.offset();
   sent_bytes_ = 0;
   in_file_ = true;
+  return absl::OkStatus();
+}
+
+// Clients send files in the order of GetUpload, by path: a query for each hundred.
+absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& header,
+                                        const SceneChild& upload) {
+  const std::string path(Utf8Prefix(header.path(), 512));
+  const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
+  if (!same) RETURN_IF_ERROR(group_.Commit(*context_.store));  // it is the other upload's
+  if (!same || !listed_.contains(path)) {
+    RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
+  }
+  const auto found = listed_.find(path);
+  if (found == listed_.end()) {
+    // NOT_FOUND that names the upload and the file.
+    return context_.store->GetDatasetFile(upload.scene, upload.number, path).status();
+  }
+  file_ = found->second;
+  return absl::OkStatus();
+}
+
+absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::string& name,
+                                        const SceneChild& upload) {
+  constexpr int64_t kListed = 256;
+  Store& store = *context_.store;
+  listed_.clear();
+  ASSIGN_OR_RETURN(const DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  if (row.state == DatasetState::kSealed) {
+    return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is sealed")), "SEALED",
+                        name);
+  }
+  ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
+  ASSIGN_OR_RETURN(auto files,
+                   store.ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
+  for (DatasetFileRow& file : files) listed_.emplace(file.path, std::move(file));
+  upload_ = {project, upload.scene, upload.number};
   return absl::OkStatus();
 }
 
@@ -162,17 +204,21 @@ absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chu
   file_bytes_ += static_cast<int64_t>(chunk.data().size());
   sent_bytes_ += static_cast<int64_t>(chunk.data().size());
   if (writer_ == nullptr) return absl::OkStatus();
+  unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
+  if (unchecked_bytes_ >= kCheckedBytes) {
+    RETURN_IF_ERROR(context_.store->GetDataset(upload_.scene, upload_.number).status());
+    unchecked_bytes_ = 0;
+  }
   return writer_->Append(chunk.data());
 }
 
 absl::Status WriteFilesStream::EndFile() {
-  if (writer_ != nullptr) RETURN_IF_ERROR(writer_->Commit());
-  writer_.reset();
-  RETURN_IF_ERROR(context_.store->MarkFileStored(scene_, dataset_, file_.path));
+  if (writer_ != nullptr) RETURN_IF_ERROR(OfFile(file_.path, writer_->Finish()));
+  group_.Add(upload_, {file_, std::exchange(writer_, nullptr)});
   in_file_ = false;
   response_->set_num_files(response_->num_files() + 1);
   response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
-  return absl::OkStatus();
+  return group_.due() ? group_.Commit(*context_.store) : absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -3,9 +3,11 @@
 
 #include <cstring>
 #include <fstream>
+#include <set>
 #include <sstream>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/io/digest.h"
 #include "server/layout.h"
@@ -83,6 +85,66 @@ TEST(UploadKill, GoesOnWithLessThan33MiBSentAgain) {
                           std::ios::binary)
                 .rdbuf();
   EXPECT_EQ(Sha256Hex(stored.str()), Sha256Hex(file.bytes));
+}
+
+std::vector<ClientFile> TinyFiles(const std::string& name, int num_files) {
+  std::vector<ClientFile> files;
+  files.reserve(num_files);
+  for (int i = 0; i < num_files; ++i) {
+    const std::string path = absl::StrCat("images/", name, 10'000 + i, ".jpg");
+    files.push_back({path, v1::FILE_KIND_IMAGE, "bytes of " + path});
+  }
+  return files;
+}
+
+// The files of an upload that the server says it has are there with the right bytes.
+void ExpectStored(const std::filesystem::path& data, const v1::Upload& upload,
+                  const std::vector<ClientFile>& files) {
+  const std::set<std::string> missing(upload.missing_files().begin(), upload.missing_files().end());
+  for (const ClientFile& file : files) {
+    if (missing.contains(file.path)) continue;
+    std::ostringstream stored;
+    stored << std::ifstream(BlobPath(data, {"default", Sha256Hex(file.bytes)}), std::ios::binary)
+                  .rdbuf();
+    EXPECT_EQ(stored.str(), file.bytes) << file.path;
+  }
+}
+
+TEST(UploadKill, KeepsWhatWasAnsweredOfFilesCommittedInGroups) {
+  const testing::TempFolder folder;
+  const std::filesystem::path data = folder / "data";
+  const std::vector<ClientFile> first = TinyFiles("a", 300), second = TinyFiles("b", 3000);
+  std::vector<ClientFile> all = first;
+  all.insert(all.end(), second.begin(), second.end());
+  auto server = std::make_unique<PepesegdProcess>(data);
+  auto client = std::make_unique<ServiceClient>(server->channel());
+  ASSERT_OK(client->CreateScene("shelf"));
+  ASSERT_OK_AND_ASSIGN(v1::Upload upload, client->CreateUpload("shelf", all));
+  ASSERT_OK(client->WriteFiles(upload, first));
+  for (const size_t num_there : {size_t{301}, size_t{900}, size_t{2000}}) {
+    std::thread killer([&] {
+      ServiceClient watcher(server->channel());
+      const absl::Time deadline = absl::Now() + absl::Seconds(60);
+      while (absl::Now() < deadline) {
+        const auto now = watcher.GetUpload(upload.name());
+        if (now.ok() && all.size() - now->missing_files_size() >= num_there) break;
+      }
+      server->Kill();
+    });
+    EXPECT_FALSE(client->WriteFiles(upload, second).ok());
+    killer.join();
+    server = std::make_unique<PepesegdProcess>(data);
+    client = std::make_unique<ServiceClient>(server->channel());
+    ASSERT_OK_AND_ASSIGN(upload, client->GetUpload(upload.name()));
+    EXPECT_LE(upload.missing_files_size(), static_cast<int>(all.size() - num_there));
+    if (!upload.missing_files().empty()) {
+      EXPECT_GT(upload.missing_files(0), first.back().path) << "was answered, and is lost";
+    }
+    ExpectStored(data, upload, all);
+  }
+  ASSERT_OK(client->WriteFiles(upload, second));
+  ASSERT_OK(client->SealUpload(upload.name()));
+  ExpectStored(data, {}, all);
 }
 
 }  // namespace

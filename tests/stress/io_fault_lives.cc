@@ -18,8 +18,8 @@ namespace {
 using testing::PepesegdOptions;
 using testing::PepesegdProcess;
 
-const std::vector<std::string> kDurableCalls = {"fsync", "fdatasync", "rename", "unlink"};
-const std::vector<std::string> kSpaceCalls = {"write", "fsync", "fdatasync"};
+const std::vector<std::string> kDurableCalls = {"fsync", "fdatasync", "syncfs", "rename", "unlink"};
+const std::vector<std::string> kSpaceCalls = {"write", "fsync", "fdatasync", "syncfs"};
 
 PepesegdOptions Options(std::vector<std::string> environment = {}) {
   return {{}, std::move(environment), PEPESEG_MODEL_WORKER, "", /*may_end=*/true};
@@ -115,6 +115,22 @@ std::vector<std::string> TracedPaths(const std::filesystem::path& trace,
     }
   }
   return paths;
+}
+
+std::map<std::string, int64_t> CountDurableCalls(
+    const std::function<void(const std::shared_ptr<grpc::Channel>&)>& use) {
+  const testing::TempFolder folder;
+  std::vector<std::string> environment = FaultEnvironment(folder / "data", "");
+  environment.push_back("PEPESEG_FAULT_TRACE=" + (folder / "trace").string());
+  PepesegdProcess server(folder / "data", Options(environment));
+  std::map<std::string, int64_t> counts;
+  const auto count = [&](const std::string& name) {
+    return static_cast<int64_t>(TracedPaths(folder / "trace", {name}).size());
+  };
+  for (const std::string& name : kDurableCalls) counts[name] = -count(name);
+  use(server.channel());
+  for (const std::string& name : kDurableCalls) counts[name] += count(name);
+  return counts;
 }
 
 FaultReport KillAtEveryDurableCall(int stride) {

@@ -2,9 +2,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
+
+#include "grpcpp/channel.h"
 
 namespace pepeseg {
 
@@ -20,8 +24,14 @@ struct FaultReport {
   std::string ToString() const;
 };
 
-// One life of a scene for each of the server's calls of fsync, fdatasync, rename and unlink, in
-// which it is killed just before that call, and one just after it. `stride`: tries every so many.
+// How often a server without a fault calls each of fsync, fdatasync, syncfs, rename and unlink on
+// its data while `use` uses it.
+std::map<std::string, int64_t> CountDurableCalls(
+    const std::function<void(const std::shared_ptr<grpc::Channel>&)>& use);
+
+// One life of a scene for each of the server's calls of fsync, fdatasync, syncfs, rename and
+// unlink, in which it is killed just before that call, and one just after it. `stride`: tries every
+// so many.
 FaultReport KillAtEveryDurableCall(int stride);
 
 // One life for each call from which on the disk is full: it ends in errors that say so, and goes on

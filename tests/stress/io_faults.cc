@@ -6,9 +6,10 @@
 //   PEPESEG_FAULT_FILE     of these, those whose path has it; not there: all
 //   PEPESEG_FAULT_TRACE    file that gets a line for each call that counts: its name and the path
 //   PEPESEG_FAULT          KIND:N. kill-before, kill-after: SIGKILL at the Nth call of fsync,
-//                          fdatasync, rename or unlink; full: from the Nth call on that needs space
-//                          (write, fsync, open of a new file) there is none; unreadable: the Nth
-//                          call of read or pread is EIO; unreadable-from: all from the Nth on are
+//                          fdatasync, syncfs, rename or unlink; full: from the Nth call on that
+//                          needs space (write, fsync, open of a new file) there is none;
+//                          unreadable: the Nth call of read or pread is EIO; unreadable-from: all
+//                          from the Nth on are
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -172,6 +173,7 @@ bool RefuseRead(int descriptor) {
 extern "C" {
 
 int fsync(int descriptor) { return Durable("fsync", descriptor); }
+int syncfs(int descriptor) { return Durable("syncfs", descriptor); }
 int fdatasync(int descriptor) { return Durable("fdatasync", descriptor); }
 
 int rename(const char* from, const char* to) {

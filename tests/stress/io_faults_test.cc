@@ -5,8 +5,11 @@
 #include <iostream>
 #include <set>
 
+#include "absl/strings/str_cat.h"
+#include "tests/server/service_client.h"
 #include "tests/stress/full_stress.h"
 #include "tests/stress/io_fault_lives.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -17,6 +20,43 @@ std::set<std::string> CodesOf(const FaultReport& report) {
   std::set<std::string> codes;
   for (const auto& [code, count] : report.codes) codes.insert(code);
   return codes;
+}
+
+std::vector<testing::ClientFile> TinyFiles(int num_files) {
+  std::vector<testing::ClientFile> files;
+  files.reserve(num_files);
+  for (int i = 0; i < num_files; ++i) {
+    files.push_back({absl::StrCat("images/", 10'000 + i, ".jpg"), v1::FILE_KIND_IMAGE,
+                     absl::StrCat("tiny file ", i)});
+  }
+  return files;
+}
+
+int64_t NumSyncs(const std::map<std::string, int64_t>& calls) {
+  return calls.at("fsync") + calls.at("fdatasync") + calls.at("syncfs");
+}
+
+// A sync takes milliseconds: a file each would be half a minute for these on a slow disk.
+TEST(DurableCalls, AreSharedByTheFilesOfAnUpload) {
+  constexpr int kFiles = 1000;
+  const auto files = TinyFiles(kFiles);
+  const auto upload = [&](const std::shared_ptr<grpc::Channel>& channel) {
+    testing::ServiceClient client(channel);
+    ASSERT_OK(client.CreateScene("shelf"));
+    ASSERT_OK(client.Upload("shelf", files));
+  };
+  const auto calls = CountDurableCalls(upload);
+  EXPECT_EQ(calls.at("rename"), kFiles + 1) << "each file, and the manifest";
+  EXPECT_LT(NumSyncs(calls), kFiles / 5);
+  const auto twice = CountDurableCalls([&](const std::shared_ptr<grpc::Channel>& channel) {
+    upload(channel);
+    testing::ServiceClient client(channel);
+    ASSERT_OK_AND_ASSIGN(const v1::Upload again, client.CreateUpload("shelf", files));
+    EXPECT_EQ(again.missing_files_size(), 0);
+    ASSERT_OK(client.SealUpload(again.name()));
+  });
+  EXPECT_EQ(twice.at("rename"), kFiles + 2);
+  EXPECT_LT(NumSyncs(twice), NumSyncs(calls) + 40) << "of what is there nothing is synced";
 }
 
 TEST(KillServer, AtAnyDurableCallLeavesACleanState) {

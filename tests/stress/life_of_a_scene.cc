@@ -1,5 +1,6 @@
 #include "tests/stress/life_of_a_scene.h"
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 
@@ -22,17 +23,35 @@ struct TestFile {
   std::string bytes;
 };
 
-// Of the scene alone, so that no other has stored them; the last is the largest.
+// Of the scene alone, so that no other has stored them; the last is the largest. Enough for the
+// server to commit them as a group.
 std::vector<TestFile> FilesOf(const std::string& id) {
   std::vector<TestFile> files;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 10; i < 30; ++i) {
     std::string bytes;
-    while (bytes.size() < (i == 2 ? size_t{300'000} : size_t{2'000})) {
+    while (bytes.size() < (i == 29 ? size_t{300'000} : size_t{2'000})) {
       absl::StrAppend(&bytes, id, " ", i, " ", bytes.size(), "\n");
     }
     files.push_back({absl::StrCat("images/", i, ".jpg"), std::move(bytes)});
   }
   return files;
+}
+
+// False: the server has ended the stream.
+bool WriteFile(grpc::ClientWriter<v1::WriteFilesRequest>& stream, const std::string& upload,
+               const TestFile& file) {
+  constexpr size_t kChunk = 64 << 10;
+  v1::WriteFilesRequest part;
+  part.mutable_header()->set_upload(upload);
+  part.mutable_header()->set_path(file.path);
+  bool open = stream.Write(part);
+  for (size_t begin = 0; open && begin < file.bytes.size(); begin += kChunk) {
+    part.mutable_chunk()->set_data(file.bytes.substr(begin, kChunk));
+    part.mutable_chunk()->set_crc32c(Crc32c(part.chunk().data()));
+    open = stream.Write(part);
+  }
+  part.mutable_end();
+  return open && stream.Write(part);
 }
 
 v1::SegmentRequest Question(const std::string& model) {
@@ -130,32 +149,18 @@ absl::Status LifeOfAScene::Upload(Stubs& stubs) {
 
 absl::Status LifeOfAScene::WriteMissing(Stubs& stubs, const v1::Upload& upload) {
   const std::vector<TestFile> files = FilesOf(id_);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kPatience);
+  v1::WriteFilesResponse response;
+  const auto stream = stubs.datasets->WriteFiles(&context, &response);
   for (const std::string& path : upload.missing_files()) {
-    const TestFile* file = nullptr;
-    for (const TestFile& one : files) {
-      if (one.path == path) file = &one;
-    }
-    if (file == nullptr) return Wrong(absl::StrCat(path, " was never declared"));
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + kPatience);
-    v1::WriteFilesResponse response;
-    const auto stream = stubs.datasets->WriteFiles(&context, &response);
-    v1::WriteFilesRequest part;
-    part.mutable_header()->set_upload(upload_);
-    part.mutable_header()->set_path(path);
-    bool open = stream->Write(part);
-    constexpr size_t kChunk = 64 << 10;
-    for (size_t begin = 0; open && begin < file->bytes.size(); begin += kChunk) {
-      part.mutable_chunk()->set_data(file->bytes.substr(begin, kChunk));
-      part.mutable_chunk()->set_crc32c(Crc32c(part.chunk().data()));
-      open = stream->Write(part);
-    }
-    part.mutable_end();
-    if (open) stream->Write(part);
-    stream->WritesDone();
-    RETURN_IF_ERROR(ToStatus(stream->Finish()));
+    const auto file = std::find_if(files.begin(), files.end(),
+                                   [&](const TestFile& one) { return one.path == path; });
+    if (file == files.end()) return Wrong(absl::StrCat(path, " was never declared"));
+    if (!WriteFile(*stream, upload_, *file)) break;  // Finish says why
   }
-  return absl::OkStatus();
+  stream->WritesDone();
+  return ToStatus(stream->Finish());
 }
 
 absl::Status LifeOfAScene::Train(Stubs& stubs) {

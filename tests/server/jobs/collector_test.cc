@@ -88,6 +88,26 @@ TEST_F(CollectorTest, BlobsThatNothingNamesGoAfterADay) {
   EXPECT_EQ(Run().num_files, 0);
 }
 
+// What was deleted is known to be nobody's: its bytes count in the quota until they are gone.
+TEST_F(CollectorTest, DeletedBlobsGoAtOnceAndCountNoLonger) {
+  MakeScene("b");
+  Upload("a", 1, true);
+  Upload("b", 2, true);
+  const fs::path deleted = WriteBlob(1, absl::ZeroDuration());
+  const fs::path kept = WriteBlob(2, absl::ZeroDuration());
+  ASSERT_OK(store->DeleteScene("a"));
+  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 10);
+  EXPECT_EQ(Run().num_files, 1);
+  EXPECT_FALSE(fs::exists(deleted));
+  EXPECT_TRUE(fs::exists(kept));
+  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 5);
+  // A crash between the removal and the record of it.
+  ASSERT_OK(store->DeleteScene("b"));
+  fs::remove_all(BlobFolder(data));
+  Run();
+  EXPECT_EQ(store->GetUsage("default")->stored_bytes, 0);
+}
+
 TEST_F(CollectorTest, BeginningsGoWithTheirUpload) {
   Upload("a", 1, true);
   Upload("a", 2);

@@ -21,6 +21,8 @@ void WriteFirstVersion(const std::string& path) {
   sql << "INSERT INTO jobs VALUES (1, 'a', 1, 2, 'index', '', '', '', 1, 0, 0, '', 1, 3, 4, 5)";
   sql << "INSERT INTO models VALUES ('a', 1, 'j1', 'jobs/j1/attempt-1', '{}', 7, 8, 5)";
   sql << "UPDATE job_numbers SET next_job = 2";
+  sql << "INSERT INTO dataset_files VALUES ('a', 1, 'images/1.jpg', 1, 20, 'aa', 1)";
+  sql << "INSERT INTO dataset_files VALUES ('a', 1, 'images/2.jpg', 1, 20, 'aa', 1)";
 }
 
 TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
@@ -38,6 +40,10 @@ TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
   EXPECT_EQ(model->num_gaussians, 7);
   EXPECT_EQ(model->device, "");
   EXPECT_EQ(model->sources, "");
+  const auto file = (*store)->GetDatasetFile("a", 1, "images/1.jpg");
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(file->header, HeaderState::kUnread);
+  EXPECT_EQ((*store)->GetUsage("default")->stored_bytes, 20 + 8) << "a blob and a model";
   JobRow next;
   next.scene = "a";
   next.dataset = 1;

@@ -66,16 +66,81 @@ TEST_F(StoreQuotas, BytesCountOnceADigestAndFromTheirDeclarationOn) {
   ASSERT_OK(store->SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
   ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", false}, {"copy", 1, 60, "d1", false}}, "r1"));
   EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 60);
-  ExpectQuota(Upload("b", {{"2", 1, 41, "d2", false}, {"1", 1, 60, "d1", false}}), "stored_bytes",
+  ASSERT_OK(store->MarkFilesStored({"lab", "a", 1}, {{"1", 1, 60, "d1"}}));
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 60) << "the copy needs no bytes of its own";
+  ExpectQuota(Upload("b", {{"2", 1, 41, "d2", false}, {"1", 1, 60, "d1", true}}), "stored_bytes",
               "101", "100");
   EXPECT_EQ(store->GetUsage("lab")->open_uploads, 1) << "nothing was made of it";
-  EXPECT_OK(Upload("b", {{"2", 1, 40, "d2", false}, {"1", 1, 60, "d1", false}}));
+  EXPECT_OK(Upload("b", {{"2", 1, 40, "d2", false}, {"1", 1, 60, "d1", true}}));
   EXPECT_OK(Upload("a", {{"1", 1, 60, "d1", false}, {"copy", 1, 60, "d1", false}}, "r1"))
       << "a retry is no new one";
   EXPECT_OK(Upload("x", {{"1", 1, 1000, "d1", false}})) << "another project";
+}
+
+// Each upload has its own partial file of a digest, whose bytes are checked at the end only.
+TEST_F(StoreQuotas, CountsAMadeUpDigestInEachUpload) {
+  ASSERT_OK(store->SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
+  ASSERT_OK(Upload("a", {{"1", 1, 60, "made up", false}}));
+  ExpectQuota(Upload("b", {{"1", 1, 60, "made up", false}}), "stored_bytes", "120", "100");
   ASSERT_OK(store->DeleteScene("a"));
+  EXPECT_OK(Upload("b", {{"1", 1, 60, "made up", false}})) << "what was never stored goes at once";
+}
+
+TEST_F(StoreQuotas, CountsADigestDeclaredWithAnotherSize) {
+  ASSERT_OK(store->SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
+  ASSERT_OK(Upload("a", {{"1", 1, 3, "d1", true}, {"2", 1, 90, "d1", false}}));
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 93);
+}
+
+TEST_F(StoreQuotas, CountsDeletedBlobsUntilTheyAreCollected) {
+  ASSERT_OK(store->SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
+  ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", true}}));
+  ASSERT_OK(store->SealDataset("a", 1));
+  ASSERT_OK(store->DeleteScene("a"));
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 60);
+  ExpectQuota(Upload("b", {{"2", 1, 60, "d2", false}}), "stored_bytes", "120", "100");
+  EXPECT_OK(Upload("b", {{"1", 1, 60, "d1", true}})) << "it is there";
   ASSERT_OK(store->DeleteScene("b"));
+  ASSERT_OK(store->ForgetBlobs("lab", {"d1"}));
   EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 0);
+  EXPECT_OK(Upload("c", {{"2", 1, 60, "d2", false}}));
+}
+
+// The stream of a deleted upload may bring a blob after all.
+TEST_F(StoreQuotas, CountsBlobsOfUploadsThatAreGone) {
+  ASSERT_OK(Upload("a", {{"1", 1, 60, "d1", false}}));
+  ASSERT_OK(store->DeleteScene("a"));
+  EXPECT_TRUE(absl::IsNotFound(store->MarkFilesStored({"lab", "a", 1}, {{"1", 1, 60, "d1"}})));
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 60);
+}
+
+TEST_F(StoreQuotas, ModelsAndSelectionsCount) {
+  ASSERT_OK(store->SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
+  ASSERT_OK(Train("a"));  // of 3 bytes
+  const auto job = *store->ClaimJob("cpu");
+  ASSERT_TRUE(job.has_value());
+  ModelRow model;
+  model.folder = "jobs/j1/attempt-1";
+  model.num_bytes = 80;
+  ASSERT_OK(store->CommitModel(job->id, job->fence, model));
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 83);
+  SelectionRow selection;
+  selection.scene = "a";
+  selection.model = 1;
+  selection.number = *store->TakeSelectionNumber("a");
+  selection.num_bytes = 18;
+  ExpectQuota(store->CreateSelection(selection).status(), "stored_bytes", "101", "100");
+  selection.num_bytes = 17;
+  ASSERT_OK(store->CreateSelection(selection));
+  EXPECT_EQ(store->GetSelection("a", 1)->num_bytes, 17);
+  ExpectQuota(Upload("b", {{"2", 1, 1, "d2", false}}), "stored_bytes", "101", "100");
+  JobRow next;
+  next.scene = "a";
+  next.dataset = 1;
+  ExpectQuota(store->CreateJob(next).status(), "stored_bytes", "101", "100");
+  ASSERT_OK(store->DeleteSelection("a", 1));
+  EXPECT_OK(store->CreateJob(next)) << "there is room for some of a model";
+  EXPECT_EQ(store->GetUsage("lab")->stored_bytes, 83);
 }
 
 TEST_F(StoreQuotas, OpenUploadsCountUntilTheyAreSealed) {

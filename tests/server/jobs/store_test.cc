@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/server/jobs/test_database.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -121,15 +122,62 @@ TEST_F(StoreTest, SealsOnlyCompleteDatasets) {
   const auto early = store_->SealDataset("a", 1).status();
   EXPECT_EQ(early.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(early.message()), HasSubstr("images/2.jpg"));
-  EXPECT_EQ(store_->MarkFileStored("a", 1, "images/3.jpg").code(), absl::StatusCode::kNotFound);
-  ASSERT_TRUE(store_->MarkFileStored("a", 1, "images/2.jpg").ok());
-  EXPECT_TRUE(store_->GetDatasetFile("a", 1, "images/2.jpg")->stored);
+  const UploadName upload{kDefaultProject, "a", 1};
+  EXPECT_EQ(store_->MarkFilesStored(upload, {{"images/3.jpg", 1, 20, "bb"}}).code(),
+            absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_->MarkFilesStored(upload, {{"images/2.jpg", 1, 20, "cc"}}).code(),
+            absl::StatusCode::kNotFound)
+      << "of another upload of this name, which was deleted since";
+  DatasetFileRow second{"images/2.jpg", 1, 20, "bb"};
+  second.header = HeaderState::kRead;
+  second.width = 640;
+  second.height = 480;
+  ASSERT_TRUE(store_->MarkFilesStored(upload, {second}).ok());
+  const auto stored = store_->GetDatasetFile("a", 1, "images/2.jpg");
+  EXPECT_TRUE(stored->stored);
+  EXPECT_EQ(stored->header, HeaderState::kRead);
+  EXPECT_EQ(stored->width, 640);
+  EXPECT_EQ(stored->height, 480);
   const auto sealed = store_->SealDataset("a", 1);
   ASSERT_TRUE(sealed.ok()) << sealed.status();
   EXPECT_EQ(sealed->state, DatasetState::kSealed);
   EXPECT_TRUE(store_->SealDataset("a", 1).ok());
-  EXPECT_EQ(store_->MarkFileStored("a", 1, "images/2.jpg").code(),
+  EXPECT_EQ(store_->MarkFilesStored(upload, {second}).code(),
             absl::StatusCode::kFailedPrecondition);
+}
+
+// More files than one statement takes, in every call that has them.
+TEST_F(StoreTest, KeepsThousandsOfFiles) {
+  constexpr int kFiles = 1000;
+  MakeScene("a");
+  std::vector<DatasetFileRow> files;
+  files.reserve(kFiles);
+  for (int i = 0; i < kFiles; ++i) {
+    files.push_back({absl::StrCat("images/", 1000 + i, ".jpg"), 1, 10 + i, absl::StrCat("d", i)});
+  }
+  ASSERT_OK(store_->CreateDataset("a", "", files));
+  ASSERT_OK_AND_ASSIGN(auto listed, store_->ListDatasetFilesFrom("a", 1, "images/1500.jpg", 100));
+  ASSERT_EQ(listed.size(), 100u);
+  EXPECT_EQ(listed[0].path, "images/1500.jpg");
+  EXPECT_EQ(listed[99].path, "images/1599.jpg");
+  ASSERT_OK(store_->MarkFilesStored({kDefaultProject, "a", 1}, listed));
+  EXPECT_EQ(store_->ListBlobs(kDefaultProject)->size(), 100u);
+  EXPECT_THAT(std::string(store_->SealDataset("a", 1).status().message()),
+              HasSubstr("900 of 1000 files are not uploaded"));
+  ASSERT_OK(store_->SealDataset("a", 1, files));
+  for (DatasetFileRow& file : files) {
+    file.header = HeaderState::kRead;
+    file.num_points = 2 * file.size;
+  }
+  ASSERT_OK(store_->SetFileHeaders("a", 1, files));
+  ASSERT_OK_AND_ASSIGN(listed, store_->ListDatasetFiles("a", 1));
+  ASSERT_EQ(listed.size(), size_t{kFiles});
+  for (const DatasetFileRow& file : listed) {
+    EXPECT_TRUE(file.stored);
+    EXPECT_EQ(file.num_points, 2 * file.size) << file.path;
+  }
+  ASSERT_OK(store_->ForgetBlobs(kDefaultProject, {"d0", "d999", "other"}));
+  EXPECT_EQ(store_->ListBlobs(kDefaultProject)->size(), 998u);
 }
 
 TEST_F(StoreTest, SameRequestMakesOneDataset) {

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/layout.h"
 #include "tests/server/rpc/running_server.h"
@@ -127,9 +128,14 @@ TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {
     ASSERT_TRUE(stream->Write(HeaderPart(upload.name(), two.path)));
     ASSERT_TRUE(stream->Write(ChunkPart(two.bytes.substr(0, 1'000'000))));
     // Until the server is in the middle of the second file.
-    while (running.CountPartialFiles() < 1) absl::SleepFor(absl::Milliseconds(5));
+    while (running.CountPartialFiles() < 2) absl::SleepFor(absl::Milliseconds(5));
     context.TryCancel();
     EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+  }
+  // The file that had ended is committed where the stream ends.
+  const absl::Time deadline = absl::Now() + absl::Seconds(20);
+  while (running.CountBlobFiles() == 0 && absl::Now() < deadline) {
+    absl::SleepFor(absl::Milliseconds(5));
   }
   EXPECT_EQ(running.CountBlobFiles(), 1);
   const v1::Upload after = running.GetUpload(upload.name());
@@ -233,6 +239,71 @@ TEST_F(DatasetServiceTest, TheSameBytesAreNotSentTwice) {
   EXPECT_EQ(upload.missing_files_size(), 0);
   EXPECT_TRUE(Seal(upload.name()).ok());
   EXPECT_EQ(running.CountBlobFiles(), 1);
+}
+
+TEST_F(DatasetServiceTest, TakesOneDigestTwiceInAGroup) {
+  const std::vector<TestFile> files = {
+      {"a.jpg", "the same"}, {"b.jpg", "other"}, {"c.jpg", "the same"}};
+  ASSERT_TRUE(Create({Declare(files[0]), Declare(files[1]), Declare(files[2])}).ok());
+  std::vector<v1::WriteFilesRequest> parts;
+  for (const TestFile& file : files) {
+    for (auto& part : FileParts(upload.name(), file)) parts.push_back(std::move(part));
+  }
+  v1::WriteFilesResponse response;
+  const grpc::Status written = running.Write(parts, &response);
+  ASSERT_TRUE(written.ok()) << written.error_message();
+  EXPECT_EQ(response.num_files(), 3);
+  EXPECT_EQ(running.GetUpload(upload.name()).missing_files_size(), 0);
+  EXPECT_TRUE(Seal(upload.name()).ok());
+}
+
+// Files that ended before an error count, whatever the error.
+TEST_F(DatasetServiceTest, KeepsTheGroupBeforeAnError) {
+  std::vector<v1::FileDeclaration> declarations;
+  std::vector<v1::WriteFilesRequest> parts;
+  constexpr int kFiles = 40;
+  for (int i = 0; i < kFiles; ++i) {
+    const TestFile file{absl::StrCat("images/", 100 + i), absl::StrCat("bytes ", i)};
+    declarations.push_back(Declare(file));
+    for (auto& part : FileParts("scenes/shelf/uploads/1", file)) parts.push_back(std::move(part));
+  }
+  parts[parts.size() - 2] = ChunkPart("wrong");
+  ASSERT_TRUE(Create(declarations).ok());
+  const grpc::Status status = running.Write(parts);
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << status.error_message();
+  ASSERT_EQ(running.GetUpload(upload.name()).missing_files_size(), 1);
+  EXPECT_EQ(running.GetUpload(upload.name()).missing_files(0), absl::StrCat("images/", 139));
+}
+
+TEST_F(DatasetServiceTest, AStreamOfADeletedUploadLeavesNothing) {
+  const TestFile file{"images/1.jpg", ManyBytes(3'000'000, 2)};
+  ASSERT_TRUE(Create({Declare(file)}).ok());
+  grpc::ClientContext context, deletion;
+  v1::WriteFilesResponse response;
+  const auto stream = running.datasets->WriteFiles(&context, &response);
+  ASSERT_TRUE(stream->Write(HeaderPart(upload.name(), file.path)));
+  ASSERT_TRUE(stream->Write(ChunkPart(file.bytes.substr(0, 1'000'000))));
+  while (running.CountPartialFiles() < 1) absl::SleepFor(absl::Milliseconds(5));
+  v1::DeleteSceneRequest request;
+  request.set_name("scenes/shelf");
+  google::protobuf::Empty empty;
+  ASSERT_TRUE(running.scenes->DeleteScene(&deletion, request, &empty).ok());
+  stream->WritesDone();
+  EXPECT_FALSE(stream->Finish().ok());
+  EXPECT_EQ(running.CountPartialFiles(), 0);
+}
+
+TEST_F(DatasetServiceTest, DeletedScenesLeaveNoPartialFiles) {
+  const TestFile file{"images/1.jpg", ManyBytes(3'000'000, 2)};
+  ASSERT_TRUE(Create({Declare(file)}).ok());
+  EXPECT_FALSE(running.Write({HeaderPart(upload.name(), file.path), ChunkPart("beginning")}).ok());
+  ASSERT_GE(running.CountPartialFiles(), 1);
+  grpc::ClientContext context;
+  v1::DeleteSceneRequest request;
+  request.set_name("scenes/shelf");
+  google::protobuf::Empty empty;
+  ASSERT_TRUE(running.scenes->DeleteScene(&context, request, &empty).ok());
+  EXPECT_EQ(running.CountPartialFiles(), 0);
 }
 
 TEST_F(DatasetServiceTest, ARetriedCreateAnswersTheSameUpload) {

@@ -1,10 +1,18 @@
+#include "server/rpc/estimate_training.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <fstream>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/digest.h"
+#include "server/layout.h"
+#include "server/rpc/dataset_size.h"
+#include "tests/server/jobs/test_database.h"
 #include "tests/server/png_bytes.h"
 #include "tests/server/rpc/running_server.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
@@ -128,6 +136,102 @@ TEST_F(EstimateTrainingTest, PhotographThatIsNoneIsNamedAndLeftToTheJob) {
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_NE(status.error_message().find("fine"), std::string::npos) << status.error_message();
   EXPECT_TRUE(Train(dataset, {}, /*validate_only=*/true).ok());
+}
+
+// Photographs of which a mebibyte must not be read to know their size.
+std::vector<TestFile> LargePhotos() {
+  std::vector<TestFile> files = Photos();
+  std::string jpeg = "\xFF\xD8";
+  for (int i = 0; i < 20; ++i) jpeg += "\xFF\xE1\xFF\xFF" + std::string(0xFFFD, 'x');
+  jpeg += std::string("\xFF\xC0\x00\x0B\x08\x03\xE8\x07\xD0\x01\x01\x11\x00", 13);
+  files.push_back({"images/large.jpg", jpeg + std::string(1 << 20, 'x')});
+  return files;
+}
+
+void RemoveBlobs(const RunningServer& running) {
+  std::filesystem::remove_all(BlobFolder(running.options.data));
+}
+
+TEST_F(EstimateTrainingTest, KnowsTheSizesSinceTheFilesWereStored) {
+  const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
+  RemoveBlobs(running);
+  const grpc::Status status = Estimate(dataset);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(estimate.num_views(), 5);
+  EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
+  EXPECT_EQ(estimate.num_points(), 3);
+}
+
+TEST_F(EstimateTrainingTest, ReadsHeadersOnceThatWereNotKept) {
+  const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
+  // Another upload of the same files, of which nothing is written.
+  const v1::Upload again = running.CreateUpload("shelf", LargePhotos());
+  grpc::ClientContext context;
+  v1::SealUploadRequest request;
+  request.set_name(again.name());
+  v1::Dataset sealed;
+  ASSERT_TRUE(running.datasets->SealUpload(&context, request, &sealed).ok());
+  for (const bool removed : {false, true}) {
+    if (removed) RemoveBlobs(running);
+    const grpc::Status status = Estimate(sealed.name());
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
+    EXPECT_EQ(estimate.num_points(), 3);
+  }
+}
+
+TEST_F(EstimateTrainingTest, CountsColmapsPointsByTheFrontOfTheFile) {
+  std::string lines;
+  for (int i = 0; i < 20'000; ++i) absl::StrAppend(&lines, "7 1.0 2.0 3.0 100 100 100 0.5 1 2\n");
+  struct Case {
+    std::string text;
+    int64_t least, most;
+  };
+  const std::vector<Case> cases = {
+      {"# Number of points: 12345, mean track length: 3\n" + lines, 12'345, 12'345},
+      {"# Number of points: 99999999999\n" + lines, 20'000, 45'000},
+      {"# a comment\n" + lines, 19'900, 20'100}};
+  for (const Case& one : cases) {
+    std::vector<TestFile> files = Photos();
+    files.back().bytes = one.text;
+    ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+    EXPECT_GE(estimate.num_points(), one.least);
+    EXPECT_LE(estimate.num_points(), one.most);
+  }
+}
+
+// Of a call that is cancelled what was read is kept, so that the next one gets further.
+TEST(MeasureDataset, StopsWhereNobodyWaits) {
+  const testing::TempFolder folder;
+  const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
+  const auto blobs = *BlobStore::Open(folder / "data");
+  ASSERT_OK(store->CreateScene({"a", "", "", {}}));
+  std::vector<DatasetFileRow> files;
+  for (int i = 0; i < 3; ++i) {
+    const std::string bytes = testing::BlackPng(40 + i, 30, 8);
+    files.push_back({absl::StrCat(i, ".png"), v1::FILE_KIND_IMAGE,
+                     static_cast<int64_t>(bytes.size()), Sha256Hex(bytes), true});
+    const auto path = blobs->Path({kDefaultProject, files.back().sha256});
+    std::filesystem::create_directories(path.parent_path());
+    std::ofstream(path, std::ios::binary) << bytes;
+  }
+  ASSERT_OK(store->CreateDataset("a", "", files));
+  ServiceContext context{};
+  context.store = store.get();
+  context.blobs = blobs.get();
+  int num_asked = 0;
+  const auto wanted = [&num_asked] {
+    return ++num_asked > 2 ? absl::CancelledError("the client is gone") : absl::OkStatus();
+  };
+  EXPECT_TRUE(absl::IsCancelled(MeasureDataset(context, {"a", 1, {}}, wanted).status()));
+  EXPECT_EQ(num_asked, 3);
+  ASSERT_OK_AND_ASSIGN(files, store->ListDatasetFiles("a", 1));
+  EXPECT_EQ(files[0].width, 40);
+  EXPECT_EQ(files[1].header, HeaderState::kRead);
+  EXPECT_EQ(files[2].header, HeaderState::kUnread);
+  ASSERT_OK_AND_ASSIGN(const DatasetSize size,
+                       MeasureDataset(context, {"a", 1, {}}, [] { return absl::OkStatus(); }));
+  EXPECT_EQ(size.max_source_pixels, 42 * 30);
 }
 
 TEST_F(EstimateTrainingTest, RefusesWhatTrainSceneRefuses) {

@@ -213,7 +213,7 @@ TEST_F(ObserveTest, StatusTellsWhatTheServerDoes) {
   while (status.running_jobs_size() == 0) status = Status();
   EXPECT_EQ(status.running_jobs(0).name(), job.name());
   EXPECT_EQ(status.num_streams(), 1);
-  EXPECT_EQ(status.pools_size(), 3);
+  EXPECT_EQ(status.pools_size(), 4);
   EXPECT_EQ(status.pools(1).name(), "query");
   EXPECT_EQ(status.pools(1).num_threads(), 2);
   EXPECT_GT(status.resident_bytes(), 1 << 20);

@@ -83,6 +83,39 @@ TEST_F(QuotaTest, BytesAndOpenUploads) {
   ExpectQuota(Create("a", {{"1", "tenletters"}}), "open_uploads");
 }
 
+// Partial files of a digest that nothing has, and what is deleted before the collector has passed.
+TEST_F(QuotaTest, StoredBytesCannotBePassedByWhatIsNoDataset) {
+  v1::Quota quota;
+  quota.set_stored_bytes(20);
+  ASSERT_TRUE(Set(quota).ok());
+  const TestFile file{"1", "tenletters"};
+  ASSERT_TRUE(Create("a", {file}).ok());
+  running.Write({HeaderPart("scenes/a/uploads/1", "1"), ChunkPart("tenlett")});
+  ASSERT_TRUE(Create("b", {file}).ok());
+  ExpectQuota(Create("b", {file}), "stored_bytes");
+}
+
+TEST_F(QuotaTest, ModelsAndSelectionsAreStoredBytes) {
+  ASSERT_EQ(running.Await(running.Train("a", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
+  grpc::ClientContext context, deletion;
+  v1::GetModelRequest request;
+  request.set_name("scenes/a/models/live");
+  v1::Model model;
+  ASSERT_TRUE(running.scenes->GetModel(&context, request, &model).ok());
+  const int64_t used = Used().stored_bytes();
+  EXPECT_GT(used, 5) << "the bytes of the file";
+  v1::Quota quota;
+  quota.set_stored_bytes(used);
+  ASSERT_TRUE(Set(quota).ok());
+  ExpectQuota(Train("a", "scenes/a/datasets/1"), "stored_bytes");
+  v1::DeleteModelRequest request_deletion;
+  request_deletion.set_name(model.name());
+  google::protobuf::Empty empty;
+  ASSERT_TRUE(running.scenes->DeleteModel(&deletion, request_deletion, &empty).ok());
+  EXPECT_EQ(Used().stored_bytes(), 5);
+  EXPECT_TRUE(Train("a", "scenes/a/datasets/1").ok());
+}
+
 TEST_F(QuotaTest, QueuedJobs) {
   const std::string a = running.UploadAndSeal("a", {{"hang", "bytes"}});
   const std::string b = running.UploadAndSeal("b", {{"hang", "bytes"}});

@@ -80,16 +80,19 @@ class DatasetServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def WriteFiles(self, request_iterator, context):
-        """Any number of files, one after the other: header, chunks, end. A file counts once its end was
-        seen and its size and SHA-256 are right; it survives a crash from then on. A file that is cut
-        off is kept up to its last committed byte, every 32 MiB and where the stream ends, for a header
+        """Any number of files, one after the other: header, chunks, end. Files that have ended, with the
+        size and SHA-256 that were declared, are committed in groups: after 128 files or 32 MiB, with
+        the first end that comes a second after the group's first file, and where the stream ends,
+        however it ends. A file counts, and survives a crash, once the response has come or GetUpload
+        does not list it as missing; after a crash a client sends the missing ones again. A file that
+        is cut off is kept up to its last committed byte, every 32 MiB and where the stream ends, for a header
         with that offset; a whole one that fails its SHA-256 is not kept. Files may be sent on several
         streams at once, each by one at a time (ABORTED). OUT_OF_RANGE: an offset that is not the
         committed one, which is told (value: the offset, limit: the committed one). RESOURCE_EXHAUSTED:
         the project's quota, or the disk. DATA_LOSS: a chunk fails its CRC, or a file its SHA-256;
         INVALID_ARGUMENT: more or fewer bytes than declared, or messages out of order; NOT_FOUND: a
         file that the upload does not list; FAILED_PRECONDITION: the upload is sealed. An error ends
-        the stream; the files ended before it stay.
+        the stream; the files ended before it stay. Of an upload that is deleted nothing is kept.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
