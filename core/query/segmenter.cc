@@ -85,10 +85,10 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
   ASSIGN_OR_RETURN(std::vector<float> features, PixelFeatures(view, pixels));
   for (size_t i = 0; i < points.size(); ++i) {
     if (FeatureNorm(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
+    // Without its place: a request may count other pixels than those of the view.
     return absl::InvalidArgumentError(absl::StrCat(
-        "point ", i, " at (", points[i].x, ", ", points[i].y,
-        "): nothing with a feature is rendered there; click where the model shows an object that a "
-        "mask covered in training"));
+        "point ", i, ": nothing with a feature is rendered there; click where the model shows an ",
+        "object that a mask covered in training"));
   }
   return features;
 }

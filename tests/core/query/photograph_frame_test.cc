@@ -1,0 +1,201 @@
+#include "core/query/photograph_frame.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "core/io/view_warp.h"
+#include "core/query/view_places.h"
+#include "tests/testing/lens_cases.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector2f;
+using testing::DistortingLenses;
+using testing::LensCase;
+
+ModelView ViewOf(const Lens& lens, double image_scale, int orientation = 1) {
+  const absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale);
+  EXPECT_OK(warp.status());
+  ModelView view;
+  view.camera = warp->camera();
+  view.photograph = warp->photograph();
+  view.photograph->orientation = orientation;
+  return view;
+}
+
+Lens Pinhole() {
+  Lens lens{.model = LensModel::kPinhole, .width = 160, .height = 120};
+  lens.fx = 120, lens.fy = 122, lens.cx = 83, lens.cy = 57;
+  return lens;
+}
+
+TEST(PhotographFrame, IsTheViewWhereNothingWasRecordedOrWarped) {
+  ModelView view;
+  view.camera = {96, 64, 60, 60, 48, 32};
+  const PhotographFrame without(view);
+  EXPECT_TRUE(without.is_view());
+  EXPECT_EQ(without.width(), 96);
+  EXPECT_EQ(without.ToView(Vector2d(3.25, 4.5)), Vector2d(3.25, 4.5));
+  EXPECT_TRUE(PhotographFrame(ViewOf(Pinhole(), 1)).is_view());
+  EXPECT_FALSE(PhotographFrame(ViewOf(Pinhole(), 0.5)).is_view());
+  EXPECT_FALSE(PhotographFrame(ViewOf(Pinhole(), 1, 3)).is_view());
+  EXPECT_FALSE(PhotographFrame(ViewOf(DistortingLenses()[0].MakeLens(), 1)).is_view());
+}
+
+TEST(PhotographFrame, ScalesWhereTheLensIsStraight) {
+  const PhotographFrame frame(ViewOf(Pinhole(), 0.5));
+  EXPECT_EQ(frame.width(), 160);
+  EXPECT_EQ(frame.FromView({40, 30}), Vector2d(80, 60));
+  EXPECT_EQ(frame.ToView(Vector2d(159.5, 119.5)), Vector2d(79.75, 59.75));
+  EXPECT_FALSE(frame.ToView(Vector2d(160.5, 3)).has_value());
+}
+
+TEST(PhotographFrame, GoesThereAndBackThroughEveryLens) {
+  for (const LensCase& c : DistortingLenses()) {
+    for (const int orientation : {1, 6}) {
+      SCOPED_TRACE(std::string(NameOf(c.model)));
+      const ModelView view = ViewOf(c.MakeLens(), 0.5, orientation);
+      const PhotographFrame frame(view);
+      EXPECT_EQ(frame.width(), orientation == 1 ? 160 : 120);
+      for (int y = 0; y < view.camera.height; ++y) {
+        for (int x = 0; x < view.camera.width; ++x) {
+          const Vector2d place(x + 0.25, y + 0.75);
+          const Vector2d in_photograph = frame.FromView(place);
+          EXPECT_GE(in_photograph.minCoeff(), 0);
+          EXPECT_LE(in_photograph.x(), frame.width());
+          EXPECT_LE(in_photograph.y(), frame.height());
+          const std::optional<Vector2d> back = frame.ToView(in_photograph);
+          ASSERT_TRUE(back.has_value()) << x << " " << y;
+          ASSERT_LT((*back - place).norm(), 1e-5) << x << " " << y;
+        }
+      }
+    }
+  }
+}
+
+TEST(PhotographFrame, ShowsNoPlaceThatTheViewLacks) {
+  // A barrel lens: a pinhole of its size shows less of the world than the corners do.
+  const PhotographFrame frame(ViewOf(DistortingLenses()[0].MakeLens(), 1));
+  EXPECT_FALSE(frame.ToView(Vector2d(0.5, 0.5)).has_value());
+  EXPECT_FALSE(frame.ToView(Vector2d(-5, 60)).has_value());
+  EXPECT_TRUE(frame.ToView(Vector2d(80, 60)).has_value());
+}
+
+TEST(PhotographFrame, ShowsTheSamePixelsAsTheImport) {
+  std::vector<Lens> lenses = {Pinhole()};
+  for (const LensCase& c : DistortingLenses()) lenses.push_back(c.MakeLens());
+  for (const Lens& lens : lenses) {
+    for (const double image_scale : {1.0, 0.5, 0.37}) {
+      SCOPED_TRACE(std::string(NameOf(lens.model)));
+      // Each mask is a bit of the pixel's index: together they name the pixel.
+      constexpr int kBits = 15;
+      std::vector<BinaryMask> bits(kBits);
+      for (int i = 0; i < lens.width * lens.height; ++i) {
+        for (int bit = 0; bit < kBits; ++bit) {
+          bits[bit].pixels.push_back(static_cast<uint8_t>(i >> bit & 1));
+        }
+      }
+      ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, image_scale));
+      const MaskSet warped = warp.Masks(BuildMaskSet(lens.width, lens.height, bits, 1.0));
+      ASSERT_EQ(warped.num_masks, kBits);
+      const std::vector<int32_t> pixels = PhotographFrame(ViewOf(lens, image_scale)).PixelsOfView();
+      ASSERT_EQ(pixels.size(), warped.pixel_patch.size());
+      for (int i = 0; i < static_cast<int>(pixels.size()); ++i) {
+        int32_t expected = 0;
+        for (int bit = 0; bit < kBits; ++bit) {
+          const bool in = warped.Covers(bit, i % warped.width, i / warped.width);
+          expected |= static_cast<int32_t>(in) << bit;
+        }
+        ASSERT_EQ(pixels[i], expected) << i;
+      }
+    }
+  }
+}
+
+TEST(PhotographFrame, TurnsThePixelsThatAViewShows) {
+  const std::vector<int32_t> pixels = PhotographFrame(ViewOf(Pinhole(), 1, 6)).PixelsOfView();
+  // 120 pixels wide: the stored first row is at the right.
+  EXPECT_EQ(pixels[0], 119);
+  EXPECT_EQ(pixels[1], 120 + 119);
+  EXPECT_EQ(pixels[160], 118);
+}
+
+TEST(PhotographFrame, TakesABoxToWhatTheViewShowsOfIt) {
+  const PhotographFrame half(ViewOf(Pinhole(), 0.5));
+  const std::optional<BoxPrompt> scaled = half.ToView(BoxPrompt{-10, 20, 50, 40});
+  ASSERT_TRUE(scaled.has_value());
+  EXPECT_NEAR(scaled->x, 0, 1e-9);
+  EXPECT_NEAR(scaled->y, 10, 1e-9);
+  EXPECT_NEAR(scaled->width, 20, 1e-9);
+  EXPECT_NEAR(scaled->height, 20, 1e-9);
+  EXPECT_FALSE(half.ToView(BoxPrompt{170, 20, 5, 5}).has_value());
+  EXPECT_FALSE(half.ToView(BoxPrompt{10, 20, 0, 5}).has_value());
+  for (const LensCase& c : DistortingLenses()) {
+    SCOPED_TRACE(std::string(NameOf(c.model)));
+    const ModelView view = ViewOf(c.MakeLens(), 0.5);
+    const PhotographFrame frame(view);
+    for (const BoxPrompt& box :
+         {BoxPrompt{50, 30, 40, 50}, BoxPrompt{-20, 70, 90, 80}, BoxPrompt{0, 0, 160, 120}}) {
+      const std::optional<BoxPrompt> in_view = frame.ToView(box);
+      ASSERT_TRUE(in_view.has_value());
+      double left = 1e9, right = -1e9, top = 1e9, bottom = -1e9;
+      for (double y = 0; y <= view.camera.height; y += 0.25) {
+        for (double x = 0; x <= view.camera.width; x += 0.25) {
+          const Vector2d place = frame.FromView({x, y});
+          if (place.x() < box.x || place.y() < box.y || place.x() > box.x + box.width ||
+              place.y() > box.y + box.height) {
+            continue;
+          }
+          left = std::min(left, x), right = std::max(right, x);
+          top = std::min(top, y), bottom = std::max(bottom, y);
+        }
+      }
+      EXPECT_NEAR(in_view->x, left, 0.3);
+      EXPECT_NEAR(in_view->y, top, 0.3);
+      EXPECT_NEAR(in_view->x + in_view->width, right, 0.3);
+      EXPECT_NEAR(in_view->y + in_view->height, bottom, 0.3);
+    }
+  }
+}
+
+// The grid against Newton's method for each pixel.
+TEST(ViewPlaces, AreWithinATenthOfAPixelOfTheInverse) {
+  for (const LensCase& c : DistortingLenses()) {
+    for (const int orientation : {1, 8}) {
+      SCOPED_TRACE(std::string(NameOf(c.model)));
+      const PhotographFrame frame(ViewOf(c.MakeLens(), 1, orientation));
+      const ViewPlaces places(frame, frame.width(), frame.height());
+      std::vector<Vector2f> row(frame.width());
+      int num_shown = 0;
+      for (int y = 0; y < frame.height(); ++y) {
+        places.Row(y, row);
+        for (int x = 0; x < frame.width(); ++x) {
+          const std::optional<Vector2d> exact = frame.ToView(Vector2d(x + 0.5, y + 0.5));
+          const bool shown = !std::isnan(row[x].x());
+          num_shown += shown ? 1 : 0;
+          if (shown && exact) {
+            EXPECT_LT((row[x].cast<double>() - *exact).norm(), 0.1) << x << " " << y;
+          }
+          // Where they disagree is within that of the border.
+          if (shown != exact.has_value()) {
+            const Camera& camera = frame.camera();
+            const Vector2d at = exact ? *exact : row[x].cast<double>();
+            const double inside =
+                std::min({at.x(), at.y(), camera.width - at.x(), camera.height - at.y()});
+            EXPECT_LT(inside, 0.1) << x << " " << y;
+          }
+        }
+      }
+      EXPECT_GT(num_shown, frame.width() * frame.height() / 2);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

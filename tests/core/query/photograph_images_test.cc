@@ -1,0 +1,172 @@
+#include "core/query/photograph_images.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <string>
+
+#include "core/io/view_warp.h"
+#include "tests/testing/lens_cases.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+using Eigen::Vector2d;
+using testing::DistortingLenses;
+using testing::LensCase;
+
+ModelView ViewOf(const Lens& lens, double image_scale, int orientation = 1) {
+  const absl::StatusOr<ViewWarp> warp = ViewWarp::Create(lens, image_scale);
+  EXPECT_OK(warp.status());
+  ModelView view;
+  view.camera = warp->camera();
+  view.photograph = warp->photograph();
+  view.photograph->orientation = orientation;
+  return view;
+}
+
+ViewPlaces PlacesOf(const ModelView& view) {
+  const PhotographFrame frame(view);
+  return {frame, frame.width(), frame.height()};
+}
+
+Lens Pinhole(int width, int height) {
+  Lens lens{.model = LensModel::kPinhole, .width = width, .height = height};
+  lens.fx = lens.fy = 120, lens.cx = width / 2.0, lens.cy = height / 2.0;
+  return lens;
+}
+
+BinaryMask Draw(int width, int height, const std::function<bool(double, double)>& inside) {
+  BinaryMask mask;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) mask.pixels.push_back(inside(x + 0.5, y + 0.5) ? 1 : 0);
+  }
+  return mask;
+}
+
+double Iou(const BinaryMask& a, const BinaryMask& b) {
+  double both = 0, either = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i) {
+    both += a.pixels[i] & b.pixels[i];
+    either += a.pixels[i] | b.pixels[i];
+  }
+  return both / either;
+}
+
+BinaryMask TakeToView(const BinaryMask& mask, const PhotographFrame& frame) {
+  BinaryMask in_view;
+  for (const int32_t pixel : frame.PixelsOfView()) in_view.pixels.push_back(mask.pixels[pixel]);
+  return in_view;
+}
+
+TEST(MaskInPhotograph, IsTheMaskWhereThePhotographIsOnlyTurned) {
+  const ModelView view = ViewOf(Pinhole(40, 30), 1, 3);
+  const BinaryMask mask = Draw(40, 30, [](double x, double y) { return x < 12 && y < 2 * x; });
+  BinaryMask turned = mask;
+  std::reverse(turned.pixels.begin(), turned.pixels.end());
+  // But for pixels that stick out.
+  EXPECT_GT(Iou(MaskInPhotograph(mask, PlacesOf(view)), turned), 0.97);
+}
+
+TEST(MaskInPhotograph, EnlargedHasSmootherEdgesThanThePixelsOfTheView) {
+  const auto disc = [](double x, double y) { return std::hypot(x - 81, y - 58) < 33.3; };
+  const auto stripe = [](double x, double y) { return std::abs(0.4 * x - y + 20) < 9; };
+  const ModelView view = ViewOf(Pinhole(160, 120), 0.25);
+  for (const std::function<bool(double, double)>& shape :
+       {std::function<bool(double, double)>(disc), std::function<bool(double, double)>(stripe)}) {
+    const BinaryMask truth = Draw(160, 120, shape);
+    const BinaryMask in_view = TakeToView(truth, PhotographFrame(view));
+    const BinaryMask nearest = Draw(160, 120, [&](double x, double y) {
+      return in_view.pixels[static_cast<size_t>(y / 4) * 40 + static_cast<size_t>(x / 4)] != 0;
+    });
+    const double smooth = Iou(MaskInPhotograph(in_view, PlacesOf(view)), truth);
+    // Measured: 0.81 of the error for the disc, 0.69 for the stripe.
+    EXPECT_LT(1 - smooth, 0.85 * (1 - Iou(nearest, truth)));
+  }
+}
+
+TEST(MaskInPhotograph, IsThereAndBackThroughEveryLens) {
+  for (const LensCase& c : DistortingLenses()) {
+    for (const int orientation : {1, 6}) {
+      SCOPED_TRACE(std::string(NameOf(c.model)));
+      const ModelView view = ViewOf(c.MakeLens(), 0.5, orientation);
+      const PhotographFrame frame(view);
+      const double x0 = frame.width() / 2.0, y0 = frame.height() / 2.0;
+      const BinaryMask truth = Draw(frame.width(), frame.height(), [&](double x, double y) {
+        return std::hypot(x - x0, y - y0) < 40;
+      });
+      const BinaryMask back = MaskInPhotograph(TakeToView(truth, frame), PlacesOf(view));
+      EXPECT_GT(Iou(back, truth), 0.96);
+    }
+  }
+}
+
+TEST(MaskInPhotograph, HasNothingOutsideOfTheView) {
+  const ModelView view = ViewOf(DistortingLenses()[0].MakeLens(), 1);
+  const BinaryMask all = {
+      std::vector<uint8_t>(static_cast<size_t>(view.camera.width) * view.camera.height, 1)};
+  const BinaryMask mask = MaskInPhotograph(all, PlacesOf(view));
+  EXPECT_EQ(mask.pixels.front(), 0);
+  EXPECT_EQ(mask.pixels.back(), 0);
+  EXPECT_EQ(mask.pixels[60 * 160 + 80], 1);
+}
+
+TEST(InPhotograph, MeasuresTheMaskAgain) {
+  const ModelView view = ViewOf(Pinhole(40, 30), 0.5);
+  SegmentResult result;
+  result.width = 20;
+  result.height = 15;
+  result.mask = Draw(20, 15, [](double x, double y) { return x > 4 && x < 10 && y > 3 && y < 9; });
+  result.similarity.assign(300, 0.25f);
+  result.score = 0.75;
+  const SegmentResult mapped = InPhotograph(result, PlacesOf(view));
+  EXPECT_EQ(mapped.width, 40);
+  EXPECT_EQ(mapped.height, 30);
+  // Corners are rounded.
+  EXPECT_NEAR(static_cast<double>(mapped.area), 144, 8);
+  EXPECT_EQ(std::vector<int>(mapped.box, mapped.box + 4), (std::vector<int>{8, 6, 12, 12}));
+  EXPECT_EQ(mapped.similarity, std::vector<float>(1200, 0.25f));
+  EXPECT_EQ(mapped.score, 0.75);
+}
+
+TEST(ColorsInPhotograph, AreThePhotographThatWasUndistorted) {
+  for (const LensCase& c : DistortingLenses()) {
+    SCOPED_TRACE(std::string(NameOf(c.model)));
+    const Lens lens = c.MakeLens();
+    ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1));
+    Image photo{lens.width, lens.height, 3, {}};
+    for (int y = 0; y < lens.height; ++y) {
+      for (int x = 0; x < lens.width; ++x) {
+        const double value = 127.5 + 60 * std::sin(x / 20.0) + 60 * std::cos(y / 15.0);
+        photo.pixels.insert(photo.pixels.end(), 3, static_cast<uint8_t>(std::lround(value)));
+      }
+    }
+    const ModelView view = ViewOf(lens, 1);
+    const Image back = ColorsInPhotograph(warp.Photo(photo), PlacesOf(view));
+    ASSERT_EQ(back.pixels.size(), photo.pixels.size());
+    int num_shown = 0;
+    for (size_t i = 0; i < photo.pixels.size(); ++i) {
+      if (back.pixels[i] == 0) continue;  // the photograph is nowhere under 7
+      ++num_shown;
+      EXPECT_NEAR(back.pixels[i], photo.pixels[i], 6) << i;
+    }
+    EXPECT_GT(num_shown, 160 * 120 * 3 / 2);
+  }
+}
+
+TEST(NearestInPhotograph, MixesNoValues) {
+  const ModelView view = ViewOf(DistortingLenses()[2].MakeLens(), 0.5);
+  std::vector<int32_t> ids;
+  for (int i = 0; i < view.camera.width * view.camera.height; ++i)
+    ids.push_back(i % 2 == 0 ? 7 : 9);
+  int other = 0;
+  for (const int32_t id : NearestInPhotograph(std::span<const int32_t>(ids), PlacesOf(view))) {
+    other += id != 0 && id != 7 && id != 9 ? 1 : 0;
+  }
+  EXPECT_EQ(other, 0);
+}
+
+}  // namespace
+}  // namespace pepeseg
