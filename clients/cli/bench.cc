@@ -11,6 +11,7 @@
 #include "clients/cli/bench_truth.h"
 #include "clients/cli/evaluation.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/stopwatch.h"
@@ -95,8 +96,9 @@ absl::Status Click(const Client& client, const std::vector<v1::View>& views, Ben
     request.mutable_prompt()->mutable_view()->set_view(view.view());
     request.mutable_targets()->add_views(view.view());
     auto* point = request.mutable_prompt()->mutable_points()->add_points();
-    point->set_x(0.5 * view.camera().width());
-    point->set_y(0.5 * view.camera().height());
+    const PixelSize photograph = PhotographSize(view);
+    point->set_x(0.5 * photograph.width);
+    point->set_y(0.5 * photograph.height);
     break;
   }
   for (const char* name : {"first_click", "next_click"}) {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
@@ -34,15 +35,18 @@ absl::StatusOr<GreyPicture> ReadLabels(const fs::path& path) {
   return labels;
 }
 
-absl::StatusOr<std::string> LabelsPng(const fs::path& path, const v1::PinholeCamera& camera) {
+absl::StatusOr<std::string> LabelsPng(const fs::path& path, const PixelSize& photograph) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path));
+  const auto wide = DecodeGrey16(bytes, path.string());
+  if (wide.ok() && PixelSize{wide->width, wide->height} == photograph) return bytes;
   ASSIGN_OR_RETURN(const GreyPicture labels, ReadLabels(path));
-  const double step = static_cast<double>(labels.width) / camera.width();
-  if (std::abs(labels.height / step - camera.height()) > 1) {
+  const double step = static_cast<double>(labels.width) / photograph.width;
+  if (std::abs(labels.height / step - photograph.height) > 1) {
     return absl::InvalidArgumentError(absl::StrCat(path.string(), ": ", labels.width, "x",
-                                                   labels.height, " labels, the model's view has ",
-                                                   camera.width(), "x", camera.height()));
+                                                   labels.height, " labels, the photograph has ",
+                                                   photograph.width, "x", photograph.height));
   }
-  return EncodePng(Resized(labels, camera.width(), camera.height()));
+  return EncodePng(Resized(labels, photograph.width, photograph.height));
 }
 
 }  // namespace
@@ -78,6 +82,7 @@ absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const fs::path& dataset,
                                                       const std::vector<v1::View>& views) {
   v1::EvaluateRequest request;
   request.set_model(model);
+  request.set_frame(v1::PIXEL_FRAME_PHOTOGRAPH);
   for (const auto& [id, name] : level.entities) (*request.mutable_entity_names())[id] = name;
   const fs::path ignore = dataset / "ignore_mask.png";
   for (const v1::View& view : views) {
@@ -85,9 +90,9 @@ absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const fs::path& dataset,
     if (!view.held_out() || !Exists(path)) continue;
     auto& labels = *request.add_labels();
     labels.set_view(view.view());
-    ASSIGN_OR_RETURN(*labels.mutable_png(), LabelsPng(path, view.camera()));
+    ASSIGN_OR_RETURN(*labels.mutable_png(), LabelsPng(path, PhotographSize(view)));
     if (!Exists(ignore)) continue;
-    ASSIGN_OR_RETURN(*labels.mutable_ignore_png(), LabelsPng(ignore, view.camera()));
+    ASSIGN_OR_RETURN(*labels.mutable_ignore_png(), LabelsPng(ignore, PhotographSize(view)));
   }
   return request;
 }

@@ -24,9 +24,9 @@ struct TruthLevel {
 // none.
 absl::StatusOr<std::vector<TruthLevel>> FindTruth(const std::filesystem::path& dataset);
 
-// The label images of the held-out views, at the sizes that the model has them in, and the ignore
-// mask of the dataset. INVALID_ARGUMENT: a size that is not the view's but for a scale; ids over
-// 255 in images that are to be shrunk.
+// The label images of the held-out views, in the pixels of the photographs, and the ignore mask of
+// the dataset. Images of another size are resampled (nearest) to it. INVALID_ARGUMENT: an image of
+// another shape than its photograph; ids over 255 in an image that is to be resampled.
 absl::StatusOr<v1::EvaluateRequest> EvaluateRequestOf(const std::filesystem::path& dataset,
                                                       const TruthLevel& level,
                                                       const std::string& model,

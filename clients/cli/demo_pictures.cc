@@ -66,7 +66,8 @@ absl::Status WriteOverview(const fs::path& folder, const DemoView& view, const P
 absl::Status WritePictures(const fs::path& folder, const Client& client,
                            const std::vector<DemoView>& views, const DemoResult& result) {
   for (const DemoView& view : views) {
-    ASSIGN_OR_RETURN(const Picture render, RenderView(client, result.model.name(), view.name));
+    ASSIGN_OR_RETURN(const Picture rendered, RenderView(client, result.model.name(), view.name));
+    const Picture render = Resized(rendered, view.photo.width, view.photo.height);
     RETURN_IF_ERROR(WriteOverview(folder, view, render, result));
     const std::vector<ProductScore>& products = result.scores.products;
     for (size_t i = 0; i < products.size(); ++i) {

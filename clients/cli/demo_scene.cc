@@ -4,6 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -12,8 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 
 absl::StatusOr<DemoView> ReadView(const fs::path& data, const v1::View& view) {
-  const int width = view.camera().width();
-  const int height = view.camera().height();
+  const auto [width, height] = PhotographSize(view);
   DemoView result;
   result.name = view.view();
   ASSIGN_OR_RETURN(const Picture photo, ReadPicture(data / "images" / view.view()));

@@ -12,7 +12,7 @@
 
 namespace pepeseg::client::cli {
 
-// A held-out view with what is known about it; all of the view's size.
+// A held-out view with what is known about it; all of the photograph's size.
 struct DemoView {
   std::string name;
   Picture photo;

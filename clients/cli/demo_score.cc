@@ -55,7 +55,7 @@ absl::StatusOr<std::vector<Mask>> AskMasks(const Client& client, const std::stri
   return masks;
 }
 
-// Pixels of a view.
+// Pixels of a photograph.
 size_t SizeOf(const std::vector<DemoView>& views, const std::string& name) {
   const auto found = std::find_if(views.begin(), views.end(),
                                   [&](const DemoView& view) { return view.name == name; });

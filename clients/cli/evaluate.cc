@@ -6,6 +6,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cli/evaluation.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
@@ -22,7 +23,8 @@ struct EvaluateFlags {
   std::string ignore;
   std::string names;
   std::string model = "live";
-  double threshold = -2;  // below -1: the server's default
+  double threshold = -2;                              // below -1: the server's default
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of the label images and the ignore mask
 };
 
 // FOLDER/STEM.png of every held-out view that has one; the names of the others.
@@ -80,6 +82,7 @@ absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   v1::EvaluateRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
   if (!flags.names.empty()) RETURN_IF_ERROR(AddNames(flags.names, request));
+  request.set_frame(flags.frame);
   if (flags.threshold >= -1) request.mutable_options()->set_fixed_threshold(flags.threshold);
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(request.model()));
   ASSIGN_OR_RETURN(const std::vector<std::string> without, AddLabels(flags, views, request));
@@ -112,6 +115,7 @@ void AddEvaluate(CLI::App& app, Shell& shell) {
   verb->add_option("--threshold", flags->threshold, "Cosine of the fixed scales")
       ->check(CLI::Range(-1.0, 1.0));
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  AddFrameFlag(*verb, flags->frame);
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunEvaluate(shell, *flags); }; });
 }

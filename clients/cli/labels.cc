@@ -44,6 +44,7 @@ absl::StatusOr<v1::MaskImage> FindMask(const Client& client, const LabelFlags& f
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   *request.mutable_granularity() = ToGranularity(flags.granularity);
+  request.set_frame(flags.prompt.frame);
   ASSIGN_OR_RETURN(const v1::SegmentResponse answer, client.Segment(request));
   if (answer.masks_size() != 1) return absl::InternalError("no mask was answered");
   *mask.mutable_rle() = answer.masks(0).rle();
@@ -57,6 +58,7 @@ absl::Status RunLabel(const Shell& shell, const LabelFlags& flags) {
   request.set_label_id(flags.id);
   request.mutable_label()->set_text(flags.text);
   request.mutable_label()->set_view(flags.prompt.view);
+  request.set_frame(flags.prompt.frame);
   ASSIGN_OR_RETURN(*request.mutable_label()->mutable_mask(), FindMask(client, flags));
   ASSIGN_OR_RETURN(const v1::Label label, client.CreateLabel(std::move(request)));
   shell.json ? PrintJson(label) : Print(LabelLine(label));
@@ -90,7 +92,7 @@ void AddLabel(CLI::App& app, Shell& shell) {
   AddGranularityFlags(*verb, flags->granularity);
   CLI::Option* point = verb->get_option("--point")->required(false);
   CLI::Option* mask =
-      verb->add_option("--mask", flags->mask, "A grey PNG of the view's size, 0 outside, instead")
+      verb->add_option("--mask", flags->mask, "A grey PNG of the frame's size, 0 outside, instead")
           ->excludes(point);
   verb->add_option("--text", flags->text, "What it says; the id by default");
   verb->callback([flags, &shell, point, mask] {

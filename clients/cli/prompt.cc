@@ -3,6 +3,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
@@ -65,6 +66,7 @@ void AddPromptFlags(CLI::App& verb, PromptFlags& flags) {
   verb.add_option("--view", flags.view, "The view that is clicked in")->required();
   AddNegative(verb, flags, AddPoints(verb, flags)->required());
   verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
+  AddFrameFlag(verb, flags.frame);
 }
 
 void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags) {
@@ -75,12 +77,13 @@ void AddAnyPromptFlags(CLI::App& verb, PromptFlags& flags) {
   what->add_option("--box", flags.box, "A box around what is meant")
       ->type_name("X,Y,WIDTH,HEIGHT")
       ->needs(view);
-  what->add_option("--mask", flags.mask, "A grey PNG of the view's size, 0 outside")->needs(view);
+  what->add_option("--mask", flags.mask, "A grey PNG of the frame's size, 0 outside")->needs(view);
   what->add_option("--label", flags.label, "What was given this label; it has its own view")
       ->excludes(view);
   what->require_option(1);
   AddNegative(verb, flags, point);
   verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
+  AddFrameFlag(verb, flags.frame);
 }
 
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags) {

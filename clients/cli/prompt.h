@@ -17,7 +17,8 @@ struct PromptFlags {
   std::string view;
   std::vector<std::string> positive;
   std::vector<std::string> negative;
-  std::string box, mask, label;  // in place of points; see AddAnyPromptFlags
+  std::string box, mask, label;                       // in place of points; see AddAnyPromptFlags
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;  // of points, box and mask, and of the answer
 };
 // Points.
 void AddPromptFlags(CLI::App& verb, PromptFlags& flags);

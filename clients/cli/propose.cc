@@ -56,8 +56,9 @@ absl::Status WriteOverlays(const Client& client, const ProposeFlags& flags,
                            const v1::ProposeScalesResponse& answer) {
   for (int i = 0; i < answer.proposals_size(); ++i) {
     ASSIGN_OR_RETURN(const Picture overlay,
-                     OverlayOf(client, answer.model(), answer.proposals(i).mask(),
-                               request.prompt().points().points()));
+                     DrawnOver(client, answer.model(),
+                               {answer.proposals(i).mask(), request.prompt().points().points(),
+                                request.frame()}));
     const fs::path path =
         fs::path(flags.out) / absl::StrCat(Stem(flags.prompt.view), "_", i + 1, ".png");
     RETURN_IF_ERROR(WritePng(path, overlay));
@@ -70,6 +71,7 @@ absl::Status RunPropose(const Shell& shell, const ProposeFlags& flags) {
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
   ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
   request.set_max_proposals(flags.max_proposals);
+  request.set_frame(flags.prompt.frame);
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ProposeScalesResponse answer, client.ProposeScales(request));
   if (!flags.out.empty()) RETURN_IF_ERROR(WriteOverlays(client, flags, request, answer));

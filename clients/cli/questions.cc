@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -49,6 +50,7 @@ absl::StatusOr<v1::SegmentRequest> BuildRequest(const SegmentFlags& flags) {
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   SetTargets(flags.targets, request);
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
+  request.set_frame(flags.prompt.frame);
   return request;
 }
 
@@ -63,7 +65,8 @@ absl::Status WriteMask(const Client& client, const SegmentFlags& flags,
   RETURN_IF_ERROR(WritePng(stem.string() + "_mask.png", grey));
   Points points;
   if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
-  ASSIGN_OR_RETURN(const Picture overlay, OverlayOf(client, answer.model(), view, points));
+  ASSIGN_OR_RETURN(const Picture overlay,
+                   DrawnOver(client, answer.model(), {view, points, request.frame()}));
   return WritePng(stem.string() + "_overlay.png", overlay);
 }
 
@@ -94,26 +97,29 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
 }  // namespace
 
 absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
-                                   const std::string& view) {
+                                   const std::string& view, v1::PixelFrame frame) {
   v1::RenderRequest request;
   request.set_model(model);
   request.mutable_viewpoint()->set_view(view);
+  request.set_frame(frame);
   ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
   return DecodePicture(answer.png(), view);
 }
 
-absl::StatusOr<Picture> OverlayOf(const Client& client, const std::string& model,
-                                  const v1::SegmentResponse::ViewMask& view, const Points& points) {
-  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(view.rle()));
-  ASSIGN_OR_RETURN(Picture overlay, RenderView(client, model, view.view()));
-  if (overlay.width != view.rle().width() || overlay.height != view.rle().height()) {
-    return absl::InternalError(absl::StrCat(view.view(), ": mask and rendering differ in size"));
+absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
+                                  const Overlay& overlay) {
+  const v1::CocoRle& rle = overlay.mask.rle();
+  ASSIGN_OR_RETURN(Mask mask, DecodeRle(rle));
+  ASSIGN_OR_RETURN(Picture picture, RenderView(client, model, overlay.mask.view(), overlay.frame));
+  const GreyPicture resized = Resized(GreyPicture{rle.width(), rle.height(), std::move(mask)},
+                                      picture.width, picture.height);
+  DrawMask(picture, resized.pixels, kMaskColor);
+  const double shrunk = static_cast<double>(picture.width) / rle.width();
+  for (const auto& point : overlay.points) {
+    DrawClick(picture, point.x() * shrunk, point.y() * shrunk,
+              point.negative() ? kNegative : kPositive);
   }
-  DrawMask(overlay, mask, kMaskColor);
-  for (const auto& point : points) {
-    DrawClick(overlay, point.x(), point.y(), point.negative() ? kNegative : kPositive);
-  }
-  return overlay;
+  return picture;
 }
 
 std::string Stem(const std::string& view) {

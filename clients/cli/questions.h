@@ -10,14 +10,22 @@
 
 namespace pepeseg::client::cli {
 
-// A view of a model in the model's colours.
+// A view of a model in the model's colours, in the frame's pixels; shrunk where those are too many
+// for an answer.
 absl::StatusOr<Picture> RenderView(const Client& client, const std::string& model,
-                                   const std::string& view);
+                                   const std::string& view,
+                                   v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH);
 
 using Points = google::protobuf::RepeatedPtrField<v1::PointsPrompt::Point>;
-// The rendering of a view with an RLE mask and points drawn over it.
-absl::StatusOr<Picture> OverlayOf(const Client& client, const std::string& model,
-                                  const v1::SegmentResponse::ViewMask& view, const Points& points);
+// An RLE mask of a view and points in it, in the pixels of the frame.
+struct Overlay {
+  const v1::SegmentResponse::ViewMask& mask;
+  Points points;
+  v1::PixelFrame frame;
+};
+// The rendering of the view with them drawn over it.
+absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
+                                  const Overlay& overlay);
 
 // "frame-000000.jpg" -> "frame-000000"; folders become dashes: a file name for what is about a
 // view.

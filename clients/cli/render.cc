@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cli/prompt.h"
 #include "clients/cli/questions.h"
 #include "clients/cli/shell.h"
@@ -28,6 +29,8 @@ struct RenderFlags {
   SubsetFlags subset;
   int level = 0;
   double scale = 0.5;
+  v1::PixelFrame frame = v1::PIXEL_FRAME_PHOTOGRAPH;
+  int max_side = 0;  // 0: the server's choice
 };
 
 // By the names that the option takes.
@@ -47,6 +50,8 @@ absl::StatusOr<Request> BuildRequest(const RenderFlags& flags) {
                                               flags.subset.scales.end());
   request.set_level(flags.level);
   request.set_feature_scale(flags.scale);
+  request.set_frame(flags.frame);
+  request.set_max_side(flags.max_side);
   return request;
 }
 
@@ -101,6 +106,10 @@ void AddRender(CLI::App& app, Shell& shell) {
   verb->add_option("--scale", flags->scale, "Of features: 0 for small parts, 1 for the largest")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  AddFrameFlag(*verb, flags->frame);
+  verb->add_option("--max-side", flags->max_side,
+                   "Longer side of the pictures, pixels; by default what 2 megapixels hold")
+      ->check(CLI::Range(1, 16384));
   AddSubsetFlags(*verb, flags->subset);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunRender(shell, *flags); }; });
 }

@@ -84,6 +84,7 @@ absl::Status WritePicture(const Client& client, const SelectFlags& flags,
   request.set_model(selection.model());
   request.mutable_viewpoint()->set_view(flags.prompt.view);
   request.mutable_subset()->set_selection(selection.name());
+  request.set_frame(flags.prompt.frame);
   ASSIGN_OR_RETURN(const v1::RenderResponse answer, client.Render(request));
   ASSIGN_OR_RETURN(const Picture picture, DecodePicture(answer.png(), flags.prompt.view));
   const fs::path path = fs::path(flags.out) / (Stem(flags.prompt.view) + "_selection.png");
@@ -102,6 +103,7 @@ absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_num_views(flags.num_views);
   request.set_keep_disconnected(flags.keep_disconnected);
+  request.set_frame(flags.prompt.frame);
   SetBase(flags, request);
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::Selection selection, client.Select(std::move(request)));

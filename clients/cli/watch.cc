@@ -9,6 +9,7 @@
 #include "clients/cli/progress_line.h"
 #include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {

@@ -143,7 +143,7 @@ inside sh -c "kill -KILL $worker"
 expect 0 pepeseg watch "$job"
 
 step 'questions, an export'
-expect 0 pepeseg --json segment shelf --view frame-000000.jpg --point 160,140 --views all --out /out/masks
+expect 0 pepeseg --json segment shelf --view frame-000000.jpg --point 320,280 --views all --out /out/masks
 grep -q '"masks":\[{' "$work/output" || fail 'no masks'
 [[ -s $work/out/masks/frame-000000_mask.png ]] || fail 'no mask is written'
 expect 0 pepeseg export shelf /out/shelf.ply

@@ -6,7 +6,10 @@
 
 namespace pepeseg {
 
-// RESOURCE_EXHAUSTED: over the 4 MiB that a client takes in one message.
+// What a client takes in one message.
+inline constexpr size_t kAnswerBytes = size_t{4} << 20;
+
+// RESOURCE_EXHAUSTED: over kAnswerBytes.
 absl::Status CheckAnswerSize(size_t num_bytes);
 
 }  // namespace pepeseg

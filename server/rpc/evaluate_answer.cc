@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/rpc/error.h"
+#include "server/rpc/pixel_frame.h"
 #include "server/rpc/read_mask.h"
 
 namespace pepeseg {
@@ -25,16 +27,28 @@ absl::StatusOr<ModelView> FindHeldOut(const std::string& name, const Model& mode
   return *found;
 }
 
-absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest::ViewLabels& labels,
+// `image`: of the view that the labels are of.
+absl::Status ReadImages(const v1::EvaluateRequest::ViewLabels& labels, const ImageOfView& image,
+                        const std::string& field, LabeledView& labeled) {
+  ASSIGN_OR_RETURN(FloatImage ids, DecodeGreyOf(image, labels.png(), field + ".png"));
+  const std::vector<float> in_view = image.frame.TakeToView(std::move(ids.values));
+  labeled.labels.assign(in_view.begin(), in_view.end());
+  if (labels.ignore_png().empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const FloatImage grey,
+                   DecodeGreyOf(image, labels.ignore_png(), field + ".ignore_png"));
+  std::vector<uint8_t> ignore;
+  ignore.reserve(grey.values.size());
+  for (const float value : grey.values) ignore.push_back(value != 0 ? 1 : 0);
+  labeled.ignore = image.frame.TakeIgnoreToView(ignore);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<LabeledView> ReadView(const v1::EvaluateRequest& request, int index,
                                      const Model& model, const std::string& field) {
+  const v1::EvaluateRequest::ViewLabels& labels = request.labels(index);
   LabeledView labeled;
   ASSIGN_OR_RETURN(labeled.view, FindHeldOut(labels.view(), model, field + ".view"));
-  ASSIGN_OR_RETURN(const FloatImage ids, DecodeGreyOf(labeled.view, labels.png(), field + ".png"));
-  labeled.labels.assign(ids.values.begin(), ids.values.end());
-  if (labels.ignore_png().empty()) return labeled;
-  ASSIGN_OR_RETURN(const FloatImage ignore,
-                   DecodeGreyOf(labeled.view, labels.ignore_png(), field + ".ignore_png"));
-  for (const float value : ignore.values) labeled.ignore.push_back(value != 0 ? 1 : 0);
+  RETURN_IF_ERROR(ReadImages(labels, ImageOf(labeled.view, request.frame()), field, labeled));
   return labeled;
 }
 
@@ -51,10 +65,18 @@ v1::EvaluateResponse::Choice ChoiceToProto(const OneClickChoice& choice) {
   return proto;
 }
 
+// The click is in the first of its views.
+Eigen::Vector2d ClickOf(const EntityScore& score, v1::PixelFrame frame, const Model& model) {
+  const Eigen::Vector2d click(score.click.x, score.click.y);
+  const auto view =
+      std::find_if(model.views.begin(), model.views.end(), [&](const ModelView& candidate) {
+        return !score.views.empty() && candidate.name == score.views.front().view;
+      });
+  return view == model.views.end() ? click : ImageOf(*view, frame).frame.FromView(click);
+}
+
 void FillEntity(const EntityScore& score, v1::EvaluateResponse::Entity* entity) {
   entity->set_id(score.id);
-  entity->set_click_x(score.click.x);
-  entity->set_click_y(score.click.y);
   entity->set_missing(score.missing);
   *entity->mutable_chosen() = ChoiceToProto(score.chosen);
   *entity->mutable_oracle() = ChoiceToProto(score.oracle);
@@ -80,12 +102,14 @@ absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& r
   std::vector<LabeledView> views;
   std::set<std::string> names;
   int64_t num_pixels = 0;
-  for (const auto& labels : request.labels()) {
-    const std::string field = absl::StrCat("labels[", views.size(), "]");
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
+  for (int i = 0; i < request.labels_size(); ++i) {
+    const v1::EvaluateRequest::ViewLabels& labels = request.labels(i);
+    const std::string field = absl::StrCat("labels[", i, "]");
     if (!names.insert(labels.view()).second) {
       return BadField(field + ".view", labels.view(), "has labels already");
     }
-    ASSIGN_OR_RETURN(LabeledView view, ReadView(labels, model, field));
+    ASSIGN_OR_RETURN(LabeledView view, ReadView(request, i, model, field));
     num_pixels += static_cast<int64_t>(view.labels.size());
     if (num_pixels > kMaxLabelPixels) {
       return BadField(field, labels.view(),
@@ -119,10 +143,13 @@ v1::EvaluationOptions ToProto(const OneClickOptions& options) {
 }
 
 void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request,
-                v1::EvaluateResponse* response) {
+                const Model& model, v1::EvaluateResponse* response) {
   for (const EntityScore& score : scores.entities) {
     v1::EvaluateResponse::Entity* entity = response->add_entities();
     FillEntity(score, entity);
+    const Eigen::Vector2d click = ClickOf(score, request.frame(), model);
+    entity->set_click_x(click.x());
+    entity->set_click_y(click.y());
     const auto name = request.entity_names().find(score.id);
     if (name != request.entity_names().end()) entity->set_name(name->second);
   }

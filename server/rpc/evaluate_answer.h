@@ -8,7 +8,8 @@
 
 namespace pepeseg {
 
-// The labels of an Evaluate request, decoded. INVALID_ARGUMENT names the field.
+// The labels of an Evaluate request, decoded and taken to the views as the import takes masks.
+// INVALID_ARGUMENT names the field.
 absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& request,
                                                     const Model& model);
 
@@ -16,8 +17,9 @@ absl::StatusOr<std::vector<LabeledView>> ReadLabels(const v1::EvaluateRequest& r
 absl::StatusOr<OneClickOptions> OneClickOptionsFromProto(const v1::EvaluationOptions& proto);
 v1::EvaluationOptions ToProto(const OneClickOptions& options);
 
-// Entities, what is left out, and means. Names that the request has for other ids are not used.
+// Entities with their clicks in the frame of the request, what is left out, and means. Names that
+// the request has for other ids are not used.
 void FillAnswer(const OneClickScores& scores, const v1::EvaluateRequest& request,
-                v1::EvaluateResponse* response);
+                const Model& model, v1::EvaluateResponse* response);
 
 }  // namespace pepeseg

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/io/rle.h"
 #include "core/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
+#include "server/rpc/pixel_frame.h"
 #include "server/rpc/read_mask.h"
 #include "server/rpc/read_prompt.h"
 #include "server/rpc/resource_name.h"
@@ -28,13 +30,21 @@ v1::Label WithoutMask(const LabelRow& row) {
   return proto;
 }
 
-v1::Label WithMask(const LabelRow& row) {
-  v1::Label proto = WithoutMask(row);
-  v1::CocoRle& rle = *proto.mutable_mask()->mutable_rle();
+// In the pixels of the view.
+v1::CocoRle StoredRle(const LabelRow& row) {
+  v1::CocoRle rle;
   rle.set_width(row.width);
   rle.set_height(row.height);
   rle.set_counts(row.counts);
-  return proto;
+  return rle;
+}
+
+v1::CocoRle Rle(const BinaryMask& mask, int width, int height) {
+  v1::CocoRle rle;
+  rle.set_width(width);
+  rle.set_height(height);
+  rle.set_counts(EncodeCocoRle(mask, width, height));
+  return rle;
 }
 
 absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
@@ -47,40 +57,55 @@ absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
   return CheckRequestId(request.request_id());
 }
 
-// Its view and mask are checked against the live model.
-absl::StatusOr<LabelRow> ReadLabel(const ServiceContext& context,
-                                   const v1::CreateLabelRequest& request) {
+// A label as it was given, and as it is kept: with its mask in the view.
+struct GivenLabel {
   LabelRow row;
+  v1::CocoRle mask;  // in the frame of the request
+};
+
+// Its view and mask are checked against the live model.
+absl::StatusOr<GivenLabel> ReadLabel(const ServiceContext& context,
+                                     const v1::CreateLabelRequest& request) {
+  GivenLabel given;
+  LabelRow& row = given.row;
   ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
   RETURN_IF_ERROR(CheckCreate(request));
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
   const v1::Label& label = request.label();
   ASSIGN_OR_RETURN(const ResidentModel model,
                    LoadModel(context, request.parent() + "/models/live", "parent"));
   ASSIGN_OR_RETURN(const ModelView view,
                    FindView(label.view(), model.segmenter->model(), "label.view"));
-  ASSIGN_OR_RETURN(const BinaryMask mask, ReadMask(label.mask(), view, "label.mask"));
+  const ImageOfView image = ImageOf(view, request.frame());
+  ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
+  given.mask = Rle(mask, image.frame.width(), image.frame.height());
+  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
   row.id = request.label_id();
   row.text = label.text().empty() ? row.id : label.text();
   row.view = view.name;
   row.width = view.camera.width;
   row.height = view.camera.height;
   row.counts = EncodeCocoRle(mask, row.width, row.height);
-  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
   row.request_id = request.request_id();
-  return row;
+  return given;
 }
 
 }  // namespace
 
 absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLabelRequest& request,
                                v1::Label* response) {
-  ASSIGN_OR_RETURN(const LabelRow label, ReadLabel(context, request));
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(context, request));
+  const LabelRow& label = given.row;
   const auto made = context.store->CreateLabel(label);
   if (absl::IsAlreadyExists(made.status())) {
     return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
   }
   RETURN_IF_ERROR(made.status());
-  *response = WithMask(*made);
+  *response = WithoutMask(*made);
+  // A retry brings the mask that the first request brought, and gets it again.
+  v1::CocoRle& mask = *response->mutable_mask()->mutable_rle();
+  mask = made->counts == label.counts ? given.mask : StoredRle(*made);
   return absl::OkStatus();
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -17,18 +18,28 @@ namespace {
 
 constexpr size_t kMaxPngBytes = size_t{4} << 20;
 
-absl::Status CheckSize(int64_t width, int64_t height, const ModelView& view,
-                       const std::string& field) {
-  const Camera& camera = view.camera;
-  if (width == camera.width && height == camera.height) return absl::OkStatus();
-  return BadField(field, absl::StrCat(width, "x", height),
-                  absl::StrCat("pixels; view ", view.name, " has ", camera.width, "x",
-                               camera.height, " in the model"));
+absl::Status CheckSize(const ImageSize& size, const ImageOfView& image, const std::string& field) {
+  const PhotographFrame& frame = image.frame;
+  if (size == ImageSize{frame.width(), frame.height()}) return absl::OkStatus();
+  std::string what = absl::StrCat("pixels; ", image.name, " has ", image.Size());
+  if (size == ImageSize{frame.camera().width, frame.camera().height}) {
+    absl::StrAppend(&what, "; for pixels of the view ask with frame PIXEL_FRAME_VIEW");
+  }
+  return BadField(field, absl::StrCat(size.width, "x", size.height), what);
 }
 
-absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const ModelView& view,
+// Header and length.
+absl::StatusOr<ImageHeader> ReadPngHeader(const std::string& png, const std::string& name,
+                                          const std::string& field) {
+  const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
+  const auto header = ReadImageHeader(name, bytes);
+  if (header.ok() && header->format == ImageFormat::kPng) return header;
+  return BadField(field, name, "not a whole PNG");
+}
+
+absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const ImageOfView& image,
                                        const std::string& field) {
-  RETURN_IF_ERROR(CheckSize(rle.width(), rle.height(), view, field));
+  RETURN_IF_ERROR(CheckSize({rle.width(), rle.height()}, image, field));
   const auto refused = [&](const absl::Status& status) {
     return BadField(field + ".counts", rle.counts(), std::string(status.message()));
   };
@@ -41,13 +52,13 @@ absl::StatusOr<BinaryMask> MaskFromRle(const v1::CocoRle& rle, const ModelView& 
   return mask;
 }
 
-absl::StatusOr<BinaryMask> MaskFromPng(const std::string& png, const ModelView& view,
+absl::StatusOr<BinaryMask> MaskFromPng(const std::string& png, const ImageOfView& image,
                                        const std::string& field) {
   if (png.size() > kMaxPngBytes) {
     return BadField(field, absl::StrCat(png.size()),
                     absl::StrCat("bytes; allowed are ", kMaxPngBytes));
   }
-  ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(view, png, field));
+  ASSIGN_OR_RETURN(const FloatImage grey, DecodeGreyOf(image, png, field));
   BinaryMask mask;
   mask.pixels.reserve(grey.values.size());
   for (const float value : grey.values) mask.pixels.push_back(value != 0 ? 1 : 0);
@@ -56,32 +67,58 @@ absl::StatusOr<BinaryMask> MaskFromPng(const std::string& png, const ModelView& 
 
 }  // namespace
 
-absl::StatusOr<FloatImage> DecodeGreyOf(const ModelView& view, const std::string& png,
-                                        const std::string& field) {
-  const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
-  const auto header = ReadImageHeader(view.name, bytes);
-  if (!header.ok() || header->format != ImageFormat::kPng) {
-    return BadField(field, view.name, "not a whole PNG");
-  }
-  RETURN_IF_ERROR(CheckSize(header->width, header->height, view, field));
-  auto image = DecodeGrey(bytes, view.name);
-  if (!image.ok()) return BadField(field, view.name, std::string(image.status().message()));
-  return image;
+ImageSize SizeOf(const v1::MaskImage& image) {
+  if (image.has_rle()) return {image.rle().width(), image.rle().height()};
+  const auto header = ReadPngHeader(image.png(), "", "");
+  return header.ok() ? ImageSize{header->width, header->height} : ImageSize{};
 }
 
-absl::StatusOr<BinaryMask> ReadMask(const v1::MaskImage& image, const ModelView& view,
+absl::StatusOr<FloatImage> DecodeGreyOf(const ImageOfView& image, const std::string& png,
+                                        const std::string& field) {
+  ASSIGN_OR_RETURN(const ImageHeader header, ReadPngHeader(png, image.name, field));
+  RETURN_IF_ERROR(CheckSize({header.width, header.height}, image, field));
+  const std::span bytes(reinterpret_cast<const uint8_t*>(png.data()), png.size());
+  auto decoded = DecodeGrey(bytes, image.name);
+  if (!decoded.ok()) return BadField(field, image.name, std::string(decoded.status().message()));
+  return decoded;
+}
+
+absl::StatusOr<BinaryMask> ReadMask(const v1::MaskImage& mask, const ImageOfView& image,
                                     const std::string& field) {
-  absl::StatusOr<BinaryMask> mask = BadField(field, "", "neither RLE nor PNG");
-  if (image.image_case() == v1::MaskImage::kRle) {
-    mask = MaskFromRle(image.rle(), view, field + ".rle");
-  } else if (image.image_case() == v1::MaskImage::kPng) {
-    mask = MaskFromPng(image.png(), view, field + ".png");
+  absl::StatusOr<BinaryMask> read = BadField(field, "", "neither RLE nor PNG");
+  if (mask.image_case() == v1::MaskImage::kRle) {
+    read = MaskFromRle(mask.rle(), image, field + ".rle");
+  } else if (mask.image_case() == v1::MaskImage::kPng) {
+    read = MaskFromPng(mask.png(), image, field + ".png");
   }
-  RETURN_IF_ERROR(mask.status());
-  if (std::count(mask->pixels.begin(), mask->pixels.end(), 1) == 0) {
+  RETURN_IF_ERROR(read.status());
+  if (std::count(read->pixels.begin(), read->pixels.end(), 1) == 0) {
     return BadField(field, "", "no pixel is in the mask");
   }
-  return mask;
+  return read;
+}
+
+absl::StatusOr<BinaryMask> TakeToView(BinaryMask mask, const ImageOfView& image,
+                                      const std::string& field) {
+  BinaryMask in_view = {image.frame.TakeToView(std::move(mask.pixels))};
+  if (std::count(in_view.pixels.begin(), in_view.pixels.end(), 1) > 0) return in_view;
+  return BadField(field, "",
+                  absl::StrCat("no pixel of the mask is in the part of ", image.name,
+                               " that the model was trained on, or the mask is too small for it"));
+}
+
+BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSize& to) {
+  if (from == to) return mask;
+  BinaryMask resized;
+  resized.pixels.reserve(static_cast<size_t>(to.width * to.height));
+  for (int64_t y = 0; y < to.height; ++y) {
+    const int64_t row = (2 * y + 1) * from.height / (2 * to.height);
+    for (int64_t x = 0; x < to.width; ++x) {
+      const int64_t column = (2 * x + 1) * from.width / (2 * to.width);
+      resized.pixels.push_back(mask.pixels[row * from.width + column]);
+    }
+  }
+  return resized;
 }
 
 }  // namespace pepeseg

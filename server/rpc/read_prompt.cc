@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/io/rle.h"
@@ -9,27 +11,13 @@
 #include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"
+#include "server/rpc/pixel_frame.h"
 #include "server/rpc/read_mask.h"
 #include "server/rpc/resource_name.h"
 
 namespace pepeseg {
 
 namespace {
-
-// A mask of `from` pixels as an image of the view's size shows it.
-BinaryMask Resampled(const BinaryMask& mask, const LabelRow& from, const Camera& to) {
-  if (from.width == to.width && from.height == to.height) return mask;
-  BinaryMask resampled;
-  resampled.pixels.reserve(static_cast<size_t>(to.width) * to.height);
-  for (int y = 0; y < to.height; ++y) {
-    const int64_t row = (2 * int64_t{y} + 1) * from.height / (2 * int64_t{to.height});
-    for (int x = 0; x < to.width; ++x) {
-      const int64_t column = (2 * int64_t{x} + 1) * from.width / (2 * int64_t{to.width});
-      resampled.pixels.push_back(mask.pixels[row * from.width + column]);
-    }
-  }
-  return resampled;
-}
 
 // The id alone, or a whole name of a label of this scene.
 absl::StatusOr<std::string> LabelId(const std::string& label, const std::string& scene,
@@ -60,7 +48,65 @@ absl::StatusOr<Prompt> ReadLabel(const ServiceContext& context, const ResidentMo
                    PixelsOfRuns(counts, row->width, row->height));
   BinaryMask mask = {std::vector<uint8_t>(static_cast<size_t>(row->width) * row->height)};
   for (const uint32_t pixel : inside) mask.pixels[pixel] = 1;
-  return Prompt{*view, Resampled(mask, *row, view->camera)};
+  return Prompt{
+      *view, Resized(mask, {row->width, row->height}, {view->camera.width, view->camera.height})};
+}
+
+// "point 700,500 is outside photograph "a.jpg" (640x480)".
+absl::Status BadPlace(const std::string& field, const std::string& value, const std::string& what) {
+  v1::ErrorDetail detail;
+  detail.set_reason("BAD_FIELD");
+  detail.set_field(field);
+  detail.set_value(value);
+  detail.set_limit(what);
+  return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)), detail);
+}
+
+std::string NotShown(const ImageOfView& image) {
+  return absl::StrCat("is in a part of ", image.name, " (", image.Size(),
+                      ") that the model was not trained on: its lens was undistorted and the ",
+                      "border cut off");
+}
+
+absl::StatusOr<std::vector<PointPrompt>> ReadPoints(const v1::PointsPrompt& prompt,
+                                                    const ImageOfView& image) {
+  ASSIGN_OR_RETURN(std::vector<PointPrompt> points, PointsFromProto(prompt));
+  for (size_t i = 0; i < points.size(); ++i) {
+    PointPrompt& point = points[i];
+    const std::string field = absl::StrCat("prompt.points.points[", i, "]");
+    const std::string value = absl::StrCat("point ", point.x, ",", point.y);
+    if (point.x < 0 || point.x >= image.frame.width() || point.y < 0 ||
+        point.y >= image.frame.height()) {
+      return BadPlace(field, value,
+                      absl::StrCat("is outside ", image.name, " (", image.Size(), ")"));
+    }
+    if (image.frame.is_view()) continue;
+    const auto in_view = image.frame.ToView(Eigen::Vector2d(point.x, point.y));
+    if (!in_view) return BadPlace(field, value, NotShown(image));
+    point.x = in_view->x();
+    point.y = in_view->y();
+  }
+  return points;
+}
+
+absl::StatusOr<BoxPrompt> ReadBox(const v1::BoxPrompt& prompt, const ImageOfView& image) {
+  const BoxPrompt box{prompt.x(), prompt.y(), prompt.width(), prompt.height()};
+  const std::string value =
+      absl::StrCat("box ", box.x, ",", box.y, " ", box.width, "x", box.height);
+  const bool finite = std::isfinite(box.x) && std::isfinite(box.y) && std::isfinite(box.width) &&
+                      std::isfinite(box.height);
+  if (!finite || box.width <= 0 || box.height <= 0) {
+    return BadPlace("prompt.box", value, "is not finite, or is empty");
+  }
+  if (box.x >= image.frame.width() || box.y >= image.frame.height() || box.x + box.width <= 0 ||
+      box.y + box.height <= 0) {
+    return BadPlace("prompt.box", value,
+                    absl::StrCat("is outside ", image.name, " (", image.Size(), ")"));
+  }
+  if (image.frame.is_view()) return box;
+  const std::optional<BoxPrompt> in_view = image.frame.ToView(box);
+  if (!in_view) return BadPlace("prompt.box", value, NotShown(image));
+  return *in_view;
 }
 
 }  // namespace
@@ -89,7 +135,9 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
 }
 
 absl::StatusOr<Prompt> ReadPrompt(const ServiceContext& context, const ResidentModel& model,
-                                  const v1::Prompt& prompt, const std::string& field) {
+                                  const v1::Prompt& prompt, v1::PixelFrame frame) {
+  const std::string field = "prompt";
+  RETURN_IF_ERROR(CheckFrame(frame));
   if (prompt.what_case() == v1::Prompt::kLabel) {
     if (prompt.has_view()) return BadField(field + ".view", "", "a label has its own view");
     return ReadLabel(context, model, prompt.label(), field + ".label");
@@ -97,18 +145,19 @@ absl::StatusOr<Prompt> ReadPrompt(const ServiceContext& context, const ResidentM
   Prompt read;
   ASSIGN_OR_RETURN(read.view,
                    FindViewpoint(prompt.view(), model.segmenter->model(), field + ".view"));
+  const ImageOfView image = ImageOf(read.view, frame);
   switch (prompt.what_case()) {
     case v1::Prompt::kPoints: {
-      ASSIGN_OR_RETURN(read.what, PointsFromProto(prompt.points()));
+      ASSIGN_OR_RETURN(read.what, ReadPoints(prompt.points(), image));
       return read;
     }
     case v1::Prompt::kBox: {
-      const v1::BoxPrompt& box = prompt.box();
-      read.what = BoxPrompt{box.x(), box.y(), box.width(), box.height()};
+      ASSIGN_OR_RETURN(read.what, ReadBox(prompt.box(), image));
       return read;
     }
     case v1::Prompt::kMask: {
-      ASSIGN_OR_RETURN(read.what, ReadMask(prompt.mask(), read.view, field + ".mask"));
+      ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(prompt.mask(), image, field + ".mask"));
+      ASSIGN_OR_RETURN(read.what, TakeToView(std::move(mask), image, field + ".mask"));
       return read;
     }
     default:

@@ -19,10 +19,12 @@ absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
                                         const std::string& field);
 
-// A label stands for its mask. NOT_FOUND: no such label; FAILED_PRECONDITION: its view is none of
+// A prompt in the pixels of `frame`, as one in those of its view. A label stands for its mask.
+// INVALID_ARGUMENT, too: a point or box outside of the image or of what the view shows of it.
+// NOT_FOUND: no such label; FAILED_PRECONDITION: its view is none of
 // the model's. Blocks on the store.
 absl::StatusOr<Prompt> ReadPrompt(const ServiceContext& context, const ResidentModel& model,
-                                  const v1::Prompt& prompt, const std::string& field);
+                                  const v1::Prompt& prompt, v1::PixelFrame frame);
 absl::StatusOr<Granularity> ReadGranularity(const v1::Granularity& granularity, const Model& model,
                                             const std::string& field);
 

@@ -1,5 +1,6 @@
 #include "server/rpc/segment_answer.h"
 
+#include <utility>
 #include <vector>
 
 #include "core/query/propose_scales.h"
@@ -8,6 +9,7 @@
 #include "server/rpc/answer_size.h"
 #include "server/rpc/encode_mask.h"
 #include "server/rpc/model_lookup.h"
+#include "server/rpc/pixel_frame.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/segment_question.h"
 #include "server/rpc/stopwatch.h"
@@ -45,18 +47,20 @@ absl::Status AnswerSegment(const QueryCall& call, const ServiceContext& context,
   absl::Duration compute;
   absl::Duration encode;
   size_t num_bytes = 0;
+  AnswerFrame frame(request.frame());
   for (const ModelView& target : question.targets) {
     if (call.given_up()) return absl::CancelledError("nobody waits for the answer any more");
-    ASSIGN_OR_RETURN(const auto results,
+    ASSIGN_OR_RETURN(auto results,
                      model.segmenter->Segment(query, {&target, 1}, request.want_similarity()));
+    const SegmentResult result = frame.Take(target, std::move(results.front()));
     compute += stopwatch.Lap();
     ASSIGN_OR_RETURN(*response->add_masks(),
-                     EncodeMask(target.name, results.front(), request.mask_encoding()));
+                     EncodeMask(target.name, result, request.mask_encoding()));
     num_bytes += response->masks(response->masks_size() - 1).ByteSizeLong();
     RETURN_IF_ERROR(CheckAnswerSize(num_bytes));
-    response->set_scale_quantile(results.front().scale);
-    response->set_scale_units(results.front().scale_units);
-    response->set_threshold(results.front().threshold);
+    response->set_scale_quantile(result.scale);
+    response->set_scale_units(result.scale_units);
+    response->set_threshold(result.threshold);
     encode += stopwatch.Lap();
   }
   *response->mutable_timing()->mutable_compute() = ToProto(compute);
@@ -80,6 +84,7 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
       const ScaleProposals proposals,
       ProposeScales(*model.segmenter, question.view, question.points, question.max_proposals));
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
+  AnswerFrame frame(request.frame());
   for (const ScaleProposal& proposal : proposals.ladder) {
     v1::ProposeScalesResponse::Proposal& out = *response->add_proposals();
     out.set_scale_quantile(proposal.result.scale);
@@ -89,7 +94,8 @@ absl::Status AnswerProposeScales(const UnaryCall& call, const ServiceContext& co
     out.set_stability(proposal.stability);
     out.set_kind(ProtoKind(proposal.kind));
     ASSIGN_OR_RETURN(*out.mutable_mask(),
-                     EncodeMask(question.view.name, proposal.result, request.mask_encoding()));
+                     EncodeMask(question.view.name, frame.Take(question.view, proposal.result),
+                                request.mask_encoding()));
   }
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
   response->set_best(proposals.best);

@@ -65,7 +65,7 @@ absl::StatusOr<SegmentQuestion> ReadQuestion(const ServiceContext& context,
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   const Model& of = model.segmenter->model();
   SegmentQuestion question;
-  ASSIGN_OR_RETURN(question.prompt, ReadPrompt(context, model, request.prompt(), "prompt"));
+  ASSIGN_OR_RETURN(question.prompt, ReadPrompt(context, model, request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(question.granularity, ReadGranularity(request.granularity(), of, "granularity"));
   ASSIGN_OR_RETURN(question.targets, FindTargets(request, of, question.prompt.view));
   return question;
@@ -75,7 +75,7 @@ absl::StatusOr<ProposalQuestion> ReadQuestion(const ServiceContext& context,
                                               const ResidentModel& model,
                                               const v1::ProposeScalesRequest& request) {
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
-  ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(context, model, request.prompt(), "prompt"));
+  ASSIGN_OR_RETURN(Prompt prompt, ReadPrompt(context, model, request.prompt(), request.frame()));
   const auto* points = std::get_if<std::vector<PointPrompt>>(&prompt.what);
   if (points == nullptr) return BadField("prompt", "", "only points have proposals");
   const int wanted = request.max_proposals();

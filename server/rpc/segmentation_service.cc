@@ -29,7 +29,7 @@ absl::Status AnswerEvaluate(const UnaryCall& call, const ServiceContext& context
       const OneClickScores scores,
       EvaluateOneClick(*model.segmenter, views, options, [&] { return call.CheckWanted(); }));
   *response->mutable_compute() = ToProto(stopwatch.Lap());
-  FillAnswer(scores, request, response);
+  FillAnswer(scores, request, model.segmenter->model(), response);
   *response->mutable_options() = ToProto(options);
   response->set_model(model.name);
   return CheckAnswerSize(response->ByteSizeLong());

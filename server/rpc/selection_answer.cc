@@ -59,7 +59,7 @@ absl::StatusOr<GaussianSet> SelectPrompted(const UnaryCall& call, const ServiceC
                                            const v1::SelectRequest& request) {
   const Model& of = model.segmenter->model();
   SelectTask task;
-  ASSIGN_OR_RETURN(task.prompt, ReadPrompt(context, model, request.prompt(), "prompt"));
+  ASSIGN_OR_RETURN(task.prompt, ReadPrompt(context, model, request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(const Granularity granularity,
                    ReadGranularity(request.granularity(), of, "granularity"));
   ASSIGN_OR_RETURN(task.query, ResolvePrompt(*model.segmenter, task.prompt, granularity));

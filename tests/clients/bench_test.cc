@@ -54,7 +54,7 @@ TEST(FindTruth, TakesLabelsWhereThereIsNoListAndNothingWhereThereIsNeither) {
   EXPECT_EQ(FindTruth(folder.path()).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(EvaluateRequestOf, ShrinksLabelsToTheViewsThatHaveThem) {
+TEST(EvaluateRequestOf, TakesLabelsToTheSizeOfTheViewsThatHaveThem) {
   const testing::TempFolder folder;
   WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
   v1::View trained = HeldOut("c.jpg", 4, 3);
@@ -68,6 +68,19 @@ TEST(EvaluateRequestOf, ShrinksLabelsToTheViewsThatHaveThem) {
   EXPECT_EQ(request->labels(0).png(), EncodePng({4, 3, std::vector<uint8_t>(12, 3)}));
   EXPECT_TRUE(request->labels(0).ignore_png().empty());
   EXPECT_EQ(request->entity_names().at(3), "cup");
+}
+
+TEST(EvaluateRequestOf, SendsLabelsOfThePhotographAsTheyAre) {
+  const testing::TempFolder folder;
+  WriteLabels(folder.path() / "labels/a.png", 8, 6, 3);
+  v1::View view = HeldOut("a.jpg", 4, 3);
+  view.set_photograph_width(8);
+  view.set_photograph_height(6);
+  const TruthLevel level{"labels", folder.path() / "labels", {}};
+  const auto request = EvaluateRequestOf(folder.path(), level, "m", {view});
+  ASSERT_TRUE(request.ok()) << request.status();
+  EXPECT_EQ(request->frame(), v1::PIXEL_FRAME_PHOTOGRAPH);
+  EXPECT_EQ(request->labels(0).png(), EncodePng({8, 6, std::vector<uint8_t>(48, 3)}));
 }
 
 TEST(EvaluateRequestOf, RefusesAnotherShape) {

@@ -38,7 +38,7 @@ expect 4 pepeseg upload 'No Label' "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 expect 0 pepeseg upload shelf "$dataset"
 grep -q 'has every file' "$work/errors" || fail 'a second upload sends bytes again'
-expect 6 pepeseg segment shelf --view frame-000000.jpg --point 100,60
+expect 6 pepeseg segment shelf --view frame-000000.jpg --point 400,240
 expect 4 pepeseg train shelf --steps 0
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
   -o features.num_pixels=200
@@ -50,28 +50,38 @@ grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not 
 expect 0 pepeseg scenes shelf
 grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
 grep -q '  trained on: poses given' "$work/output" || fail 'the model does not tell what on'
-expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 \
+expect 0 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --threshold 0 \
   --views held-out --out "$work/masks"
 for stem in frame-000000 frame-000008; do
   [[ -s $work/masks/${stem}_mask.png && -s $work/masks/${stem}_overlay.png ]] ||
     fail "no mask of $stem"
 done
-expect 4 pepeseg segment shelf --view frame-000000.jpg --point 9999,60
+head -c 24 "$work/masks/frame-000000_mask.png" | tail -c 8 | od -An -tx1 | tr -d ' \n' |
+  grep -q '00000280000001e0' || fail 'the mask is not of the size of the photograph, 640x480'
+expect 4 pepeseg segment shelf --view frame-000000.jpg --point 700,60
+grep -q 'point 700,60 is outside photograph "frame-000000.jpg" (640x480)' "$work/errors" ||
+  fail 'a point outside is not told with the frame and its size'
+expect 0 pepeseg segment shelf --view frame-000000.jpg --point 70,70 --threshold 0 --frame view
+expect 4 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --frame view
+grep -q 'outside view "frame-000000.jpg" (160x120)' "$work/errors" ||
+  fail 'a point outside of the view is not told'
 
-expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 70,70 --threshold 0 --text 'A cup'
+expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 280,280 --threshold 0 --text 'A cup'
 expect 0 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
 expect 6 pepeseg label shelf mug --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png"
-expect 4 pepeseg label shelf plate --view frame-000000.jpg --mask "$dataset/labels/frame-000000.png"
+expect 4 pepeseg label shelf plate --view frame-000000.jpg --frame view \
+  --mask "$dataset/labels/frame-000000.png"
+grep -q "'640x480'.*160x120" "$work/errors" || fail 'a mask of another size is not refused'
 expect 0 pepeseg labels shelf
 areas=$(awk '{print $3}' "$work/output" | uniq | wc -l)
 [[ $(wc -l <"$work/output") == 2 && $areas == 1 ]] || fail 'the click and its mask differ'
 expect 0 pepeseg labels shelf --delete mug
 expect 3 pepeseg labels shelf --delete mug
 
-expect 0 pepeseg select shelf --view frame-000000.jpg --point 70,70 --threshold 0
+expect 0 pepeseg select shelf --view frame-000000.jpg --point 280,280 --threshold 0
 grep -Eq '^scenes/shelf/selections/1  scenes/shelf/models/1  [1-9][0-9]* Gaussians' "$work/output" ||
   fail 'nothing is selected'
-expect 0 pepeseg select shelf --view frame-000003.jpg --point 70,70 --threshold 0 --add-to 1 \
+expect 0 pepeseg select shelf --view frame-000003.jpg --point 280,280 --threshold 0 --add-to 1 \
   --views 4 --keep-disconnected --out "$work"
 grep -q 'from scenes/shelf/selections/1' "$work/output" || fail 'the base is not told'
 expect 0 pepeseg combine shelf 2 subtract 1
@@ -96,7 +106,9 @@ expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without -
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
 [[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export left a file'
-expect 4 pepeseg evaluate shelf "$dataset/labels"
+expect 0 pepeseg evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"
+grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no scores at a quarter of the size'
+expect 4 pepeseg evaluate shelf "$dataset/labels" --frame view
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
 expect 3 pepeseg evaluate shelf "$dataset/images"
 expect 0 pepeseg export shelf "$work/shelf.ply"

@@ -60,7 +60,7 @@ end() { kill -"$1" "$server"; wait "$server" || true; server=; }
 ask() {
   mkdir "$1"
   for scene in shelf second; do
-    pepeseg --json segment $scene --view frame-000000.jpg --point 70,70 --threshold 0 \
+    pepeseg --json segment $scene --view frame-000000.jpg --point 280,280 --threshold 0 \
       --views held-out --out "$1/$scene" >/dev/null
     for verb in labels selections scenes; do
       # Maps have no order.
@@ -81,8 +81,8 @@ for scene in shelf second; do
   expect 0 pepeseg upload $scene "$dataset"
   expect 0 pepeseg train $scene "${little[@]}"
 done
-expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 70,70 --threshold 0 --text 'A cup'
-expect 0 pepeseg select shelf --view frame-000000.jpg --point 70,70 --threshold 0
+expect 0 pepeseg label shelf cup --view frame-000000.jpg --point 280,280 --threshold 0 --text 'A cup'
+expect 0 pepeseg select shelf --view frame-000000.jpg --point 280,280 --threshold 0
 ask "$work/before"
 
 # Meanwhile a training runs that has saved something, and scenes come and go.

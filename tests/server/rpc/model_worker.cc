@@ -2,7 +2,9 @@
 // Gaussians, red on the left with one feature and blue on the right with another, and three views.
 // A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
 // the pixels of the views; one named "far.model" puts all of it where map coordinates are; one
-// named "bare" has no features, as trained without masks; one named "hang" is never ready.
+// named "bare" has no features, as trained without masks; one named "hang" is never ready. One
+// named "half.model" has views of photographs twice as large, "lens.model" has those taken by a
+// lens that distorts, and "turned.model" has them lying on their side.
 #include <unistd.h>
 
 #include <algorithm>
@@ -63,6 +65,19 @@ Model MakeModel(float shift) {
   return model;
 }
 
+// As the import makes views at image_scale 0.5.
+void SetPhotographs(const std::string& name, Model& model) {
+  for (ModelView& view : model.views) {
+    Photograph photograph;
+    photograph.lens = {LensModel::kSimpleRadial, 192, 128, 120, 120, 96, 64, {}};
+    if (name == "lens.model") photograph.lens.distortion[0] = -0.2;
+    if (name == "turned.model") photograph.orientation = 6;
+    photograph.width = 192;
+    photograph.height = 128;
+    view.photograph = photograph;
+  }
+}
+
 int Run(const std::string& path) {
   const JobFolder folder(path);
   const auto spec = folder.ReadSpec(folder.NewestFence());
@@ -73,6 +88,9 @@ int Run(const std::string& path) {
   Model model = MakeModel(shift);
   if (name == "far.model") model.origin = {4e5, 5.3e6, 100};
   if (name == "bare") model.field = {};
+  if (name == "half.model" || name == "lens.model" || name == "turned.model") {
+    SetPhotographs(name, model);
+  }
   const std::filesystem::path attempt = folder.attempt(spec->fence);
   std::error_code error;
   std::filesystem::create_directories(attempt, error);

@@ -120,7 +120,9 @@ TEST_F(PromptsTest, BadOnesAreRefusedWithWordsThatHelp) {
   prompt.mutable_box()->set_height(5);
   grpc::Status status = Segment();
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_NE(status.error_message().find("overlap view middle.jpg"), std::string::npos);
+  EXPECT_NE(
+      status.error_message().find("box 500,0 5x5 is outside photograph \"middle.jpg\" (96x64)"),
+      std::string::npos);
   v1::CocoRle& rle = *prompt.mutable_mask()->mutable_rle();
   rle.set_width(kWidth);
   rle.set_height(kHeight);

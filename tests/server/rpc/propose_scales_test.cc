@@ -95,7 +95,7 @@ TEST_F(ProposeScalesRpcTest, BadRequestsAreRefused) {
   ExpectRefused(grpc::INVALID_ARGUMENT, "max_proposals");
   request.set_max_proposals(0);
   request.mutable_prompt()->mutable_points()->mutable_points(0)->set_x(-4);
-  ExpectRefused(grpc::INVALID_ARGUMENT, "point 0");
+  ExpectRefused(grpc::INVALID_ARGUMENT, "point -4,");
   request.mutable_prompt()->clear_points();
   ExpectRefused(grpc::INVALID_ARGUMENT, "no points");
   request.mutable_prompt()->mutable_view()->set_view("nowhere.jpg");

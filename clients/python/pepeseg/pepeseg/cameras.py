@@ -43,6 +43,7 @@ class View:
         name: of the photograph as it was uploaded, without its images/.
         camera: its place; `camera.cam_from_world` is float64 [4, 4].
         held_out: kept from training, for scoring.
+        photograph_size: width and height of the photograph as it was uploaded, pixels.
         psnr, ssim: of a held-out view when the model was made, dB and [-1, 1]; None: not scored.
     """
 
@@ -51,6 +52,7 @@ class View:
     held_out: bool
     psnr: float | None
     ssim: float | None
+    photograph_size: tuple[int, int]
 
 
 # What a question may be asked about: a view's name, or a camera.
@@ -129,6 +131,11 @@ def _parse_view(view: Any) -> View:
         held_out=view.held_out,
         psnr=view.scores.psnr if scored else None,
         ssim=view.scores.ssim if scored else None,
+        # Servers that do not say have no other pixels than the view's.
+        photograph_size=(
+            view.photograph_width or camera.width,
+            view.photograph_height or camera.height,
+        ),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepeseg import rle
+from pepeseg import prompts, rle
 from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
 from pepeseg.cameras import View
 from pepeseg.segmentation import segment
@@ -58,14 +58,15 @@ def label(
     scale_units: float | None = None,
     threshold: float | None = None,
     text: str = "",
+    frame: str = "photograph",
 ) -> Steps[Label]:
     """Names what a mask of a view shows.
 
     Args:
         id: an RFC 1034 label: a-z, 0-9 and '-', a letter first, at most 63 characters.
         view: name of a view of the newest model.
-        mask: [height, width] of the view's size, not 0 inside; or one of
-        points, negative, box, scale, scale_units, threshold: as in `Client.segment`, whose mask is
+        mask: [height, width] of the frame's size, not 0 inside; or one of
+        points, negative, box, scale, scale_units, threshold, frame: as in `Client.segment`, whose mask is
             taken.
         text: what it says, at most 256 bytes of UTF-8; empty: the id.
 
@@ -86,6 +87,7 @@ def label(
             scale=scale,
             scale_units=scale_units,
             threshold=threshold,
+            frame=frame,
         )
         mask = found.mask
     image = prompt_pb2.MaskImage(rle=rle.encode(mask))
@@ -94,6 +96,7 @@ def label(
         label_id=id,
         label=label_pb2.Label(text=text, view=name, mask=image),
         request_id=new_request_id(),
+        frame=prompts.pixel_frame(frame),
     )
     answer = yield Unary("segmentation", "CreateLabel", request, at.scene)
     return _parse(answer)

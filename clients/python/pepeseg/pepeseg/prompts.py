@@ -96,6 +96,18 @@ def granularity(
     return message
 
 
+_FRAMES = {
+    "photograph": prompt_pb2.PIXEL_FRAME_PHOTOGRAPH,
+    "view": prompt_pb2.PIXEL_FRAME_VIEW,
+}
+
+
+def pixel_frame(frame: str) -> prompt_pb2.PixelFrame:
+    if frame not in _FRAMES:
+        raise refused(f'frame "{frame}": one of {", ".join(_FRAMES)} is wanted')
+    return _FRAMES[frame]
+
+
 def targets(views: Targets) -> segmentation_service_pb2.SegmentRequest.Targets | None:
     message = segmentation_service_pb2.SegmentRequest.Targets()
     if views is None:

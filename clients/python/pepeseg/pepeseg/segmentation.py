@@ -22,7 +22,7 @@ class ViewMask:
 
     Attributes:
         view: name of the view; empty: the camera that was asked about.
-        mask: bool [height, width].
+        mask: bool [height, width], of the frame that was asked for.
         score: mean similarity (cosine) inside the mask; 0 when it is empty.
         box: x, y, width, height of the mask, pixels; zeros: it is empty.
         area: pixels in the mask.
@@ -161,6 +161,7 @@ def segment(
     threshold: float | None = None,
     targets: prompts.Targets = None,
     similarity: bool = False,
+    frame: str = "photograph",
 ) -> Steps[Segmentation]:
     """Masks of what a prompt means.
 
@@ -169,19 +170,21 @@ def segment(
 
     Args:
         view: where the prompt is: a view's name or a Camera. None with a label, which has its own.
-        points: [n, 2], x and y in pixels of the view, a pixel's centre at + 0.5; one may be [2].
+        points: [n, 2], x and y in pixels of the frame, a pixel's centre at + 0.5; one may be [2].
         negative: [n, 2], points of what is not meant.
         box: x, y, width, height in pixels: what fills it.
-        mask: [height, width] of the view's size, not 0 inside.
+        mask: [height, width] of the frame's size, not 0 inside.
         label: id of a label of the scene.
         scale: how large a thing: 0 a small part, 1 the largest.
         scale_units: the same as a length in scene units.
         threshold: cosine over which a pixel is in, [-1, 1].
         targets: where masks are wanted: None for the prompt's view, "all", "held-out", or names.
         similarity: whether the answer has similarity maps, too.
+        frame: whose pixels prompt and masks are in: "photograph", as it was uploaded, or "view", as
+            it was trained on (undistorted, cropped, shrunk). A Camera has its own.
 
     Raises:
-        InvalidArgumentError: a point outside the view or on nothing, an unknown view, a value out
+        InvalidArgumentError: a point outside the frame or on nothing, an unknown view, a value out
             of range.
         NotFoundError: no such scene, model or label.
         FailedPreconditionError: the scene has no model yet.
@@ -195,6 +198,7 @@ def segment(
         targets=prompts.targets(targets),
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
         want_similarity=similarity,
+        frame=prompts.pixel_frame(frame),
     )
     answer = yield Unary("segmentation", "Segment", request, at.scene)
     return parse_segmentation(answer)
@@ -226,6 +230,7 @@ def propose(
     points: npt.ArrayLike,
     negative: npt.ArrayLike | None = None,
     max_proposals: int = 0,
+    frame: str = "photograph",
 ) -> Steps[list[Proposal]]:
     """What a click may mean, smallest first: a part, the object that has it, a group.
 
@@ -233,7 +238,7 @@ def propose(
     not fall.
 
     Args:
-        view, points, negative: as in `segment`.
+        view, points, negative, frame: as in `segment`.
         max_proposals: at most so many, 1 to 16; 0: the server's default.
 
     Returns:
@@ -248,6 +253,7 @@ def propose(
         prompt=prompts.prompt(view, points, negative, None, None, None),
         max_proposals=max_proposals,
         mask_encoding=prompt_pb2.MASK_ENCODING_COCO_RLE,
+        frame=prompts.pixel_frame(frame),
     )
     answer = yield Unary("segmentation", "ProposeScales", request, at.scene)
     return [

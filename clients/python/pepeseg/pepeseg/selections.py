@@ -50,11 +50,12 @@ def select(
     keep_disconnected: bool = False,
     base: SelectionInfo | int | str | None = None,
     operation: str = "union",
+    frame: str = "photograph",
 ) -> Steps[SelectionInfo]:
     """Gaussians of what a prompt means, by a vote of views, or of a segment of a decomposition.
 
     Args:
-        view, points, negative, box, mask, label, scale, scale_units, threshold: as in
+        view, points, negative, box, mask, label, scale, scale_units, threshold, frame: as in
             `Client.segment`.
         segment: of `Client.decompose`, in place of a prompt.
         num_views: that vote, 1 to 100; 0: the server chooses.
@@ -74,6 +75,7 @@ def select(
         granularity=prompts.granularity(scale, scale_units, threshold),
         num_views=num_views,
         keep_disconnected=keep_disconnected,
+        frame=prompts.pixel_frame(frame),
         request_id=new_request_id(),
     )
     if segment is None:

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Union
 import numpy as np
 import numpy.typing as npt
 
-from pepeseg import png, rle
+from pepeseg import png, prompts, rle
 from pepeseg.calls import Place, Receive, Steps, Unary
 from pepeseg.cameras import Viewpoint, to_viewpoint
 from pepeseg.crc32c import crc32c
@@ -179,6 +179,8 @@ def render(
     level: int = 0,
     scales: Sequence[float] = (),
     feature_scale: float = 0.0,
+    frame: str = "photograph",
+    max_side: int = 0,
 ) -> Steps[npt.NDArray[Any]]:
     """A picture of the model, or of some of it.
 
@@ -187,9 +189,13 @@ def render(
         content: "color", "depth", "segments" or "features".
         of: what is rendered: a selection, its number or name, or a segment; None: all.
         without: all others in its place.
-        overlay: mask [height, width], tinted and outlined in "color".
+        overlay: mask [height, width] of the frame's size or the picture's, tinted and outlined in
+            "color".
         level, scales: of "segments": as in `decompose`.
         feature_scale: of "features": a quantile, [0, 1].
+        frame: as in `segment`.
+        max_side: the picture's longer side, pixels: a larger one is shrunk to it; 0: the frame's
+            size, or what 2 megapixels hold of it.
 
     Returns:
         "color" and "features": uint8 [height, width, 3], RGB. "depth": float32 [height, width],
@@ -211,6 +217,8 @@ def render(
         decomposition_scales=scales,
         level=level,
         feature_scale=feature_scale,
+        frame=prompts.pixel_frame(frame),
+        max_side=max_side,
     )
     if overlay is not None:
         request.overlay_mask.CopyFrom(prompt_pb2.MaskImage(rle=rle.encode(overlay)))

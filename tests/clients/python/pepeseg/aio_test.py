@@ -12,7 +12,7 @@ from conftest import Pepesegd
 from pepeseg import aio
 
 VIEW = "frame-000000.jpg"
-POINT = [[110, 70]]
+POINT = [[440, 280]]
 MIB = 1 << 20
 
 
@@ -50,7 +50,7 @@ def test_questions_are_answered_alike_and_at_once(server, trained, client):
 def test_a_selection_goes_on_with_its_client(server, trained, tmp_path):
     async def use(client):
         first = await client.select(VIEW, points=POINT, threshold=0)
-        second = await first.combine("union", await client.select(VIEW, points=[70, 70]))
+        second = await first.combine("union", await client.select(VIEW, points=[280, 280]))
         assert (await second.undo()).name == first.name
         assert second.name in [selection.name for selection in await client.selections()]
         written = await first.export(tmp_path / "cup.ply")

@@ -8,7 +8,8 @@ import pytest
 import pepeseg
 
 VIEW = "frame-000000.jpg"
-POINT = [[110, 70]]
+POINT = [[440, 280]]  # of the photograph, 640x480; the model was trained on a quarter
+POINT_IN_VIEW = [[110, 70]]
 
 
 def iou(a, b):
@@ -16,11 +17,11 @@ def iou(a, b):
 
 
 class TestSegment:
-    def test_a_click_is_a_bool_mask_of_the_views_size(self, client):
+    def test_a_click_is_a_bool_mask_of_the_photographs_size(self, client):
         found = client.segment(VIEW, points=POINT, threshold=0)
         assert found.mask.dtype == np.bool_
-        assert found.mask.shape == (120, 160)
-        assert found.mask[70, 110]
+        assert found.mask.shape == (480, 640)
+        assert found.mask[280, 440]
         only = found.masks[0]
         assert (only.view, only.area) == (VIEW, found.mask.sum())
         rows, columns = np.nonzero(found.mask)
@@ -30,6 +31,21 @@ class TestSegment:
         assert found.model == "scenes/shelf/models/1"
         assert 0 <= found.scale <= 1
         assert found.timing.compute > 0
+
+    def test_the_views_pixels_are_another_frame(self, client):
+        view = next(view for view in client.views() if view.name == VIEW)
+        assert view.photograph_size == (640, 480)
+        assert (view.camera.width, view.camera.height) == (160, 120)
+        photograph = client.segment(VIEW, points=POINT, threshold=0.3, scale=0.3).mask
+        small = client.segment(
+            VIEW, points=POINT_IN_VIEW, threshold=0.3, scale=0.3, frame="view"
+        ).mask
+        assert small.shape == (120, 160)
+        assert iou(photograph, small.repeat(4, axis=0).repeat(4, axis=1)) > 0.8
+        with pytest.raises(pepeseg.InvalidArgumentError, match=r"outside view .*160x120"):
+            client.segment(VIEW, points=POINT, frame="view")
+        with pytest.raises(pepeseg.InvalidArgumentError, match="photograph, view"):
+            client.segment(VIEW, points=POINT, frame="photo")
 
     def test_targets_are_named_or_a_group(self, client):
         held_out = [view.name for view in client.views() if view.held_out]
@@ -42,9 +58,9 @@ class TestSegment:
 
     def test_a_negative_point_is_left_out(self, client):
         every = client.segment(VIEW, points=POINT, scale=1, threshold=-1).mask
-        assert every[70, 110] and every[70, 70]
-        less = client.segment(VIEW, points=POINT, negative=[70, 70], scale=1, threshold=-1).mask
-        assert less[70, 110] and not less[70, 70]
+        assert every[280, 440] and every[280, 280]
+        less = client.segment(VIEW, points=POINT, negative=[280, 280], scale=1, threshold=-1).mask
+        assert less[280, 440] and not less[280, 280]
 
     def test_a_mask_and_a_box_mean_what_they_show(self, client):
         click = client.segment(VIEW, points=POINT, threshold=0.3, scale=0.3)
@@ -54,7 +70,9 @@ class TestSegment:
         assert by_box.mask.any()
 
     def test_a_similarity_map_tells_the_mask(self, client):
-        found = client.segment(VIEW, points=POINT, threshold=0.2, similarity=True)
+        found = client.segment(
+            VIEW, points=POINT_IN_VIEW, threshold=0.2, similarity=True, frame="view"
+        )
         similarity = found.masks[0].similarity
         assert similarity.dtype == np.float32 and similarity.shape == found.mask.shape
         # One step of 16 bits to either side of the threshold.
@@ -65,8 +83,9 @@ class TestSegment:
     def test_from_a_camera_as_from_its_view(self, client):
         view = next(view for view in client.views() if view.name == VIEW)
         assert np.allclose(view.camera.cam_from_world[3], [0, 0, 0, 1])
-        there = client.segment(view, points=POINT, scale=0.3, threshold=0.3)
-        free = client.segment(view.camera, points=POINT, scale=0.3, threshold=0.3)
+        asked = {"points": POINT_IN_VIEW, "scale": 0.3, "threshold": 0.3}
+        there = client.segment(view, **asked, frame="view")
+        free = client.segment(view.camera, **asked)
         assert free.masks[0].view == ""
         assert iou(there.mask, free.mask) > 0.98
 
@@ -108,7 +127,7 @@ class TestPropose:
             assert large.area >= 1.5 * small.area and large.scale >= small.scale
             assert (small.mask & large.mask).sum() >= 0.95 * small.area
             assert small.kind != large.kind or small.kind in ("part", "group")
-        assert best.mask.shape == (120, 160) and best.area == best.mask.sum()
+        assert best.mask.shape == (480, 640) and best.area == best.mask.sum()
         shown = client.segment(VIEW, points=POINT, scale=best.scale, threshold=best.threshold)
         assert iou(shown.mask, best.mask) > 0.9
 
@@ -116,13 +135,15 @@ class TestPropose:
 class TestRender:
     def test_color_depth_and_ids_have_their_types(self, client):
         color = client.render(VIEW)
-        assert (color.dtype, color.shape) == (np.uint8, (120, 160, 3))
+        assert (color.dtype, color.shape) == (np.uint8, (480, 640, 3))
         assert color.std() > 5
         depth = client.render(VIEW, content="depth")
-        assert (depth.dtype, depth.shape) == (np.float32, (120, 160))
+        assert (depth.dtype, depth.shape) == (np.float32, (480, 640))
         assert 0.1 < np.median(depth[depth > 0]) < 3  # metres, of a shelf
         features = client.render(VIEW, content="features", feature_scale=0.5)
-        assert features.shape == (120, 160, 3)
+        assert features.shape == (480, 640, 3)
+        assert client.render(VIEW, frame="view").shape == (120, 160, 3)
+        assert client.render(VIEW, max_side=200).shape == (150, 200, 3)
 
     def test_an_overlay_shows_the_mask(self, client):
         mask = client.segment(VIEW, points=POINT, threshold=0).mask
@@ -130,7 +151,7 @@ class TestRender:
         tinted = client.render(VIEW, overlay=mask)
         changed = (plain != tinted).any(axis=2)
         assert changed[mask].mean() > 0.9
-        assert changed.sum() < 2 * mask.sum() + 500
+        assert changed.sum() < 2 * mask.sum() + 8000
 
     def test_an_unknown_content_is_refused(self, client):
         with pytest.raises(pepeseg.InvalidArgumentError, match="color"):
