@@ -2,13 +2,18 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <utility>
+
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/listener_limits.h"
 
 namespace pepeseg {
 namespace {
 
+constexpr absl::string_view kUnix = "unix:";
 constexpr int kNumThreads = 2;  // a model's load takes one for long
 constexpr size_t kMaxQueuedAdminCalls = 100;
 // Requests are small; the list of what is in memory, or of what runs, may be long.
@@ -35,14 +40,31 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
-  builder.AddListeningPort(where.address, where.credentials, &listener->port_);
+  std::unique_ptr<Acceptor> acceptor;
+  if (absl::StartsWith(where.address, kUnix)) {
+    ASSIGN_OR_RETURN(listener->socket_, LocalSocket::Listen(where.address.substr(kUnix.size())));
+    acceptor = builder.experimental().AddExternalConnectionAcceptor(
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, where.credentials);
+  } else {
+    builder.AddListeningPort(where.address, where.credentials, &listener->port_);
+  }
   builder.RegisterService(&listener->service_);
   listener->server_ = builder.BuildAndStart();
   if (listener->server_ == nullptr) {
     return absl::UnavailableError(
         absl::StrCat("cannot listen on ", where.address, " for admin calls"));
   }
+  if (acceptor != nullptr) listener->ServeSocket(std::move(acceptor));
   return listener;
+}
+
+void AdminListener::ServeSocket(std::unique_ptr<Acceptor> acceptor) {
+  socket_->Serve([acceptor = std::shared_ptr<Acceptor>(std::move(acceptor))](int connection) {
+    Acceptor::NewConnectionParameters parameters;
+    parameters.listener_fd = -1;
+    parameters.fd = connection;
+    acceptor->HandleNewConnection(&parameters);
+  });
 }
 
 std::shared_ptr<grpc::Channel> AdminListener::InProcessChannel() {
@@ -50,6 +72,7 @@ std::shared_ptr<grpc::Channel> AdminListener::InProcessChannel() {
 }
 
 void AdminListener::Shutdown(absl::Time deadline) {
+  if (socket_ != nullptr) socket_->Stop();
   server_->Shutdown(absl::ToChronoTime(deadline));
   server_->Wait();
   pool_->Stop();

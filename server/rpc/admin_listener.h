@@ -7,8 +7,10 @@
 #include "absl/time/time.h"
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
+#include "grpcpp/server_builder.h"
 #include "server/metrics/rpc_metrics.h"
 #include "server/rpc/admin_service.h"
+#include "server/rpc/local_socket.h"
 
 namespace pepeseg {
 
@@ -18,10 +20,10 @@ namespace pepeseg {
 class AdminListener {
  public:
   struct Listener {
-    std::string address;  // HOST:PORT, port 0: a free one; or unix:PATH
+    std::string address;  // HOST:PORT, port 0: a free one; or unix:PATH, a LocalSocket
     std::shared_ptr<grpc::ServerCredentials> credentials;
   };
-  // UNAVAILABLE: the address is taken.
+  // UNAVAILABLE: the address is taken. FAILED_PRECONDITION: as LocalSocket::Listen.
   static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& where,
                                                               const ServiceContext& context,
                                                               Operations& operations,
@@ -34,11 +36,14 @@ class AdminListener {
   void Shutdown(absl::Time deadline);
 
  private:
+  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
   AdminListener(const ServiceContext& context, Operations& operations);
+  void ServeSocket(std::unique_ptr<Acceptor> acceptor);
 
   std::unique_ptr<WorkerPool> pool_;
   AdminServiceRpc service_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<LocalSocket> socket_;  // where it is one
   int port_ = 0;
 };
 
