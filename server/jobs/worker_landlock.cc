@@ -226,8 +226,8 @@ absl::Status LimitFiles(const SandboxNeeds& needs) {
     RETURN_IF_ERROR(rules.AllowEach(needs.programs, kExecute));
     RETURN_IF_ERROR(rules.AllowEach(kProgramFiles, kRead));
   }
-  // Semaphores and shared memory of Python's and CUDA's processes.
-  if (needs.runs_programs || needs.has_device) RETURN_IF_ERROR(rules.Allow("/dev/shm", kFill));
+  // Semaphores and shared memory of Python's processes. CUDA does without (seen on an H100).
+  if (needs.runs_programs) RETURN_IF_ERROR(rules.Allow("/dev/shm", kFill));
   if (needs.has_device) RETURN_IF_ERROR(AllowDevice(rules));
   return rules.Enter();
 }

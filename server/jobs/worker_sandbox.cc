@@ -119,7 +119,7 @@ void AllowSockets(Filter& filter, bool has_device) {
     const scmp_arg_cmp local = SCMP_A0(SCMP_CMP_MASKED_EQ, kLowerHalf, AF_UNIX);
     const scmp_arg_cmp ordered = SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, type);
     filter.AllowIf("socketpair", {local, ordered});
-    if (has_device) filter.AllowIf("socket", {local, ordered});
+    if (has_device && type == SOCK_SEQPACKET) filter.AllowIf("socket", {local, ordered});
   }
   if (has_device) filter.Allow(kDeviceSocketCalls);
 }

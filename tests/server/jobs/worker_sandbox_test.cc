@@ -30,6 +30,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "server/jobs/landlock_version.h"
 #include "server/jobs/sanitizers.h"
 #include "tests/server/jobs/listening_socket.h"
@@ -167,6 +168,24 @@ TEST_F(WorkerSandboxTest, MakesPairsOfConnectedSocketsOnly) {
     ExpectRefused([&] { return socketpair(AF_UNIX, SOCK_DGRAM, 0, ends); });
     ExpectRefused([] { return socket(AF_UNIX, SOCK_DGRAM, 0); });
   });
+}
+
+// CUDA's driver listens on an abstract socket, and fails where it cannot.
+TEST_F(WorkerSandboxTest, ListensLocallyOnlyForCuda) {
+  const auto listens = [] {
+    const int end = socket(AF_UNIX, SOCK_SEQPACKET, 0);
+    if (end < 0) return -1;
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    absl::SNPrintF(address.sun_path + 1, sizeof(address.sun_path) - 1, "pepeseg-test-%d", getpid());
+    if (bind(end, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) return -1;
+    return listen(end, 1);
+  };
+  needs_.runs_programs = true;
+  ExpectRefused(listens);
+  needs_.has_device = true;
+  ExpectAllowed(listens);
+  ExpectRefused([] { return socket(AF_UNIX, SOCK_STREAM, 0); });
 }
 
 TEST_F(WorkerSandboxTest, RunsProgramsOnlyWhenTheJobDoes) {
