@@ -48,7 +48,7 @@ flock --nonblock "$collector" || fail 'a server removes old files just now: try 
 copy() {
   local status=0
   rsync --archive --exclude='/lock' --exclude='/locks/' --exclude='/collector.lock' \
-    --exclude='/partial/' --exclude='/pepeseg.db*' --exclude='*.tmp-*' \
+    --exclude='/partial/' --exclude='/jobs/*/work/tmp/' --exclude='/pepeseg.db*' --exclude='*.tmp-*' \
     ${since:+--link-dest="$since/data"} "$@" || status=$?
   # 24: files went away meanwhile. Whether they are missed is found out at the end.
   ((status == 0 || status == 24)) || fail "rsync left with $status"

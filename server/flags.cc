@@ -104,6 +104,10 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
                  "and execute: the priors command's modules and weights, COLMAP's libraries. May "
                  "be given several times")
       ->type_name("PATH");
+  app.add_option("--pass-environment", server.launch.pass_environment,
+                 "Variable of the server's environment that workers and the programs that they run "
+                 "get besides PATH, CUDA_... and their like. May be given several times")
+      ->type_name("NAME");
   const std::map<std::string, LaunchOptions::Launcher> launchers = {
       {"process", LaunchOptions::Launcher::kProcess}, {"slurm", LaunchOptions::Launcher::kSlurm}};
   app.add_option("--launcher", server.launch.launcher,

@@ -130,14 +130,14 @@ worker=
 for _ in {1..300}; do
   worker=$(inside sh -c 'grep -lx pepeseg-worker /proc/[0-9]*/comm' 2>/dev/null | head -n 1) || true
   worker=${worker//[!0-9]/}
-  [[ -z $worker ]] || ! ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1 || break
+  [[ -z $worker ]] || ! ls "$work/data/$job"/work/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1 || break
   sleep 0.1
 done
 [[ -n $worker ]] || fail 'no worker'
 filters() { inside sed -n 's/^Seccomp_filters:[[:space:]]*//p' "/proc/$1/status"; }
 (($(filters "$worker") > $(filters 1))) || fail "the worker has no sandbox beyond the container's"
-if grep -rq 'writing is not limited' "$work/data/$job"; then
-  echo 'note: this kernel has no Landlock that serves; workers write where the server may'
+if grep -rq 'files are not limited' "$work/data/$job"; then
+  echo 'note: this kernel has no Landlock that serves; workers read and write where the server may'
 fi
 inside sh -c "kill -KILL $worker"
 expect 0 pepeseg watch "$job"

@@ -4,6 +4,7 @@
 #include <system_error>
 
 #include "absl/strings/match.h"
+#include "server/jobs/beneath_folder.h"
 #include "server/layout.h"
 
 namespace pepeseg {
@@ -21,9 +22,7 @@ void Collection::Remove(const fs::path& file) {
 
 void Collection::RemoveAll(const fs::path& folder) {
   const Collected all = MeasureFolder(folder);
-  std::error_code error;
-  fs::remove_all(folder, error);
-  if (error) return;
+  if (!RemoveBeneath(folder.parent_path(), folder.filename()).ok()) return;
   collected.num_files += all.num_files;
   collected.num_bytes += all.num_bytes;
 }
@@ -47,15 +46,14 @@ absl::Duration AgeOf(const fs::path& path) {
 
 Collected MeasureFolder(const fs::path& folder) {
   Collected sum;
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    std::error_code ignored;
-    if (!entry->is_regular_file(ignored)) continue;
+  const absl::StatusOr<BeneathFolder> top = BeneathFolder::Open(folder);
+  if (!top.ok()) return sum;
+  VisitFiles(*top, [&](const BeneathFolder& where, const std::string& name) {
+    const auto facts = where.Look(name);
+    if (!facts) return;
     ++sum.num_files;
-    const auto size = entry->file_size(ignored);
-    if (!ignored) sum.num_bytes += static_cast<int64_t>(size);
-  }
+    sum.num_bytes += facts->num_bytes;
+  });
   return sum;
 }
 
@@ -63,22 +61,27 @@ void CollectTemporaries(Collection& collection) {
   const CollectorOptions& options = collection.options;
   // Files get the time of a clock that goes a little behind.
   constexpr absl::Duration kCoarse = absl::Milliseconds(20);
-  const absl::Duration since_start = absl::Now() - collection.collector_made + kCoarse;
-  const absl::Duration age =
+  const absl::Time now = absl::Now();
+  const absl::Duration since_start = now - collection.collector_made + kCoarse;
+  const absl::Duration alone =
       options.alone ? std::min(since_start, options.file_age) : options.file_age;
-  const std::string jobs = (JobsFolder(options.data) / "").string();
-  std::vector<fs::path> dead;
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(options.data, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const fs::path& path = entry->path();
-    std::error_code ignored;
-    if (!absl::StrContains(path.filename().string(), ".tmp-")) continue;
-    const bool of_job = absl::StartsWith(path.string(), jobs);
-    if (AgeOf(path) < (of_job ? options.file_age : age)) continue;
-    if (entry->is_regular_file(ignored)) dead.push_back(path);
+  const absl::StatusOr<BeneathFolder> data = BeneathFolder::Open(options.data);
+  const auto entries = data.ok() ? data->List() : data.status();
+  if (!entries.ok()) return;
+  const std::string jobs = JobsFolder("").string();
+  for (const BeneathFolder::Entry& entry : *entries) {
+    const absl::Duration age = entry.name == jobs ? options.file_age : alone;
+    const auto visit = [&](const BeneathFolder& where, const std::string& name) {
+      if (!absl::StrContains(name, ".tmp-")) return;
+      const auto facts = where.Look(name);
+      if (!facts || now - facts->modified < age || !where.RemoveAll(name).ok()) return;
+      ++collection.collected.num_files;
+      collection.collected.num_bytes += facts->num_bytes;
+    };
+    if (entry.is_file) visit(*data, entry.name);
+    const auto below = data->OpenFolder(entry.name);
+    if (entry.is_folder && below.ok()) VisitFiles(*below, visit);
   }
-  for (const fs::path& path : dead) collection.Remove(path);
 }
 
 }  // namespace pepeseg

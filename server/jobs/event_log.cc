@@ -4,17 +4,16 @@
 #include <google/protobuf/util/time_util.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <istream>
 #include <string>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/client_text.h"
 #include "server/jobs/crc32c.h"
 #include "server/jobs/file_error.h"
 
@@ -33,111 +32,92 @@ static_assert(sizeof(RecordHeader) == 8);
 constexpr uint32_t kMaxPayload = 1 << 20;
 // Nor has a log so many: what comes after it still has a number.
 constexpr int64_t kMaxSequence = int64_t{1} << 62;
-
-std::filesystem::path FileOf(const std::filesystem::path& path, int64_t fence) {
-  if (fence == 0) return path;
-  const std::string name =
-      absl::StrCat(path.stem().string(), "-", fence, path.extension().string());
-  return path.parent_path() / name;
-}
-
-// The attempt in "events-7.log"; 0: another file.
-int64_t FenceOf(const std::filesystem::path& path, const std::filesystem::path& file) {
-  const std::string stem = file.stem().string();
-  const std::string prefix = path.stem().string() + "-";
-  int64_t fence = 0;
-  if (!stem.starts_with(prefix) || !absl::SimpleAtoi(stem.substr(prefix.size()), &fence)) return 0;
-  return fence > 0 && FileOf(path, fence) == file ? fence : 0;
-}
+// A worker's file may claim to continue after at most so many events that are not there (they were
+// lost to a bad disk): more would use up the numbers.
+constexpr int64_t kMaxMissing = int64_t{1} << 32;
+constexpr int kMaxWorkerMetrics = 1000;
 
 absl::Status Unreadable(const std::string& where) {
   return absl::InternalError(absl::StrCat(where, ": cannot be read"));
 }
 
-// A stream of `file`; none: it is not there.
-absl::StatusOr<std::optional<std::ifstream>> OpenIfThere(const std::filesystem::path& file) {
-  errno = 0;
-  std::ifstream stream(file, std::ios::binary);
-  if (stream.is_open()) return stream;
-  if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
-  return FileError(file, "open", errno);
+// Fills `bytes` from `offset` on. false: there are not as many.
+absl::StatusOr<bool> ReadAt(const Descriptor& file, int64_t offset, size_t size, void* bytes,
+                            const std::string& where) {
+  size_t num_read = 0;
+  while (num_read < size) {
+    const ssize_t got = pread(file.get(), static_cast<char*>(bytes) + num_read, size - num_read,
+                              offset + static_cast<int64_t>(num_read));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Unreadable(where);
+    if (got == 0) return false;
+    num_read += static_cast<size_t>(got);
+  }
+  return true;
 }
 
-// The next record of `stream`, told as `where`. false: it is not there yet; DATA_LOSS: it is
-// broken; INTERNAL: nobody knows, the disk does not say.
-absl::StatusOr<bool> ReadRecord(std::istream& stream, const std::string& where,
-                                v1::JobEvent* event) {
-  std::array<char, sizeof(RecordHeader)> bytes{};
-  if (!stream.read(bytes.data(), bytes.size())) {
-    if (stream.bad()) return Unreadable(where);
-    return false;
-  }
+// The record at `offset`, reported as `where`: its length in bytes. 0: it is not there yet;
+// DATA_LOSS: it is broken; INTERNAL: the disk does not say.
+absl::StatusOr<int64_t> ReadRecord(const Descriptor& file, int64_t offset, const std::string& where,
+                                   v1::JobEvent* event) {
   RecordHeader header;
-  std::memcpy(&header, bytes.data(), sizeof(header));
+  ASSIGN_OR_RETURN(bool whole, ReadAt(file, offset, sizeof(header), &header, where));
+  if (!whole) return 0;
   const auto broken = [&](const std::string& what) {
     return absl::DataLossError(absl::StrCat(where, ": ", what));
   };
   if (header.length > kMaxPayload) return broken(absl::StrCat("length ", header.length));
   std::string payload(header.length, '\0');
-  if (!stream.read(payload.data(), header.length)) {
-    if (stream.bad()) return Unreadable(where);
-    return false;
-  }
+  ASSIGN_OR_RETURN(whole, ReadAt(file, offset + static_cast<int64_t>(sizeof(header)),
+                                 payload.size(), payload.data(), where));
+  if (!whole) return 0;
   if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
   if (!event->ParseFromString(payload)) return broken("it is no event");
   if (event->sequence() < 0 || event->sequence() > kMaxSequence) {
     return broken(absl::StrCat("sequence ", event->sequence()));
   }
-  return true;
+  return static_cast<int64_t>(sizeof(header) + payload.size());
 }
 
 bool IsFirstRecord(const v1::JobEvent& event) {
   return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
 }
 
-// The first record of an attempt's file.
-struct FirstRecord {
-  int64_t sequence = 0;
-  int64_t num_bytes = 0;  // as it stands there: written anew it may have others
-};
-
-// None: it has none yet.
-absl::StatusOr<std::optional<FirstRecord>> ReadFirstRecord(const std::filesystem::path& file) {
-  ASSIGN_OR_RETURN(std::optional<std::ifstream> stream, OpenIfThere(file));
-  if (!stream) return std::nullopt;
-  v1::JobEvent event;
-  const absl::StatusOr<bool> whole = ReadRecord(*stream, file.string(), &event);
-  if (!whole.ok() && !absl::IsDataLoss(whole.status())) return whole.status();
-  if (!whole.ok() || !*whole || !IsFirstRecord(event)) return std::nullopt;
-  return FirstRecord{event.sequence(), static_cast<int64_t>(stream->tellg())};
+// What a worker may report, and nothing of what the server says of a job.
+bool IsForWorkers(const v1::JobEvent& event) {
+  return event.has_stage_started() || event.has_stage_ended() || event.has_progress() ||
+         event.has_warning() || event.has_term_skipped();
 }
 
-// A reader that has read all that there is of the attempts before `end_fence`.
-absl::StatusOr<EventLogReader> ReadToEnd(const std::filesystem::path& path, int64_t end_fence) {
-  EventLogReader reader(path, 0, end_fence);
-  while (true) {
-    const absl::StatusOr<std::vector<v1::JobEvent>> events = reader.Read();
-    // Behind a broken record nothing can be found: it is cut off like a torn one. What the disk
-    // does not give today it may give tomorrow.
-    if (!events.ok() && !absl::IsDataLoss(events.status())) return events.status();
-    if (!events.ok() || events->empty()) return reader;
+void CleanWorkerEvent(v1::JobEvent& event) {
+  event.DiscardUnknownFields();
+  CleanTexts(event);
+  if (!event.has_stage_ended()) return;
+  google::protobuf::Map<std::string, double> metrics;
+  for (const auto& [name, value] : event.stage_ended().metrics()) {
+    if (metrics.size() < kMaxWorkerMetrics) metrics[ClientText(name, 100)] = value;
   }
+  *event.mutable_stage_ended()->mutable_metrics() = std::move(metrics);
 }
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
-    const std::filesystem::path& path, int64_t fence) {
-  const std::filesystem::path file = FileOf(path, fence);
-  const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    const std::filesystem::path& path, int64_t fence, EventPart part) {
+  EventLogReader reader(path);
+  const EventLogReader::Position position = EventLogReader::PositionOf(fence, part);
+  reader.end_ = position + 1;
+  const std::filesystem::path file = path.parent_path() / reader.NameOf(position);
+  const int descriptor =
+      open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0644);
   if (descriptor < 0) return FileError(file, "open", errno);
   auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(file, descriptor));
-  ASSIGN_OR_RETURN(const EventLogReader read, ReadToEnd(path, fence + 1));
-  writer->last_sequence_ = read.last_sequence();
+  RETURN_IF_ERROR(reader.ReadToEnd());
+  writer->last_sequence_ = reader.last_sequence_;
   // Of a file without a first record the reader knows nothing.
-  writer->size_ = read.fence() == fence ? read.offset() : 0;
+  writer->size_ = reader.position_ == position ? reader.offset_ : 0;
   if (ftruncate(descriptor, writer->size_) != 0) return FileError(file, "truncate", errno);
-  if (fence > 0 && writer->size_ == 0) {
+  if (position > 0 && writer->size_ == 0) {
     v1::JobEvent first;
     first.set_sequence(writer->last_sequence_);
     RETURN_IF_ERROR(writer->Write(first));
@@ -177,35 +157,108 @@ absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::FindSuccessor() const {
-  std::optional<Successor> next;
-  std::error_code error;
-  for (std::filesystem::directory_iterator entry(path_.parent_path(), error), end;
-       !error && entry != end; entry.increment(error)) {
-    const int64_t fence = FenceOf(path_, entry->path());
-    if (fence <= fence_ || fence >= end_fence_ || (next && fence >= next->fence)) continue;
-    ASSIGN_OR_RETURN(const std::optional<FirstRecord> first, ReadFirstRecord(entry->path()));
-    if (first) next = Successor{fence, first->sequence, first->num_bytes};
+EventLogReader::Position EventLogReader::PositionOf(int64_t fence, EventPart part) {
+  return fence * kNumParts + (fence == 0 ? 0 : static_cast<Position>(part));
+}
+
+bool EventLogReader::IsOfWorker(Position position) {
+  return position % kNumParts == static_cast<Position>(EventPart::kWorker);
+}
+
+std::filesystem::path EventLogReader::NameOf(Position position) const {
+  const int64_t fence = position / kNumParts;
+  if (fence == 0) return path_.filename();
+  const bool is_end = position % kNumParts == static_cast<Position>(EventPart::kAfter);
+  const std::string name = absl::StrCat(path_.stem().string(), "-", fence, is_end ? "-end" : "",
+                                        path_.extension().string());
+  return IsOfWorker(position) ? std::filesystem::path(kWorkFolder) / name
+                              : std::filesystem::path(name);
+}
+
+// 0: it is another file.
+EventLogReader::Position EventLogReader::FindPosition(const std::string& name, bool in_work) const {
+  const std::string prefix = path_.stem().string() + "-";
+  if (!name.starts_with(prefix)) return 0;
+  const size_t end = std::min(name.find_first_not_of("0123456789", prefix.size()), name.size());
+  int64_t fence = 0;
+  if (!absl::SimpleAtoi(name.substr(prefix.size(), end - prefix.size()), &fence)) return 0;
+  if (fence <= 0 || fence > std::numeric_limits<int64_t>::max() / kNumParts - 1) return 0;
+  for (const EventPart part : {EventPart::kBefore, EventPart::kWorker, EventPart::kAfter}) {
+    const Position position = PositionOf(fence, part);
+    if (IsOfWorker(position) == in_work && NameOf(position).filename() == name) return position;
   }
-  if (error && error != std::errc::no_such_file_or_directory) {
-    return FileError(path_.parent_path(), "list", error.value());
+  return 0;
+}
+
+// NOT_FOUND: it is not there.
+absl::StatusOr<Descriptor> EventLogReader::OpenPart(const BeneathFolder& folder,
+                                                    Position position) const {
+  absl::StatusOr<Descriptor> file = folder.OpenFile(NameOf(position));
+  if (file.ok() || absl::IsNotFound(file.status())) return file;
+  if (!absl::IsFailedPrecondition(file.status())) return file;
+  const std::string message(file.status().message());
+  // A server's own file is never anything else, unless a disk is broken.
+  if (IsOfWorker(position)) return absl::NotFoundError(message);
+  return absl::InternalError(message);
+}
+
+// None: it has none yet.
+absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::ReadFirstRecord(
+    const BeneathFolder& folder, Position position) const {
+  const absl::StatusOr<Descriptor> file = OpenPart(folder, position);
+  if (absl::IsNotFound(file.status())) return std::nullopt;
+  RETURN_IF_ERROR(file.status());
+  v1::JobEvent event;
+  const absl::StatusOr<int64_t> size = ReadRecord(*file, 0, NameOf(position).string(), &event);
+  if (!size.ok() && !absl::IsDataLoss(size.status())) return size.status();
+  if (!size.ok() || *size == 0 || !IsFirstRecord(event)) return std::nullopt;
+  return Successor{position, event.sequence(), *size};
+}
+
+// The next file after this one, and after `passed_over`, that has its first record.
+absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::FindSuccessor(
+    Position passed_over) const {
+  std::optional<Successor> next;
+  const absl::StatusOr<BeneathFolder> folder = BeneathFolder::Open(path_.parent_path());
+  if (absl::IsNotFound(folder.status())) return next;
+  RETURN_IF_ERROR(folder.status());
+  const absl::StatusOr<BeneathFolder> work = folder->OpenFolder(kWorkFolder);
+  for (const BeneathFolder* where : {&*folder, work.ok() ? &*work : nullptr}) {
+    if (where == nullptr) continue;
+    ASSIGN_OR_RETURN(const std::vector<BeneathFolder::Entry> entries, where->List());
+    for (const BeneathFolder::Entry& entry : entries) {
+      const Position position = FindPosition(entry.name, /*in_work=*/where != &*folder);
+      if (position <= std::max(position_, passed_over) || position >= end_) continue;
+      if (next && position >= next->position) continue;
+      ASSIGN_OR_RETURN(const std::optional<Successor> first, ReadFirstRecord(*folder, position));
+      if (first) next = first;
+    }
   }
   return next;
 }
 
-// Up to `last_sequence`, from the file of fence_.
-absl::Status EventLogReader::ReadFile(int64_t last_sequence, size_t max_events,
+// Up to `last_sequence`, from the file at position_.
+absl::Status EventLogReader::ReadPart(int64_t last_sequence, size_t max_events,
                                       std::vector<v1::JobEvent>& events) {
-  const std::filesystem::path file = FileOf(path_, fence_);
-  ASSIGN_OR_RETURN(std::optional<std::ifstream> stream, OpenIfThere(file));
-  if (!stream) return absl::OkStatus();
-  stream->seekg(offset_);
-  while (*stream && events.size() < max_events) {
+  const absl::StatusOr<BeneathFolder> folder = BeneathFolder::Open(path_.parent_path());
+  if (absl::IsNotFound(folder.status())) return absl::OkStatus();
+  RETURN_IF_ERROR(folder.status());
+  const absl::StatusOr<Descriptor> file = OpenPart(*folder, position_);
+  if (absl::IsNotFound(file.status())) return absl::OkStatus();
+  RETURN_IF_ERROR(file.status());
+  const std::string name = (path_.parent_path() / NameOf(position_)).string();
+  while (events.size() < max_events) {
     v1::JobEvent event;
-    const std::string where = absl::StrCat(file.string(), ": record at byte ", offset_);
-    ASSIGN_OR_RETURN(const bool whole, ReadRecord(*stream, where, &event));
-    if (!whole || event.sequence() > last_sequence) break;
-    offset_ = static_cast<int64_t>(stream->tellg());
+    const std::string where = absl::StrCat(name, ": record at byte ", offset_);
+    ASSIGN_OR_RETURN(const int64_t size, ReadRecord(*file, offset_, where, &event));
+    if (size == 0 || event.sequence() > last_sequence) break;
+    if (IsOfWorker(position_)) {
+      if (event.sequence() != last_sequence_ + 1 || !IsForWorkers(event)) {
+        return absl::DataLossError(absl::StrCat(where, ": it is no event of a worker's"));
+      }
+      CleanWorkerEvent(event);
+    }
+    offset_ += size;
     last_sequence_ = event.sequence();
     if (event.sequence() > after_sequence_) events.push_back(std::move(event));
   }
@@ -214,20 +267,37 @@ absl::Status EventLogReader::ReadFile(int64_t last_sequence, size_t max_events,
 
 absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events) {
   std::vector<v1::JobEvent> events;
+  Position passed_over = 0;
   while (true) {
     // Looked for first: what an attempt has written by the time another takes over is all of it.
-    const absl::StatusOr<std::optional<Successor>> found = FindSuccessor();
+    const absl::StatusOr<std::optional<Successor>> found = FindSuccessor(passed_over);
     if (!found.ok() && events.empty()) return found.status();
     if (!found.ok()) return events;
     const std::optional<Successor>& next = *found;
     const absl::Status read =
-        ReadFile(next ? next->last_sequence : Successor().last_sequence, max_events, events);
-    // A later attempt has gone on behind a broken record, not behind one that may yet be read.
+        ReadPart(next ? next->last_sequence : Successor().last_sequence, max_events, events);
+    // A later attempt continues behind a broken record, not behind one that may yet be read.
     const bool passed = read.ok() || (next && absl::IsDataLoss(read));
     if (!passed && events.empty()) return read;
     if (!passed || !next || events.size() >= max_events) return events;
-    fence_ = next->fence;
+    if (IsOfWorker(next->position) && next->last_sequence > last_sequence_ + kMaxMissing) {
+      passed_over = next->position;
+      continue;
+    }
+    position_ = next->position;
     offset_ = next->offset;
+    // A worker's events count from what it has found before them.
+    if (IsOfWorker(position_)) last_sequence_ = next->last_sequence;
+  }
+}
+
+// What is behind a broken record cannot be found: it is cut off like a torn one. What the disk does
+// not give today it may give tomorrow.
+absl::Status EventLogReader::ReadToEnd() {
+  while (true) {
+    const absl::StatusOr<std::vector<v1::JobEvent>> events = Read();
+    if (!events.ok() && !absl::IsDataLoss(events.status())) return events.status();
+    if (!events.ok() || events->empty()) return absl::OkStatus();
   }
 }
 

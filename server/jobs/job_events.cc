@@ -1,15 +1,12 @@
 #include "server/jobs/job_events.h"
 
-#include <filesystem>
 #include <memory>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
-#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {
@@ -21,12 +18,11 @@ v1::JobState ToProto(JobState state) {
 static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
 static_assert(v1::JOB_STATE_CANCELLED == static_cast<int>(JobState::kCancelled) + 1);
 
-absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEvent event) {
-  std::error_code error;
-  std::filesystem::create_directories(folder.path(), error);
-  if (error) return FileError(folder.path(), "create", error.value());
+absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, EventPart part,
+                         v1::JobEvent event) {
+  RETURN_IF_ERROR(folder.Make());
   ASSIGN_OR_RETURN(const std::unique_ptr<EventLogWriter> log,
-                   EventLogWriter::Open(folder.events(), job.fence));
+                   EventLogWriter::Open(folder.events(), job.fence, part));
   return log->Append(std::move(event));
 }
 
@@ -35,7 +31,7 @@ absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, v1::JobEven
 absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
   v1::JobEvent event;
   event.mutable_warning()->set_message(message);
-  return AppendEvent(folder, job, std::move(event));
+  return AppendEvent(folder, job, EventPart::kAfter, std::move(event));
 }
 
 absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
@@ -47,7 +43,9 @@ absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
     change.mutable_error()->set_message(job.error_message);
   }
   if (job.model != 0) change.set_model(absl::StrCat("scenes/", job.scene, "/models/", job.model));
-  return AppendEvent(folder, job, std::move(event));
+  const bool begins = job.state == JobState::kRunning;
+  return AppendEvent(folder, job, begins ? EventPart::kBefore : EventPart::kAfter,
+                     std::move(event));
 }
 
 }  // namespace pepeseg

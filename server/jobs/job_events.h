@@ -6,7 +6,8 @@
 #include "server/jobs/job_folder.h"
 #include "server/jobs/rows.h"
 
-// What the supervisor adds to the log of a job's attempt, which must have no worker.
+// What the supervisor adds to the log of a job's attempt: RUNNING before there is a worker, every
+// other state, and warnings, after its end.
 namespace pepeseg {
 
 // The event that tells of a job's new state.

@@ -1,9 +1,13 @@
 #include "server/jobs/job_folder.h"
 
+#include <fcntl.h>
 #include <google/protobuf/util/json_util.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/numbers.h"
@@ -12,6 +16,10 @@
 #include "core/io/file_bytes.h"
 #include "core/io/manifest.h"
 #include "core/status_macros.h"
+#include "server/jobs/beneath_folder.h"
+#include "server/jobs/client_text.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {
@@ -19,14 +27,16 @@ namespace {
 using Json = nlohmann::json;
 
 // A spec lists at most 20,000 files.
-constexpr int64_t kMaxJsonBytes = 64 << 20;
+constexpr int64_t kMaxSpecBytes = 64 << 20;
+// A worker's result is a page.
+constexpr int64_t kMaxResultBytes = 1 << 20;
+constexpr size_t kMaxResultEntries = 1000, kMaxNameBytes = 100, kMaxSourceBytes = 256;
 
 std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-absl::StatusOr<Json> ReadJson(const std::filesystem::path& path) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxJsonBytes));
+absl::StatusOr<Json> ParseJson(const std::filesystem::path& path, const std::string& text) {
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!json.is_object()) return absl::DataLossError(path.string() + ": is no JSON object");
   return json;
@@ -66,12 +76,22 @@ JobSpec DecodeSpec(const Json& json) {
 JobResult DecodeResult(const Json& json) {
   JobResult result;
   result.status = absl::Status(static_cast<absl::StatusCode>(json.at("code").get<int>()),
-                               json.at("message").get<std::string>());
+                               ClientText(json.at("message").get<std::string>()));
   result.metrics = json.at("metrics").get<std::map<std::string, double>>();
   result.num_gaussians = json.at("num_gaussians").get<int64_t>();
   result.num_bytes = json.at("num_bytes").get<int64_t>();
   result.sources = json.at("sources").get<std::map<std::string, std::string>>();
   return result;
+}
+
+// The entries of a worker's result as a client may have them.
+template <typename Value, typename Clean>
+void CleanEntries(std::map<std::string, Value>& entries, Clean clean) {
+  std::map<std::string, Value> cleaned;
+  for (const auto& [name, value] : entries) {
+    if (cleaned.size() < kMaxResultEntries) cleaned[ClientText(name, kMaxNameBytes)] = clean(value);
+  }
+  entries = std::move(cleaned);
 }
 
 Json FiniteMetrics(const std::map<std::string, double>& metrics) {
@@ -86,8 +106,21 @@ std::filesystem::path SpecPath(const std::filesystem::path& folder, int64_t fenc
   return folder / absl::StrCat("spec-", fence, ".json");
 }
 
-std::filesystem::path ResultPath(const std::filesystem::path& folder, int64_t fence) {
-  return folder / absl::StrCat("result-", fence, ".json");
+std::string ResultName(int64_t fence) { return absl::StrCat("result-", fence, ".json"); }
+
+std::string AttemptName(int64_t fence) { return absl::StrCat("attempt-", fence); }
+
+// Removes what is in a folder, but for logs, JSON files and the entries `keep`.
+void RemoveAllBut(const BeneathFolder& folder, const std::vector<std::string>& keep) {
+  const auto entries = folder.List();
+  if (!entries.ok()) return;
+  for (const BeneathFolder::Entry& entry : *entries) {
+    const std::string suffix = std::filesystem::path(entry.name).extension();
+    const bool told = entry.is_file && (suffix == ".log" || suffix == ".json");
+    // What is left costs space only.
+    const bool kept = told || std::find(keep.begin(), keep.end(), entry.name) != keep.end();
+    if (!kept) folder.RemoveAll(entry.name).IgnoreError();
+  }
 }
 
 }  // namespace
@@ -100,9 +133,13 @@ std::string SourcesToJson(const std::map<std::string, std::string>& sources) {
   return Json(sources).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+std::filesystem::path JobFolder::work() const { return path_ / kWorkFolder; }
+
 std::filesystem::path JobFolder::attempt(int64_t fence) const {
-  return path_ / absl::StrCat("attempt-", fence);
+  return work() / AttemptName(fence);
 }
+
+std::filesystem::path JobFolder::model(int64_t fence) const { return path_ / AttemptName(fence); }
 
 std::filesystem::path JobFolder::frames(int64_t fence) const { return attempt(fence) / "frames"; }
 
@@ -117,35 +154,65 @@ std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
 }
 
 std::filesystem::path JobFolder::pulse(int64_t fence) const {
-  return path_ / absl::StrCat("pulse-", fence);
+  return work() / absl::StrCat("pulse-", fence);
 }
 
 std::filesystem::path JobFolder::lease(int64_t fence) const {
   return path_ / absl::StrCat("lease-", fence);
 }
 
-bool JobFolder::HasSaved(int64_t fence) const {
+absl::Status JobFolder::Make() const {
   std::error_code error;
-  for (const std::filesystem::path& stage : {frames(fence), poses(fence), reconstruction(fence)}) {
-    if (std::filesystem::exists(stage / kManifestName, error)) return true;
+  std::filesystem::create_directories(work(), error);
+  return error ? FileError(work(), "create", error.value()) : absl::OkStatus();
+}
+
+bool JobFolder::HasSaved(int64_t fence) const {
+  const absl::StatusOr<BeneathFolder> work = BeneathFolder::Open(this->work());
+  if (!work.ok()) return false;
+  for (const char* stage : {"frames", "poses", "reconstruct"}) {
+    if (work->HasFile(AttemptName(fence) / std::filesystem::path(stage) / kManifestName)) {
+      return true;
+    }
   }
-  for (std::filesystem::directory_iterator entry(checkpoints(fence), error), end;
-       !error && entry != end; entry.increment(error)) {
-    if (entry->path().extension() == ".ckpt") return true;
-  }
-  return false;
+  const auto folder = work->OpenFolder(AttemptName(fence) / std::filesystem::path("checkpoints"));
+  if (!folder.ok()) return false;
+  const auto entries = folder->List();
+  return entries.ok() &&
+         std::any_of(entries->begin(), entries->end(), [](const BeneathFolder::Entry& entry) {
+           return entry.is_file && entry.name.ends_with(".ckpt");
+         });
 }
 
 void JobFolder::RemoveWorkingFiles(const std::string& keep) const {
-  std::error_code ignored;  // what is left costs space only
-  std::vector<std::filesystem::path> leftovers;
-  for (std::filesystem::directory_iterator entry(path_, ignored), end; entry != end;
-       entry.increment(ignored)) {
-    const std::filesystem::path name = entry->path().filename();
-    const bool told = name.extension() == ".log" || name.extension() == ".json";
-    if (!told && name != keep) leftovers.push_back(entry->path());
+  const absl::StatusOr<BeneathFolder> folder = BeneathFolder::Open(path_);
+  if (!folder.ok()) return;
+  const absl::StatusOr<BeneathFolder> work = folder->OpenFolder(kWorkFolder);
+  if (work.ok()) RemoveAllBut(*work, {});
+  RemoveAllBut(*folder, {keep, kWorkFolder});
+}
+
+absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
+  const std::string name = AttemptName(fence);
+  ASSIGN_OR_RETURN(const BeneathFolder folder, BeneathFolder::Open(path_));
+  if (!folder.OpenFolder(name).ok()) {
+    ASSIGN_OR_RETURN(const BeneathFolder work, folder.OpenFolder(kWorkFolder));
+    if (renameat2(work.descriptor(), name.c_str(), folder.descriptor(), name.c_str(),
+                  RENAME_NOREPLACE) != 0) {
+      return FileError(model(fence), "take the result", errno);
+    }
+    RETURN_IF_ERROR(SyncFolder(this->work()));
+    RETURN_IF_ERROR(SyncFolder(path_));
   }
-  for (const std::filesystem::path& path : leftovers) std::filesystem::remove_all(path, ignored);
+  // Only now: what was looked at in the worker's folder could change until it was here.
+  const absl::StatusOr<BeneathFolder> taken = folder.OpenFolder(name);
+  absl::StatusOr<int64_t> num_bytes = taken.ok() ? taken->CheckPlain() : taken.status();
+  if (absl::IsFailedPrecondition(num_bytes.status())) {
+    folder.RemoveAll(name).IgnoreError();
+    return absl::FailedPreconditionError(
+        absl::StrCat("the worker's result is not taken: ", num_bytes.status().message()));
+  }
+  return num_bytes;
 }
 
 int64_t JobFolder::NewestFence() const {
@@ -187,7 +254,8 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
 
 absl::StatusOr<JobSpec> JobFolder::ReadSpec(int64_t fence) const {
   const std::filesystem::path path = SpecPath(path_, fence);
-  ASSIGN_OR_RETURN(const Json json, ReadJson(path));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxSpecBytes));
+  ASSIGN_OR_RETURN(const Json json, ParseJson(path, text));
   ASSIGN_OR_RETURN(JobSpec spec, Decode(path, json, &DecodeSpec));
   const std::string options = json.value("options", Json::object()).dump();
   if (!google::protobuf::util::JsonStringToMessage(options, &spec.options).ok()) {
@@ -203,13 +271,37 @@ absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) cons
                      {"num_gaussians", result.num_gaussians},
                      {"num_bytes", result.num_bytes},
                      {"sources", result.sources}};
-  return WriteFileAtomically(ResultPath(path_, fence), Dump(json));
+  return WriteFileAtomically(work() / ResultName(fence), Dump(json));
 }
 
 absl::StatusOr<JobResult> JobFolder::ReadResult(int64_t fence) const {
-  const std::filesystem::path path = ResultPath(path_, fence);
-  ASSIGN_OR_RETURN(const Json json, ReadJson(path));
-  return Decode(path, json, &DecodeResult);
+  ASSIGN_OR_RETURN(const BeneathFolder work, BeneathFolder::Open(this->work()));
+  const std::string name = ResultName(fence);
+  const absl::StatusOr<std::string> text = work.ReadFile(name, kMaxResultBytes);
+  if (absl::IsFailedPrecondition(text.status())) {
+    return absl::DataLossError(text.status().message());
+  }
+  RETURN_IF_ERROR(text.status());
+  ASSIGN_OR_RETURN(const Json json, ParseJson(name, *text));
+  ASSIGN_OR_RETURN(JobResult result, Decode(name, json, &DecodeResult));
+  if (result.num_gaussians < 0 || result.num_bytes < 0) {
+    return absl::DataLossError(name + ": a negative number");
+  }
+  CleanEntries(result.metrics, [](double value) { return value; });
+  CleanEntries(result.sources,
+               [](const std::string& value) { return ClientText(value, kMaxSourceBytes); });
+  return result;
+}
+
+absl::Status CheckModelFolder(const std::filesystem::path& data,
+                              const std::filesystem::path& model) {
+  ASSIGN_OR_RETURN(const BeneathFolder folder, BeneathFolder::Open(data));
+  const absl::StatusOr<BeneathFolder> files = folder.OpenFolder(model);
+  const absl::Status status =
+      files.ok() ? files->CheckPlain(/*other_names=*/true).status() : files.status();
+  // Other errors are for who reads it next.
+  return absl::IsFailedPrecondition(status) ? absl::DataLossError(status.message())
+                                            : absl::OkStatus();
 }
 
 }  // namespace pepeseg

@@ -16,6 +16,8 @@ struct LaunchOptions {
   bool sandbox = true;
   // Absolute paths of files and folders that they read and run besides what every job needs.
   std::vector<std::string> sandbox_reads;
+  // Names of variables of the server's environment that they get besides JobEnvironment's.
+  std::vector<std::string> pass_environment;
   // For workers that Slurm starts again: they take their next fence there. Store::Open's.
   std::string database;
   // A server that is not heard of for so long has lost its jobs to whoever claims them next.

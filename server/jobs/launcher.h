@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/jobs/launch_options.h"
 
 namespace pepeseg {
 
@@ -50,6 +51,7 @@ struct WorkerCommand {
   std::vector<std::string> arguments;
   std::filesystem::path log;                  // standard output and error are appended to it
   std::vector<std::string> environment = {};  // "NAME=VALUE", in place of this process's
+  bool inherits_environment = true;           // false: `environment` is all that it gets
   std::string job = {};                       // its id, for those who look at a cluster's queue
   WorkerNeeds needs = {};
 };
@@ -63,7 +65,7 @@ class Launcher {
   virtual absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) = 0;
 };
 
-// Workers as children of this process, killed with it.
-std::unique_ptr<Launcher> MakeProcessLauncher();
+// Workers as children of this process, killed with it. They get JobEnvironment's variables.
+std::unique_ptr<Launcher> MakeProcessLauncher(const LaunchOptions& options);
 
 }  // namespace pepeseg

@@ -16,6 +16,7 @@
 #include "core/child_process.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/job_environment.h"
 
 namespace pepeseg {
 namespace {
@@ -54,20 +55,18 @@ void Isolate(SpawnSettings& settings, const std::filesystem::path& log) {
                            POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
 }
 
-// As exec wants them; the strings must outlive it.
-std::vector<char*> Pointers(std::vector<std::string>& words) {
-  std::vector<char*> pointers;
-  pointers.reserve(words.size() + 1);
-  for (std::string& word : words) pointers.push_back(word.data());
-  pointers.push_back(nullptr);
-  return pointers;
-}
-
 class ProcessLauncher final : public Launcher {
  public:
+  explicit ProcessLauncher(std::vector<std::string> pass_environment)
+      : pass_environment_(std::move(pass_environment)) {}
+
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
     WorkerCommand child = command;
     child.arguments.push_back(absl::StrCat("--parent=", getpid()));
+    for (std::string& variable : JobEnvironment(pass_environment_)) {
+      child.environment.push_back(std::move(variable));
+    }
+    child.inherits_environment = false;
     ASSIGN_OR_RETURN(std::unique_ptr<WorkerProcess> process, WorkerProcess::Launch(child));
     spdlog::info("jobs/{}: runs as process {}", command.job, process->pid());
     return process;
@@ -75,11 +74,16 @@ class ProcessLauncher final : public Launcher {
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) override {
     return absl::NotFoundError(absl::StrCat("'", launch, "' is run by another launcher"));
   }
+
+ private:
+  const std::vector<std::string> pass_environment_;
 };
 
 }  // namespace
 
-std::unique_ptr<Launcher> MakeProcessLauncher() { return std::make_unique<ProcessLauncher>(); }
+std::unique_ptr<Launcher> MakeProcessLauncher(const LaunchOptions& options) {
+  return std::make_unique<ProcessLauncher>(options.pass_environment);
+}
 
 absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const WorkerCommand& command) {
   SpawnSettings settings;
@@ -88,7 +92,10 @@ absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Worke
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
   // The first of a name counts.
   std::vector<std::string> variables = command.environment;
-  for (char** variable = environ; *variable != nullptr; ++variable) variables.push_back(*variable);
+  for (char** variable = environ; command.inherits_environment && *variable != nullptr;
+       ++variable) {
+    variables.emplace_back(*variable);
+  }
   pid_t pid = 0;
   const int error =
       posix_spawn(&pid, command.program.c_str(), &settings.files, &settings.attributes,

@@ -19,10 +19,15 @@ bool Touch(const std::filesystem::path& path) {
   return touched;
 }
 
+void PulseWatch::Expect() {
+  seen_ = true;
+  change_ = std::chrono::steady_clock::now();
+}
+
 std::chrono::steady_clock::duration PulseWatch::Silence() {
   const auto now = std::chrono::steady_clock::now();
   struct stat status {};
-  if (stat(path_.c_str(), &status) == 0) {
+  if (lstat(path_.c_str(), &status) == 0) {
     const timespec& time = status.st_mtim;
     if (!seen_ || time.tv_sec != newest_.tv_sec || time.tv_nsec != newest_.tv_nsec) change_ = now;
     seen_ = true;

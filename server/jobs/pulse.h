@@ -23,6 +23,8 @@ class PulseWatch {
  public:
   explicit PulseWatch(std::filesystem::path path) : path_(std::move(path)) {}
 
+  // From now on a file that is not there yet is silence, too.
+  void Expect();
   // Looks, and answers how long ago the file was last seen to change; 0 while it is not there.
   std::chrono::steady_clock::duration Silence();
 

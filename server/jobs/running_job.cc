@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
 
@@ -42,7 +42,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   running->stage_.clear();
   running->progress_.reset();
   Touch(folder.lease(job.fence));
-  Touch(folder.pulse(job.fence));  // silence counts from here
+  running->pulse_.Expect();
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
@@ -91,9 +91,7 @@ absl::Status RunningJob::WriteSpec() const {
     spec.files.push_back(
         {file.path, file.kind, context_.options.file_path(project, file).string(), file.sha256});
   }
-  std::error_code error;
-  std::filesystem::create_directories(folder_.path(), error);
-  if (error) return FileError(folder_.path(), "create", error.value());
+  RETURN_IF_ERROR(folder_.Make());
   return folder_.WriteSpec(spec);
 }
 
@@ -110,6 +108,9 @@ WorkerCommand RunningJob::Command() const {
   if (!options.launch.sandbox) command.arguments.emplace_back("--sandbox=off");
   for (const std::string& path : options.launch.sandbox_reads) {
     command.arguments.push_back(absl::StrCat("--sandbox-read=", path));
+  }
+  for (const std::string& name : options.launch.pass_environment) {
+    command.arguments.push_back(absl::StrCat("--pass-environment=", name));
   }
   if (!options.lpips_weights.empty()) {
     command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
@@ -186,7 +187,7 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
   }
   const std::string tail = ReadFileTail(folder_.worker_log(), kLogTail);
   if (!tail.empty()) absl::StrAppend(&text, "; its log ends with: ", tail);
-  return text;
+  return ClientText(text);
 }
 
 absl::Status RunningJob::Outcome(JobResult* result) {
@@ -198,7 +199,7 @@ absl::Status RunningJob::Outcome(JobResult* result) {
   if (told && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
-    return read->status;
+    return result->status.ok() ? TakeModel(*result) : result->status;
   }
   if (terminated_) return absl::CancelledError("the worker was stopped");
   lease_lost_ = end.kind == WorkerEnd::Kind::kExited &&
@@ -209,6 +210,11 @@ absl::Status RunningJob::Outcome(JobResult* result) {
       DescribeCrash(end));
 }
 
+absl::Status RunningJob::TakeModel(JobResult& result) const {
+  ASSIGN_OR_RETURN(result.num_bytes, folder_.TakeModel(job_.fence));
+  return absl::OkStatus();
+}
+
 bool RunningJob::MayTryAgain() const {
   if (!crashed_) return false;
   return lease_lost_ || folder_.HasSaved(job_.fence) ||
@@ -217,8 +223,7 @@ bool RunningJob::MayTryAgain() const {
 
 absl::Status RunningJob::CommitModel(const JobResult& result) {
   ModelRow model;
-  model.folder =
-      absl::StrCat("jobs/", job_.id, "/", folder_.attempt(job_.fence).filename().string());
+  model.folder = absl::StrCat("jobs/", job_.id, "/", folder_.model(job_.fence).filename().string());
   model.metrics = MetricsToJson(result.metrics);
   model.sources = SourcesToJson(result.sources);
   model.num_gaussians = result.num_gaussians;
@@ -246,7 +251,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
 
 void RunningJob::RemoveLeftovers() const {
   const bool has_model = job_.state == JobState::kSucceeded;
-  folder_.RemoveWorkingFiles(has_model ? folder_.attempt(job_.fence).filename().string() : "");
+  folder_.RemoveWorkingFiles(has_model ? folder_.model(job_.fence).filename().string() : "");
 }
 
 absl::Status RunningJob::Finish(bool requeue) {

@@ -65,6 +65,7 @@ class RunningJob {
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
   absl::Status Outcome(JobResult* result);  // OK: there is a model
+  absl::Status TakeModel(JobResult& result) const;
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
   absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);

@@ -21,6 +21,8 @@
 #include "core/child_process.h"
 #include "core/io/atomic_file.h"
 #include "core/status_macros.h"
+#include "server/jobs/file_error.h"
+#include "server/jobs/job_environment.h"
 
 namespace pepeseg {
 namespace {
@@ -193,6 +195,10 @@ class SlurmLauncher final : public Launcher {
     // Beside the log, which is in the job's folder: nodes see it, too.
     const std::filesystem::path script = command.log.parent_path() / "slurm.sh";
     RETURN_IF_ERROR(WriteFileAtomically(script, Script(command)));
+    // It has the way to the database.
+    std::error_code error;
+    std::filesystem::permissions(script, std::filesystem::perms::owner_all, error);
+    if (error) return FileError(script, "protect", error.value());
     std::vector<std::string> arguments = Flags(command);
     arguments.push_back(script.string());
     ASSIGN_OR_RETURN(const std::vector<std::string> answer, Ask("sbatch", std::move(arguments)));
@@ -219,7 +225,11 @@ class SlurmLauncher final : public Launcher {
  private:
   std::string Script(const WorkerCommand& command) const {
     std::string script = "#!/bin/sh\n";
-    for (const std::string& variable : command.environment) {
+    std::vector<std::string> variables = command.environment;
+    if (!options_.database.empty()) {
+      variables.push_back(absl::StrCat(kSlurmDatabase, "=", options_.database));
+    }
+    for (const std::string& variable : variables) {
       const std::pair<std::string, std::string> parts =
           absl::StrSplit(variable, absl::MaxSplits('=', 1));
       absl::StrAppend(&script, "export ", parts.first, "=", Quote(parts.second), "\n");
@@ -228,16 +238,24 @@ class SlurmLauncher final : public Launcher {
     for (const std::string& argument : command.arguments) {
       absl::StrAppend(&script, " ", Quote(argument));
     }
-    if (!options_.database.empty()) {
-      absl::StrAppend(&script, " ", Quote("--slurm-database=" + options_.database));
-    }
     return script + "\n";
+  }
+
+  // Names of the variables that the job gets of this process's: those of workers, and what the
+  // way to the database may need, which the worker does not pass on.
+  std::string ExportedNames() const {
+    std::vector<std::string> names = DatabaseVariables();
+    for (const std::string& variable : JobEnvironment(options_.pass_environment)) {
+      names.push_back(variable.substr(0, variable.find('=')));
+    }
+    return names.empty() ? "NIL" : absl::StrJoin(names, ",");
   }
 
   std::vector<std::string> Flags(const WorkerCommand& command) const {
     std::vector<std::string> flags = {"--parsable", "--requeue", "--open-mode=append",
                                       // Before a time limit or another job ends it.
                                       "--signal=B:TERM@60", "--input=none",
+                                      absl::StrCat("--export=", ExportedNames()),
                                       absl::StrCat("--job-name=pepeseg-", command.job),
                                       absl::StrCat("--output=", command.log.string()),
                                       absl::StrCat("--chdir=", command.log.parent_path().string())};

@@ -18,7 +18,7 @@ std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
   if (options.launch.launcher == LaunchOptions::Launcher::kSlurm) {
     return MakeSlurmLauncher(options.launch);
   }
-  return MakeProcessLauncher();
+  return MakeProcessLauncher(options.launch);
 }
 
 }  // namespace

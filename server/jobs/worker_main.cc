@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
@@ -20,6 +21,7 @@
 #include "core/child_process.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/job_environment.h"
 #include "server/jobs/pulse.h"
 #include "server/jobs/store.h"
 #include "server/jobs/worker_inputs.h"
@@ -48,16 +50,17 @@ struct Arguments {
   std::string colmap = "colmap";
   int64_t fence = 0;
   pid_t parent = 0;
-  std::string database;  // of a worker that Slurm may have started again
   bool sandbox = true;
+  std::vector<std::string> environment;    // names of variables, besides those of every job
   std::vector<std::string> sandbox_reads;  // files and folders, besides what every job reads
   LogFormat log_format = LogFormat::kText;
 };
 
 constexpr char kUsage[] =
-    "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] [--slurm-database=URL] "
+    "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off] [--sandbox-read=PATH]...";
+    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off] [--sandbox-read=PATH]... "
+    "[--pass-environment=NAME]...";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -73,14 +76,15 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     int64_t seconds = 0;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
         TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
-        TakeFlag(word, "--colmap=", &arguments->colmap) ||
-        TakeFlag(word, "--slurm-database=", &arguments->database)) {
+        TakeFlag(word, "--colmap=", &arguments->colmap)) {
       continue;
     }
     if (TakeFlag(word, "--priors-command=", &text)) {
       arguments->priors.program = text;
     } else if (TakeFlag(word, "--sandbox-read=", &text)) {
       arguments->sandbox_reads.push_back(text);
+    } else if (TakeFlag(word, "--pass-environment=", &text)) {
+      arguments->environment.push_back(text);
     } else if (TakeFlag(word, "--priors-seconds=", &text)) {
       if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
       arguments->priors.time_limit = absl::Seconds(seconds);
@@ -116,9 +120,10 @@ WorkerExit ExitOf(const absl::Status& status) {
   return absl::IsCancelled(status) ? WorkerExit::kCancelled : WorkerExit::kFailed;
 }
 
-WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments) {
-  absl::StatusOr<std::unique_ptr<EventLogWriter>> log =
-      EventLogWriter::Open(folder.events(), spec.fence);
+using EventLog = absl::StatusOr<std::unique_ptr<EventLogWriter>>;
+
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments,
+                  const EventLog& log) {
   JobResult result;
   result.status = log.status();
   if (log.ok()) {
@@ -155,12 +160,31 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
                                    JobSpec& spec) {
   const char* restarts = std::getenv("SLURM_RESTART_COUNT");
   const char* number = std::getenv("SLURM_JOB_ID");
-  if (database.empty() || number == nullptr) return absl::OkStatus();
+  if (number == nullptr) return absl::OkStatus();
   if (restarts == nullptr || std::strcmp(restarts, "0") == 0) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::unique_ptr<Store> store, Store::Open(database));
   ASSIGN_OR_RETURN(spec.fence, store->TakeNextFence(spec.job, absl::StrCat("slurm:", number)));
   spdlog::info("started again by Slurm: attempt {}", spec.fence);
   return folder.WriteSpec(spec);
+}
+
+// What a worker of Slurm's does before anything else: it asks the database for its attempt, and
+// starts anew as a process whose memory, arguments and environment have never had the way to it.
+// Returns only an error.
+absl::Status BeginAnew(const Arguments& arguments, char** argv) {
+  const std::string database = std::getenv(kSlurmDatabase);
+  const JobFolder folder(arguments.folder);
+  ASSIGN_OR_RETURN(JobSpec spec,
+                   folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence()));
+  FollowTrace(spec, arguments.log_format);
+  RETURN_IF_ERROR(TakeFenceAfterRestart(database, folder, spec));
+  std::vector<std::string> words, variables = JobEnvironment(arguments.environment);
+  for (char** word = argv; *word != nullptr; ++word) {
+    if (!std::string(*word).starts_with("--fence=")) words.emplace_back(*word);
+  }
+  words.push_back(absl::StrCat("--fence=", spec.fence));
+  execve("/proc/self/exe", Pointers(words).data(), Pointers(variables).data());
+  return FileError(words[0], "start again", errno);
 }
 
 // An empty folder for temporary files, of this attempt alone: what others keep in /tmp is theirs.
@@ -195,12 +219,14 @@ WorkerExit Run(const Arguments& arguments) {
       folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
   absl::Status ready = spec.status();
   if (ready.ok()) FollowTrace(*spec, arguments.log_format);
-  if (ready.ok()) ready = TakeFenceAfterRestart(arguments.database, folder, *spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
   if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());
-  // After the database, and before the first byte of a dataset.
+  // It continues after the server's events, which the sandbox does not let it read.
+  EventLog log = absl::CancelledError("not opened");
+  if (ready.ok()) log = EventLogWriter::Open(folder.events(), spec->fence, EventPart::kWorker);
+  // Before the first byte of a dataset.
   if (ready.ok() && arguments.sandbox) ready = EnterSandbox(NeedsOf(*spec, folder, arguments));
   if (!ready.ok()) {
     spdlog::error("{}", ready.ToString());
@@ -209,7 +235,7 @@ WorkerExit Run(const Arguments& arguments) {
   const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
-  return RunJob(folder, *spec, arguments);
+  return RunJob(folder, *spec, arguments, log);
 }
 
 }  // namespace
@@ -221,6 +247,10 @@ int main(int argc, char** argv) {
   pepeseg::ConfigureLog(arguments.log_format);
   if (!parsed) {
     spdlog::error("{}", pepeseg::kUsage);
+    return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
+  }
+  if (std::getenv(pepeseg::kSlurmDatabase) != nullptr) {
+    spdlog::error("{}", pepeseg::BeginAnew(arguments, argv).ToString());
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }
   std::signal(SIGTERM, pepeseg::OnTerminate);

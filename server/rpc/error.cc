@@ -5,6 +5,7 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "server/jobs/client_text.h"
 
 namespace pepeseg {
 namespace {
@@ -13,24 +14,6 @@ constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
 // grpc-message is percent-encoded (up to three times as long), the details are base64.
 constexpr size_t kMaxStatusMessageBytes = 640;
 constexpr size_t kMaxValueBytes = 256;
-
-// Bytes of the well-formed UTF-8 character at the start of `text`; 0: it is none.
-size_t CharacterLength(std::string_view text) {
-  const auto lead = static_cast<unsigned char>(text[0]);
-  if (lead < 0x80) return 1;
-  const size_t length = lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : 2;
-  if (lead < 0xc2 || lead > 0xf4 || text.size() < length) return 0;
-  for (size_t i = 1; i < length; ++i) {
-    if ((static_cast<unsigned char>(text[i]) & 0xc0) != 0x80) return 0;
-  }
-  const auto second = static_cast<unsigned char>(text[1]);
-  // Overlong forms, surrogates, and what is beyond U+10FFFF.
-  if ((lead == 0xe0 && second < 0xa0) || (lead == 0xed && second > 0x9f) ||
-      (lead == 0xf0 && second < 0x90) || (lead == 0xf4 && second > 0x8f)) {
-    return 0;
-  }
-  return length;
-}
 
 v1::ErrorDetail DetailOf(const absl::Status& status) {
   v1::ErrorDetail detail;
@@ -50,7 +33,7 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
 std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
   std::string prefix;
   while (!text.empty()) {
-    const size_t length = CharacterLength(text);
+    const size_t length = Utf8CharacterLength(text);
     const std::string_view character = length == 0 ? "?" : text.substr(0, length);
     if (prefix.size() + character.size() > max_bytes) break;
     prefix.append(character);

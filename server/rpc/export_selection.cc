@@ -11,6 +11,7 @@
 #include "core/io/manifest.h"
 #include "core/status_macros.h"
 #include "server/jobs/crc32c.h"
+#include "server/jobs/job_folder.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
@@ -58,6 +59,7 @@ absl::StatusOr<bool> ExportSelectionStream::MakeSubset() {
 
 absl::Status ExportSelectionStream::OpenModel() {
   ASSIGN_OR_RETURN(const ModelRow model, FindModel(context_, request_.model(), "model"));
+  RETURN_IF_ERROR(CheckModelFolder(context_.data_folder, model.folder));
   const std::filesystem::path folder = context_.data_folder / model.folder;
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
   const auto entry =

@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/model_file.h"
 #include "core/status_macros.h"
+#include "server/jobs/job_folder.h"
 #include "server/jobs/quota_error.h"
 #include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"
@@ -70,6 +71,7 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
   ModelCache::Source source;
   source.name = ChildName(row.scene, "models", row.number);
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+    RETURN_IF_ERROR(CheckModelFolder(context.data_folder, row.folder));
     ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
     need = BytesOfModel(*context.backend, shape);
     return need;

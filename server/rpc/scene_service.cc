@@ -8,6 +8,7 @@
 #include "core/scene/origin.h"
 #include "core/status_macros.h"
 #include "server/convert.h"
+#include "server/jobs/beneath_folder.h"
 #include "server/layout.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
@@ -68,7 +69,7 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
   // The scene is gone already: a folder that cannot be removed only costs space.
   std::error_code ignored;
   for (const std::string& job : remains.jobs) {
-    std::filesystem::remove_all(context.data_folder / "jobs" / job, ignored);
+    RemoveBeneath(context.data_folder, std::filesystem::path("jobs") / job).IgnoreError();
   }
   std::filesystem::remove_all(context.data_folder / "datasets" / scene, ignored);
   std::filesystem::remove_all(context.data_folder / SelectionFolder(scene), ignored);
@@ -94,8 +95,9 @@ absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::stri
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(*context.store, row));
   RETURN_IF_ERROR(context.store->DeleteModel(row.scene, row.number));
   context.models->Drop(ResidentKey(row));  // questions under way hold it
-  std::error_code ignored;  // the model is gone already: its folder would be collected
-  std::filesystem::remove_all(context.data_folder / row.folder, ignored);
+  // The model is gone already: its folder would be collected.
+  RemoveBeneath(context.data_folder, row.folder).IgnoreError();
+  std::error_code ignored;
   for (const std::string& file : selections) {
     std::filesystem::remove(context.data_folder / file, ignored);
   }

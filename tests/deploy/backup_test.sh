@@ -88,7 +88,7 @@ ask "$work/before"
 # Meanwhile a training runs that has saved something, and scenes come and go.
 expect 0 pepeseg upload third "$dataset"
 job=$(pepeseg train third --steps 30000 --image-scale 0.25 --detach)
-saved() { ls "$work/data/$job"/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1; }
+saved() { ls "$work/data/$job"/work/attempt-*/checkpoints/*.ckpt >/dev/null 2>&1; }
 for _ in {1..300}; do saved && break; sleep 0.1; done
 saved || fail 'the training saves nothing'
 (

@@ -1,3 +1,4 @@
+#include <filesystem>
 #include <fstream>
 
 #include "server/jobs/job_folder.h"
@@ -7,7 +8,8 @@
 // spec.json and result.json.
 PEPESEG_FUZZ_TARGET(job_files) {
   static const pepeseg::testing::TempFolder folder;
-  for (const char* name : {"spec-1.json", "result-1.json"}) {
+  std::filesystem::create_directories(folder / "work");
+  for (const char* name : {"spec-1.json", "work/result-1.json"}) {
     std::ofstream(folder / name, std::ios::binary) << bytes;
   }
   const pepeseg::JobFolder job(folder.path());

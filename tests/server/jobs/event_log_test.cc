@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 
@@ -199,6 +200,133 @@ TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
   ASSERT_TRUE(Open(1)->Append(Warning("b")).ok());
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
+}
+
+// The part of an attempt that its worker writes, whatever code has taken the worker over.
+class WorkerEventsTest : public EventLogTest {
+ protected:
+  WorkerEventsTest() { std::filesystem::create_directories(folder_ / "work"); }
+
+  absl::Status Warn(int64_t fence, EventPart part, const std::string& message) {
+    auto writer = EventLogWriter::Open(path_, fence, part);
+    return writer.ok() ? (*writer)->Append(Warning(message)) : writer.status();
+  }
+  // A record in the worker's file, as it likes.
+  void Forge(v1::JobEvent event) {
+    const std::string payload = event.SerializeAsString();
+    const uint32_t header[2] = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
+    std::ofstream file(work_log_, std::ios::binary | std::ios::app);
+    file.write(reinterpret_cast<const char*>(header), sizeof(header));
+    file << payload;
+  }
+  void ForgeFirst(int64_t sequence) {
+    v1::JobEvent first;
+    first.set_sequence(sequence);
+    Forge(first);
+  }
+  static v1::JobEvent Numbered(v1::JobEvent event, int64_t sequence) {
+    event.set_sequence(sequence);
+    return event;
+  }
+
+  const std::filesystem::path work_log_ = folder_ / "work/events-1.log";
+};
+
+TEST_F(WorkerEventsTest, StandBetweenThoseOfTheServer) {
+  Append({"queued"});
+  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+  EXPECT_TRUE(Warn(1, EventPart::kWorker, "works").ok());
+  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_TRUE(Warn(2, EventPart::kBefore, "again").ok());
+  EXPECT_TRUE(Warn(1, EventPart::kWorker, "stale").ok());
+  EXPECT_TRUE(Warn(2, EventPart::kWorker, "works").ok());
+  EXPECT_THAT(ReadAll(),
+              ElementsAre("1:queued", "2:started", "3:works", "4:ended", "5:again", "6:works"));
+  EXPECT_TRUE(std::filesystem::exists(work_log_));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "events-1-end.log"));
+}
+
+TEST_F(WorkerEventsTest, ReaderFollowsThemFromPartToPart) {
+  EventLogReader reader(path_);
+  EXPECT_TRUE(Warn(1, EventPart::kBefore, "a").ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
+  const auto worker = EventLogWriter::Open(path_, 1, EventPart::kWorker);
+  ASSERT_TRUE(worker.ok());
+  EXPECT_TRUE(reader.Read()->empty());
+  EXPECT_TRUE((*worker)->Append(Warning("b")).ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("2:b"));
+  EXPECT_TRUE(Warn(1, EventPart::kAfter, "c").ok());
+  EXPECT_TRUE((*worker)->Append(Warning("stale")).ok());
+  EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
+}
+
+// The server once opened that file to append to it, and cut it off at a length of its choice.
+TEST_F(WorkerEventsTest, LinksInTheirPlaceAreNeitherFollowedNorWrittenThrough) {
+  const std::filesystem::path victim = folder_ / "audit.log";
+  for (const bool fifo : {false, true}) {
+    for (const char* name : {"events-1.log", "events-1-end.log", "events.log"}) {
+      const std::filesystem::path place = folder_ / "work" / name;
+      std::filesystem::remove(place);
+      std::ofstream(victim) << "who did what";
+      if (fifo) {
+        ASSERT_EQ(mkfifo(place.c_str(), 0600), 0);
+      } else {
+        std::filesystem::create_symlink(victim, place);
+      }
+    }
+    EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+    EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+    EXPECT_EQ(std::filesystem::file_size(victim), 12u);
+    EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
+    std::filesystem::remove(folder_ / "events-1.log");
+    std::filesystem::remove(folder_ / "events-1-end.log");
+  }
+}
+
+// Nor does the server write through a link where it keeps its own.
+TEST_F(WorkerEventsTest, TheServersOwnFilesAreNoLinks) {
+  const std::filesystem::path victim = folder_ / "audit.log";
+  std::ofstream(victim) << "who did what";
+  std::filesystem::create_symlink(victim, folder_ / "events-1.log");
+  EXPECT_FALSE(Warn(1, EventPart::kBefore, "started").ok());
+  EXPECT_EQ(std::filesystem::file_size(victim), 12u);
+}
+
+TEST_F(WorkerEventsTest, ReportNoStateOfTheJob) {
+  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+  v1::JobEvent done;
+  done.mutable_state_changed()->set_state(v1::JOB_STATE_SUCCEEDED);
+  ForgeFirst(1);
+  Forge(Numbered(Warning("works"), 2));
+  Forge(Numbered(done, 3));
+  Forge(Numbered(Warning("hidden"), 4));
+  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:works", "3:ended"));
+}
+
+TEST_F(WorkerEventsTest, UseUpNoNumbers) {
+  const int64_t last = (int64_t{1} << 62) - 1;
+  EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
+  ForgeFirst(last);
+  Forge(Numbered(Warning("far"), last + 1));
+  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
+  std::filesystem::remove(work_log_);
+  std::filesystem::remove(folder_ / "events-1-end.log");
+  ForgeFirst(1);
+  Forge(Numbered(Warning("far"), last));
+  EXPECT_TRUE(Warn(1, EventPart::kAfter, "ended").ok());
+  EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
+}
+
+TEST_F(WorkerEventsTest, HaveTextsThatClientsMayGet) {
+  EXPECT_TRUE(Warn(1, EventPart::kWorker, "\x1b[2Jno /srv/data/jobs/j1/work/x").ok());
+  EXPECT_TRUE(Warn(1, EventPart::kWorker, std::string(100'000, 'y')).ok());
+  EventLogReader reader(path_);
+  const auto events = reader.Read();
+  ASSERT_TRUE(events.ok() && events->size() == 2);
+  EXPECT_EQ(events->at(0).warning().message(), "?[2Jno x");
+  EXPECT_EQ(events->at(1).warning().message().size(), 2048u);
 }
 
 }  // namespace

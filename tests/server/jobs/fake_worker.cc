@@ -33,7 +33,39 @@ int HangUntilTerminated(const JobFolder& folder, int64_t fence) {
   return End(folder, fence, WorkerExit::kCancelled, result);
 }
 
+// Links in place of all that the server reads, as code that has taken a worker over would leave
+// them without a sandbox: to the file "victim" next to the folder of the jobs.
+int PlantLinks(const JobFolder& folder, int64_t fence) {
+  namespace fs = std::filesystem;
+  const fs::path victim = folder.path().parent_path().parent_path() / "victim";
+  const std::string number = std::to_string(fence);
+  const fs::path work = folder.work();
+  for (const std::string& name :
+       {"events-" + number + ".log", "events-" + number + "-end.log", "result-" + number + ".json",
+        "pulse-" + number, "attempt-" + number, std::string("tmp-link")}) {
+    fs::remove_all(work / name);
+    fs::create_symlink(victim, work / name);
+  }
+  return 42;
+}
+
 int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
+  if (act == "plant links") return PlantLinks(folder, fence);
+  if (act == "curse") {
+    JobResult result;
+    result.status = absl::InternalError("\x1b[2J /srv/secret/place: " + std::string(100'000, 'x'));
+    return End(folder, fence, WorkerExit::kFailed, result);
+  }
+  if (act == "crash with a curse") {
+    std::fprintf(stderr, "\x1b[2J /srv/secret/place\n");
+    std::abort();
+  }
+  if (act == "model with a link") {
+    std::filesystem::create_directories(folder.attempt(fence));
+    std::filesystem::create_symlink(folder.path().parent_path().parent_path() / "victim",
+                                    folder.attempt(fence) / "gaussians.ply");
+    return End(folder, fence, WorkerExit::kSucceeded, {});
+  }
   if (act == "fail") {
     JobResult result;
     result.status = absl::InvalidArgumentError("images/bad.jpg: it is no photograph");
@@ -70,7 +102,7 @@ int Run(const std::string& path) {
   std::signal(SIGTERM, OnTerminate);
   const JobFolder folder(path);
   const auto spec = folder.ReadSpec(folder.NewestFence());
-  auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0);
+  auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0, EventPart::kWorker);
   if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
   const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 class JobFolderTest : public ::testing::Test {
  protected:
-  JobFolderTest() : job_(folder_.path()) {}
+  JobFolderTest() : job_(folder_.path()) { EXPECT_TRUE(job_.Make().ok()); }
 
   testing::TempFolder folder_;
   JobFolder job_;
@@ -80,6 +80,122 @@ TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << text;
     EXPECT_THAT(std::string(status.message()), HasSubstr("spec-1.json")) << text;
   }
+}
+
+TEST_F(JobFolderTest, ResultOfAWorkerIsCleanedAndBounded) {
+  JobResult result;
+  result.status =
+      absl::InternalError("\x1b]0;x\x07 /srv/data/pepeseg.db: " + std::string(100'000, 'x'));
+  result.sources = {{"masks", "command\n" + std::string(1000, 'y')}};
+  result.metrics = {{"a\x1b" + std::string(1000, 'z'), 1.0}};
+  ASSERT_TRUE(job_.WriteResult(1, result).ok());
+  const auto read = job_.ReadResult(1);
+  ASSERT_TRUE(read.ok()) << read.status();
+  const std::string message(read->status.message());
+  EXPECT_EQ(message.size(), 2048u);
+  EXPECT_THAT(message, ::testing::StartsWith("?]0;x? pepeseg.db: xxx"));
+  EXPECT_EQ(read->sources.at("masks").size(), 256u);
+  EXPECT_EQ(read->metrics.begin()->first.size(), 100u);
+}
+
+TEST_F(JobFolderTest, ResultThatIsNoPlainFileIsDataLoss) {
+  const std::filesystem::path place = job_.work() / "result-1.json";
+  ASSERT_TRUE(job_.WriteResult(2, {}).ok());
+  std::filesystem::create_symlink("result-2.json", place);
+  EXPECT_EQ(job_.ReadResult(1).status().code(), absl::StatusCode::kDataLoss);
+  std::filesystem::remove(place);
+  std::ofstream(place) << std::string(2 << 20, '[');
+  EXPECT_EQ(job_.ReadResult(1).status().code(), absl::StatusCode::kDataLoss);
+  std::ofstream(place) << std::string(1 << 19, '[');
+  EXPECT_EQ(job_.ReadResult(1).status().code(), absl::StatusCode::kDataLoss);
+}
+
+class ModelOfAWorker : public JobFolderTest {
+ protected:
+  ModelOfAWorker() {
+    std::filesystem::create_directories(job_.attempt(1));
+    std::ofstream(job_.attempt(1) / "gaussians.ply") << "ply";
+    std::ofstream(folder_ / "secret") << "secret";
+  }
+  void ExpectRefused() {
+    const auto taken = job_.TakeModel(1);
+    EXPECT_EQ(taken.status().code(), absl::StatusCode::kFailedPrecondition) << taken.status();
+    EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(job_.model(1))));
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "secret"));
+  }
+};
+
+TEST_F(ModelOfAWorker, IsTakenOutOfItsReach) {
+  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);
+  EXPECT_TRUE(std::filesystem::exists(job_.model(1) / "gaussians.ply"));
+  EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
+  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // by the next server, after a crash of this one
+  EXPECT_TRUE(CheckModelFolder(folder_.path(), "attempt-1").ok());
+  EXPECT_EQ(job_.TakeModel(2).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(ModelOfAWorker, IsRefusedWithALinkInIt) {
+  std::filesystem::create_symlink(folder_ / "secret", job_.attempt(1) / "model.json");
+  ExpectRefused();
+}
+
+TEST_F(ModelOfAWorker, IsRefusedWithAHardLinkInIt) {
+  std::filesystem::create_hard_link(folder_ / "secret", job_.attempt(1) / "model.json");
+  ExpectRefused();
+}
+
+TEST_F(ModelOfAWorker, IsRefusedAsALink) {
+  std::filesystem::rename(job_.attempt(1), folder_ / "elsewhere");
+  std::filesystem::create_directory_symlink(folder_ / "elsewhere", job_.attempt(1));
+  ExpectRefused();
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "elsewhere/gaussians.ply"));
+}
+
+// Made by a server of before models were looked at.
+TEST_F(ModelOfAWorker, IsNotReadWithALinkInIt) {
+  std::filesystem::create_directories(folder_ / "jobs/j1/attempt-1");
+  EXPECT_TRUE(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").ok());
+  std::filesystem::create_symlink(folder_ / "secret", folder_ / "jobs/j1/attempt-1/model.json");
+  EXPECT_EQ(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").code(),
+            absl::StatusCode::kDataLoss);
+}
+
+TEST_F(JobFolderTest, WorkingFilesGoAndLinksAreNotFollowed) {
+  const testing::TempFolder other;
+  std::ofstream(other / "file") << "kept";
+  for (const char* folder :
+       {"attempt-1", "attempt-2", "work/attempt-2", "work/tmp", "work/a.log"}) {
+    std::filesystem::create_directories(folder_ / folder);
+  }
+  for (const char* file : {"events.log", "spec-1.json", "slurm.sh", "work/events-1.log",
+                           "work/result-1.json", "work/pulse-1"}) {
+    std::ofstream(folder_ / file) << "x";
+  }
+  std::filesystem::create_directory_symlink(other.path(), job_.work() / "attempt-3");
+  std::filesystem::create_symlink(other / "file", job_.work() / "b.log");
+  job_.RemoveWorkingFiles("attempt-1");
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(job_.work())) {
+    left.push_back(entry.path().filename());
+  }
+  EXPECT_THAT(left, ::testing::UnorderedElementsAre("events-1.log", "result-1.json"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "attempt-1"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "attempt-2"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "events.log"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "slurm.sh"));
+  EXPECT_TRUE(std::filesystem::exists(other / "file"));
+}
+
+TEST_F(JobFolderTest, LooksForCheckpointsInPlainFoldersOnly) {
+  const testing::TempFolder other;
+  std::filesystem::create_directories(other / "checkpoints");
+  std::ofstream(other / "checkpoints/a.ckpt") << "x";
+  std::filesystem::create_directory_symlink(other.path(), job_.attempt(1));
+  EXPECT_FALSE(job_.HasSaved(1));
+  std::filesystem::create_directories(job_.checkpoints(2));
+  EXPECT_FALSE(job_.HasSaved(2));
+  std::ofstream(job_.checkpoints(2) / "a.ckpt") << "x";
+  EXPECT_TRUE(job_.HasSaved(2));
 }
 
 }  // namespace

@@ -7,6 +7,8 @@
 
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
+#include <fstream>
 
 #include "absl/time/clock.h"
 #include "tests/testing/temp_folder.h"
@@ -98,6 +100,33 @@ TEST_F(WorkerProcessTest, NamesAProgramThatIsNotThere) {
   const auto status = WorkerProcess::Launch({"/nowhere/at/all", {}, log_}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(std::string(status.message()), HasSubstr("/nowhere/at/all"));
+}
+
+TEST_F(WorkerProcessTest, LauncherPassesNoSecretsOn) {
+  for (const char* name : {"PEPESEG_KEY", "PGPASSWORD", "PGPASSFILE", "AWS_SECRET_ACCESS_KEY",
+                           "SLURM_JWT", "OPERATORS_OWN", "CUDA_VISIBLE_DEVICES"}) {
+    setenv(name, "value", 1);
+  }
+  LaunchOptions options;
+  options.pass_environment = {"OPERATORS_OWN"};
+  const auto launcher = MakeProcessLauncher(options);
+  std::ofstream(folder_ / "show.sh") << "tr '\\0' '\\n' < /proc/$$/environ";
+  const auto worker =
+      launcher->Launch({"/bin/sh", {(folder_ / "show.sh").string()}, log_, {"TRACEPARENT=00"}});
+  ASSERT_TRUE(worker.ok()) << worker.status();
+  for (int i = 0; i < 1000 && !(*worker)->Poll(); ++i) absl::SleepFor(absl::Milliseconds(10));
+  const std::string variables = Log();
+  for (const char* secret : {"PEPESEG_KEY", "PGPASS", "AWS_", "SLURM_JWT"}) {
+    EXPECT_THAT(variables, ::testing::Not(HasSubstr(secret)));
+  }
+  for (const char* passed :
+       {"TRACEPARENT=00", "OPERATORS_OWN=value", "CUDA_VISIBLE_DEVICES=value", "PATH="}) {
+    EXPECT_THAT(variables, HasSubstr(passed));
+  }
+  for (const char* name : {"PEPESEG_KEY", "PGPASSWORD", "PGPASSFILE", "AWS_SECRET_ACCESS_KEY",
+                           "SLURM_JWT", "OPERATORS_OWN", "CUDA_VISIBLE_DEVICES"}) {
+    unsetenv(name);
+  }
 }
 
 }  // namespace

@@ -127,6 +127,43 @@ TEST_F(SupervisorTest, LogTellsTheWholeStory) {
   EXPECT_EQ(newest->progress->step(), 3);
 }
 
+// What a worker leaves is read as itself, or not at all.
+class TakenOverWorker : public SupervisorTest {
+ protected:
+  TakenOverWorker() { std::ofstream(folder_ / "victim") << "kept"; }
+  void ExpectVictimKept() {
+    std::ifstream file(folder_ / "victim");
+    EXPECT_EQ(std::string((std::istreambuf_iterator<char>(file)), {}), "kept");
+  }
+};
+
+TEST_F(TakenOverWorker, LeadsTheServerNowhereByLinks) {
+  const std::string job = Submit("plant links");
+  EXPECT_EQ(WaitForEnd(job).state, JobState::kFailed);
+  const auto events = EventsOf(job);
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events.back().state_changed().state(), v1::JOB_STATE_FAILED);
+  ExpectVictimKept();
+}
+
+TEST_F(TakenOverWorker, HandsInNoModelWithALink) {
+  const JobRow end = WaitForEnd(Submit("model with a link"));
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_THAT(end.error_message, HasSubstr("not taken"));
+  EXPECT_FALSE(store_->GetLiveModel(end.scene).ok());
+  ExpectVictimKept();
+}
+
+TEST_F(TakenOverWorker, SaysNothingThatHurtsATerminalOrNamesThePlace) {
+  for (const char* act : {"curse", "crash with a curse"}) {
+    const JobRow end = WaitForEnd(Submit(act));
+    EXPECT_EQ(end.state, JobState::kFailed);
+    EXPECT_LE(end.error_message.size(), 2048u);
+    EXPECT_THAT(end.error_message, HasSubstr("?[2J place"));
+    EXPECT_THAT(end.error_message, ::testing::Not(HasSubstr("/srv")));
+  }
+}
+
 TEST_F(SupervisorTest, WatchIsToldOfTheEnd) {
   const std::string job = Submit("hang");
   WaitForStage(job);

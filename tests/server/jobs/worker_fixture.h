@@ -28,7 +28,7 @@ namespace pepeseg {
 class WorkerTest : public ::testing::Test {
  protected:
   WorkerTest() : job_(folder_.path() / "j1") {
-    std::filesystem::create_directories(job_.path());
+    EXPECT_TRUE(job_.Make().ok());
     const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
     EXPECT_TRUE(files.ok()) << files.status();
     for (const DatasetFile& file : *files) {

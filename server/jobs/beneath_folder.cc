@@ -1,0 +1,286 @@
+#include "server/jobs/beneath_folder.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <linux/openat2.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
+#include "server/jobs/file_error.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kFolderFlags = O_RDONLY | O_DIRECTORY;
+// Without waiting for the other end, should it be a FIFO.
+constexpr int kFileFlags = O_RDONLY | O_NONBLOCK | O_NOCTTY;
+// A folder is removed by as many descriptors as it is deep, up to this depth; what is deeper is
+// moved up first.
+constexpr int kMaxRemovalDepth = 32;
+
+int OpenByKernel(int folder, const fs::path& relative, int flags) {
+  open_how how{};
+  how.flags = static_cast<uint64_t>(flags) | O_CLOEXEC;
+  how.resolve = RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS;
+  long file = -1;
+  // EAGAIN: something was renamed just then, and the kernel cannot tell whether it is beneath.
+  for (int tries = 0; tries < 100; ++tries) {
+    file = syscall(SYS_openat2, folder, relative.c_str(), &how, sizeof(how));
+    if (file >= 0 || errno != EAGAIN) break;
+  }
+  return static_cast<int>(file);
+}
+
+int OpenByPart(int folder, const fs::path& relative, int flags) {
+  errno = EXDEV;
+  if (relative.empty() || relative.is_absolute()) return -1;
+  Descriptor above;
+  for (auto part = relative.begin(); part != relative.end();) {
+    const fs::path& name = *part++;
+    const bool last = part == relative.end();
+    const int from = above.get() >= 0 ? above.get() : folder;
+    const int opened =
+        openat(from, name.c_str(), (last ? flags : O_PATH | O_DIRECTORY) | O_NOFOLLOW | O_CLOEXEC);
+    if (opened < 0 || last) return opened;
+    above = Descriptor(opened);
+  }
+  return -1;
+}
+
+// Whether an error of open() says that what is there is not what a worker may leave there.
+bool IsOfAnotherKind(int error) {
+  return error == ELOOP || error == EXDEV || error == EISDIR || error == ENXIO || error == EACCES ||
+         error == ENODEV;
+}
+
+absl::Status OpenError(const std::string& name, int error) {
+  if (IsOfAnotherKind(error)) {
+    return absl::FailedPreconditionError(absl::StrCat(name, ": not a plain file or folder"));
+  }
+  if (error == ENOTDIR) return absl::NotFoundError(absl::StrCat(name, ": not there"));
+  return FileError(name, "open", error);
+}
+
+struct CloseFolder {
+  void operator()(DIR* folder) const { closedir(folder); }
+};
+
+BeneathFolder::Entry EntryOf(int folder, const dirent& found) {
+  unsigned char type = found.d_type;
+  struct stat what {};
+  if (type == DT_UNKNOWN && fstatat(folder, found.d_name, &what, AT_SYMLINK_NOFOLLOW) == 0) {
+    type = S_ISDIR(what.st_mode) ? DT_DIR : S_ISREG(what.st_mode) ? DT_REG : DT_UNKNOWN;
+  }
+  return {found.d_name, type == DT_DIR, type == DT_REG};
+}
+
+absl::StatusOr<std::vector<BeneathFolder::Entry>> EntriesIn(int folder, const std::string& name) {
+  const int again = openat(folder, ".", kFolderFlags | O_CLOEXEC);  // with a position of its own
+  if (again < 0) return OpenError(name, errno);
+  const std::unique_ptr<DIR, CloseFolder> stream(fdopendir(again));
+  if (stream == nullptr) {
+    close(again);
+    return FileError(name, "list", errno);
+  }
+  std::vector<BeneathFolder::Entry> entries;
+  errno = 0;
+  while (const dirent* found = readdir(stream.get())) {
+    const absl::string_view entry = found->d_name;
+    if (entry != "." && entry != "..") entries.push_back(EntryOf(folder, *found));
+    errno = 0;
+  }
+  if (errno != 0) return FileError(name, "list", errno);
+  std::sort(entries.begin(), entries.end(),
+            [](const auto& left, const auto& right) { return left.name < right.name; });
+  return entries;
+}
+
+// Removes a folder with all that is in it. Its own rights are no obstacle: a worker may have taken
+// them away.
+class Removal {
+ public:
+  // `top`: where what lies too deep is moved to.
+  explicit Removal(int top) : top_(top) {}
+
+  bool Remove(int folder, const std::string& name, int depth) {
+    if (unlinkat(folder, name.c_str(), 0) == 0 || errno == ENOENT) return true;
+    if (errno != EISDIR && errno != EPERM) return false;
+    if (depth >= kMaxRemovalDepth) return MoveUp(folder, name);
+    const Descriptor below(OpenToEmpty(folder, name));
+    if (below.get() < 0) return false;
+    const auto entries = EntriesIn(below.get(), name);
+    if (!entries.ok()) return false;
+    bool all = true;
+    for (const BeneathFolder::Entry& entry : *entries) {
+      all = Remove(below.get(), entry.name, depth + 1) && all;
+    }
+    return all && (unlinkat(folder, name.c_str(), AT_REMOVEDIR) == 0 || errno == ENOENT);
+  }
+
+  // What was moved up, until there is no more.
+  bool RemoveMoved() {
+    bool all = true;
+    while (!moved_.empty()) {
+      const std::string name = std::move(moved_.back());
+      moved_.pop_back();
+      all = Remove(top_, name, 0) && all;
+    }
+    return all;
+  }
+
+ private:
+  static int OpenToEmpty(int folder, const std::string& name) {
+    const int flags = kFolderFlags | O_NOFOLLOW | O_CLOEXEC;
+    int opened = openat(folder, name.c_str(), flags);
+    struct stat what {};
+    if (opened < 0 && errno != EACCES) return -1;
+    if (opened >= 0 && fstat(opened, &what) == 0 && (what.st_mode & S_IRWXU) == S_IRWXU) {
+      return opened;
+    }
+    // No links: they have rights that do not count, and are removed as files.
+    fchmodat(folder, name.c_str(), S_IRWXU, 0);
+    if (opened < 0) opened = openat(folder, name.c_str(), flags);
+    return opened;
+  }
+
+  bool MoveUp(int folder, const std::string& name) {
+    const std::string up = absl::StrCat(".removed-", getpid(), "-", ++num_moved_);
+    if (renameat(folder, name.c_str(), top_, up.c_str()) != 0) return false;
+    moved_.push_back(up);
+    return true;
+  }
+
+  int top_;
+  int64_t num_moved_ = 0;
+  std::vector<std::string> moved_;
+};
+
+}  // namespace
+
+Descriptor::~Descriptor() {
+  if (number_ >= 0) close(number_);
+}
+
+int OpenBeneath(int folder, const fs::path& relative, int flags, bool by_kernel) {
+  // The kernel would follow one that stays inside.
+  if (std::find(relative.begin(), relative.end(), "..") != relative.end()) {
+    errno = EXDEV;
+    return -1;
+  }
+  if (by_kernel) {
+    const int file = OpenByKernel(folder, relative, flags);
+    // EPERM: as a container's filter of system calls refuses what it does not know.
+    if (file >= 0 || (errno != ENOSYS && errno != EPERM)) return file;
+  }
+  return OpenByPart(folder, relative, flags);
+}
+
+std::string BeneathFolder::Name(const fs::path& relative) const {
+  return (name_ / relative).string();
+}
+
+absl::StatusOr<BeneathFolder> BeneathFolder::Open(const fs::path& path) {
+  Descriptor folder(open(path.c_str(), kFolderFlags | O_CLOEXEC));
+  if (folder.get() < 0) return FileError(path, "open", errno);
+  return BeneathFolder(std::move(folder), path.filename());
+}
+
+absl::StatusOr<BeneathFolder> BeneathFolder::OpenFolder(const fs::path& relative) const {
+  Descriptor folder(OpenBeneath(folder_.get(), relative, kFolderFlags));
+  if (folder.get() < 0) return OpenError(Name(relative), errno);
+  return BeneathFolder(std::move(folder), Name(relative));
+}
+
+absl::StatusOr<Descriptor> BeneathFolder::OpenFile(const fs::path& relative) const {
+  Descriptor file(OpenBeneath(folder_.get(), relative, kFileFlags));
+  if (file.get() < 0) return OpenError(Name(relative), errno);
+  struct stat what {};
+  if (fstat(file.get(), &what) != 0) return FileError(Name(relative), "look at", errno);
+  if (!S_ISREG(what.st_mode)) return OpenError(Name(relative), EISDIR);
+  return file;
+}
+
+absl::StatusOr<std::string> BeneathFolder::ReadFile(const fs::path& relative,
+                                                    int64_t max_bytes) const {
+  ASSIGN_OR_RETURN(const Descriptor file, OpenFile(relative));
+  std::string bytes;
+  constexpr size_t kPiece = 1 << 16;
+  while (true) {
+    const size_t size = bytes.size();
+    bytes.resize(size + kPiece);
+    const ssize_t num_read = read(file.get(), bytes.data() + size, kPiece);
+    if (num_read < 0 && errno == EINTR) {
+      bytes.resize(size);
+      continue;
+    }
+    if (num_read < 0) return FileError(Name(relative), "read", errno);
+    bytes.resize(size + static_cast<size_t>(num_read));
+    if (num_read == 0) return bytes;
+    if (static_cast<int64_t>(bytes.size()) > max_bytes) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(Name(relative), ": over ", max_bytes, " bytes"));
+    }
+  }
+}
+
+bool BeneathFolder::HasFile(const fs::path& relative) const { return OpenFile(relative).ok(); }
+
+absl::StatusOr<std::vector<BeneathFolder::Entry>> BeneathFolder::List() const {
+  return EntriesIn(folder_.get(), name_.string());
+}
+
+std::optional<BeneathFolder::Facts> BeneathFolder::Look(const std::string& name) const {
+  struct stat what {};
+  if (fstatat(folder_.get(), name.c_str(), &what, AT_SYMLINK_NOFOLLOW) != 0) return std::nullopt;
+  if (!S_ISREG(what.st_mode)) return std::nullopt;
+  return Facts{static_cast<int64_t>(what.st_size), static_cast<int64_t>(what.st_nlink),
+               absl::TimeFromTimespec(what.st_mtim)};
+}
+
+absl::StatusOr<int64_t> BeneathFolder::CheckPlain(bool other_names) const {
+  int64_t num_bytes = 0;
+  ASSIGN_OR_RETURN(const std::vector<Entry> entries, List());
+  for (const Entry& entry : entries) {
+    const std::optional<Facts> facts = Look(entry.name);
+    if (!facts) {
+      return absl::FailedPreconditionError(absl::StrCat(Name(entry.name), ": not a plain file"));
+    }
+    if (!other_names && facts->num_names != 1) {
+      return absl::FailedPreconditionError(absl::StrCat(Name(entry.name), ": has a second name"));
+    }
+    num_bytes += facts->num_bytes;
+  }
+  return num_bytes;
+}
+
+absl::Status BeneathFolder::RemoveAll(const std::string& name) const {
+  Removal removal(folder_.get());
+  const bool removed = removal.Remove(folder_.get(), name, 0);
+  if (removal.RemoveMoved() && removed) return absl::OkStatus();
+  // What was moved up may have kept the folder above it from being empty.
+  if (removal.Remove(folder_.get(), name, 0) && removal.RemoveMoved()) return absl::OkStatus();
+  return FileError(Name(name), "remove", errno);
+}
+
+absl::Status RemoveBeneath(const fs::path& folder, const fs::path& relative) {
+  const absl::StatusOr<BeneathFolder> top = BeneathFolder::Open(folder);
+  if (absl::IsNotFound(top.status())) return absl::OkStatus();
+  RETURN_IF_ERROR(top.status());
+  const std::string name = relative.filename();
+  if (!relative.has_parent_path()) return top->RemoveAll(name);
+  const absl::StatusOr<BeneathFolder> parent = top->OpenFolder(relative.parent_path());
+  if (absl::IsNotFound(parent.status())) return absl::OkStatus();
+  RETURN_IF_ERROR(parent.status());
+  return parent->RemoveAll(name);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,88 @@
+#include "server/jobs/job_environment.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+namespace pepeseg {
+namespace {
+
+constexpr std::array<std::string_view, 36> kNames = {"PATH",
+                                                     "HOME",
+                                                     "USER",
+                                                     "LOGNAME",
+                                                     "SHELL",
+                                                     "LANG",
+                                                     "LANGUAGE",
+                                                     "TZ",
+                                                     "LD_LIBRARY_PATH",
+                                                     "LD_PRELOAD",
+                                                     "TRACEPARENT",
+                                                     "XDG_CACHE_HOME",
+                                                     "HF_HOME",
+                                                     "HF_HUB_OFFLINE",
+                                                     "TORCH_HOME",
+                                                     "TRITON_CACHE_DIR",
+                                                     "PYTHONPATH",
+                                                     "PYTHONHOME",
+                                                     "PYTHONUNBUFFERED",
+                                                     "VIRTUAL_ENV",
+                                                     "ASAN_OPTIONS",
+                                                     "LSAN_OPTIONS",
+                                                     "TSAN_OPTIONS",
+                                                     "UBSAN_OPTIONS",
+                                                     "MALLOC_ARENA_MAX",
+                                                     "OPENBLAS_NUM_THREADS",
+                                                     "MKL_NUM_THREADS",
+                                                     "SLURMD_NODENAME",
+                                                     "SLURM_CLUSTER_NAME",
+                                                     "SLURM_CPUS_ON_NODE",
+                                                     "SLURM_CPUS_PER_TASK",
+                                                     "SLURM_JOB_ID",
+                                                     "SLURM_JOB_NAME",
+                                                     "SLURM_JOB_PARTITION",
+                                                     "SLURM_RESTART_COUNT",
+                                                     "SLURM_JOB_GPUS"};
+constexpr std::array<std::string_view, 4> kPrefixes = {"LC_", "CUDA_", "NVIDIA_", "OMP_"};
+
+bool IsForJobs(std::string_view name, const std::vector<std::string>& more) {
+  return std::find(kNames.begin(), kNames.end(), name) != kNames.end() ||
+         std::find(more.begin(), more.end(), name) != more.end() ||
+         std::any_of(kPrefixes.begin(), kPrefixes.end(),
+                     [&](std::string_view prefix) { return name.starts_with(prefix); });
+}
+
+std::string_view NameOf(std::string_view variable) {
+  return variable.substr(0, variable.find('='));
+}
+
+}  // namespace
+
+std::vector<std::string> JobEnvironment(const std::vector<std::string>& more) {
+  std::vector<std::string> variables;
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    if (IsForJobs(NameOf(*variable), more)) variables.emplace_back(*variable);
+  }
+  return variables;
+}
+
+std::vector<std::string> DatabaseVariables() {
+  std::vector<std::string> names;
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view name = NameOf(*variable);
+    if (name.starts_with("PG")) names.emplace_back(name);
+  }
+  return names;
+}
+
+std::vector<char*> Pointers(std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+}  // namespace pepeseg
