@@ -66,31 +66,50 @@ Vector2f ViewPlaces::Exact(int x, int y) const {
   return place ? place->cast<float>() : Nowhere();
 }
 
-Vector2f ViewPlaces::Place(int x, int y) const {
-  const int column = x / step_, row = y / step_;
+// Pixels of a row that are in one column of the grid's cells.
+void ViewPlaces::CellRow(int column, int y, std::span<Vector2f> places) const {
+  const int row = y / step_, first = column * step_;
+  const int end = std::min(first + step_, width_);
   const Vector2f* node = &nodes_[static_cast<size_t>(row) * columns_ + column];
   const std::array<const Vector2f*, 4> corners = {node, node + 1, node + columns_,
                                                   node + columns_ + 1};
   const auto known = std::count_if(corners.begin(), corners.end(),
                                    [](const Vector2f* corner) { return IsSomewhere(*corner); });
-  if (known == 0) return Nowhere();
-  if (known < 4) return Exact(x, y);
-  const float right = (static_cast<float>(x - column * step_) + 0.5f) / static_cast<float>(step_);
-  const float below = (static_cast<float>(y - row * step_) + 0.5f) / static_cast<float>(step_);
-  const Vector2f above_place = *corners[0] + right * (*corners[1] - *corners[0]);
-  const Vector2f below_place = *corners[2] + right * (*corners[3] - *corners[2]);
-  return above_place + below * (below_place - above_place);
+  if (known < 4) {
+    for (int x = first; x < end; ++x) places[x] = known == 0 ? Nowhere() : Exact(x, y);
+    return;
+  }
+  const auto size = static_cast<float>(step_);
+  const float below = (static_cast<float>(y - row * step_) + 0.5f) / size;
+  const Vector2f left = *corners[0] + below * (*corners[2] - *corners[0]);
+  const Vector2f right = *corners[1] + below * (*corners[3] - *corners[1]);
+  const Vector2f move = (right - left) / size;
+  for (int x = first; x < end; ++x) {
+    places[x] = left + (static_cast<float>(x - first) + 0.5f) * move;
+  }
+}
+
+// Without a lens the places of a row are on a line, at equal distances.
+void ViewPlaces::StraightRow(int y, std::span<Vector2f> places) const {
+  const std::optional<Vector2d> first = frame_.Invert(InPhotograph(0.5, y + 0.5));
+  const std::optional<Vector2d> second = frame_.Invert(InPhotograph(1.5, y + 0.5));
+  const Vector2d move = *second - *first;
+  for (int x = 0; x < width_; ++x) places[x] = (*first + x * move).cast<float>();
 }
 
 void ViewPlaces::Row(int y, std::span<Vector2f> places) const {
   assert(static_cast<int>(places.size()) == width_);
+  if (nodes_.empty()) {
+    StraightRow(y, places);
+  } else {
+    for (int column = 0; column + 1 < columns_; ++column) CellRow(column, y, places);
+  }
   const Camera& camera = frame_.camera();
   const auto right = static_cast<float>(camera.width), bottom = static_cast<float>(camera.height);
-  for (int x = 0; x < width_; ++x) {
-    const Vector2f place = nodes_.empty() ? Exact(x, y) : Place(x, y);
+  for (Vector2f& place : places) {
     // False for NaN.
     const bool shown = place.x() >= 0 && place.y() >= 0 && place.x() < right && place.y() < bottom;
-    places[x] = shown ? place : Nowhere();
+    if (!shown) place = Nowhere();
   }
 }
 

@@ -29,7 +29,8 @@ class ViewPlaces {
  private:
   Eigen::Vector2d InPhotograph(double x, double y) const;
   void MakeGrid();
-  Eigen::Vector2f Place(int x, int y) const;
+  void StraightRow(int y, std::span<Eigen::Vector2f> places) const;
+  void CellRow(int column, int y, std::span<Eigen::Vector2f> places) const;
   Eigen::Vector2f Exact(int x, int y) const;
 
   PhotographFrame frame_;
