@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <sstream>
@@ -111,6 +112,31 @@ TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
   }
   EXPECT_THAT(status, HasSubstr("Seccomp:\t2"));
   EXPECT_THAT(status, HasSubstr("NoNewPrivs:\t1"));
+  worker->Signal(SIGKILL);
+  WaitFor(*worker);
+}
+
+// A worker of Slurm's is given the way to the database; what decodes uploads has never had it.
+TEST_F(WorkerSandboxedTest, OfSlurmForgetsTheDatabaseBeforeItReadsUploads) {
+  spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
+  setenv("PEPESEG_SLURM_DATABASE", "postgresql:host=nowhere password=secret", 1);
+  setenv("PGPASSWORD", "secret", 1);
+  const auto worker = Launch(getpid());
+  unsetenv("PEPESEG_SLURM_DATABASE");
+  unsetenv("PGPASSWORD");
+  const std::string process = absl::StrCat("/proc/", worker->pid(), "/");
+  const auto text = [&](const char* name) {
+    std::ifstream file(process + name);
+    return std::string((std::istreambuf_iterator<char>(file)), {});
+  };
+  for (int i = 0; i < 6000 && text("status").find("Seccomp:\t2") == std::string::npos; ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_THAT(text("status"), HasSubstr("Seccomp:\t2"));
+  EXPECT_THAT(text("environ"), HasSubstr("PATH="));
+  EXPECT_THAT(text("environ"), ::testing::Not(HasSubstr("secret")));
+  EXPECT_THAT(text("cmdline"), ::testing::Not(HasSubstr("secret")));
+  EXPECT_THAT(text("cmdline"), HasSubstr("--fence=1"));
   worker->Signal(SIGKILL);
   WaitFor(*worker);
 }
