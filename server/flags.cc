@@ -1,6 +1,7 @@
 #include "server/flags.h"
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <map>
 #include <string>
 
@@ -14,7 +15,20 @@ std::filesystem::path DefaultWorker() {
   return error ? "pepeseg-worker" : self.parent_path() / "pepeseg-worker";
 }
 
+// As the XDG base directory specification says; empty: there is neither that variable nor a home.
+std::filesystem::path DefaultData() {
+  const char* data_home = std::getenv("XDG_DATA_HOME");
+  // The specification has relative paths ignored.
+  if (data_home != nullptr && data_home[0] == '/') {
+    return std::filesystem::path(data_home) / "pepeseg";
+  }
+  const char* home = std::getenv("HOME");
+  if (home == nullptr || home[0] != '/') return {};
+  return std::filesystem::path(home) / ".local" / "share" / "pepeseg";
+}
+
 void AddListenerFlags(CLI::App& app, ServerOptions& server) {
+  server.listen = "127.0.0.1:50051";
   app.add_option("--listen", server.listen, "HOST:PORT (port 0: a free one) or unix:PATH")
       ->capture_default_str();
   app.add_option("--admin", server.admin,
@@ -42,7 +56,11 @@ void AddAccessFlags(CLI::App& app, AccessOptions& access) {
 }
 
 void AddStateFlags(CLI::App& app, ServerOptions& server) {
-  app.add_option("--data", server.data, "Data directory; made when it is not there")->required();
+  server.data = DefaultData();
+  CLI::Option* data = app.add_option("--data", server.data,
+                                     "Data directory; made when it is not there, for its owner "
+                                     "only. Without it pepeseg in XDG_DATA_HOME or ~/.local/share");
+  server.data.empty() ? data->required() : data->capture_default_str();
   app.add_option("--database", server.database,
                  "sqlite:PATH or postgresql:CONNINFO; without it SQLite in the data directory. "
                  "Servers that share a PostgreSQL database share the data directory, too");

@@ -5,8 +5,9 @@
 #include <string>
 #include <string_view>
 
-// Where things stand in the server's data directory. Only ids of our own making, numbers and
-// digests become parts of a path: never a name that a client chose freely.
+// Where things stand in the server's data directory. Only ids of our own making, numbers, digests
+// and ids that follow a strict rule become parts of a path: never a name that a client chose
+// freely. SCENE is SceneFolderName of a scene's id.
 //
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the store
@@ -59,6 +60,41 @@ inline std::filesystem::path PartialFolder(const std::filesystem::path& data) {
   return data / "partial";
 }
 
+// The id of a scene as a folder's name, which differs from all others also where a file system does
+// not tell upper from lower case: in lower case, with '_' before what was a capital, "__" for '_'
+// and
+// "_-" for '.'. Ids of lower-case letters, digits and '-' stay as they are.
+inline std::string SceneFolderName(std::string_view scene) {
+  std::string name;
+  for (const char c : scene) {
+    if (c == '_' || c == '.') {
+      name += c == '_' ? "__" : "_-";
+    } else if (c >= 'A' && c <= 'Z') {
+      name += {'_', static_cast<char>(c - 'A' + 'a')};
+    } else {
+      name += c;
+    }
+  }
+  return name;
+}
+
+// The scene whose SceneFolderName it is; empty: it is none's.
+inline std::string SceneOfFolderName(std::string_view name) {
+  std::string scene;
+  for (size_t i = 0; i < name.size(); ++i) {
+    if (name[i] != '_') {
+      scene += name[i];
+    } else if (const char next = ++i < name.size() ? name[i] : '\0'; next == '_' || next == '-') {
+      scene += next == '_' ? '_' : '.';
+    } else if (next >= 'a' && next <= 'z') {
+      scene += static_cast<char>(next - 'a' + 'A');
+    } else {
+      return "";
+    }
+  }
+  return SceneFolderName(scene) == name ? scene : "";
+}
+
 struct UploadName {
   std::string project;
   std::string scene;
@@ -68,7 +104,7 @@ struct UploadName {
 inline std::filesystem::path PartialFolderOf(const std::filesystem::path& data,
                                              const UploadName& upload) {
   return PartialFolder(data) / upload.project /
-         (upload.scene + "-" + std::to_string(upload.number));
+         (SceneFolderName(upload.scene) + "-" + std::to_string(upload.number));
 }
 
 // Of the beginning of a file: how many bytes of it are committed.
@@ -92,12 +128,12 @@ inline std::filesystem::path SelectionsFolder(const std::filesystem::path& data)
 
 inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& data,
                                                  std::string_view scene, int64_t number) {
-  return data / "datasets" / std::string(scene) / (std::to_string(number) + ".json");
+  return data / "datasets" / SceneFolderName(scene) / (std::to_string(number) + ".json");
 }
 
 // Below the data directory.
 inline std::filesystem::path SelectionFolder(std::string_view scene) {
-  return std::filesystem::path("selections") / std::string(scene);
+  return std::filesystem::path("selections") / SceneFolderName(scene);
 }
 
 }  // namespace pepeseg

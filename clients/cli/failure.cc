@@ -1,5 +1,6 @@
 #include "clients/cli/failure.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -7,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/types/optional.h"
 #include "clients/cli/intermediary_advice.h"
+#include "clients/cli/start_advice.h"
 #include "clients/cpp/answer_status.h"
 
 namespace pepeseg::client::cli {
@@ -35,6 +37,13 @@ std::string PermissionAdvice(const std::string& reason) {
   return "";
 }
 
+// Of a server that answered.
+std::string RetryAdvice(const v1::ErrorDetail& detail) {
+  if (!detail.has_retry_after()) return "";
+  const int64_t seconds = std::max<int64_t>(detail.retry_after().seconds(), 1);
+  return absl::StrCat("The server answers, but not this now: try again in ", seconds, " s.");
+}
+
 // What to do next, by kind of failure; empty where the message says it all.
 std::string Advice(const absl::Status& status, const std::string& server) {
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
@@ -45,8 +54,8 @@ std::string Advice(const absl::Status& status, const std::string& server) {
   }
   switch (ExitCodeOf(status)) {
     case kNoServer:
-      return absl::StrCat("Is a server listening at ", server,
-                          "? Start one with `pepesegd`, or name another with --server host:port.");
+      return detail ? RetryAdvice(*detail)
+                    : absl::StrCat("Is a server listening at ", server, "? ", StartAdvice(server));
     case kNotNow:
       if (resource.rfind("jobs/", 0) == 0) {
         return absl::StrCat("Follow the job with `pepeseg watch ", resource, "`.");

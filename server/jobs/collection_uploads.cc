@@ -29,7 +29,8 @@ UploadName UploadOf(const fs::path& folder) {
     upload.number = 0;
     return upload;
   }
-  upload.scene = name.substr(0, hyphen);
+  upload.scene = SceneOfFolderName(name.substr(0, hyphen));
+  if (upload.scene.empty()) upload.number = 0;
   return upload;
 }
 

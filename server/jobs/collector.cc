@@ -67,15 +67,17 @@ absl::Status CollectJobs(Collection& collection) {
   return absl::OkStatus();
 }
 
-// Files named by a number, in folders named by a scene, of which the row comes after the file.
+// Files named by a number, in folders of a scene each, of which the row comes after the file.
 template <typename HasRow>
 absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRow has_row) {
-  for (const fs::path& scene : EntriesOf(folder)) {
-    for (const fs::path& file : EntriesOf(scene)) {
+  for (const fs::path& of_scene : EntriesOf(folder)) {
+    const std::string scene = SceneOfFolderName(of_scene.filename().string());
+    if (scene.empty()) continue;
+    for (const fs::path& file : EntriesOf(of_scene)) {
       int64_t number = 0;
       if (!absl::SimpleAtoi(file.stem().string(), &number)) continue;
       if (AgeOf(file) < collection.options.file_age) continue;
-      const absl::Status row = has_row(scene.filename().string(), number);
+      const absl::Status row = has_row(scene, number);
       if (absl::IsNotFound(row)) {
         collection.Remove(file);
       } else {
@@ -83,7 +85,7 @@ absl::Status CollectNumbered(Collection& collection, const fs::path& folder, Has
       }
     }
     std::error_code ignored;
-    fs::remove(scene, ignored);  // where it is empty
+    fs::remove(of_scene, ignored);  // where it is empty
   }
   return absl::OkStatus();
 }

@@ -35,7 +35,7 @@ struct KeyRow {
 };
 
 struct SceneRow {
-  std::string id;  // RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
+  std::string id;  // IsResourceId
   std::string display_name;
   std::string request_id;  // of the create call; empty: none
   absl::Time create_time;
@@ -127,7 +127,7 @@ struct ModelRow {
 // A name for what a mask of a view shows.
 struct LabelRow {
   std::string scene;
-  std::string id;    // RFC 1034 label
+  std::string id;    // IsResourceId
   std::string text;  // UTF-8
   std::string view;
   int width = 0, height = 0;  // of the view and the mask, pixels

@@ -47,9 +47,9 @@ class Store {
   // Other servers may be on the same database: what this one did not do may have happened.
   bool shared() const;
 
-  // INVALID_ARGUMENT: id or project is not an RFC 1034 label; ALREADY_EXISTS: a scene of any
-  // project has the id. Reads id, display_name, request_id, which is the project's own, and
-  // project.
+  // INVALID_ARGUMENT: id is not IsResourceId, or project is not an RFC 1034 label; ALREADY_EXISTS:
+  // a scene of any project has the id. Reads id, display_name, request_id, which is the project's
+  // own, and project.
   absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
   absl::StatusOr<SceneRow> GetScene(const std::string& id);
   // By id; of a project, or of all (empty).
@@ -160,7 +160,7 @@ class Store {
   // With its selections.
   absl::Status DeleteModel(const std::string& scene, int64_t number);
 
-  // INVALID_ARGUMENT: id is not an RFC 1034 label; ALREADY_EXISTS: another request's label has it.
+  // INVALID_ARGUMENT: id is not IsResourceId; ALREADY_EXISTS: another request's label has it.
   // Checks nothing else. Reads all but create_time.
   absl::StatusOr<LabelRow> CreateLabel(const LabelRow& label);
   // NOT_FOUND also names labels that the scene has.

@@ -1,6 +1,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/id_rules.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 

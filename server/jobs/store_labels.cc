@@ -2,6 +2,7 @@
 #include "absl/strings/str_join.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/id_rules.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 
@@ -90,9 +91,8 @@ absl::StatusOr<LabelRow> InsertLabel(soci::session& sql, const LabelRow& label) 
 }  // namespace
 
 absl::StatusOr<LabelRow> Store::CreateLabel(const LabelRow& label) {
-  if (!IsRfc1034Label(label.id)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "label id '", label.id, "': must be 1 to 63 of a-z, 0-9 and '-', from a letter to no '-'"));
+  if (!IsResourceId(label.id)) {
+    return absl::InvalidArgumentError(absl::StrCat("label id '", label.id, "': ", kResourceIdRule));
   }
   return database_->Query<LabelRow>([&](soci::session& sql) { return InsertLabel(sql, label); });
 }

@@ -1,6 +1,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "server/jobs/database.h"
+#include "server/jobs/id_rules.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"
 
@@ -54,9 +55,8 @@ absl::StatusOr<SceneRow> InsertScene(soci::session& sql, const SceneRow& scene) 
 }  // namespace
 
 absl::StatusOr<SceneRow> Store::CreateScene(const SceneRow& scene) {
-  if (!IsRfc1034Label(scene.id)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "scene id '", scene.id, "': must be 1 to 63 of a-z, 0-9 and '-', from a letter to no '-'"));
+  if (!IsResourceId(scene.id)) {
+    return absl::InvalidArgumentError(absl::StrCat("scene id '", scene.id, "': ", kResourceIdRule));
   }
   if (!IsRfc1034Label(scene.project)) {
     return absl::InvalidArgumentError(absl::StrCat("project '", scene.project, "' is no label"));
@@ -102,8 +102,8 @@ absl::Status Store::DeleteScene(const std::string& id) {
 }
 
 absl::StatusOr<std::string> Store::ProjectOfScene(const std::string& id) {
-  if (!IsRfc1034Label(id)) {
-    return absl::InvalidArgumentError(absl::StrCat("scene id '", id, "' is no label"));
+  if (!IsResourceId(id)) {
+    return absl::InvalidArgumentError(absl::StrCat("scene id '", id, "': ", kResourceIdRule));
   }
   return database_->Read<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
     std::string project;

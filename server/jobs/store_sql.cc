@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <limits>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/jobs/id_rules.h"
 
 namespace pepeseg {
 namespace {
@@ -16,15 +16,6 @@ constexpr int kDefaultPageSize = 50;
 constexpr int kMaxPageSize = 1000;
 
 }  // namespace
-
-bool IsRfc1034Label(const std::string& id) {
-  if (id.empty() || id.size() > 63 || !absl::ascii_islower(id.front()) || id.back() == '-') {
-    return false;
-  }
-  return std::all_of(id.begin(), id.end(), [](char c) {
-    return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-';
-  });
-}
 
 absl::StatusOr<std::string> OfProject(const std::string& project) {
   if (project.empty()) return std::string();

@@ -13,9 +13,6 @@
 // What the store's parts share: columns to rows, checks inside a transaction, and pages.
 namespace pepeseg {
 
-// Letters, digits and hyphens, from a letter to no hyphen, at most 63.
-bool IsRfc1034Label(const std::string& id);
-
 // "project = 'PROJECT' AND ", or "" for all projects: a part of a list's query, of which
 // placeholders would need a variable number. INVALID_ARGUMENT: no RFC 1034 label, which has nothing
 // to escape.

@@ -2,22 +2,39 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/status_macros.h"
 #include "server/jobs/file_error.h"
 #include "server/layout.h"
 
 namespace pepeseg {
 
+namespace {
+
+// The data directory holds photographs and the digests of keys: one that is made here is 0700.
+absl::Status MakeFolder(const std::filesystem::path& data) {
+  const std::filesystem::path folder = data.has_filename() ? data : data.parent_path();
+  std::error_code error;
+  std::filesystem::create_directories(folder.parent_path(), error);
+  if (error) return FileError(data, "cannot make the folder", error.value());
+  if (mkdir(folder.c_str(), 0700) == 0) return absl::OkStatus();
+  const int made = errno;
+  if (made != EEXIST) return FileError(data, "cannot make the folder", made);
+  if (std::filesystem::is_directory(folder, error)) return absl::OkStatus();
+  return FileError(data, "cannot make the folder", ENOTDIR);
+}
+
+}  // namespace
+
 absl::StatusOr<std::unique_ptr<DirectoryLock>> DirectoryLock::Take(
     const std::filesystem::path& data, bool shared) {
-  std::error_code error;
-  std::filesystem::create_directories(data, error);
-  if (error) return FileError(data, "cannot make the folder", error.value());
+  RETURN_IF_ERROR(MakeFolder(data));
   const std::filesystem::path path = LockPath(data);
   const int descriptor = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (descriptor < 0) return FileError(path, "cannot open", errno);

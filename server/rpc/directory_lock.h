@@ -11,8 +11,8 @@ namespace pepeseg {
 // the system lets it go with the process, however that ends.
 class DirectoryLock {
  public:
-  // Makes the directory. FAILED_PRECONDITION: another process holds it for itself, or at all when
-  // it is not to be `shared`.
+  // Makes the directory, for its owner only. FAILED_PRECONDITION: another process holds it for
+  // itself, or at all when it is not to be `shared`.
   static absl::StatusOr<std::unique_ptr<DirectoryLock>> Take(const std::filesystem::path& data,
                                                              bool shared);
   ~DirectoryLock();

@@ -76,7 +76,7 @@ absl::StatusOr<std::string> ParseKeyName(const std::string& name) {
 
 absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
                              v1::CreateKeyResponse* response) {
-  RETURN_IF_ERROR(CheckId(request.project(), "project"));
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
   ASSIGN_OR_RETURN(const int scopes, ScopesFromProto(request));
   ASSIGN_OR_RETURN(const absl::Time expire_time, ExpiryFromProto(request));
@@ -93,7 +93,7 @@ absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
 
 absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
                             v1::ListKeysResponse* response) {
-  if (!request.project().empty()) RETURN_IF_ERROR(CheckId(request.project(), "project"));
+  if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.ListKeys(request.project(), page));

@@ -49,13 +49,13 @@ absl::Status FillUsage(const ServiceContext& context, const std::string& project
 absl::Status AnswerGetProjectUsage(const ServiceContext& context,
                                    const v1::GetProjectUsageRequest& request,
                                    v1::ProjectUsage* response) {
-  RETURN_IF_ERROR(CheckId(request.project(), "project"));
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   return FillUsage(context, request.project(), response);
 }
 
 absl::Status AnswerSetQuota(const ServiceContext& context, const v1::SetQuotaRequest& request,
                             v1::ProjectUsage* response) {
-  RETURN_IF_ERROR(CheckId(request.project(), "project"));
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
   ASSIGN_OR_RETURN(const Quota quota, QuotaFromProto(request.quota()));
   RETURN_IF_ERROR(context.store->SetProjectQuota(request.project(), quota).status());
   context.quotas->Forget(request.project());

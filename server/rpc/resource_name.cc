@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "server/jobs/id_rules.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {
@@ -36,17 +37,12 @@ std::vector<std::string> Parts(const std::string& name) {
 
 }  // namespace
 
-bool IsSceneId(std::string_view id) {
-  if (id.empty() || id.size() > 63 || !absl::ascii_islower(id.front()) || id.back() == '-') {
-    return false;
-  }
-  return std::all_of(id.begin(), id.end(), [](char c) {
-    return absl::ascii_islower(c) || absl::ascii_isdigit(c) || c == '-';
-  });
+absl::Status CheckId(const std::string& id, const std::string& field) {
+  return IsResourceId(id) ? absl::OkStatus() : BadField(field, id, kResourceIdRule);
 }
 
-absl::Status CheckId(const std::string& id, const std::string& field) {
-  if (IsSceneId(id)) return absl::OkStatus();
+absl::Status CheckProject(const std::string& id, const std::string& field) {
+  if (IsRfc1034Label(id)) return absl::OkStatus();
   return BadField(field, id,
                   "not a lower-case letter, then up to 62 of a-z, 0-9 and '-', not ending in '-'");
 }
@@ -59,7 +55,7 @@ absl::Status CheckDisplayName(const std::string& name, const std::string& field)
 
 absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 2 || parts[0] != "scenes" || !IsSceneId(parts[1])) {
+  if (parts.size() != 2 || parts[0] != "scenes" || !IsResourceId(parts[1])) {
     return BadField(field, name, "not of the form scenes/{scene}");
   }
   return parts[1];
@@ -68,8 +64,8 @@ absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::s
 absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
                                           const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneId(parts[1]) || parts[2] != collection ||
-      ParseNumber(parts[3]) == 0) {
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsResourceId(parts[1]) ||
+      parts[2] != collection || ParseNumber(parts[3]) == 0) {
     return BadField(field, name,
                     absl::StrCat("not of the form scenes/{scene}/", collection, "/{number}"));
   }
@@ -78,7 +74,7 @@ absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::st
 
 absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() == 4 && parts[0] == "scenes" && IsSceneId(parts[1]) && parts[2] == "models" &&
+  if (parts.size() == 4 && parts[0] == "scenes" && IsResourceId(parts[1]) && parts[2] == "models" &&
       parts[3] == "live") {
     return SceneChild{parts[1], kLiveModel};
   }
@@ -87,8 +83,8 @@ absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::st
 
 absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneId(parts[1]) || parts[2] != "labels" ||
-      !IsSceneId(parts[3])) {
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsResourceId(parts[1]) ||
+      parts[2] != "labels" || !IsResourceId(parts[3])) {
     return BadField(field, name, "not of the form scenes/{scene}/labels/{label}");
   }
   return SceneLabel{parts[1], parts[3]};

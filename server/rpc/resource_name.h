@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <string>
-#include <string_view>
 
 #include "absl/status/statusor.h"
 
@@ -24,10 +23,10 @@ struct SceneLabel {
   std::string id;
 };
 
-// RFC 1034 label: [a-z]([a-z0-9-]{0,61}[a-z0-9])?
-bool IsSceneId(std::string_view id);
-// INVALID_ARGUMENT unless it is such a label, as ids of scenes, projects and labels are.
+// INVALID_ARGUMENT unless the id of a scene or a label is IsResourceId.
 absl::Status CheckId(const std::string& id, const std::string& field);
+// INVALID_ARGUMENT unless it is an RFC 1034 label.
+absl::Status CheckProject(const std::string& id, const std::string& field);
 // INVALID_ARGUMENT beyond 256 bytes.
 absl::Status CheckDisplayName(const std::string& name, const std::string& field);
 

@@ -71,7 +71,8 @@ absl::Status DeleteWithRemains(const ServiceContext& context, const std::string&
   for (const std::string& job : remains.jobs) {
     RemoveBeneath(context.data_folder, std::filesystem::path("jobs") / job).IgnoreError();
   }
-  std::filesystem::remove_all(context.data_folder / "datasets" / scene, ignored);
+  std::filesystem::remove_all(DatasetsFolder(context.data_folder) / SceneFolderName(scene),
+                              ignored);
   std::filesystem::remove_all(context.data_folder / SelectionFolder(scene), ignored);
   return absl::OkStatus();
 }

@@ -30,6 +30,7 @@ bool IsShared(const ServerOptions& options) { return options.database.starts_wit
 
 absl::Status CheckOptions(const ServerOptions& options) {
   RETURN_IF_ERROR(CheckListeners(options));
+  RETURN_IF_ERROR(CheckAddressesFree(options));
   if (access(options.worker.c_str(), X_OK) != 0) {
     return absl::FailedPreconditionError(
         absl::StrCat("worker: ", options.worker.string(), " is no program"));

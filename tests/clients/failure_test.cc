@@ -3,10 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "clients/cli/start_advice.h"
 #include "clients/cpp/answer_status.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "tests/testing/temp_folder.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -58,7 +63,8 @@ TEST(Explain, TellsAGatewaysRefusalFromTheServers) {
   EXPECT_THAT(explain(grpc::UNAVAILABLE, "no server answers the gateway: ask again"),
               AllOf(HasSubstr("try again"), Not(HasSubstr("pepesegd"))));
   EXPECT_THAT(explain(grpc::UNAVAILABLE, "failed to connect to all addresses"),
-              AllOf(HasSubstr("host:1"), HasSubstr("pepesegd")));
+              AllOf(HasSubstr("host:1"), HasSubstr("--server"), Not(HasSubstr("pepesegd"))))
+      << "no command here starts a server there";
 }
 
 TEST(FromGrpc, PutsAProxysHttpInPlainWords) {
@@ -113,6 +119,38 @@ TEST(Explain, SaysWhatToDo) {
   EXPECT_THAT(text, HasSubstr("one training a scene"));
   EXPECT_THAT(text, HasSubstr("pepeseg watch jobs/17"));
   EXPECT_THAT(Explain(absl::UnavailableError("refused"), "host:1"), HasSubstr("host:1"));
+}
+
+TEST(Explain, DoesNotDoubtAServerThatAnswered) {
+  v1::ErrorDetail detail;
+  detail.set_reason("BUSY");
+  detail.mutable_retry_after()->set_seconds(3);
+  v1::Status status;
+  status.add_details()->PackFrom(detail);
+  const grpc::Status busy(grpc::UNAVAILABLE, "too many calls are waiting",
+                          status.SerializeAsString());
+  EXPECT_THAT(Explain(FromGrpc(busy), "127.0.0.1:1"),
+              AllOf(HasSubstr("try again in 3 s"), Not(HasSubstr("listening"))));
+}
+
+TEST(StartCommand, NamesAProgramThatIsThere) {
+  const pepeseg::testing::TempFolder folder;
+  const std::string program = (folder / "pepesegd").string();
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nowhere", 1);
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), "");
+  std::ofstream(program) << "#!/bin/sh\n";
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), "") << "no program yet";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder.path()), program);
+  EXPECT_EQ(StartCommand("localhost:6000", folder.path()), program + " --listen localhost:6000");
+  setenv("PATH", folder.path().c_str(), 1);
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", "/nowhere"), "pepesegd");
+  setenv("PATH", path.c_str(), 1);
+  std::filesystem::create_directory(folder / "a b");
+  std::filesystem::copy(program, folder / "a b" / "pepesegd");
+  EXPECT_EQ(StartCommand("127.0.0.1:50051", folder / "a b"),
+            "'" + (folder / "a b" / "pepesegd").string() + "'");
 }
 
 TEST(Explain, AdvisesToTrainOnlyWhereNothingElseIsInTheWay) {

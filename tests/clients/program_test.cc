@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -58,7 +59,9 @@ TEST(Program, NoServerIsSaidInPlainWords) {
   const Ran ran = RunPepeseg("scenes 2>&1");
   EXPECT_EQ(ran.exit_code, 5);
   EXPECT_THAT(ran.output, HasSubstr("127.0.0.1:1"));
-  EXPECT_THAT(ran.output, HasSubstr("pepesegd"));
+  const std::string server = std::filesystem::canonical(PEPESEG_PROGRAM).parent_path() / "pepesegd";
+  ASSERT_TRUE(std::filesystem::exists(server));
+  EXPECT_THAT(ran.output, HasSubstr("`" + server + " --listen 127.0.0.1:1`"));
 }
 
 TEST(Program, JsonErrorsParse) {

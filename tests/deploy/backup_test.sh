@@ -59,7 +59,7 @@ end() { kill -"$1" "$server"; wait "$server" || true; server=; }
 # All that a caller can see of the state, into files of a folder.
 ask() {
   mkdir "$1"
-  for scene in shelf second; do
+  for scene in shelf Second_2.0; do
     pepeseg --json segment $scene --view frame-000000.jpg --point 280,280 --threshold 0 \
       --views held-out --out "$1/$scene" >/dev/null
     for verb in labels selections scenes; do
@@ -77,7 +77,7 @@ for line in sys.stdin: print(json.dumps(json.loads(line), sort_keys=True))' >"$1
 start "$work/data" "${database[@]}"
 dataset=$root/tests/data/apc_shelf
 little=(--steps 60 --feature-steps 30 --image-scale 0.25 -o features.num_pixels=200)
-for scene in shelf second; do
+for scene in shelf Second_2.0; do
   expect 0 pepeseg upload $scene "$dataset"
   expect 0 pepeseg train $scene "${little[@]}"
 done
@@ -129,8 +129,8 @@ for _ in {1..300}; do resumed && break; sleep 0.1; done
 resumed || fail 'the training that ran does not go on from its checkpoint'
 expect 0 pepeseg cancel "$job"
 # Numbers go on where the backup stood: what is new takes no place of what is there.
-expect 0 pepeseg train second "${little[@]}"
-expect 0 pepeseg scenes second
+expect 0 pepeseg train Second_2.0 "${little[@]}"
+expect 0 pepeseg scenes Second_2.0
 grep -q 'models/2' "$work/output" || fail 'a new model does not stand beside the old one'
 if grep -q 'Nothing is collected' "$work/server.log"; then fail 'the collector knows not its own'; fi
 end TERM

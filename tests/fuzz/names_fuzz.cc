@@ -1,6 +1,7 @@
 #include "core/io/file_name.h"
 #include "core/io/import.h"
 #include "server/access/api_key.h"
+#include "server/jobs/id_rules.h"
 #include "server/jobs/store_sql.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/upload_rules.h"
@@ -11,8 +12,9 @@ namespace {
 void ReadResourceNames(const std::string& text) {
   using pepeseg::fuzz::Expect;
   if (const auto scene = pepeseg::ParseSceneName(text, "name"); scene.ok()) {
-    Expect(pepeseg::SceneName(*scene) == text && pepeseg::IsSceneId(*scene), "the same scene");
-    Expect(scene->find_first_of("/.'%\\") == std::string::npos, "a scene that is no path");
+    Expect(pepeseg::SceneName(*scene) == text && pepeseg::IsResourceId(*scene), "the same scene");
+    Expect(scene->find_first_of("/'%\\") == std::string::npos && scene->front() != '.',
+           "a scene that is no path");
   }
   if (const auto model = pepeseg::ParseModelName(text, "name"); model.ok()) {
     Expect(model->number >= pepeseg::kLiveModel, "a number");

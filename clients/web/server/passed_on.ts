@@ -1,5 +1,6 @@
 // The server's errors for browsers.
 import { Code, ConnectError } from '@connectrpc/connect';
+import { startAdvice } from './start_advice';
 
 /** How HTTP/2's client tells that the other side has gone, in the middle of a call. */
 const lost = new Set([Code.Canceled, Code.Aborted]);
@@ -16,6 +17,13 @@ export function passedOn(error: unknown, signal: AbortSignal): ConnectError {
   const transport = from.code === Code.Internal || from.code === Code.Unknown;
   if (!own && (lost.has(from.code) || (transport && lostWords.test(from.rawMessage)))) {
     return new ConnectError('the connection to the server was lost', Code.Unavailable);
+  }
+  const nobody = /ECONNREFUSED (\S+)|connect ENOENT (\S+)/.exec(from.rawMessage);
+  if (!own && nobody) {
+    const address = nobody[1] ?? `unix:${nobody[2]}`;
+    const advice = startAdvice(address);
+    const message = `the server does not answer. Nothing listens at ${address}`;
+    return new ConnectError(advice ? `${message}; ${advice}` : message, Code.Unavailable);
   }
   const to = new ConnectError(from.rawMessage, from.code);
   to.details = from.details;

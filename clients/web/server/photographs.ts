@@ -9,7 +9,12 @@ const photograph = /^images\/.*\.(jpe?g|png|webp)$/i;
 
 /** Of an upload or a scene: its id; undefined: it is no name of one. */
 function sceneIdOf(resource: string): string | undefined {
-  return /^scenes\/([a-z][a-z0-9-]{0,62})(\/|$)/.exec(resource)?.[1];
+  return /^scenes\/([A-Za-z0-9][\w.-]{0,62})(\/|$)/.exec(resource)?.[1];
+}
+
+/** As the server names folders: ids that differ in case only must not share one anywhere. */
+function folderName(id: string): string {
+  return id.replace(/[A-Z_.]/g, (c) => (c === '_' ? '__' : c === '.' ? '_-' : `_${c.toLowerCase()}`));
 }
 
 /** A path of a client never becomes one of this machine. */
@@ -67,7 +72,7 @@ export class Photographs {
   async copy(upload: string, path: string, offset: number): Promise<PhotographCopy | undefined> {
     const scene = sceneIdOf(upload);
     if (!scene || !photograph.test(path)) return undefined;
-    const folder = join(this.folder, scene);
+    const folder = join(this.folder, folderName(scene));
     const made = await mkdir(folder, { recursive: true, mode: 0o700 }).then(
       () => true,
       () => false,
@@ -79,7 +84,7 @@ export class Photographs {
   async find(scene: string, path: string): Promise<FileHandle | undefined> {
     const id = sceneIdOf(scene);
     if (!id) return undefined;
-    const folder = join(this.folder, id);
+    const folder = join(this.folder, folderName(id));
     try {
       const name = path === '' ? await this.first(folder) : fileName(path);
       return name ? await open(join(folder, name), 'r') : undefined;
@@ -91,7 +96,7 @@ export class Photographs {
   async forget(scene: string): Promise<void> {
     const id = sceneIdOf(scene);
     if (id)
-      await rm(join(this.folder, id), { recursive: true, force: true }).catch(() => undefined);
+      await rm(join(this.folder, folderName(id)), { recursive: true, force: true }).catch(() => undefined);
   }
 
   private async first(folder: string): Promise<string | undefined> {

@@ -158,7 +158,7 @@ TEST_F(AuthorizerTest, DoesNotTellOthersScenesFromNone) {
   job.set_name("jobs/j12");
   EXPECT_TRUE(absl::IsPermissionDenied(authorizer_.Authorize(origin, job).status()));
   // What nothing can be called is told by who reads the request.
-  for (const char* name : {"", "scenes/", "scenes/UPPER", "mine", "scenes", "jobs/x", "jobs/j0"}) {
+  for (const char* name : {"", "scenes/", "scenes/_under", "mine", "scenes", "jobs/x", "jobs/j0"}) {
     EXPECT_TRUE(authorizer_.Authorize(origin, Get(name)).ok()) << name;
   }
 }

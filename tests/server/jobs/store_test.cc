@@ -65,9 +65,9 @@ TEST_F(StoreTest, KeepsScenesAfterReopening) {
   EXPECT_NEAR(absl::ToDoubleSeconds(absl::Now() - found->create_time), 0, 60);
 }
 
-TEST_F(StoreTest, RefusesIdsThatAreNoLabels) {
-  const std::vector<std::string> bad = {"",     "A",   "1a",  "a-",  "-a", "a_b",
-                                        "../x", "a/b", "a.b", "a b", "ä",  std::string(64, 'a')};
+TEST_F(StoreTest, RefusesIdsThatAreNoNames) {
+  const std::vector<std::string> bad = {"",     ".",   "..",  ".a",  "-a", "_a",
+                                        "../x", "a/b", "a'b", "a b", "ä",  std::string(64, 'a')};
   for (const std::string& id : bad) {
     const auto status = store_->CreateScene({id, "", "", {}}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << id;

@@ -1,11 +1,14 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/layout.h"
@@ -114,6 +117,21 @@ TEST_F(DatasetServiceTest, AdvisesMasksWhereADatasetHasNone) {
   running.options.priors_command = "/bin/true";
   running.Restart();
   EXPECT_TRUE(advice({photograph}).empty()) << "the server makes masks by its command";
+}
+
+TEST_F(DatasetServiceTest, ScenesWhoseIdsDifferInCaseShareNoFolder) {
+  const std::vector<TestFile> files = {{"images/1.jpg", "one"}};
+  for (const char* scene : {"fern_2", "Fern_2", "FERN.2"}) {
+    running.CreateScene(scene);
+    running.UploadAndSeal(scene, files);
+  }
+  std::set<std::string> folders;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(DatasetsFolder(running.options.data))) {
+    folders.insert(absl::AsciiStrToLower(entry.path().filename().string()));
+    EXPECT_TRUE(std::filesystem::exists(entry.path() / "1.json"));
+  }
+  EXPECT_EQ(folders.size(), 3u);
 }
 
 TEST_F(DatasetServiceTest, AStreamThatIsCutCanBeRepeated) {

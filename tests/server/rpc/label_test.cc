@@ -117,7 +117,7 @@ TEST_F(LabelTest, IsDeletedOnce) {
   const grpc::Status gone = Delete("scenes/shelf/labels/red");
   EXPECT_EQ(gone.error_code(), grpc::NOT_FOUND);
   EXPECT_EQ(DetailOf(gone).resource(), "scenes/shelf/labels/red");
-  EXPECT_EQ(DetailOf(Delete("scenes/shelf/labels/RED")).field(), "name");
+  EXPECT_EQ(DetailOf(Delete("scenes/shelf/labels/_red")).field(), "name");
 }
 
 TEST_F(LabelTest, ATakenIdIsRefusedButARetryIsNot) {
@@ -157,7 +157,7 @@ TEST_F(LabelTest, RefusesMasksThatAreNoneOfTheView) {
 }
 
 TEST_F(LabelTest, RefusesOtherBadFields) {
-  ExpectBadField(Request("No"), "label_id");
+  ExpectBadField(Request("_no"), "label_id");
   auto request = Request("red");
   request.set_parent("shelf");
   ExpectBadField(request, "parent");

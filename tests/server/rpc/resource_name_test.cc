@@ -2,18 +2,55 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string>
+#include <vector>
+
+#include "server/layout.h"
+
 namespace pepeseg {
 namespace {
 
-TEST(SceneId, IsAnRfc1034Label) {
-  EXPECT_TRUE(IsSceneId("a"));
-  EXPECT_TRUE(IsSceneId("apc-shelf2"));
-  EXPECT_TRUE(IsSceneId(std::string(63, 'x')));
-  for (const char* bad : {"", "-a", "a-", "1a", "A", "a_b", "a/b", "..", "a.b", "ä"}) {
-    EXPECT_FALSE(IsSceneId(bad)) << bad;
+TEST(CheckId, TakesTheNamesThatPeopleHave) {
+  for (const char* id : {"a", "apc-shelf2", "llff_horns", "Fern-2", "1a", "v1.0", "a-", "x.."}) {
+    EXPECT_TRUE(CheckId(id, "scene_id").ok()) << id;
   }
-  EXPECT_FALSE(IsSceneId(std::string(64, 'x')));
-  EXPECT_FALSE(IsSceneId(std::string("a\0b", 3)));
+  EXPECT_TRUE(CheckId(std::string(63, 'x'), "scene_id").ok());
+}
+
+TEST(CheckId, RefusesWhatIsNoPlainFileName) {
+  for (const char* bad :
+       {"", ".", "..", ".a", "-a", "_a", "a/b", "a b", "a\nb", "a%b", "a'b", "a\\b", "ä", "@1"}) {
+    const absl::Status refused = CheckId(bad, "scene_id");
+    EXPECT_TRUE(absl::IsInvalidArgument(refused)) << bad;
+    EXPECT_NE(refused.message().find("beginning with a letter or a digit"), std::string::npos);
+  }
+  EXPECT_FALSE(CheckId(std::string(64, 'x'), "scene_id").ok());
+  EXPECT_FALSE(CheckId(std::string("a\0b", 3), "scene_id").ok());
+}
+
+TEST(CheckProject, TakesRfc1034LabelsOnly) {
+  EXPECT_TRUE(CheckProject("lab-2", "project").ok());
+  for (const char* bad : {"", "Lab", "a_b", "a.b", "2a", "a-"}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(CheckProject(bad, "project"))) << bad;
+  }
+}
+
+TEST(SceneFolderName, DiffersBetweenIdsAlsoWithoutCase) {
+  EXPECT_EQ(SceneFolderName("apc-shelf2"), "apc-shelf2");
+  std::set<std::string> folders;
+  const std::vector<std::string> ids = {"fern",  "Fern",  "_fern", "FERN", "fe_rn", "fe.rn",
+                                        "fe-rn", "fe_-n", "fe.n",  "a..b", "a_.b",  "a.tmp-1"};
+  for (const std::string& id : ids) {
+    const std::string folder = SceneFolderName(id);
+    EXPECT_EQ(SceneOfFolderName(folder), id);
+    EXPECT_EQ(folder.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-_"), std::string::npos)
+        << folder;
+    EXPECT_TRUE(folders.insert(folder).second) << folder;
+  }
+  for (const char* none : {"", "_", "a_", "a_1", "Fern", "a.b"}) {
+    EXPECT_EQ(SceneOfFolderName(none), "") << none;
+  }
 }
 
 TEST(ResourceNames, ParseWhatTheyPrint) {
@@ -32,7 +69,7 @@ TEST(ResourceNames, ParseWhatTheyPrint) {
 }
 
 TEST(ResourceNames, RefuseAllElse) {
-  for (const char* bad : {"", "shelf", "scenes/", "scenes/a/", "scenes/../x", "scenes/A", "/a"}) {
+  for (const char* bad : {"", "shelf", "scenes/", "scenes/a/", "scenes/../x", "scenes/.a", "/a"}) {
     const auto name = ParseSceneName(bad, "scene");
     EXPECT_TRUE(absl::IsInvalidArgument(name.status())) << bad;
     EXPECT_NE(name.status().message().find("scene: '"), std::string::npos) << name.status();
@@ -47,8 +84,8 @@ TEST(ResourceNames, RefuseAllElse) {
     EXPECT_TRUE(absl::IsInvalidArgument(ParseJobName(bad, "name").status())) << bad;
   }
   for (const char* bad :
-       {"", "cup", "scenes/a/labels/", "scenes/a/labels/Cup", "scenes/a/labels/..",
-        "scenes/a/models/cup", "scenes/A/labels/cup", "scenes/a/labels/cup/x"}) {
+       {"", "cup", "scenes/a/labels/", "scenes/a/labels/_cup", "scenes/a/labels/..",
+        "scenes/a/models/cup", "scenes/../labels/cup", "scenes/a/labels/cup/x"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(ParseLabelName(bad, "name").status())) << bad;
   }
   EXPECT_FALSE(ParseModelName("scenes/a/models/dead", "model").ok());

@@ -67,8 +67,18 @@ TEST_F(SceneServiceTest, ATakenIdIsRefusedButARetryIsNot) {
   EXPECT_EQ(DetailOf(taken).resource(), "scenes/shelf");
 }
 
+TEST_F(SceneServiceTest, TakesTheNamesThatPeopleHaveAndTellsCasesApart) {
+  for (const char* id : {"llff_horns", "Fern-2", "fern-2", "360.v2", "1a"}) {
+    ASSERT_TRUE(Create(id, "", "").ok()) << id;
+    ASSERT_TRUE(Get(std::string("scenes/") + id).ok()) << id;
+    EXPECT_EQ(scene.name(), std::string("scenes/") + id);
+  }
+  ASSERT_TRUE(Delete("scenes/Fern-2").ok());
+  EXPECT_TRUE(Get("scenes/fern-2").ok());
+}
+
 TEST_F(SceneServiceTest, RefusesBadIdsAndNames) {
-  for (const char* id : {"", "A", "../../x", "a/b", "-", "a_b"}) {
+  for (const char* id : {"", ".", "../../x", "a/b", "-", "_a", "a b"}) {
     const grpc::Status status = Create(id, "", "");
     EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << id;
     EXPECT_EQ(DetailOf(status).field(), "scene_id");

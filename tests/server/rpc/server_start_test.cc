@@ -1,6 +1,7 @@
 // What keeps a server from starting.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "tests/server/rpc/running_server.h"
@@ -84,7 +85,35 @@ TEST(ServerStart, RefusesATakenPort) {
   ServerOptions options = running.options;
   options.data = folder.path();
   options.listen = "127.0.0.1:" + std::to_string(running.server->port());
-  EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
+  const std::string message(refused.status().message());
+  EXPECT_NE(message.find("--listen " + options.listen + ": the port is in use"), std::string::npos)
+      << message;
+  EXPECT_EQ(message.find('\n'), std::string::npos);
+}
+
+TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
+  const RunningServer running(PEPESEG_FAKE_WORKER);
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.metrics = "127.0.0.1:" + std::to_string(running.server->port());
+  EXPECT_NE(Server::Start(options).status().message().find("--metrics 127."), std::string::npos);
+  options.metrics.clear();
+  options.insecure = true;
+  options.listen = "192.0.2.1:0";  // RFC 5737: nobody's
+  const auto refused = Server::Start(options);
+  EXPECT_NE(refused.status().message().find("not an address of this machine"), std::string::npos)
+      << refused.status();
+}
+
+TEST(ServerStart, MakesItsDataDirectoryForItsOwnerOnly) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.data = folder / "share" / "pepeseg";
+  ASSERT_TRUE(Server::Start(options).ok());
+  const auto mode = std::filesystem::status(options.data).permissions();
+  EXPECT_EQ(mode, std::filesystem::perms::owner_all);
 }
 
 }  // namespace

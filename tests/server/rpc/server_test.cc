@@ -5,7 +5,10 @@
 #include <spawn.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <csignal>
+#include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 
@@ -80,8 +83,11 @@ struct Program {
                    const std::string& worker = PEPESEG_FAKE_WORKER,
                    const std::vector<std::string>& more = {}) {
     const std::string port_file = (folder / "port").string();
-    std::vector<std::string> words = {PEPESEG_SERVER, "--data=" + (folder / "data").string(),
-                                      "--port-file=" + port_file, "--worker=" + worker,
+    std::vector<std::string> words = {PEPESEG_SERVER,
+                                      "--data=" + (folder / "data").string(),
+                                      "--port-file=" + port_file,
+                                      "--worker=" + worker,
+                                      "--listen=127.0.0.1:0",
                                       "--reflection"};
     words.insert(words.end(), more.begin(), more.end());
     std::vector<char*> arguments;
@@ -208,6 +214,59 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
   const int state = program.Await();
   EXPECT_TRUE(WIFEXITED(state));
   EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+struct Output {
+  int exit_code = -1;
+  std::string text;  // standard output and error
+};
+
+// Through the shell.
+Output RunShell(const std::string& line) {
+  Output output;
+  FILE* pipe = popen((line + " 2>&1").c_str(), "r");
+  char buffer[4096];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) output.text += buffer;
+  output.exit_code = WEXITSTATUS(pclose(pipe));
+  return output;
+}
+
+TEST(ServerProgram, SaysInOneLineThatItsPortIsTaken) {
+  const testing::TempFolder folder;
+  const Program first(folder);
+  ASSERT_GT(first.port, 0);
+  const std::string address = "127.0.0.1:" + std::to_string(first.port);
+  const Output second =
+      RunShell(PEPESEG_SERVER " --listen " + address + " --data " + (folder / "other").string());
+  EXPECT_EQ(second.exit_code, 1);
+  EXPECT_EQ(std::count(second.text.begin(), second.text.end(), '\n'), 1) << second.text;
+  for (const std::string& part : {address, std::string("in use"), std::string("another port")}) {
+    EXPECT_NE(second.text.find(part), std::string::npos) << second.text;
+  }
+}
+
+// Where another test's server, or a person's, has the port, it says so.
+TEST(ServerProgram, ServesWithoutArguments) {
+  const testing::TempFolder folder;
+  const Output output = RunShell("XDG_DATA_HOME=" + folder.path().string() +
+                                 " timeout --signal=TERM 3 " PEPESEG_SERVER);
+  if (output.text.find("in use") != std::string::npos) {
+    EXPECT_NE(output.text.find("127.0.0.1:50051"), std::string::npos) << output.text;
+    return;
+  }
+  EXPECT_EQ(output.exit_code, 124) << output.text;
+  EXPECT_NE(output.text.find("serving on 127.0.0.1:50051"), std::string::npos) << output.text;
+  EXPECT_TRUE(std::filesystem::exists(folder / "pepeseg" / "pepeseg.db"));
+  EXPECT_EQ(std::filesystem::status(folder / "pepeseg").permissions(),
+            std::filesystem::perms::owner_all);
+}
+
+TEST(ServerProgram, KeepsItsDataInTheHomeWithoutXdgDataHome) {
+  const Output help = RunShell("XDG_DATA_HOME=relative HOME=/home/anna " PEPESEG_SERVER " --help");
+  EXPECT_NE(help.text.find("/home/anna/.local/share/pepeseg"), std::string::npos) << help.text;
+  const Output homeless = RunShell("env -u XDG_DATA_HOME -u HOME " PEPESEG_SERVER);
+  EXPECT_NE(homeless.exit_code, 0);
+  EXPECT_NE(homeless.text.find("--data"), std::string::npos) << homeless.text;
 }
 
 TEST(ServerProgram, LosesNothingWhenKilled) {

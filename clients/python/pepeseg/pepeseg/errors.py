@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+import re
+import shlex
+import shutil
+
 from google.protobuf import message as protobuf
 import grpc
 
 from pepeseg.v1 import errors_pb2, job_service_pb2
 
 _HTTP_STATUS = "Received http2 header with status: "
+# How gRPC names an address of this machine to which it could not connect.
+_NOBODY_HERE = re.compile(r"ipv4:(127\.[0-9.]+:[0-9]+)|(unix:[^\s:]+)")
 
 
 class PepesegError(Exception):
@@ -157,6 +165,20 @@ def _read_detail(metadata: object) -> errors_pb2.ErrorDetail | None:
     return None
 
 
+def start_advice(message: str) -> str:
+    """How to get a server where gRPC found none on this machine; empty: it is elsewhere, or no
+    server program is found.
+    """
+    place = _NOBODY_HERE.search(message)
+    built = Path(__file__).parents[4] / "build" / "bin" / "pepesegd"
+    program = str(built) if os.access(built, os.X_OK) else shutil.which("pepesegd")
+    if place is None or program is None:
+        return ""
+    address = place[1] or place[2]
+    listen = "" if address == "127.0.0.1:50051" else f" --listen {shlex.quote(address)}"
+    return f"; is a server listening there? Start one with `{shlex.quote(program)}{listen}`"
+
+
 def from_rpc(error: grpc.RpcError) -> PepesegError:
     """The exception for what gRPC raised, of a call of either kind."""
     code: grpc.StatusCode = error.code()
@@ -166,6 +188,8 @@ def from_rpc(error: grpc.RpcError) -> PepesegError:
         status = int(message.split(_HTTP_STATUS)[1].split()[0])
         code = _FROM_HTTP.get(status, grpc.StatusCode.UNAVAILABLE)
         message = f"a proxy on the way to the server answered with HTTP {status}"
+    elif detail is None and code == grpc.StatusCode.UNAVAILABLE:
+        message += start_advice(message)
     return _CLASSES.get(code, PepesegError)(message, code, detail)
 
 

@@ -63,7 +63,7 @@ def label(
     """Names what a mask of a view shows.
 
     Args:
-        id: an RFC 1034 label: a-z, 0-9 and '-', a letter first, at most 63 characters.
+        id: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a letter or a digit.
         view: name of a view of the newest model.
         mask: [height, width] of the frame's size, not 0 inside; or one of
         points, negative, box, scale, scale_units, threshold, frame: as in `Client.segment`, whose mask is

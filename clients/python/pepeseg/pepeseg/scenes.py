@@ -79,7 +79,8 @@ def create_scene(at: Place, display_name: str = "") -> Steps[None]:
     """Makes the scene where it is not there yet.
 
     Raises:
-        InvalidArgumentError: the id is no RFC 1034 label.
+        InvalidArgumentError: the id is not 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning
+            with a letter or a digit.
     """
     request = scene_service_pb2.CreateSceneRequest(
         scene_id=at.scene.removeprefix("scenes/"),

@@ -57,10 +57,12 @@ export function failureOf(cause: unknown): Failure {
   const detail = error.findDetails(ErrorDetailSchema)[0];
   const network = isNetwork(error);
   const away = network || error.code === Code.Unavailable;
+  // The back end says where it looked for the server, and how to start one.
+  const said = error.rawMessage.startsWith('the server does not answer');
   const retry = detail?.retryAfter;
   const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
   return {
-    what: away && !detail ? 'The server does not answer.' : sentence(error.rawMessage),
+    what: away && !detail && !said ? 'The server does not answer.' : sentence(error.rawMessage),
     todo: network ? 'Is it running? This is tried again by itself.' : todo,
     code: error.code,
     reason: detail?.reason ?? '',

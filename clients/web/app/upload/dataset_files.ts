@@ -117,14 +117,17 @@ export function describe(files: readonly { kind: FileKind }[]): string {
     .join(', ');
 }
 
-/** An id of a scene (RFC 1034 label) made of what a person calls it. */
+/**
+ * An id of a scene or a label made of what a person calls it: letters, digits, '_', '.' and '-',
+ * beginning with a letter or a digit; a name that is one already stays as it is.
+ */
 export function sceneIdFrom(name: string): string {
   const plain = name
+    .trim()
     .normalize('NFKD')
-    .toLowerCase()
     .replace(/[\u0300-\u036f]/g, '')
-    .replace(/[^a-z0-9]+/g, '-')
-    .replace(/^[^a-z]+/, '')
+    .replace(/[^\w.-]+/g, '-')
+    .replace(/^[^A-Za-z0-9]+/, '')
     .slice(0, 50)
     .replace(/-+$/, '');
   return plain || 'scene';

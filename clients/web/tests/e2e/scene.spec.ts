@@ -224,7 +224,7 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
 });
 
 test('a click in 3D segments what is seen there', async () => {
-  await page.goto(`${stack.url}/scenes/kitchen-shelf`);
+  await page.goto(`${stack.url}/scenes/Kitchen-shelf`);
   const splats = page.locator('.splats[data-status=ready]');
   await expect(splats).toBeVisible({ timeout: 60_000 });
   const truth = await truthOf(page, view, book);

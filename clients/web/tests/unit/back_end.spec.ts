@@ -1,3 +1,4 @@
+import { accessSync, constants } from 'node:fs';
 import type { IncomingMessage } from 'node:http';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
@@ -109,4 +110,15 @@ test('a connection that was lost is no cancellation', () => {
   expect(passedOn(busy, here.signal).code).toBe(Code.Aborted);
   here.abort();
   expect(passedOn(cut, here.signal).code).toBe(Code.Canceled);
+});
+
+test('where no server listens, the message names the address and a command that is there', () => {
+  const refused = new ConnectError('connect ECONNREFUSED 127.0.0.1:50077', Code.Unavailable);
+  const told = passedOn(refused, new AbortController().signal);
+  expect(told.code).toBe(Code.Unavailable);
+  expect(told.rawMessage).toContain('the server does not answer. Nothing listens at 127.0.0.1:50077');
+  const command = /`(\S+) --listen 127\.0\.0\.1:50077`/.exec(told.rawMessage)?.[1];
+  if (command) accessSync(command, constants.X_OK);
+  const far = new ConnectError('connect ECONNREFUSED 192.0.2.1:50051', Code.Unavailable);
+  expect(passedOn(far, new AbortController().signal).rawMessage).not.toContain('start one');
 });

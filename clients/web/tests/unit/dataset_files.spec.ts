@@ -51,9 +51,10 @@ test('what it says of them', () => {
   ).toBe('2 photographs, 1 file of poses');
 });
 
-test('ids of scenes are labels of RFC 1034', () => {
-  expect(sceneIdFrom('Küche & Regal (2)')).toBe('kuche-regal-2');
-  expect(sceneIdFrom('42')).toBe('scene');
-  expect(sceneIdFrom('x'.repeat(80))).toMatch(/^[a-z][a-z0-9-]{0,61}[a-z0-9]$/);
+test('ids of scenes are the names that folders have', () => {
+  for (const name of ['llff_horns', 'Fern-2', '42', 'v1.0']) expect(sceneIdFrom(name)).toBe(name);
+  expect(sceneIdFrom('Küche & Regal (2)')).toBe('Kuche-Regal-2');
+  expect(sceneIdFrom('../.hidden')).toBe('hidden');
+  expect(sceneIdFrom('x'.repeat(80))).toMatch(/^[A-Za-z0-9][\w.-]{0,62}$/);
   expect(sceneIdFrom('日本')).toBe('scene');
 });

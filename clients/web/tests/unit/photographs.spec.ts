@@ -57,6 +57,19 @@ test('no path leads out of the folder, nothing but photographs is kept', async (
   expect(readdirSync(join(folder, 'kept', 'shelf'))).toHaveLength(1);
 });
 
+test('scenes whose names differ in case only have folders of their own', async () => {
+  const photographs = new Photographs(folder);
+  for (const scene of ['Fern_1', 'fern_1', 'fern.1']) {
+    const copy = await photographs.copy(`scenes/${scene}/uploads/1`, 'images/1.jpg', 0);
+    await copy?.add(Buffer.from(scene));
+    await copy?.end(true);
+  }
+  expect(readdirSync(folder).sort()).toEqual(['_fern__1', 'fern_-1', 'fern__1']);
+  const file = await photographs.find('scenes/Fern_1', 'images/1.jpg');
+  expect(await file?.readFile('utf8')).toBe('Fern_1');
+  await file?.close();
+});
+
 test('a scene that is deleted is forgotten', async () => {
   const photographs = new Photographs(folder);
   const copy = await photographs.copy(upload, 'images/1.jpg', 0);

@@ -1,5 +1,6 @@
 """How a server is spoken to: keys, TLS, patience."""
 
+import os
 import re
 import subprocess
 import threading
@@ -10,6 +11,7 @@ import pytest
 
 import pepeseg
 from conftest import PROGRAMS, ROOT, Pepesegd
+from pepeseg import errors
 from pepeseg.channel import Login, is_this_machine, look_through
 from pepeseg.errors import from_rpc
 
@@ -137,6 +139,22 @@ class TestPatience:
             with pytest.raises(pepeseg.UnavailableError):
                 client.scenes()
             assert 0.2 < time.monotonic() - start < 10
+
+
+class TestStartAdvice:
+    @pytest.mark.parametrize("address", ["127.0.0.1:1", "unix:/tmp/no-such-pepesegd"])
+    def test_where_nothing_listens_here_the_command_works(self, address):
+        with pepeseg.Client("mine", server=address, patience=0) as client:
+            with pytest.raises(pepeseg.UnavailableError) as error:
+                client.scenes()
+        found = re.search(r"`(\S+) --listen (\S+)`", str(error.value))
+        assert found, error.value
+        assert os.access(found[1], os.X_OK)
+        assert found[2] == address
+
+    def test_there_is_none_for_another_machine(self):
+        message = "failed to connect to all addresses; last error: ipv4:192.0.2.1:50051: refused"
+        assert errors.start_advice(message) == ""
 
 
 class Refusal(grpc.RpcError):
