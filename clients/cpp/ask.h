@@ -7,19 +7,24 @@
 #include "absl/status/statusor.h"
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/call.h"
+#include "clients/cpp/retry_budget.h"
 
 namespace pepeseg::client {
 
-// The answer to a unary method of a stub, as &v1::JobService::Stub::GetJob, about a scene's.
+// The answer to a unary method of a stub, as &v1::JobService::Stub::GetJob, about a scene's. A call
+// that the server puts off is made again within `seconds`: see RetryBudget.
 template <typename Stub, typename Request, typename Response>
 absl::StatusOr<Response> Ask(
     Stub& stub, grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
     const std::string& scene, const Request& request, double seconds = kCallSeconds) {
-  Response response;
-  Call call(scene, seconds);
-  const grpc::Status status = (stub.*method)(call, request, &response);
-  if (!status.ok()) return FromGrpc(status);
-  return response;
+  const RetryBudget retries(seconds);
+  while (true) {
+    Response response;
+    Call call(scene, retries.seconds_left());
+    const absl::Status status = FromGrpc((stub.*method)(call, request, &response));
+    if (status.ok()) return response;
+    if (!retries.WaitAfter(status)) return status;
+  }
 }
 
 // A whole list, page after page, as one response without a token.

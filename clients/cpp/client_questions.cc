@@ -47,6 +47,19 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& 
   return header;
 }
 
+// All of an export. One that the server puts off has sent nothing yet.
+absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
+                                  const v1::ExportSelectionRequest& request, std::ofstream& file) {
+  const RetryBudget retries(kCallSeconds);
+  while (true) {
+    Call call(SceneOf(request.model()), 0);
+    absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
+    if (header.ok()) return header;
+    call.Cancel();
+    if (file.tellp() > 0 || !retries.WaitAfter(header.status())) return header.status();
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<v1::SegmentResponse> Client::Segment(const v1::SegmentRequest& request) const {
@@ -77,12 +90,9 @@ absl::StatusOr<Header> Client::Export(const v1::ExportSelectionRequest& request,
   const fs::path beside = file + ".part";
   std::ofstream part(beside, std::ios::binary | std::ios::trunc);
   if (!part) return absl::PermissionDeniedError(absl::StrCat("cannot write ", beside.string()));
-  Call call(SceneOf(request.model()), 0);
-  const auto stream = segmentation_->ExportSelection(call, request);
-  absl::StatusOr<Header> header = Receive(*stream, part);
+  const absl::StatusOr<Header> header = ReceiveAll(*segmentation_, request, part);
   std::error_code error;
   if (!header.ok()) {
-    call.Cancel();
     fs::remove(beside, error);
     return header.status();
   }

@@ -85,6 +85,10 @@ CallOrigin OriginOf(const grpc::ServerContextBase& context) {
     origin.authorization.emplace_back(it->second.data(), it->second.size());
   }
   origin.vouching = VouchingOf(context);
+  const auto id = context.client_metadata().find("x-request-id");
+  if (id != context.client_metadata().end()) {
+    origin.request_id.assign(id->second.data(), id->second.size());
+  }
   return origin;
 }
 

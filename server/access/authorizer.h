@@ -25,6 +25,7 @@ struct CallOrigin {
   std::string peer;
   std::vector<std::string> authorization;  // each "Bearer pk_..."
   Vouching vouching = {};
+  std::string request_id = {};  // as the interceptor has set it
 };
 CallOrigin OriginOf(const grpc::ServerContextBase& context);
 

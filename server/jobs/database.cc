@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/status_macros.h"
 #include "server/jobs/database_error.h"
+#include "server/jobs/private_error.h"
 #include "server/jobs/schema.h"
 #include "server/jobs/sqlite_log.h"
 
@@ -187,7 +188,7 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
   bool committing = false;
   const Connection connection(pool_);
   if (!connection.leased()) {
-    run.status = absl::UnavailableError("database: all connections are busy");
+    run.status = PrivateError(absl::StatusCode::kUnavailable, "database: all connections are busy");
     return run;
   }
   soci::session& sql = connection.sql();
@@ -207,7 +208,9 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
     if (IsCollision(error)) run.fate = Fate::kCollided;
     // What broke during the commit may have happened: not to be done twice.
     if (!committing && !sql.is_connected()) run.fate = Fate::kConnectionLost;
-    if (!sql.is_connected()) run.status = absl::UnavailableError(run.status.message());
+    if (!sql.is_connected()) {
+      run.status = PrivateError(absl::StatusCode::kUnavailable, run.status.message());
+    }
   } catch (const std::exception& error) {
     run.status = absl::InternalError(absl::StrCat("database: ", error.what()));
   }

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "server/jobs/private_error.h"
 
 namespace pepeseg {
 namespace {
@@ -40,6 +41,14 @@ bool IsLostConnection(const soci::soci_error& error) {
          state.starts_with("08") || state == "57P01" || state == "57P02" || state == "57P03";
 }
 
+absl::StatusCode CodeOf(const soci::soci_error& error) {
+  if (IsBrokenConstraint(error)) return absl::StatusCode::kAborted;
+  if (IsFullDisk(error)) return absl::StatusCode::kResourceExhausted;
+  if (IsDamage(error)) return absl::StatusCode::kDataLoss;
+  if (IsLostConnection(error) || IsCollision(error)) return absl::StatusCode::kUnavailable;
+  return absl::StatusCode::kInternal;
+}
+
 }  // namespace
 
 bool IsCollision(const soci::soci_error& error) {
@@ -50,12 +59,7 @@ bool IsCollision(const soci::soci_error& error) {
 }
 
 absl::Status DatabaseError(const soci::soci_error& error) {
-  if (IsBrokenConstraint(error)) return absl::AbortedError(error.get_error_message());
-  const std::string text = absl::StrCat("database: ", error.what());
-  if (IsFullDisk(error)) return absl::ResourceExhaustedError(text);
-  if (IsDamage(error)) return absl::DataLossError(text);
-  if (IsLostConnection(error) || IsCollision(error)) return absl::UnavailableError(text);
-  return absl::InternalError(text);
+  return PrivateError(CodeOf(error), absl::StrCat("database: ", error.what()));
 }
 
 }  // namespace pepeseg

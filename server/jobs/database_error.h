@@ -11,7 +11,7 @@ namespace pepeseg {
 bool IsCollision(const soci::soci_error& error);
 
 // ABORTED: a broken constraint; RESOURCE_EXHAUSTED: a full disk; DATA_LOSS: damaged files;
-// UNAVAILABLE: a lost connection or a collision; else INTERNAL.
+// UNAVAILABLE: a lost connection or a collision; else INTERNAL. All are PrivateError.
 absl::Status DatabaseError(const soci::soci_error& error);
 
 }  // namespace pepeseg

@@ -4,17 +4,17 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "server/jobs/private_error.h"
 
 namespace pepeseg {
 
 absl::Status FileError(const std::filesystem::path& path, const std::string& what, int error) {
   const std::string message =
       absl::StrCat(path.string(), ": ", what, ": ", std::generic_category().message(error));
-  if (error == ENOENT) return absl::NotFoundError(message);
-  if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
-    return absl::ResourceExhaustedError(message);
-  }
-  return absl::InternalError(message);
+  if (error == ENOENT) return PrivateError(absl::StatusCode::kNotFound, message);
+  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
+  return PrivateError(full ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
+                      message);
 }
 
 }  // namespace pepeseg

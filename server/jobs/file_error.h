@@ -8,7 +8,7 @@
 namespace pepeseg {
 
 // "PATH: what failed: why", of an errno. NOT_FOUND when there is no such file, RESOURCE_EXHAUSTED
-// when there is no room for it, else INTERNAL.
+// when there is no room for it, else INTERNAL; all are PrivateError.
 absl::Status FileError(const std::filesystem::path& path, const std::string& what, int error);
 
 }  // namespace pepeseg

@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "core/status_macros.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
@@ -233,6 +234,12 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   return absl::OkStatus();
 }
 
+// Job.error is for clients: its paths are relative to the data directory.
+absl::Status RunningJob::WithoutDataFolder(const absl::Status& outcome) const {
+  const std::string folder = (context_.options.data_folder / "").string();
+  return absl::Status(outcome.code(), absl::StrReplaceAll(outcome.message(), {{folder, ""}}));
+}
+
 absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResult& result,
                                       bool requeue) {
   Store& store = context_.store;
@@ -244,7 +251,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
     const bool saved = terminated_ || lease_lost_ || folder_.HasSaved(job_.fence);
     ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, saved));
   } else {
-    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, outcome));
+    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, WithoutDataFolder(outcome)));
   }
   return absl::OkStatus();
 }
@@ -270,7 +277,8 @@ absl::Status RunningJob::Finish(bool requeue) {
   }
   if (IsTerminal(job_.state)) RemoveLeftovers();
   if (job_.state == JobState::kQueued && crashed_) {
-    RETURN_IF_ERROR(AppendWarning(folder_, job_, std::string(outcome.message())));
+    RETURN_IF_ERROR(
+        AppendWarning(folder_, job_, std::string(WithoutDataFolder(outcome).message())));
   }
   std::error_code error;
   // A scene can be deleted as soon as the store has the end of its job, and the folder with it.

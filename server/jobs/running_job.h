@@ -68,6 +68,7 @@ class RunningJob {
   absl::Status TakeModel(JobResult& result) const;
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
+  absl::Status WithoutDataFolder(const absl::Status& outcome) const;
   absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);
   absl::Status CommitModel(const JobResult& result);
   void RemoveLeftovers() const;

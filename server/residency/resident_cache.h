@@ -51,9 +51,11 @@ class ResidentCache {
   explicit ResidentCache(const MemoryBudget& budget, std::function<void()> release_freed = {})
       : state_(std::make_shared<ResidencyState>(budget, std::move(release_freed))) {}
 
-  // An owner over its share evicts its own first. RESOURCE_EXHAUSTED, with need and have, when that
-  // much does not come free, or the share's error; then nothing was evicted. An error of the source
-  // is told to all who waited for it, and the next one who asks tries again.
+  // An owner over its share evicts its own first. UNAVAILABLE, with need and have, while values
+  // that are in use leave too little room; RESOURCE_EXHAUSTED, or the share's error, when the value
+  // would not fit without them either: then only unpinning can help. In both cases nothing was
+  // evicted. An error of the source is reported to all who waited for it, and the next one who asks
+  // tries again.
   absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
   // For a value that is no more: the next Acquire loads anew, also where it was pinned.
   void Drop(const std::string& key);
@@ -91,10 +93,17 @@ class ResidentCache {
   }
   // What an owner's values take with `need` more; if so asked, once those that can be are evicted.
   int64_t TakenWith(const MemoryBytes& need, const Share& share, bool without_evictable) const;
+  // Of the owner's values, or of all: what only an operator lets go.
+  MemoryBytes PinnedBytes(const std::string* owner) const;
   // Nobody's in particular: of any owner.
   typename Entries::iterator Oldest(const std::string* owner);
   // What must go for `need`, where it can; its end: nothing must.
   absl::StatusOr<typename Entries::iterator> NextToGo(const MemoryBytes& need, const Share& share);
+  absl::Status ShareError(const MemoryBytes& need, const Share& share, int64_t least) const;
+  static absl::Status InUse(const absl::Status& full) {
+    return absl::UnavailableError(
+        absl::StrCat(full.message(), "; values in use take the rest for now"));
+  }
   absl::Status Reserve(const MemoryBytes& need, const Share& share);
   absl::StatusOr<std::shared_ptr<Resident>> Load(const Source& source);
   absl::StatusOr<typename Entries::iterator> FindLoaded(const std::string& key);
@@ -138,6 +147,27 @@ int64_t ResidentCache<Value>::TakenWith(const MemoryBytes& need, const Share& sh
 }
 
 template <typename Value>
+MemoryBytes ResidentCache<Value>::PinnedBytes(const std::string* owner) const {
+  MemoryBytes pinned;
+  for (const auto& [key, entry] : entries_) {
+    if (entry->loading || !entry->pinned) continue;
+    if (owner != nullptr && entry->resident->owner != *owner) continue;
+    pinned += budget().Counted(entry->resident->bytes);
+  }
+  return pinned;
+}
+
+// `least`: what the owner's values would take after all evictions that are possible now.
+template <typename Value>
+absl::Status ResidentCache<Value>::ShareError(const MemoryBytes& need, const Share& share,
+                                              int64_t least) const {
+  MemoryBytes always = budget().Counted(need);
+  always += PinnedBytes(&share.owner);
+  const absl::Status error = share.error(least);
+  return std::max(always.host, always.device) > share.limit ? error : InUse(error);
+}
+
+template <typename Value>
 absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<Value>::NextToGo(
     const MemoryBytes& need, const Share& share) {
   const bool in_share = share.limit == 0 || TakenWith(need, share, false) <= share.limit;
@@ -146,14 +176,16 @@ absl::StatusOr<typename ResidentCache<Value>::Entries::iterator> ResidentCache<V
   // Both are looked at before anything goes.
   if (!in_share) {
     const int64_t least = TakenWith(need, share, true);
-    if (least > share.limit) return share.error(least);
+    if (least > share.limit) return ShareError(need, share, least);
   }
   if (!fits) {
     MemoryBytes kept = state_->ledger.used();
     for (const auto& [key, entry] : entries_) {
       if (IsEvictable(*entry)) kept -= budget().Counted(entry->resident->bytes);
     }
-    RETURN_IF_ERROR(budget().Check(kept, need));
+    const absl::Status full = budget().Check(kept, need);
+    if (!full.ok() && budget().Fits(PinnedBytes(nullptr), need)) return InUse(full);
+    RETURN_IF_ERROR(full);
   }
   return Oldest(in_share ? nullptr : &share.owner);
 }

@@ -38,7 +38,7 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
   grpc::ServerBuilder builder;
   SetLimits(builder, {kMaxAdminRequestBytes, absl::Hours(1)});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(MakeCallInterceptors(metrics));
+  interceptors.push_back(MakeCallInterceptors(metrics, context.data_folder));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   std::unique_ptr<Acceptor> acceptor;
   if (absl::StartsWith(where.address, kUnix)) {

@@ -5,11 +5,13 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/log.h"
+#include "server/rpc/client_error.h"
 #include "server/trace_context.h"
 
 namespace pepeseg {
@@ -24,8 +26,10 @@ constexpr absl::Duration kSlow = absl::Seconds(10);
 
 class CallInterceptor final : public grpc::experimental::Interceptor {
  public:
-  CallInterceptor(RpcMetrics& metrics, const ServerRpcInfo& info)
+  CallInterceptor(RpcMetrics& metrics, const std::filesystem::path& data_folder,
+                  const ServerRpcInfo& info)
       : metrics_(metrics),
+        data_folder_(data_folder),
         method_(metrics.Find(info.method())),
         unary_(info.type() == ServerRpcInfo::Type::UNARY) {
     metrics_.Begin(method_);
@@ -47,7 +51,11 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
       }
     }
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
-      Answered(methods->GetSendStatus());
+      const grpc::Status status = methods->GetSendStatus();
+      grpc::Status sent = status;
+      const bool hidden = HidePrivateText({data_folder_, request_id_}, sent);
+      if (hidden) methods->ModifySendStatus(sent);
+      Answered(status, hidden);
     }
     methods->Proceed();
   }
@@ -80,12 +88,13 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
     metadata.emplace(key, value);
   }
 
-  void Answered(const grpc::Status& status) {
+  // `hidden`: the client gets another text, so that only the line has this one.
+  void Answered(const grpc::Status& status, bool hidden = false) {
     if (answered_) return;
     answered_ = true;
     const absl::Duration took = absl::Now() - start_;
     metrics_.Answer(method_, status.error_code(), took);
-    const auto level = LevelOf(status.error_code(), took);
+    const auto level = LevelOf(status.error_code(), took, hidden);
     if (!spdlog::should_log(level)) return;
     const std::string code = CodeName(status.error_code());
     const LogFields fields = {request_id_, trace_id_, "", RpcMetrics::NameOf(method_), code, took};
@@ -96,13 +105,15 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   }
 
   // A stream lasts as long as it is wanted: that is not slow.
-  spdlog::level::level_enum LevelOf(int code, absl::Duration took) const {
+  spdlog::level::level_enum LevelOf(int code, absl::Duration took, bool hidden) const {
     const bool fault = code == grpc::StatusCode::INTERNAL || code == grpc::StatusCode::UNKNOWN ||
                        code == grpc::StatusCode::DATA_LOSS;
+    if (hidden) return fault ? spdlog::level::err : spdlog::level::warn;
     return fault || (unary_ && took > kSlow) ? spdlog::level::info : spdlog::level::debug;
   }
 
   RpcMetrics& metrics_;
+  const std::filesystem::path& data_folder_;
   RpcMetrics::Method& method_;
   const bool unary_;
   const absl::Time start_ = absl::Now();
@@ -112,20 +123,22 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
 
 class CallInterceptors final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
-  explicit CallInterceptors(RpcMetrics& metrics) : metrics_(metrics) {}
+  CallInterceptors(RpcMetrics& metrics, std::filesystem::path data_folder)
+      : metrics_(metrics), data_folder_(std::move(data_folder)) {}
   grpc::experimental::Interceptor* CreateServerInterceptor(ServerRpcInfo* info) override {
-    return new CallInterceptor(metrics_, *info);  // gRPC deletes it
+    return new CallInterceptor(metrics_, data_folder_, *info);  // gRPC deletes it
   }
 
  private:
   RpcMetrics& metrics_;
+  const std::filesystem::path data_folder_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeCallInterceptors(
-    RpcMetrics& metrics) {
-  return std::make_unique<CallInterceptors>(metrics);
+    RpcMetrics& metrics, std::filesystem::path data_folder) {
+  return std::make_unique<CallInterceptors>(metrics, std::move(data_folder));
 }
 
 }  // namespace pepeseg

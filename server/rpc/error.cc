@@ -6,11 +6,13 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "server/jobs/client_text.h"
+#include "server/jobs/private_error.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr char kDetailUrl[] = "type.googleapis.com/pepeseg.v1.ErrorDetail";
+constexpr char kPrivateMark[] = "pepeseg.server/private";  // never sent
 // grpc-message is percent-encoded (up to three times as long), the details are base64.
 constexpr size_t kMaxStatusMessageBytes = 640;
 constexpr size_t kMaxValueBytes = 256;
@@ -97,7 +99,12 @@ v1::Status ToProto(const absl::Status& status) {
   proto.set_code(static_cast<int>(status.code()));
   proto.set_message(Utf8Prefix(std::string(status.message()), kMaxStatusMessageBytes));
   proto.add_details()->PackFrom(DetailOf(status));
+  if (IsPrivate(status)) proto.add_details()->set_type_url(kPrivateMark);
   return proto;
+}
+
+bool IsMarkedPrivate(const v1::Status& status) {
+  return status.details_size() > 1 && status.details(1).type_url() == kPrivateMark;
 }
 
 grpc::Status ToGrpc(const absl::Status& status) {

@@ -28,8 +28,13 @@ absl::Status TooManyStreamsError(size_t limit);
 
 // The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
 // that WithDetail left, or one that holds the code's name only.
+// A PrivateError has a second detail, for HidePrivateText, which all pass before they leave.
 v1::Status ToProto(const absl::Status& status);
 grpc::Status ToGrpc(const absl::Status& status);
+bool IsMarkedPrivate(const v1::Status& status);
+
+// Reason of RESOURCE_EXHAUSTED where the disk is full.
+inline constexpr char kDiskFull[] = "DISK_FULL";
 
 // `text` without bytes that are not UTF-8 and not longer than `max_bytes`: gRPC and protobuf refuse
 // others.

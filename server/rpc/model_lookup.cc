@@ -6,6 +6,7 @@
 #include "core/io/model_file.h"
 #include "core/status_macros.h"
 #include "server/jobs/job_folder.h"
+#include "server/jobs/private_error.h"
 #include "server/jobs/quota_error.h"
 #include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"
@@ -13,6 +14,9 @@
 
 namespace pepeseg {
 namespace {
+
+// Until queries under way end, which mostly take less.
+constexpr int kRetrySeconds = 1;
 
 // Need and have in the detail too.
 absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
@@ -23,7 +27,9 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
         budget.one_memory() ? "" : absl::StrCat(", ", bytes.device, " on the device"));
   };
   v1::ErrorDetail detail;
-  detail.set_reason("DOES_NOT_FIT");
+  const bool for_now = absl::IsUnavailable(status);
+  detail.set_reason(for_now ? "NO_ROOM_NOW" : "DOES_NOT_FIT");
+  if (for_now) detail.mutable_retry_after()->set_seconds(kRetrySeconds);
   // This call's own; one that waited for another's load has none.
   if (need.host > 0) detail.set_value(words(budget.Counted(need)));
   detail.set_limit(words(budget.usable()));
@@ -82,13 +88,13 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
   };
   source.share = [&] { return ShareOf(context, row.scene); };
   auto segmenter = context.models->Acquire(ResidentKey(row), source);
-  if (absl::IsResourceExhausted(segmenter.status())) {
-    absl::Status named(segmenter.status().code(),
-                       absl::StrCat(source.name, ": ", segmenter.status().message()));
-    // A quota's error tells its own need and limit.
-    segmenter.status().ForEachPayload(
-        [&](absl::string_view url, const absl::Cord& payload) { named.SetPayload(url, payload); });
-    return WithBytes(named, need, context.models->budget());
+  // A source's own UNAVAILABLE, of the database, says nothing of memory.
+  const bool no_room = absl::IsResourceExhausted(segmenter.status()) ||
+                       (absl::IsUnavailable(segmenter.status()) && !IsPrivate(segmenter.status()));
+  if (no_room) {
+    // A quota's error has its own need and limit.
+    return WithBytes(WithPrefix(source.name + ": ", segmenter.status()), need,
+                     context.models->budget());
   }
   RETURN_IF_ERROR(segmenter.status());
   return ResidentModel{source.name, *std::move(segmenter)};

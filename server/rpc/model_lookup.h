@@ -12,8 +12,9 @@ namespace pepeseg {
 absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::string& name,
                                    const std::string& field);
 
-// The same, in memory; loads it when it is not. RESOURCE_EXHAUSTED with need and have when it does
-// not fit. Blocks for as long as that takes.
+// The same, in memory; loads it when it is not. UNAVAILABLE with need, have and when to ask again
+// while models in use leave no room; RESOURCE_EXHAUSTED when it can never fit. Blocks for as long
+// as loading takes.
 struct ResidentModel {
   std::string name;
   ModelCache::Handle segmenter;

@@ -1,8 +1,11 @@
 #include "server/rpc/segment_stream.h"
 
+#include <spdlog/spdlog.h>
+
 #include <optional>
 
 #include "absl/time/clock.h"
+#include "server/rpc/client_error.h"
 #include "server/rpc/error.h"
 #include "server/rpc/segment_answer.h"
 
@@ -32,7 +35,13 @@ Stream::Step SegmentStreamCall::Work(bool) {
   }
   const absl::Time end = absl::Now();
   context_.query_pool->latencies().Record(end - start, end);
-  if (!status.ok()) *message_.mutable_error() = ToProto(status);
+  if (!status.ok()) {
+    *message_.mutable_error() = ToProto(status);
+    const ClientErrorRules rules = {context_.data_folder, origin_.request_id};
+    if (HidePrivateText(rules, *message_.mutable_error())) {
+      spdlog::warn("SegmentStream: {}, request {}", status.ToString(), origin_.request_id);
+    }
+  }
   return {Next::kIo, absl::OkStatus()};
 }
 

@@ -179,7 +179,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   grpc::ServerBuilder builder;
   SetLimits(builder, {kMaxRequestBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(MakeCallInterceptors(metrics.rpc()));
+  interceptors.push_back(MakeCallInterceptors(metrics.rpc(), options.data));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   builder.AddListeningPort(options.listen, credentials->Make(), &port);
   builder.RegisterService(scenes.get());

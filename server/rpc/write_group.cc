@@ -11,10 +11,10 @@
 #include <set>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "core/io/atomic_file.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
+#include "server/jobs/private_error.h"
 #include "server/rpc/error.h"
 #include "server/rpc/file_header.h"
 
@@ -67,11 +67,10 @@ absl::Status OfFile(const std::string& path, const absl::Status& status) {
   if (status.ok()) return status;
   v1::ErrorDetail detail;
   detail.set_reason(absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
-                    : absl::IsResourceExhausted(status) ? "DISK_FULL"
+                    : absl::IsResourceExhausted(status) ? kDiskFull
                                                         : "BAD_FILE");
   detail.set_resource(path);
-  return WithDetail(
-      absl::Status(status.code(), absl::StrCat(path, ": ", std::string(status.message()))), detail);
+  return WithDetail(WithPrefix(path + ": ", status), detail);
 }
 
 bool WriteGroup::due() const {

@@ -1,5 +1,7 @@
 // Answers of the ways that are no RPCs.
 import type { IncomingMessage, ServerResponse } from 'node:http';
+import type { Readable } from 'node:stream';
+import { pipeline } from 'node:stream/promises';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { ErrorDetailSchema } from '../gen/pepeseg/v1/errors_pb';
 
@@ -57,8 +59,14 @@ export function need(query: URLSearchParams, name: string): string {
 /** Aborts what is done for a request when its reader goes away. */
 export function abortedWith(response: ServerResponse): AbortSignal {
   const controller = new AbortController();
+  if (response.destroyed) controller.abort();
   response.on('close', () => controller.abort());
   return controller.signal;
+}
+
+/** Sends all of a file, and closes it whatever happens: the reader may leave in the middle. */
+export async function sendAll(response: ServerResponse, file: Readable): Promise<void> {
+  await pipeline(file, response).catch(() => response.destroy());
 }
 
 /** Waits until the reader has taken what was written; false: it has gone. */
@@ -66,8 +74,13 @@ export async function written(response: ServerResponse, data: Uint8Array): Promi
   if (response.destroyed) return false;
   if (response.write(data)) return true;
   await new Promise<void>((resolve) => {
-    response.once('drain', resolve);
-    response.once('close', resolve);
+    const done = () => {
+      response.off('drain', done);
+      response.off('close', done);
+      resolve();
+    };
+    response.on('drain', done);
+    response.on('close', done);
   });
   return !response.destroyed;
 }

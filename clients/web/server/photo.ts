@@ -1,8 +1,9 @@
 // GET /api/photo?scene=scenes/S[&path=images/0001.jpg]: a photograph as it was uploaded, if this back
 // end has it and its key may see the scene; without a path, any one of the scene.
+import type { FileHandle } from 'node:fs/promises';
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { Code, ConnectError } from '@connectrpc/connect';
-import { abortedWith, need, queryOf, sendError } from './answer';
+import { abortedWith, need, queryOf, sendAll, sendError } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -20,29 +21,28 @@ export async function getPhoto(
   response: ServerResponse,
 ): Promise<void> {
   const query = queryOf(request);
+  const signal = abortedWith(response);
+  let file: FileHandle | undefined;
   try {
     const scene = need(query, 'scene');
-    await channel.scenes.getScene({ name: scene }, { timeoutMs: 10_000, headers: routing(scene) });
-    const file = await photographs.find(scene, query.get('path') ?? '');
+    const options = { signal, timeoutMs: 10_000, headers: routing(scene) };
+    await channel.scenes.getScene({ name: scene }, options);
+    file = await photographs.find(scene, query.get('path') ?? '');
     if (!file) throw new ConnectError('this photograph was not uploaded here', Code.NotFound);
     const head = new Uint8Array(12);
     await file.read(head, 0, head.length, 0);
     const type = typeOf(head);
-    if (!type) {
-      await file.close();
-      throw new ConnectError('the file is no photograph', Code.NotFound);
-    }
+    if (!type) throw new ConnectError('the file is no photograph', Code.NotFound);
     response.writeHead(200, {
       'content-type': type,
       'content-length': (await file.stat()).size,
       // The same name may be uploaded anew, with another dataset.
       'cache-control': 'private, max-age=60',
     });
-    file
-      .createReadStream({ start: 0 })
-      .on('error', () => response.destroy())
-      .pipe(response);
+    await sendAll(response, file.createReadStream({ start: 0 }));
   } catch (error) {
-    sendError(response, passedOn(error, abortedWith(response)));
+    sendError(response, passedOn(error, signal));
+  } finally {
+    await file?.close();
   }
 }

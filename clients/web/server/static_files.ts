@@ -3,6 +3,7 @@ import { createReadStream } from 'node:fs';
 import { stat } from 'node:fs/promises';
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { extname, join, normalize } from 'node:path';
+import { sendAll } from './answer';
 
 const types: Record<string, string> = {
   '.html': 'text/html; charset=utf-8',
@@ -59,7 +60,5 @@ export async function sendFile(
     response.end();
     return;
   }
-  createReadStream(sent)
-    .on('error', () => response.destroy())
-    .pipe(response);
+  await sendAll(response, createReadStream(sent));
 }

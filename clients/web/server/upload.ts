@@ -6,7 +6,7 @@ import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import type { WriteFilesRequest } from '../gen/pepeseg/v1/dataset_service_pb';
 import { WriteFilesRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
-import { need, queryOf, sendError } from './answer';
+import { abortedWith, need, queryOf, sendError } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { crc32c } from './crc32c';
@@ -74,8 +74,7 @@ export async function putFile(
   request: IncomingMessage,
   response: ServerResponse,
 ): Promise<void> {
-  const gone = new AbortController();
-  request.on('aborted', () => gone.abort());
+  const signal = abortedWith(response);
   let copy: PhotographCopy | undefined;
   try {
     const query = queryOf(request);
@@ -90,18 +89,18 @@ export async function putFile(
     // An upload that the key may not write to leaves nothing here.
     await channel.datasets.getUpload(
       { name: upload },
-      { signal: gone.signal, headers: routing(upload) },
+      { signal, headers: routing(upload) },
     );
     copy = await photographs.copy(upload, path, Number(offset));
     await channel.datasets.writeFiles(messages(request, copy), {
-      signal: gone.signal,
+      signal,
       headers: routing(upload),
     });
     await copy?.end(true);
     response.writeHead(200, { 'content-type': 'application/json' }).end('{}');
   } catch (error) {
     await copy?.end(false);
-    sendError(response, passedOn(error, gone.signal));
+    sendError(response, passedOn(error, signal));
     if (!request.complete) drain(request);
   }
 }

@@ -1,0 +1,46 @@
+import type { UnaryRequest } from '@connectrpc/connect';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { expect, test } from '@playwright/test';
+import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
+import { retryAsTold } from '../../server/channel';
+
+function putOff(reason: string, nanos = 10_000_000, code = Code.Unavailable): ConnectError {
+  const value = { reason, retryAfter: { seconds: 0n, nanos } };
+  return new ConnectError('not now', code, undefined, [{ desc: ErrorDetailSchema, value }]);
+}
+
+/** Asks a server that answers with `errors` first. */
+async function ask(errors: ConnectError[], signal = new AbortController().signal) {
+  let calls = 0;
+  const next = async () => {
+    const error = errors[calls++];
+    if (error) throw error;
+    return 'answer';
+  };
+  const request = { stream: false, signal } as unknown as UnaryRequest;
+  const answer = await retryAsTold(next as never)(request).catch((error: unknown) => error);
+  return { calls, answer };
+}
+
+test('a call that is put off is made again', async () => {
+  const { calls, answer } = await ask([putOff('NO_ROOM_NOW'), putOff('BUSY')]);
+  expect(calls).toBe(3);
+  expect(answer).toBe('answer');
+});
+
+test('where waiting is no help it is made once', async () => {
+  const useless = [
+    putOff('DRAINING'),
+    putOff('QUOTA', 1, Code.ResourceExhausted),
+    new ConnectError('connect ECONNREFUSED', Code.Unavailable),
+  ];
+  for (const error of useless) expect(await ask([error])).toEqual({ calls: 1, answer: error });
+});
+
+test('when nobody waits any longer it is not made again', async () => {
+  const controller = new AbortController();
+  setTimeout(() => controller.abort(), 20);
+  const { calls, answer } = await ask([putOff('BUSY', 999_000_000)], controller.signal);
+  expect(calls).toBe(1);
+  expect(answer).toBeInstanceOf(Error);
+});

@@ -1,0 +1,179 @@
+// Browsers that leave in the middle: nothing of theirs stays open in the back end.
+import { mkdirSync, mkdtempSync, readdirSync, readlinkSync, rmSync, writeFileSync } from 'node:fs';
+import type { ClientRequest, Server } from 'node:http';
+import { get, request } from 'node:http';
+import type { AddressInfo } from 'node:net';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { Code, ConnectError } from '@connectrpc/connect';
+import { expect, test } from '@playwright/test';
+import type { BackEnd } from '../../server/back_end';
+import type { Config } from '../../server/config';
+import { crc32c } from '../../server/crc32c';
+import { Photographs } from '../../server/photographs';
+import { createWebServer } from '../../server/web_server';
+
+/** More than sockets on the way hold. */
+const manyBytes = 64 << 20;
+let folder: string;
+let server: Server;
+/** What the server that the back end speaks for sees. */
+let upstream: { calls: number; open: number; cancelled: number };
+
+function whenAborted(signal: AbortSignal): Promise<never> {
+  return new Promise((_, reject) => {
+    const fail = () => {
+      upstream.cancelled += 1;
+      reject(new ConnectError('cancelled', Code.Canceled));
+    };
+    if (signal.aborted) fail();
+    signal.addEventListener('abort', fail);
+  });
+}
+
+async function* endlessPly(_: unknown, { signal }: { signal: AbortSignal }) {
+  upstream.open += 1;
+  const gone = whenAborted(signal);
+  gone.catch(() => undefined);
+  const data = new Uint8Array(1 << 20);
+  try {
+    yield { part: { case: 'header', value: { numBytes: 1n << 40n, sha256: '', numGaussians: 1n } } };
+    for (;;) {
+      await Promise.race([gone, new Promise((resolve) => setTimeout(resolve, 1))]);
+      yield { part: { case: 'chunk', value: { data, crc32c: crc32c(data) } } };
+    }
+  } finally {
+    upstream.open -= 1;
+  }
+}
+
+async function takeFile(messages: AsyncIterable<unknown>, { signal }: { signal: AbortSignal }) {
+  upstream.open += 1;
+  const take = async () => {
+    for await (const message of messages) void message;
+  };
+  try {
+    await Promise.race([whenAborted(signal), take()]);
+  } finally {
+    upstream.open -= 1;
+  }
+  return {};
+}
+
+test.beforeEach(async () => {
+  folder = mkdtempSync(join(tmpdir(), 'leaving-'));
+  upstream = { calls: 0, open: 0, cancelled: 0 };
+  const slow = async (_: unknown, { signal }: { signal: AbortSignal }) => {
+    upstream.calls += 1;
+    await whenAborted(signal);
+  };
+  const channel = {
+    scenes: { getScene: async () => ({}) },
+    datasets: { getUpload: async () => ({}), writeFiles: takeFile },
+    jobs: {},
+    segmentation: { exportSelection: endlessPly, render: slow },
+  };
+  const backEnd = { channel, photographs: new Photographs(join(folder, 'photos')) };
+  server = createWebServer(
+    { hosts: new Set(['127.0.0.1']), appFolder: join(folder, 'app') } as unknown as Config,
+    backEnd as unknown as BackEnd,
+  );
+  await new Promise<void>((resolve) => server.listen(0, '127.0.0.1', resolve));
+});
+
+test.afterEach(() => {
+  server.closeAllConnections();
+  server.close();
+  rmSync(folder, { recursive: true });
+});
+
+function url(path: string): string {
+  return `http://127.0.0.1:${(server.address() as AddressInfo).port}${path}`;
+}
+
+/** Files of the test's folder that this process, in which the back end runs, has open. */
+function openFiles(): string[] {
+  const names: string[] = [];
+  for (const fd of readdirSync('/proc/self/fd')) {
+    try {
+      names.push(readlinkSync(`/proc/self/fd/${fd}`));
+    } catch {
+      // The descriptor of this look itself.
+    }
+  }
+  return names.filter((name) => name.startsWith(folder));
+}
+
+/** Reads a little and leaves. */
+async function leaveDuring(path: string): Promise<void> {
+  await new Promise<void>((resolve, reject) => {
+    const asking = get(url(path), (response) => {
+      expect(response.statusCode).toBe(200);
+      response.once('data', () => {
+        response.pause();
+        setTimeout(() => {
+          expect(openFiles().length + upstream.open).toBeGreaterThan(0);
+          asking.destroy();
+          resolve();
+        }, 50);
+      });
+    });
+    asking.on('error', reject);
+  });
+}
+
+async function keep(scene: string, path: string): Promise<void> {
+  const photographs = new Photographs(join(folder, 'photos'));
+  const copy = await photographs.copy(`${scene}/uploads/1`, path, 0);
+  const bytes = new Uint8Array(manyBytes);
+  bytes.set([0xff, 0xd8]);
+  await copy?.add(bytes);
+  await copy?.end(true);
+}
+
+test('a photograph that is not read to its end is closed', async () => {
+  await keep('scenes/shelf', 'images/1.jpg');
+  await leaveDuring('/api/photo?scene=scenes/shelf&path=images/1.jpg');
+  await expect.poll(openFiles).toEqual([]);
+});
+
+test('a file of the app that is not read to its end is closed', async () => {
+  mkdirSync(join(folder, 'app', 'assets'), { recursive: true });
+  writeFileSync(join(folder, 'app', 'assets', 'a.js'), new Uint8Array(manyBytes));
+  await leaveDuring('/assets/a.js');
+  await expect.poll(openFiles).toEqual([]);
+});
+
+test('a PLY that is not read to its end is no longer exported', async () => {
+  const warnings: string[] = [];
+  const warn = (warning: Error) => warnings.push(warning.name);
+  process.on('warning', warn);
+  await leaveDuring('/api/ply?model=scenes/shelf/models/1');
+  await expect.poll(() => upstream.open).toBe(0);
+  expect(upstream.cancelled).toBe(1);
+  process.off('warning', warn);
+  expect(warnings).toEqual([]);
+});
+
+test('a picture that nobody waits for is no longer made', async () => {
+  const asking = get(url('/api/picture?model=scenes/shelf/models/1&view=1.jpg'));
+  asking.on('error', () => undefined);
+  await expect.poll(() => upstream.calls).toBe(1);
+  asking.destroy();
+  await expect.poll(() => upstream.cancelled).toBe(1);
+});
+
+test('an upload that breaks off is cancelled and its copy closed', async () => {
+  const path = '/api/file?upload=scenes/shelf/uploads/1&path=images/1.jpg&offset=0';
+  const sending: ClientRequest = request(url(path), {
+    method: 'PUT',
+    headers: { 'content-length': String(manyBytes) },
+  });
+  sending.on('error', () => undefined);
+  sending.write(new Uint8Array(3 << 20));
+  await expect.poll(openFiles).toHaveLength(1);
+  await expect.poll(() => upstream.open).toBe(1);
+  sending.destroy();
+  await expect.poll(openFiles).toEqual([]);
+  await expect.poll(() => upstream.open).toBe(0);
+});

@@ -1,0 +1,28 @@
+#include "server/jobs/private_error.h"
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr char kPrivateUrl[] = "pepeseg.server/private";
+
+}  // namespace
+
+absl::Status PrivateError(absl::StatusCode code, absl::string_view text) {
+  absl::Status status(code, text);
+  status.SetPayload(kPrivateUrl, absl::Cord());
+  return status;
+}
+
+bool IsPrivate(const absl::Status& status) { return status.GetPayload(kPrivateUrl).has_value(); }
+
+absl::Status WithPrefix(absl::string_view prefix, const absl::Status& status) {
+  absl::Status prefixed(status.code(), absl::StrCat(prefix, status.message()));
+  status.ForEachPayload(
+      [&](absl::string_view url, const absl::Cord& payload) { prefixed.SetPayload(url, payload); });
+  return prefixed;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,113 @@
+#include "server/rpc/client_error.h"
+
+#include "absl/status/status.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "server/rpc/error.h"
+
+namespace pepeseg {
+namespace {
+
+using absl::StatusCode;
+
+const char* GeneralText(StatusCode code) {
+  switch (code) {
+    case StatusCode::kUnavailable:
+      return "the server cannot reach its database now: try again";
+    case StatusCode::kResourceExhausted:
+      return "the server's disk is full";
+    case StatusCode::kDataLoss:
+      return "data that the server has stored is damaged";
+    case StatusCode::kNotFound:
+      return "a file that the server has stored is missing";
+    case StatusCode::kAborted:
+      return "another call changed the same at the same time: try again";
+    default:
+      return "a fault of the server";
+  }
+}
+
+bool IsPartOfName(char c) {
+  return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '.' || c == '-';
+}
+
+// Without the folder at the start of paths.
+bool MakeRelative(const std::string& folder, std::string& text) {
+  bool changed = false;
+  for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder, at)) {
+    const size_t end = at + folder.size();
+    const bool starts = at == 0 || !(IsPartOfName(text[at - 1]) || text[at - 1] == '/');
+    if (!starts || (end < text.size() && IsPartOfName(text[end]))) {
+      at = end;
+      continue;
+    }
+    const bool has_more = end + 1 < text.size() && text[end] == '/' && IsPartOfName(text[end + 1]);
+    text.replace(at, folder.size() + (has_more ? 1 : 0), has_more ? "" : "the data directory");
+    changed = true;
+  }
+  return changed;
+}
+
+v1::ErrorDetail TakeDetail(v1::Status& status) {
+  v1::ErrorDetail detail;
+  if (status.details_size() > 0) status.details(0).UnpackTo(&detail);
+  status.clear_details();
+  return detail;
+}
+
+void Generalise(const ClientErrorRules& rules, v1::Status& status) {
+  auto code = static_cast<StatusCode>(status.code());
+  if (code == StatusCode::kUnknown) code = StatusCode::kInternal;
+  status.set_code(static_cast<int>(code));
+  std::string text = GeneralText(code);
+  if (!rules.request_id.empty()) {
+    absl::StrAppend(&text, "; its log has the cause under request ", rules.request_id);
+  }
+  status.set_message(text);
+  v1::ErrorDetail detail = TakeDetail(status);
+  // What was said beside it may be about something else: that a job is not there, where only the
+  // database was away.
+  if (detail.reason() != kDiskFull) detail.set_reason(absl::StatusCodeToString(code));
+  detail.clear_value();
+  detail.clear_limit();
+  if (code == StatusCode::kUnavailable && !detail.has_retry_after()) {
+    detail.mutable_retry_after()->set_seconds(1);
+  }
+  status.add_details()->PackFrom(detail);
+}
+
+}  // namespace
+
+bool HidePrivateText(const ClientErrorRules& rules, v1::Status& status) {
+  const auto code = static_cast<StatusCode>(status.code());
+  if (code == StatusCode::kInternal || code == StatusCode::kUnknown || IsMarkedPrivate(status)) {
+    Generalise(rules, status);
+    return true;
+  }
+  const std::string folder = rules.data_folder.string();
+  if (folder.size() < 2 || status.details_size() == 0) return false;
+  v1::ErrorDetail detail = TakeDetail(status);
+  bool changed = MakeRelative(folder, *status.mutable_message());
+  for (std::string* text :
+       {detail.mutable_resource(), detail.mutable_limit(), detail.mutable_value()}) {
+    changed = MakeRelative(folder, *text) || changed;
+  }
+  status.add_details()->PackFrom(detail);
+  return changed;
+}
+
+bool HidePrivateText(const ClientErrorRules& rules, grpc::Status& status) {
+  if (status.ok()) return false;
+  v1::Status proto;
+  if (!proto.ParseFromString(status.error_details()) || proto.details_size() == 0) {
+    proto.Clear();  // gRPC's own
+    proto.set_code(status.error_code());
+    proto.set_message(status.error_message());
+  }
+  if (!HidePrivateText(rules, proto)) return false;
+  status = {static_cast<grpc::StatusCode>(proto.code()), proto.message(),
+            proto.SerializeAsString()};
+  return true;
+}
+
+}  // namespace pepeseg
