@@ -36,6 +36,13 @@ void AddListenerFlags(CLI::App& app, ServerOptions& server) {
                  "models; without it there is none");
   app.add_flag("--insecure", server.insecure, "Listen beyond this machine without encryption");
   app.add_flag("--reflection", server.reflection, "Serve gRPC reflection");
+  app.add_option_function<int>(
+         "--self-probe-seconds",
+         [&server](int seconds) { server.self_probe = absl::Seconds(seconds); },
+         "How often the server asks itself for its health over a new connection; after three "
+         "failures in a row it ends with exit code 1, to be restarted; 0: never")
+      ->check(CLI::Range(0, 3600))
+      ->default_str("5");
   app.add_option("--metrics", server.metrics,
                  "HOST:PORT where Prometheus reads metrics, over plain HTTP; without it nowhere");
 }
@@ -180,7 +187,10 @@ void AddFlags(CLI::App& app, Flags& flags) {
   AddWorkerFlags(app, flags.server);
   AddMemoryFlags(app, flags.server);
   app.add_option("--port-file", flags.port_file, "Where to write the port, once it serves");
-  app.add_option("--grace", flags.grace_seconds, "Seconds from SIGTERM until calls are cut off")
+  app.add_option(
+         "--grace", flags.grace_seconds,
+         "Seconds from SIGTERM until the process has ended; calls are cut off a tenth of that "
+         "earlier, at most 1 s. --drain-seconds come on top")
       ->check(CLI::Range(0, 3600))
       ->capture_default_str();
   AddDrainFlag(app, flags.server);

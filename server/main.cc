@@ -1,12 +1,20 @@
 // pepesegd: the server.
 #include <pthread.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <functional>
 #include <string>
+#include <thread>
 
 #include "absl/time/clock.h"
 #include "core/io/atomic_file.h"
@@ -27,7 +35,58 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
-int Serve(const pepeseg::Flags& flags, const sigset_t& stop_signals) {
+// Each connection and each open file takes a descriptor; shells and service managers start
+// programs with a soft limit of 1,024.
+void RaiseDescriptorLimit() {
+  constexpr rlim_t kFew = 8192;
+  // More are of no use, and programs that this one starts may walk through all that are possible.
+  constexpr rlim_t kMost = rlim_t{1} << 20;
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  const rlimit raised = {std::max(limit.rlim_cur, std::min(limit.rlim_max, kMost)), limit.rlim_max};
+  if (raised.rlim_cur > limit.rlim_cur && setrlimit(RLIMIT_NOFILE, &raised) != 0) {
+    spdlog::warn("cannot raise the limit on open files from {} to {}: {}", limit.rlim_cur,
+                 raised.rlim_cur, strerror(errno));
+  } else {
+    limit = raised;
+  }
+  if (limit.rlim_cur >= kFew) return;
+  spdlog::warn(
+      "the limit on open files is {}: under {} connections are refused early; raise the hard limit "
+      "(ulimit -Hn, LimitNOFILE= of systemd, --ulimit nofile= of Docker)",
+      limit.rlim_cur, kFew);
+}
+
+// Ends the process at `deadline` if it still runs, whatever its threads do. Running jobs survive
+// that as they survive a kill.
+void EndProcessAt(absl::Time deadline) {
+  std::thread([deadline] {
+    absl::SleepFor(deadline - absl::Now());
+    spdlog::critical("not stopped in time: something is stuck; the process ends without it");
+    std::_Exit(EXIT_FAILURE);
+  }).detach();
+  // For a log that is stuck too: the signal's default action ends the process.
+  constexpr absl::Duration kToWriteLog = absl::Seconds(2);  // alarm() counts whole seconds
+  const absl::Duration left = deadline + kToWriteLog - absl::Now();
+  alarm(static_cast<unsigned int>(std::max<int64_t>(1, absl::ToInt64Seconds(left))));
+}
+
+// Within `within` of now the server, or at least the process, has ended.
+void Stop(pepeseg::Server& server, absl::Duration within) {
+  constexpr absl::Duration kMostToClose = absl::Seconds(1);
+  const absl::Time start = absl::Now();
+  EndProcessAt(start + std::max(within, kMostToClose));
+  // Some of it is left for what follows the last call: closing the database and the log.
+  server.Shutdown(start + within - std::min(kMostToClose, within / 10));
+}
+
+int Serve(pepeseg::Flags flags, const sigset_t& stop_signals) {
+  std::atomic<bool> unreachable = false;
+  flags.server.on_unreachable = [&unreachable] {
+    unreachable = true;
+    kill(getpid(), SIGTERM);  // for sigwait below
+  };
+  RaiseDescriptorLimit();
   auto server = pepeseg::Server::Start(flags.server);
   if (!server.ok()) {
     spdlog::critical("cannot start: {}", std::string(server.status().message()));
@@ -53,9 +112,11 @@ int Serve(const pepeseg::Flags& flags, const sigset_t& stop_signals) {
   sigwait(&stop_signals, &signal);
   const absl::Duration within = flags.server.drain + absl::Seconds(flags.grace_seconds);
   spdlog::info("signal {}: stopping, within {} s", signal, absl::ToInt64Seconds(within));
-  (*server)->Shutdown(absl::Now() + within);
+  Stop(**server, within);
   spdlog::info("stopped");
-  return EXIT_SUCCESS;
+  if (!unreachable) return EXIT_SUCCESS;
+  spdlog::critical("ended because new clients got no answer; the exit code asks for a restart");
+  return EXIT_FAILURE;
 }
 
 int RunCommand(const std::function<absl::Status()>& command) {

@@ -43,9 +43,15 @@ absl::StatusOr<int> AskHealth(const Shell& shell, const std::string& service) {
   return status.value();
 }
 
-absl::Status RunHealth(const Shell& shell, const std::string& service) {
+absl::Status RunHealth(const Shell& shell, const std::string& service, bool alive) {
   ASSIGN_OR_RETURN(const int status, AskHealth(shell, service));
   const std::string name = service.empty() ? "the server" : service;
+  if (alive) {
+    const char* answer = status == kServing ? "true" : "false";
+    Print(shell.json ? absl::StrCat(R"({"serving":)", answer, "}")
+                     : absl::StrCat(name, " answers"));
+    return absl::OkStatus();
+  }
   if (status != kServing) {
     return absl::UnavailableError(absl::StrCat(name,
                                                " does not serve: it is stopping, drained, or "
@@ -62,8 +68,12 @@ void AddHealth(CLI::App& app, Shell& shell) {
   CLI::App* verb = app.add_subcommand("health", "Tell whether the server serves; 5 if it does not");
   verb->add_option("SERVICE", *service,
                    "One of its services, as pepeseg.v1.JobService; without it the whole");
-  verb->callback(
-      [service, &shell] { shell.verb = [service, &shell] { return RunHealth(shell, *service); }; });
+  const auto alive = std::make_shared<bool>(false);
+  verb->add_flag("--alive", *alive,
+                 "Only whether it answers new connections, whatever it says: for what restarts it");
+  verb->callback([service, alive, &shell] {
+    shell.verb = [service, alive, &shell] { return RunHealth(shell, *service, *alive); };
+  });
 }
 
 }  // namespace pepeseg::client::cli

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "absl/status/statusor.h"
@@ -28,6 +29,8 @@ class ListenerCredentials {
 
   // For one listener.
   std::shared_ptr<grpc::ServerCredentials> Make() const;
+  // Those in use; none: no encryption.
+  std::optional<CertificateTexts> texts() const;
 
  private:
   explicit ListenerCredentials(AccessOptions options) : options_(std::move(options)) {}
@@ -40,7 +43,7 @@ class ListenerCredentials {
   MemoryFile pair_;         // chain and key in one, so that they are swapped in one step
   MemoryFile client_ca_;
   std::shared_ptr<grpc::experimental::FileWatcherCertificateProvider> provider_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;  // guards texts_ and stopping_
   std::condition_variable stop_;
   bool stopping_ = false;
   std::thread thread_;

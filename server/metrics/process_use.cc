@@ -18,6 +18,12 @@ int CountEntries(const char* folder) {
   return error ? 0 : static_cast<int>(std::distance(begin(entries), end(entries)));
 }
 
+int64_t MaxDescriptors() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return 0;
+  return static_cast<int64_t>(limit.rlim_cur);
+}
+
 absl::Duration CpuTime() {
   rusage use{};
   if (getrusage(RUSAGE_SELF, &use) != 0) return absl::ZeroDuration();
@@ -32,6 +38,7 @@ ProcessUse MeasureProcess() {
   int64_t size = 0, resident = 0;
   if (file >> size >> resident) use.resident_bytes = resident * sysconf(_SC_PAGESIZE);
   use.num_descriptors = CountEntries("/proc/self/fd");
+  use.max_descriptors = MaxDescriptors();
   use.num_threads = CountEntries("/proc/self/task");
   use.cpu_time = CpuTime();
   return use;

@@ -11,6 +11,7 @@ namespace pepeseg {
 struct ProcessUse {
   int64_t resident_bytes = 0;
   int num_descriptors = 0;
+  int64_t max_descriptors = 0;
   int num_threads = 0;
   absl::Duration cpu_time;
 };

@@ -46,15 +46,16 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
     acceptor = builder.experimental().AddExternalConnectionAcceptor(
         grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, where.credentials);
   } else {
-    builder.AddListeningPort(where.address, where.credentials, &listener->port_);
+    ASSIGN_OR_RETURN(listener->acceptor_,
+                     ConnectionAcceptor::Listen(where.address, where.credentials, builder));
   }
   builder.RegisterService(&listener->service_);
   listener->server_ = builder.BuildAndStart();
   if (listener->server_ == nullptr) {
-    return absl::UnavailableError(
-        absl::StrCat("cannot listen on ", where.address, " for admin calls"));
+    return absl::UnavailableError(absl::StrCat("cannot serve admin calls on ", where.address));
   }
   if (acceptor != nullptr) listener->ServeSocket(std::move(acceptor));
+  if (listener->acceptor_ != nullptr) listener->acceptor_->Start();
   return listener;
 }
 
@@ -73,6 +74,7 @@ std::shared_ptr<grpc::Channel> AdminListener::InProcessChannel() {
 
 void AdminListener::Shutdown(absl::Time deadline) {
   if (socket_ != nullptr) socket_->Stop();
+  if (acceptor_ != nullptr) acceptor_->Stop();
   server_->Shutdown(absl::ToChronoTime(deadline));
   server_->Wait();
   pool_->Stop();

@@ -10,6 +10,7 @@
 #include "grpcpp/server_builder.h"
 #include "server/metrics/rpc_metrics.h"
 #include "server/rpc/admin_service.h"
+#include "server/rpc/connection_acceptor.h"
 #include "server/rpc/local_socket.h"
 
 namespace pepeseg {
@@ -29,7 +30,7 @@ class AdminListener {
                                                               Operations& operations,
                                                               RpcMetrics& metrics);
 
-  int port() const { return port_; }  // 0 for a unix socket
+  int port() const { return acceptor_ == nullptr ? 0 : acceptor_->port(); }  // 0 for a unix socket
   std::shared_ptr<grpc::Channel> InProcessChannel();
 
   // Calls under way get until `deadline`. Blocks; once.
@@ -42,9 +43,9 @@ class AdminListener {
 
   std::unique_ptr<WorkerPool> pool_;
   AdminServiceRpc service_;
+  std::unique_ptr<ConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<LocalSocket> socket_;  // where it is one
-  int port_ = 0;
 };
 
 }  // namespace pepeseg

@@ -21,13 +21,16 @@
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
 #include "server/rpc/call_interceptor.h"
+#include "server/rpc/connection_acceptor.h"
 #include "server/rpc/dataset_service.h"
 #include "server/rpc/directory_lock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/job_service.h"
 #include "server/rpc/listener_limits.h"
+#include "server/rpc/listener_probe.h"
 #include "server/rpc/scene_service.h"
 #include "server/rpc/segmentation_service.h"
+#include "server/rpc/self_probe.h"
 #include "server/rpc/server_health.h"
 #include "server/rpc/server_metrics.h"
 #include "server/rpc/server_parts.h"
@@ -79,8 +82,9 @@ struct Server::Parts {
   std::unique_ptr<JobServiceRpc> jobs;
   std::unique_ptr<SegmentationServiceRpc> segmentation;
   std::unique_ptr<AdminListener> admin;
+  std::unique_ptr<ConnectionAcceptor> acceptor;
   std::unique_ptr<grpc::Server> server;
-  int port = 0;
+  std::unique_ptr<SelfProbe> self_probe;
   absl::Duration drain;
 
   absl::Status OpenAccess(const ServerOptions& options);
@@ -90,6 +94,7 @@ struct Server::Parts {
   ServiceContext Context(const ServerOptions& options);
   absl::Status MakeServices(const ServerOptions& options);
   absl::Status Listen(const ServerOptions& options);
+  void StartSelfProbe(const ServerOptions& options);
 };
 
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
@@ -181,20 +186,40 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics.rpc(), options.data));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
-  builder.AddListeningPort(options.listen, credentials->Make(), &port);
+  ASSIGN_OR_RETURN(acceptor,
+                   ConnectionAcceptor::Listen(options.listen, credentials->Make(), builder));
   builder.RegisterService(scenes.get());
   builder.RegisterService(datasets.get());
   builder.RegisterService(jobs.get());
   builder.RegisterService(segmentation.get());
   server = builder.BuildAndStart();
   if (server == nullptr) {
-    return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen));
+    return absl::UnavailableError(absl::StrCat("cannot serve on ", options.listen));
   }
+  acceptor->Start();
   health->Start([service = server->GetHealthCheckService()](const std::string& name, bool serving) {
     name.empty() ? service->SetServingStatus(serving) : service->SetServingStatus(name, serving);
   });
   collector->Start();
+  if (options.self_probe > absl::ZeroDuration()) StartSelfProbe(options);
   return absl::OkStatus();
+}
+
+void Server::Parts::StartSelfProbe(const ServerOptions& options) {
+  ListenerProbeOptions probe;
+  probe.listening = acceptor->descriptor();
+  probe.certificate = [this] { return credentials->texts(); };
+  probe.on_port = [this](int port) { acceptor->SetProbePort(port); };
+  SelfProbe::Pace pace;
+  pace.interval = options.self_probe;
+  self_probe = std::make_unique<SelfProbe>(
+      [probe = std::move(probe)] { return ProbeListener(probe); }, pace,
+      [this, on_unreachable = options.on_unreachable](const absl::Status& why) {
+        spdlog::critical("the server does not answer new connections ({}): it must be restarted",
+                         std::string(why.message()));
+        health->SetDraining(true);
+        if (on_unreachable) on_unreachable();
+      });
 }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
@@ -213,7 +238,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() { Shutdown(absl::Now()); }
 
-int Server::port() const { return parts_->port; }
+int Server::port() const { return parts_->acceptor->port(); }
 
 int Server::admin_port() const { return parts_->admin == nullptr ? 0 : parts_->admin->port(); }
 
@@ -229,6 +254,7 @@ std::shared_ptr<grpc::Channel> Server::InProcessAdminChannel() {
 
 void Server::Shutdown(absl::Time deadline) {
   if (parts_->server == nullptr) return;
+  parts_->self_probe.reset();
   parts_->health->SetDraining(true);
   // What comes meanwhile is answered: a gateway has not seen it yet.
   const absl::Duration left = std::max(deadline - absl::Now(), absl::ZeroDuration());
@@ -241,6 +267,7 @@ void Server::Shutdown(absl::Time deadline) {
   while (parts_->metrics.rpc().num_named_in_flight() > 0 && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(5));
   }
+  parts_->acceptor->Stop();
   parts_->server->Shutdown(absl::ToChronoTime(std::min(deadline, absl::Now() + kGoAway)));
   parts_->server->Wait();
   if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -33,6 +34,12 @@ struct ServerOptions {
   absl::Duration max_connection_age = absl::Hours(1);  // see ListenerLimits
   // When it stops, health says so for so long before it turns anybody away.
   absl::Duration drain = absl::ZeroDuration();
+  // How often the server asks itself for its health over a new connection to `listen`. 0: never.
+  absl::Duration self_probe = absl::Seconds(5);
+  // Called once, on a thread of the server, after the self-probe has failed three times in a row:
+  // no new client gets an answer any more, so the process should call Shutdown and be restarted.
+  // It must not call Shutdown itself. Health says NOT_SERVING by then.
+  std::function<void()> on_unreachable;
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
   std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH

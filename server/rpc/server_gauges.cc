@@ -122,6 +122,8 @@ void ServerGauges::AddProcess(Samples& samples) const {
   samples.Add(Value(use.resident_bytes));
   samples.Gauge("pepeseg_process_open_descriptors", "Its open file descriptors.");
   samples.Add(use.num_descriptors);
+  samples.Gauge("pepeseg_process_max_descriptors", "How many it may open.");
+  samples.Add(Value(use.max_descriptors));
   samples.Gauge("pepeseg_process_threads", "Its threads.");
   samples.Add(use.num_threads);
   samples.Counter("pepeseg_process_cpu_seconds_total", "Processor time that it has used.");

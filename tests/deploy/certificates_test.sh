@@ -65,6 +65,7 @@ expect 5 pepeseg health --ca "$tls/ca.pem"  # without a certificate of its own
 expect 0 pepeseg health "${as_operator[@]}"
 grep -q 'the server serves' "$work/output" || fail 'health does not say so'
 expect 0 pepeseg --json health pepeseg.v1.JobService "${as_operator[@]}"
+expect 0 pepeseg health --alive "${as_operator[@]}"
 expect 3 pepeseg health pepeseg.v1.NoService "${as_operator[@]}"
 # As a container's health check: all from the environment, with the server's own certificate.
 expect 0 env PEPESEG_CA="$tls/ca.pem" PEPESEG_CERTIFICATE="$tls/server.pem" \

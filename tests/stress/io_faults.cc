@@ -9,7 +9,8 @@
 //                          fdatasync, syncfs, rename or unlink; full: from the Nth call on that
 //                          needs space (write, fsync, open of a new file) there is none;
 //                          unreadable: the Nth call of read or pread is EIO; unreadable-from: all
-//                          from the Nth on are
+//                          from the Nth on are; hang: the Nth call of fsync, fdatasync,
+//                          syncfs, rename or unlink never returns
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -32,7 +33,7 @@ F* Next(const char* name) {
   return reinterpret_cast<F*>(dlsym(RTLD_NEXT, name));
 }
 
-enum class Fault { kNone, kKillBefore, kKillAfter, kFull, kUnreadable, kUnreadableFrom };
+enum class Fault { kNone, kKillBefore, kKillAfter, kFull, kUnreadable, kUnreadableFrom, kHang };
 
 struct Plan {
   bool meant = false;
@@ -71,6 +72,7 @@ const Plan& ThePlan() {
     if (is("full")) made.fault = Fault::kFull;
     if (is("unreadable")) made.fault = Fault::kUnreadable;
     if (is("unreadable-from")) made.fault = Fault::kUnreadableFrom;
+    if (is("hang")) made.fault = Fault::kHang;
     return made;
   }();
   return plan;
@@ -116,6 +118,7 @@ bool CountDurable(const char* name, const char* path) {
   const Plan& plan = ThePlan();
   if (number != plan.number) return false;
   if (plan.fault == Fault::kKillBefore) raise(SIGKILL);
+  while (plan.fault == Fault::kHang) pause();
   return plan.fault == Fault::kKillAfter;
 }
 

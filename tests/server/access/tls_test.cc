@@ -2,12 +2,15 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/rpc/listen_rules.h"
+#include "server/rpc/listener_probe.h"
+#include "server/rpc/listening_sockets.h"
 #include "tests/server/access/test_certificates.h"
 #include "tests/server/rpc/running_server.h"
 
@@ -95,6 +98,41 @@ TEST_F(Tls, DemandsAClientsCertificateWhereItIsToldWhoSignsThem) {
   EXPECT_EQ(List(Trusting(authority)), grpc::UNAVAILABLE);
   EXPECT_EQ(List(Trusting(authority, other.Issue("client"))), grpc::UNAVAILABLE);
   EXPECT_EQ(List(Trusting(authority, issued)), grpc::UNAVAILABLE);
+}
+
+// A server that probes itself each 50 ms has had some tries, and was reached by all.
+void ExpectReachable(ServerOptions options) {
+  options.self_probe = absl::Milliseconds(50);
+  std::atomic<bool> unreachable = false;
+  options.on_unreachable = [&] { unreachable = true; };
+  const RunningServer running(PEPESEG_FAKE_WORKER, options);
+  absl::SleepFor(absl::Seconds(2));
+  EXPECT_FALSE(unreachable);
+}
+
+TEST_F(Tls, SelfProbeReachesTheListener) {
+  ExpectReachable(ServerOptions());
+  ExpectReachable(options);
+}
+
+TEST_F(Tls, SelfProbeReachesAListenerThatDemandsCertificates) {
+  DemandClientCertificates();
+  ExpectReachable(options);  // that did not sign the server's: it hangs up
+  std::ofstream(options.access.tls_client_ca, std::ios::trunc) << authority.certificate();
+  ExpectReachable(options);
+}
+
+TEST_F(Tls, ProbeFailsWhereNobodyAnswers) {
+  auto mute = ListeningSockets::Open("127.0.0.1:0");
+  ASSERT_TRUE(mute.ok()) << mute.status();
+  ListenerProbeOptions probe;
+  probe.listening = mute->descriptors().front();
+  probe.timeout = absl::Milliseconds(200);
+  EXPECT_EQ(ProbeListener(probe).message(), "read: no answer");
+  for (const std::string& client_ca : {std::string(), clients.certificate()}) {
+    probe.certificate = [&] { return CertificateTexts{issued.certificate, issued.key, client_ca}; };
+    EXPECT_EQ(ProbeListener(probe).message(), "TLS handshake: no answer");
+  }
 }
 
 TEST_F(Tls, BelievesOnlyTheGatewaysCertificateWhoCalls) {

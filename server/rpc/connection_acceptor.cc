@@ -1,0 +1,139 @@
+#include "server/rpc/connection_acceptor.h"
+
+#include <netinet/in.h>
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// Before the next try where accept() fails for another reason than that nobody waits.
+constexpr int kAcceptPauseMs = 100;
+constexpr absl::Duration kRefusalLogInterval = absl::Minutes(1);
+
+int64_t DescriptorLimit() {
+  rlimit limit{};
+  // The limit can be changed while the server runs (prlimit).
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) {
+    return std::numeric_limits<int>::max();
+  }
+  return static_cast<int64_t>(limit.rlim_cur);
+}
+
+// 0: it has none, or no address at all.
+int PeerPort(const sockaddr_storage& peer) {
+  if (peer.ss_family == AF_INET) {
+    return ntohs(reinterpret_cast<const sockaddr_in&>(peer).sin_port);
+  }
+  if (peer.ss_family != AF_INET6) return 0;
+  return ntohs(reinterpret_cast<const sockaddr_in6&>(peer).sin6_port);
+}
+
+}  // namespace
+
+int64_t ReservedDescriptors(int64_t limit) { return std::min<int64_t>(limit / 4, 8192); }
+
+absl::StatusOr<std::unique_ptr<ConnectionAcceptor>> ConnectionAcceptor::Listen(
+    const std::string& address, std::shared_ptr<grpc::ServerCredentials> credentials,
+    grpc::ServerBuilder& builder) {
+  ASSIGN_OR_RETURN(ListeningSockets sockets, ListeningSockets::Open(address));
+  const int stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  if (stop_event < 0) {
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen on ", address, ": eventfd: ", strerror(errno)));
+  }
+  std::unique_ptr<ConnectionAcceptor> acceptor(
+      new ConnectionAcceptor(std::move(sockets), stop_event));
+  acceptor->grpc_ = builder.experimental().AddExternalConnectionAcceptor(
+      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+      std::move(credentials));
+  return acceptor;
+}
+
+void ConnectionAcceptor::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void ConnectionAcceptor::Stop() {
+  if (stopping_.exchange(true)) return;
+  eventfd_write(stop_event_, 1);
+  if (thread_.joinable()) thread_.join();
+  sockets_.Close();
+  close(stop_event_);
+}
+
+void ConnectionAcceptor::Run() {
+  std::vector<pollfd> waiting = {{stop_event_, POLLIN, 0}};
+  for (const int listening : sockets_.descriptors()) waiting.push_back({listening, POLLIN, 0});
+  while (!stopping_) {
+    if (poll(waiting.data(), waiting.size(), -1) < 0 && errno != EINTR) {
+      poll(nullptr, 0, kAcceptPauseMs);  // ENOMEM
+      continue;
+    }
+    for (size_t i = 1; i < waiting.size(); ++i) {
+      if (waiting[i].revents != 0) AcceptFrom(waiting[i].fd);
+    }
+  }
+}
+
+// A descriptor's number is the lowest that was free: at `limit` - reserve only the reserve is left.
+void ConnectionAcceptor::AcceptFrom(int listening) {
+  const int64_t limit = DescriptorLimit();
+  const int64_t first_reserved = limit - ReservedDescriptors(limit);
+  while (!stopping_) {
+    sockaddr_storage peer{};
+    socklen_t size = sizeof(peer);
+    const int connection =
+        accept4(listening, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (connection < 0) {
+      if (errno == EINTR || errno == ECONNABORTED) continue;
+      // What waits in the kernel's queue stays there until there are descriptors again.
+      if (errno != EAGAIN) poll(nullptr, 0, kAcceptPauseMs);
+      return;
+    }
+    const int port = PeerPort(peer);
+    if (connection >= first_reserved && (port == 0 || port != probe_port_)) {
+      Refuse(connection);
+      continue;
+    }
+    GrpcAcceptor::NewConnectionParameters accepted;
+    accepted.listener_fd = listening;
+    accepted.fd = connection;
+    grpc_->HandleNewConnection(&accepted);
+  }
+}
+
+void ConnectionAcceptor::Refuse(int connection) {
+  // A reset: no state of the connection stays in the kernel, and its client sees at once.
+  const linger reset = {.l_onoff = 1, .l_linger = 0};
+  setsockopt(connection, SOL_SOCKET, SO_LINGER, &reset, sizeof(reset));
+  close(connection);
+  const int64_t num_refused = ++num_refused_;
+  const absl::Time now = absl::Now();
+  if (now - last_log_ < kRefusalLogInterval) return;
+  const int64_t limit = DescriptorLimit();
+  spdlog::warn(
+      "{} new connections refused: {} of {} file descriptors are in use and the rest is kept for "
+      "files and workers; raise the limit (ulimit -n, LimitNOFILE) or look for clients that hold "
+      "connections",
+      num_refused - std::exchange(num_logged_, num_refused), limit - ReservedDescriptors(limit),
+      limit);
+  last_log_ = now;
+}
+
+}  // namespace pepeseg

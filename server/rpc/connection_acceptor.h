@@ -1,0 +1,71 @@
+#pragma once
+
+#include <grpcpp/server_builder.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/rpc/listening_sockets.h"
+
+namespace pepeseg {
+
+// Accepts the connections of a gRPC server, in place of gRPC's own listener: that one (1.51) stops
+// listening for good, and silently, at the first accept() that fails for lack of a descriptor.
+// This one closes new connections at once while only the reserve of descriptors is left, which
+// files, the database and workers need, and waits where even that is used up. One thread.
+class ConnectionAcceptor {
+ public:
+  // Listens on `address` (ListeningSockets::Open, whose errors it returns) for the server that
+  // `builder` makes. Connections wait until Start().
+  static absl::StatusOr<std::unique_ptr<ConnectionAcceptor>> Listen(
+      const std::string& address, std::shared_ptr<grpc::ServerCredentials> credentials,
+      grpc::ServerBuilder& builder);
+  // As Stop().
+  ~ConnectionAcceptor() { Stop(); }
+  ConnectionAcceptor(const ConnectionAcceptor&) = delete;
+  ConnectionAcceptor& operator=(const ConnectionAcceptor&) = delete;
+
+  // Once the server has started.
+  void Start();
+  // Closes the listening sockets; connections that were accepted stay. Call before the server's
+  // Shutdown.
+  void Stop();
+
+  int port() const { return sockets_.port(); }  // 0: a Unix socket
+  // One of the listening sockets, for ListenerProbe; valid until Stop().
+  int descriptor() const { return sockets_.descriptors().front(); }
+  // A connection from this local port may use the reserve. 0: none may.
+  void SetProbePort(int port) { probe_port_ = port; }
+  int64_t num_refused() const { return num_refused_; }
+
+ private:
+  using GrpcAcceptor = grpc::experimental::ExternalConnectionAcceptor;
+
+  ConnectionAcceptor(ListeningSockets sockets, int stop_event)
+      : sockets_(std::move(sockets)), stop_event_(stop_event) {}
+  void Run();
+  // Accepts what waits at the socket.
+  void AcceptFrom(int listening);
+  void Refuse(int connection);
+
+  ListeningSockets sockets_;
+  const int stop_event_;
+  std::unique_ptr<GrpcAcceptor> grpc_;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<int> probe_port_ = 0;
+  std::atomic<int64_t> num_refused_ = 0;
+  int64_t num_logged_ = 0;  // of num_refused_, those that the log has reported
+  absl::Time last_log_ = absl::InfinitePast();
+  std::thread thread_;
+};
+
+// Descriptors that connections may not use, of a limit on open descriptors: a quarter, at most
+// 8,192.
+int64_t ReservedDescriptors(int64_t limit);
+
+}  // namespace pepeseg

@@ -1,0 +1,53 @@
+#include "server/rpc/self_probe.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "absl/time/clock.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr SelfProbe::Pace kFast = {absl::Milliseconds(1), 3};
+
+TEST(SelfProbe, ReportsOnceAfterThreeFailuresInARow) {
+  // Two failures, a success, then failures only.
+  std::atomic<int> num_tries = 0, num_reports = 0;
+  std::promise<std::string> reported;
+  const SelfProbe probe(
+      [&] {
+        return ++num_tries == 3 ? absl::OkStatus()
+                                : absl::UnavailableError(std::to_string(num_tries));
+      },
+      kFast,
+      [&](const absl::Status& why) {
+        if (++num_reports == 1) reported.set_value(std::string(why.message()));
+      });
+  EXPECT_EQ(reported.get_future().get(), "6");
+  absl::SleepFor(absl::Milliseconds(30));
+  EXPECT_EQ(num_tries, 6);
+  EXPECT_EQ(num_reports, 1);
+}
+
+TEST(SelfProbe, SaysNothingWhileTheServerAnswers) {
+  std::atomic<int> num_tries = 0, num_reports = 0;
+  {
+    const SelfProbe probe(
+        [&] {
+          ++num_tries;
+          return absl::OkStatus();
+        },
+        kFast, [&](const absl::Status&) { ++num_reports; });
+    const absl::Time deadline = absl::Now() + absl::Seconds(30);
+    while (num_tries < 10 && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(1));
+  }
+  EXPECT_GE(num_tries, 10);
+  EXPECT_EQ(num_reports, 0);
+}
+
+}  // namespace
+}  // namespace pepeseg
