@@ -12,6 +12,7 @@
 //   lock                      held by the one server that uses the directory
 //   pepeseg.db                the store
 //   audit.log                 who did what (server/access/audit_log.h)
+//   refused.log               calls without a valid key (server/access/refusal_log.h)
 //   collector.lock            held by the one server that collects what nothing refers to
 //   locks/PROJECT             shared by who counts on a blob that is there, held by who removes one
 //   blobs/PROJECT/ab/abcd...  bytes of uploaded files, by SHA-256
@@ -30,6 +31,10 @@ inline std::filesystem::path DatabasePath(const std::filesystem::path& data) {
 
 inline std::filesystem::path AuditPath(const std::filesystem::path& data) {
   return data / "audit.log";
+}
+
+inline std::filesystem::path RefusalPath(const std::filesystem::path& data) {
+  return data / "refused.log";
 }
 
 inline std::filesystem::path BlobFolder(const std::filesystem::path& data) {

@@ -22,9 +22,13 @@ namespace {
 // Names come from clients: a line stays short, whatever they send.
 constexpr size_t kMaxNameBytes = 256;
 
+std::string TextOf(absl::Time time) {
+  return absl::FormatTime(absl::RFC3339_full, time, absl::UTCTimeZone());
+}
+
 std::string LineOf(const AuditEntry& entry) {
   nlohmann::ordered_json line;
-  line["time"] = absl::FormatTime(absl::RFC3339_full, absl::Now(), absl::UTCTimeZone());
+  line["time"] = TextOf(absl::Now());
   line["key"] = entry.key;
   if (!entry.subject.empty()) line["subject"] = entry.subject;
   line["project"] = entry.project;
@@ -99,8 +103,17 @@ absl::Status AuditLog::Append(const std::string& line) {
   return absl::OkStatus();
 }
 
-void AuditLog::Write(const AuditEntry& entry) {
-  const std::string line = LineOf(entry);
+void AuditLog::Write(const AuditEntry& entry) { WriteLine(LineOf(entry)); }
+
+void AuditLog::WriteLeftOut(int64_t count, absl::Time since) {
+  nlohmann::ordered_json line;
+  line["time"] = TextOf(absl::Now());
+  line["left_out"] = count;
+  line["since"] = TextOf(since);
+  WriteLine(line.dump() + "\n");
+}
+
+void AuditLog::WriteLine(const std::string& line) {
   const std::lock_guard lock(mutex_);
   const absl::Status status = Append(line);
   if (!status.ok() && !failing_) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 
 namespace pepeseg {
 
@@ -40,8 +41,11 @@ class AuditLog {
   AuditLog& operator=(const AuditLog&) = delete;
 
   void Write(const AuditEntry& entry);
+  // A line for `count` entries that were left out, the first of them at `since`.
+  void WriteLeftOut(int64_t count, absl::Time since);
 
  private:
+  void WriteLine(const std::string& line);
   AuditLog(std::filesystem::path path, const Limits& limits)
       : path_(std::move(path)), limits_(limits) {}
   absl::Status Append(const std::string& line);

@@ -97,6 +97,7 @@ struct Authorizer::Verdict {
   absl::Status status;
   std::string reason;  // of a refusal; may tell more than the caller gets to know
   Caller caller;
+  bool is_known = false;  // the caller's key or gateway is valid
 
   void Refuse(absl::Status error, const std::string& why) {
     status = std::move(error);
@@ -176,6 +177,7 @@ Authorizer::Verdict Authorizer::Decide(const CallOrigin& origin,
   }
   origin.vouching.is_there ? CheckVouching(origin, verdict) : CheckKey(origin, verdict);
   if (!verdict.status.ok()) return verdict;
+  verdict.is_known = true;
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
   if (access == nullptr) {
     verdict.Refuse(Refusal(absl::StatusCode::kPermissionDenied, "NO_SCOPE",
@@ -230,7 +232,7 @@ absl::StatusOr<Caller> Authorizer::Authorize(const CallOrigin& origin,
   if (entry.key.empty() && entry.subject.empty()) entry.project.clear();  // nobody's
   entry.outcome = absl::StatusCodeToString(verdict.status.code());
   entry.reason = verdict.reason;
-  audit_->Write(entry);
+  verdict.is_known ? audit_->Write(entry) : refusals_->Write(entry);
   return verdict.status;
 }
 

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "server/access/audit_log.h"
 #include "server/access/method_access.h"
+#include "server/access/refusal_log.h"
 #include "server/access/vouched_caller.h"
 #include "server/jobs/store.h"
 
@@ -47,15 +48,19 @@ struct Caller {
 class Authorizer {
  public:
   // `require_keys` false: everybody may do everything. `trusted_gateway`: the name in the
-  // certificate of who may vouch for callers; empty: nobody may.
-  Authorizer(Store* store, AuditLog* audit, bool require_keys, std::string trusted_gateway = "")
+  // certificate of who may vouch for callers; empty: nobody may. `refusals` gets what callers
+  // without a valid key are refused, `audit` all else.
+  Authorizer(Store* store, AuditLog* audit, RefusalLog* refusals, bool require_keys,
+             std::string trusted_gateway = "")
       : store_(store),
         audit_(audit),
+        refusals_(refusals),
         require_keys_(require_keys),
         trusted_gateway_(std::move(trusted_gateway)) {}
 
-  // UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and in the audit log; the
-  // store's own error when it cannot be asked.
+  // UNAUTHENTICATED or PERMISSION_DENIED, both with an ErrorDetail and in one of the logs; the
+  // store's own error when it cannot be asked. Of a request without resources, as a default
+  // instance, key and scope are checked: what can be known when a stream begins.
   absl::StatusOr<Caller> Authorize(const CallOrigin& origin,
                                    const google::protobuf::Message& request);
 
@@ -81,6 +86,7 @@ class Authorizer {
 
   Store* const store_;
   AuditLog* const audit_;
+  RefusalLog* const refusals_;
   const bool require_keys_;
   const std::string trusted_gateway_;
 };

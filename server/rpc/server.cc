@@ -59,6 +59,7 @@ struct Server::Parts {
   std::unique_ptr<DirectoryLock> lock;
   std::unique_ptr<Store> store;
   std::unique_ptr<AuditLog> audit;
+  std::unique_ptr<RefusalLog> refusals;
   std::unique_ptr<Authorizer> authorizer;
   std::unique_ptr<ProjectQuotas> quotas;
   std::unique_ptr<ListenerCredentials> credentials;
@@ -100,8 +101,10 @@ struct Server::Parts {
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
   ASSIGN_OR_RETURN(credentials, ListenerCredentials::Open(options.access));
   ASSIGN_OR_RETURN(audit, AuditLog::Open(AuditPath(options.data), {}));
-  authorizer = std::make_unique<Authorizer>(store.get(), audit.get(), options.access.require_keys,
-                                            options.access.trusted_gateway);
+  ASSIGN_OR_RETURN(refusals, RefusalLog::Open(RefusalPath(options.data), {}));
+  authorizer =
+      std::make_unique<Authorizer>(store.get(), audit.get(), refusals.get(),
+                                   options.access.require_keys, options.access.trusted_gateway);
   return absl::OkStatus();
 }
 

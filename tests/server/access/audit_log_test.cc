@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/access/refusal_log.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -54,6 +55,34 @@ TEST(AuditLog, WritesAnObjectALineForItsOwnerOnly) {
   struct stat status {};
   ASSERT_EQ(stat(path.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
+}
+
+TEST(RefusalLog, LeavesOutWhatComesTooFastAndCountsIt) {
+  const testing::TempFolder folder;
+  const auto path = folder / "refused.log";
+  const absl::Time start = absl::FromUnixSeconds(1'800'000'000);
+  {
+    const auto log = RefusalLog::Open(path, {/*lines_per_second=*/2,
+                                             /*burst=*/5,
+                                             /*summary_interval=*/absl::Seconds(10),
+                                             {}});
+    ASSERT_TRUE(log.ok()) << log.status();
+    // 25 a second for 20 s: the burst and 2 a second are written.
+    for (int i = 0; i < 500; ++i) {
+      (*log)->Write(EntryOf("Method"), start + i * absl::Milliseconds(40));
+    }
+  }
+  int num_written = 0, num_counted = 0, num_summaries = 0;
+  for (const auto& line : ReadLines(path)) {
+    num_written += line.contains("method") ? 1 : 0;
+    num_summaries += line.contains("left_out") ? 1 : 0;
+    num_counted += line.value("left_out", 0);
+  }
+  EXPECT_GE(num_written, 5 + 38);
+  EXPECT_LE(num_written, 5 + 42);
+  EXPECT_EQ(num_written + num_counted, 500);
+  EXPECT_GE(num_summaries, 2);
+  EXPECT_LE(num_summaries, 4);
 }
 
 TEST(AuditLog, RotatesBySizeAndKeepsSome) {

@@ -36,7 +36,10 @@ v1::GetSceneRequest Get(const std::string& name) {
 
 class AuthorizerTest : public ::testing::Test {
  protected:
-  AuthorizerTest() : store_(*Store::Open("sqlite::memory:")), audit_(*AuditLog::Open(path_, {})) {
+  AuthorizerTest()
+      : store_(*Store::Open("sqlite::memory:")),
+        audit_(*AuditLog::Open(path_, {})),
+        refusals_(*RefusalLog::Open(refused_path_, {})) {
     CreateScene("mine", "lab");
     CreateScene("theirs", "other");
   }
@@ -57,8 +60,10 @@ class AuthorizerTest : public ::testing::Test {
     key_ = key;
     return With(absl::StrCat("Bearer ", key.secret));
   }
-  nlohmann::json LastLine() {
-    std::ifstream file(path_);
+  nlohmann::json LastLine() { return LastLineOf(path_); }
+  nlohmann::json LastRefusal() { return LastLineOf(refused_path_); }
+  static nlohmann::json LastLineOf(const std::filesystem::path& path) {
+    std::ifstream file(path);
     std::string line, last;
     while (std::getline(file, line)) last = line;
     return last.empty() ? nlohmann::json() : nlohmann::json::parse(last);
@@ -66,9 +71,12 @@ class AuthorizerTest : public ::testing::Test {
 
   testing::TempFolder folder_;
   std::filesystem::path path_ = folder_ / "audit.log";
+  std::filesystem::path refused_path_ = folder_ / "refused.log";
   std::unique_ptr<Store> store_;
   std::unique_ptr<AuditLog> audit_;
-  Authorizer authorizer_{store_.get(), audit_.get(), /*require_keys=*/true};
+  std::unique_ptr<RefusalLog> refusals_;
+  Authorizer authorizer_{store_.get(), audit_.get(), refusals_.get(),
+                         /*require_keys=*/true};
   NewKey key_;
 };
 
@@ -88,25 +96,44 @@ TEST_F(AuthorizerTest, AnswersTheSameToEveryKeyThatOpensNothing) {
   const auto no_key = authorizer_.Authorize({"test", {}}, Get("scenes/mine")).status();
   EXPECT_TRUE(absl::IsUnauthenticated(no_key)) << no_key;
   EXPECT_EQ(DetailOf(no_key).reason(), "NO_KEY");
-  EXPECT_EQ(LastLine()["reason"], "NO_KEY");
+  EXPECT_EQ(LastRefusal()["reason"], "NO_KEY");
 
   const auto unknown =
       authorizer_.Authorize(With(absl::StrCat("Bearer ", MakeKey()->secret)), Get("scenes/mine"));
   EXPECT_TRUE(absl::IsUnauthenticated(unknown.status())) << unknown.status();
   EXPECT_EQ(DetailOf(unknown.status()).reason(), "BAD_KEY");
-  EXPECT_EQ(LastLine()["reason"], "UNKNOWN_KEY");
-  EXPECT_EQ(LastLine()["project"], "");
+  EXPECT_EQ(LastRefusal()["reason"], "UNKNOWN_KEY");
+  EXPECT_EQ(LastRefusal()["project"], "");
 
   const CallOrigin expired = Key(AllScopes(), absl::Now() - absl::Seconds(1));
   EXPECT_EQ(authorizer_.Authorize(expired, Get("scenes/mine")).status(), unknown.status());
-  EXPECT_EQ(LastLine()["reason"], "EXPIRED_KEY");
-  EXPECT_EQ(LastLine()["key"], key_.row.id);
+  EXPECT_EQ(LastRefusal()["reason"], "EXPIRED_KEY");
+  EXPECT_EQ(LastRefusal()["key"], key_.row.id);
 
   const CallOrigin revoked = Key(AllScopes());
   ASSERT_TRUE(authorizer_.Authorize(revoked, Get("scenes/mine")).ok());
   ASSERT_TRUE(store_->RevokeKey(key_.row.id).ok());
   EXPECT_EQ(authorizer_.Authorize(revoked, Get("scenes/mine")).status(), unknown.status());
-  EXPECT_EQ(LastLine()["reason"], "REVOKED_KEY");
+  EXPECT_EQ(LastRefusal()["reason"], "REVOKED_KEY");
+  EXPECT_TRUE(LastLine().is_null());  // nothing of these is in the audit log
+}
+
+// Whoever can reach the server can cause refusals without end.
+TEST_F(AuthorizerTest, KeepsRefusalsOfUnknownCallersOutOfTheAuditLog) {
+  v1::DeleteSceneRequest remove;
+  remove.set_name("scenes/mine");
+  ASSERT_TRUE(
+      authorizer_.Run(Key(AllScopes()), remove, [](const Caller&) { return absl::OkStatus(); })
+          .ok());
+  const auto size = std::filesystem::file_size(path_);
+  for (int i = 0; i < 3000; ++i) {
+    EXPECT_FALSE(authorizer_.Authorize({"test", {}}, Get("scenes/mine")).ok());
+  }
+  EXPECT_EQ(std::filesystem::file_size(path_), size);
+  EXPECT_LT(std::filesystem::file_size(refused_path_), 1000u * 200);
+  // Who has a valid key and goes too far is in the audit log.
+  EXPECT_FALSE(authorizer_.Authorize(Key(AllScopes()), Get("scenes/theirs")).ok());
+  EXPECT_EQ(LastLine()["reason"], "NOT_YOURS");
 }
 
 TEST_F(AuthorizerTest, RefusesHeadersThatAreNoKey) {
@@ -173,7 +200,7 @@ TEST_F(AuthorizerTest, SeesASceneThatWasMadeAgainElsewhere) {
 }
 
 TEST_F(AuthorizerTest, LetsEverybodyDoEverythingWithoutKeys) {
-  Authorizer open(store_.get(), audit_.get(), /*require_keys=*/false);
+  Authorizer open(store_.get(), audit_.get(), refusals_.get(), /*require_keys=*/false);
   for (const char* name : {"scenes/mine", "scenes/theirs", "scenes/nowhere"}) {
     const auto caller = open.Authorize({"test", {}}, Get(name));
     ASSERT_TRUE(caller.ok()) << caller.status();

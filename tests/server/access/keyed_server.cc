@@ -95,4 +95,9 @@ std::string KeyedServer::ReadAudit() const {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+std::string KeyedServer::ReadRefusals() const {
+  std::ifstream file(RefusalPath(running.options.data));
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
 }  // namespace pepeseg

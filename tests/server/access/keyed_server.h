@@ -30,6 +30,7 @@ struct KeyedServer : ::testing::Test {
     return Ask(method, {&request}, secret);
   }
   std::string ReadAudit() const;
+  std::string ReadRefusals() const;
 
   RunningServer running;
   std::string job;                                       // that made the model
