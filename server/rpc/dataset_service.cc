@@ -159,7 +159,7 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerConte
 grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
     grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
   const auto stream = std::make_shared<WriteFilesStream>(context_, OriginOf(*call), response);
-  stream->Begin(/*with_io=*/true);
+  stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
 

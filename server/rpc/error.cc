@@ -76,13 +76,25 @@ absl::Status BusyError() {
   return WithDetail(absl::UnavailableError("too many calls are waiting"), detail);
 }
 
-absl::Status TooManyStreamsError(size_t limit) {
+absl::Status TooManyStreamsError(const std::string& whose, size_t limit) {
   v1::ErrorDetail detail;
   detail.set_reason("TOO_MANY_STREAMS");
   detail.set_limit(absl::StrCat(limit));
   detail.mutable_retry_after()->set_seconds(5);
-  return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
-                        "the server has ", limit, " streams open, which is all that it takes")),
+  return WithDetail(
+      absl::ResourceExhaustedError(absl::StrCat(
+          whose, " has ", limit, " streams open, which is the limit; end some or try again later")),
+      detail);
+}
+
+absl::Status TooSlowError(absl::Duration limit) {
+  v1::ErrorDetail detail;
+  detail.set_reason("TOO_SLOW");
+  detail.set_limit(absl::FormatDuration(limit));
+  return WithDetail(absl::DeadlineExceededError(
+                        absl::StrCat("the client of the stream has neither sent nor taken a "
+                                     "message for ",
+                                     detail.limit())),
                     detail);
 }
 

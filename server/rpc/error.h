@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "grpcpp/support/status.h"
 #include "pepeseg/v1/errors.pb.h"
 
@@ -23,8 +24,10 @@ absl::Status WithResource(const absl::Status& status, const std::string& reason,
 // UNAVAILABLE, to be asked again in a second.
 absl::Status BusyError();
 absl::Status DrainingError();
-// RESOURCE_EXHAUSTED, likewise.
-absl::Status TooManyStreamsError(size_t limit);
+// RESOURCE_EXHAUSTED, to be asked again in 5 s: `whose` ("the server") streams are all open.
+absl::Status TooManyStreamsError(const std::string& whose, size_t limit);
+// DEADLINE_EXCEEDED: the client of a stream has neither sent nor taken a message for `limit`.
+absl::Status TooSlowError(absl::Duration limit);
 
 // The same code, the message cut so that all of it stays under 4 KB in the trailers, and the detail
 // that WithDetail left, or one that holds the code's name only.

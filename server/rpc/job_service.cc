@@ -170,7 +170,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::CancelJob(grpc::CallbackServerContext* 
 grpc::ServerWriteReactor<v1::JobEvent>* JobServiceRpc::WatchJob(
     grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
   const auto stream = std::make_shared<WatchJobStream>(context_, OriginOf(*call), *request);
-  stream->Begin(/*with_io=*/false);
+  stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
 

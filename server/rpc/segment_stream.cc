@@ -18,7 +18,16 @@ Stream::Step SegmentStreamCall::Work(bool) {
         origin_, request ? *request : v1::SegmentStreamRequest::default_instance());
     if (!caller.ok()) return {Next::kEnd, caller.status()};
     project_ = caller->project;
+    if (!admitted_) {
+      absl::Status status = Admit(OwnerOf(*caller, origin_));
+      if (!status.ok()) return {Next::kEnd, std::move(status)};
+    }
     admitted_ = true;
+  }
+  asked_ = asked_ || request.has_value();
+  const absl::Duration first_message = context_.streams->limits().first_message;
+  if (!asked_ && absl::Now() - begin_ > first_message) {
+    return {Next::kEnd, TooSlowError(first_message)};
   }
   if (!request) return {all_read() ? Next::kEnd : Next::kIdle, absl::OkStatus()};
   const QueryCall call = {absl::ZeroDuration(), [this] { return cancelled() || superseded(); }};

@@ -93,7 +93,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Render(grpc::CallbackServerCon
 grpc::ServerWriteReactor<v1::ExportSelectionResponse>* SegmentationServiceRpc::ExportSelection(
     grpc::CallbackServerContext* call, const v1::ExportSelectionRequest* request) {
   const auto stream = std::make_shared<ExportSelectionStream>(context_, OriginOf(*call), *request);
-  stream->Begin(/*with_io=*/false);
+  stream->Begin();
   return stream.get();  // owns itself until OnDone
 }
 

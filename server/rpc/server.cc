@@ -50,7 +50,6 @@ constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 
 constexpr absl::Duration kTick = absl::Seconds(2);
 // For idle clients to see that the server goes.
 constexpr absl::Duration kGoAway = absl::Milliseconds(200);
-constexpr size_t kMaxStreams = 4096;  // each costs memory, and a look at its job every tick
 
 }  // namespace
 
@@ -71,7 +70,7 @@ struct Server::Parts {
   std::unique_ptr<ModelCache> models;
   ServerMetrics metrics;
   std::unique_ptr<Supervisor> supervisor;
-  StreamRegistry streams{kTick, kMaxStreams};
+  std::unique_ptr<StreamRegistry> streams;
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
   WorkerPool upload_pool{kNumUploadThreads, kMaxQueuedUploads};
   WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
@@ -158,7 +157,7 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
           &upload_pool,
           &query_pool,
           &evaluation_pool,
-          &streams,
+          streams.get(),
           authorizer.get(),
           quotas.get(),
           device_memory,
@@ -228,6 +227,7 @@ void Server::Parts::StartSelfProbe(const ServerOptions& options) {
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options) {
   RETURN_IF_ERROR(CheckOptions(options));
   auto parts = std::make_unique<Parts>();
+  parts->streams = std::make_unique<StreamRegistry>(kTick, options.streams);
   RETURN_IF_ERROR(parts->OpenStorage(options));
   RETURN_IF_ERROR(parts->OpenCompute(options));
   RETURN_IF_ERROR(parts->StartJobs(options));
@@ -263,7 +263,7 @@ void Server::Shutdown(absl::Time deadline) {
   const absl::Duration left = std::max(deadline - absl::Now(), absl::ZeroDuration());
   absl::SleepFor(std::min(parts_->drain, left));
   parts_->operations->SetDraining(true);
-  parts_->streams.EndAll(DrainingError());
+  parts_->streams->EndAll(DrainingError());
   parts_->supervisor->Stop(deadline);
   // gRPC would wait out the deadline for a client that keeps an idle connection and does not look
   // at it.

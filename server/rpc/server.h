@@ -12,6 +12,7 @@
 #include "server/access/access_options.h"
 #include "server/access/quota.h"
 #include "server/jobs/launch_options.h"
+#include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
 
@@ -27,6 +28,7 @@ struct ServerOptions {
   std::string database;  // Store::Open's; empty: sqlite:DATA/pepeseg.db
   AccessOptions access;  // TLS and keys, of both listeners
   Quota quota;           // of a project that has none of its own
+  StreamLimits streams;
   LaunchOptions launch;  // how workers are started
   // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
   std::string metrics;
@@ -37,8 +39,8 @@ struct ServerOptions {
   // How often the server asks itself for its health over a new connection to `listen`. 0: never.
   absl::Duration self_probe = absl::Seconds(5);
   // Called once, on a thread of the server, after the self-probe has failed three times in a row:
-  // no new client gets an answer any more, so the process should call Shutdown and be restarted.
-  // It must not call Shutdown itself. Health says NOT_SERVING by then.
+  // no new client gets an answer any more, so the process should call Shutdown and be restarted. It
+  // must not call Shutdown itself. Health says NOT_SERVING by then.
   std::function<void()> on_unreachable;
   std::filesystem::path worker;         // the pepeseg-worker program
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured

@@ -39,6 +39,8 @@ void ServerGauges::AddServer(Samples& samples) const {
   }
   samples.Gauge("pepeseg_streams_open", "Streaming calls under way.");
   samples.Add(Value(context.streams->size()));
+  samples.Gauge("pepeseg_streams_limit", "How many may be.");
+  samples.Add(Value(context.streams->limits().max_streams));
   samples.Counter("pepeseg_streams_refused_total", "Streams refused: too many, or draining.");
   samples.Add(Value(context.streams->num_refused()));
   samples.Gauge("pepeseg_disk_free_bytes", "Of the data directory's file system.");

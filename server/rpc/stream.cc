@@ -2,25 +2,20 @@
 
 #include <utility>
 
+#include "absl/time/clock.h"
 #include "server/rpc/error.h"
 #include "server/rpc/stream_registry.h"
 
 namespace pepeseg {
 
-void Stream::Begin(bool with_io) {
+void Stream::Begin() {
   {
     const std::lock_guard lock(mutex_);
     self_ = shared_from_this();
   }
   registry_->Add(self_);  // may call End
   const std::lock_guard lock(mutex_);
-  if (state_ != State::kIdle) return;
-  if (with_io) {
-    state_ = State::kIo;
-    StartIo();
-  } else {
-    SubmitLocked();
-  }
+  if (state_ == State::kIdle) SubmitLocked();
 }
 
 void Stream::Wake() {
@@ -31,6 +26,22 @@ void Stream::Wake() {
     wake_ = true;
   }
 }
+
+void Stream::Tick() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (state_ == State::kIo && !ending_ && absl::Now() - io_since_ > io_limit()) {
+      const absl::Status status = TooSlowError(io_limit());
+      if (may_finish_during_io()) return FinishLocked(status);
+      ending_ = true;  // by IoDone
+      end_status_ = status;
+      return CancelCall();
+    }
+  }
+  Wake();
+}
+
+absl::Status Stream::Admit(const StreamOwner& owner) { return registry_->Admit(this, owner); }
 
 void Stream::End(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
@@ -94,13 +105,18 @@ void Stream::Run() {
   } else if (cancelled_) {
     FinishLocked(absl::CancelledError("the client is gone"));
   } else if (step.next == Next::kIo) {
-    state_ = State::kIo;
-    StartIo();
+    StartIoLocked();
   } else if (wake_) {
     SubmitLocked();
   } else {
     state_ = State::kIdle;
   }
+}
+
+void Stream::StartIoLocked() {
+  state_ = State::kIo;
+  io_since_ = absl::Now();
+  StartIo();
 }
 
 void Stream::SubmitLocked() {

@@ -6,12 +6,14 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/rpc/worker_pool.h"
 
 namespace pepeseg {
 
 class StreamRegistry;
+struct StreamOwner;
 
 // One streaming call: what all of them share. A stream is in one state at a time, under one mutex:
 //
@@ -28,11 +30,13 @@ class Stream : public std::enable_shared_from_this<Stream> {
   Stream(const Stream&) = delete;
   Stream& operator=(const Stream&) = delete;
 
-  // Once, right after construction: keeps the stream alive, and registers it. Begins with reading
-  // or with Work().
-  void Begin(bool with_io);
+  // Once, right after construction: keeps the stream alive, registers it and has Work() called,
+  // which finds out whether the caller may call before anything is read.
+  void Begin();
   // Any thread, never blocks: Work() runs once more after this.
   void Wake();
+  // As Wake(), but ends the stream if a read or write takes longer than io_limit().
+  void Tick();
   // Ends the stream with `status` as soon as neither Work() nor a write is in flight.
   void End(const absl::Status& status);
 
@@ -58,6 +62,14 @@ class Stream : public std::enable_shared_from_this<Stream> {
   virtual void OnClosed() {}
   // Whether Finish may be called with the message still on its way: true of reads.
   virtual bool may_finish_during_io() const = 0;
+  // How long the read or write that is in progress may take; looked at every tick.
+  virtual absl::Duration io_limit() const { return absl::InfiniteDuration(); }
+  // Cancels the call, so that a write in progress ends: its client gets CANCELLED.
+  virtual void CancelCall() {}
+
+  // The caller of this stream is known: Work() calls it once, and ends with the error that it
+  // returns (StreamRegistry::Admit).
+  absl::Status Admit(const StreamOwner& owner);
 
   bool cancelled() const;
 
@@ -70,6 +82,7 @@ class Stream : public std::enable_shared_from_this<Stream> {
   enum class State { kIdle, kWorking, kIo, kFinished };
 
   void Run();
+  void StartIoLocked();
   void SubmitLocked();
   void FinishLocked(const absl::Status& status);
 
@@ -78,8 +91,9 @@ class Stream : public std::enable_shared_from_this<Stream> {
   mutable std::mutex mutex_;
   State state_ = State::kIdle;
   bool io_ok_ = true;
-  bool wake_ = false;       // Wake() came while not idle
-  bool ending_ = false;     // end_status_ is to be sent
+  absl::Time io_since_ = absl::InfiniteFuture();  // in state kIo
+  bool wake_ = false;                             // Wake() came while not idle
+  bool ending_ = false;                           // end_status_ is to be sent
   bool cancelled_ = false;  // by the client, its deadline or a lost connection
   absl::Status end_status_;
   std::shared_ptr<Stream> self_;
@@ -123,7 +137,7 @@ class NewestStream : public grpc::ServerBidiReactor<Request, Response>, public S
  public:
   // Once, in place of Begin.
   void BeginReading() {
-    Begin(/*with_io=*/false);
+    Begin();
     const std::lock_guard lock(read_mutex_);
     if (!finished_) this->StartRead(&incoming_);
   }

@@ -35,7 +35,8 @@ absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::st
 }
 
 absl::Status WatchJobStream::Start() {
-  RETURN_IF_ERROR(context_.authorizer->Authorize(origin_, request_).status());
+  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(origin_, request_));
+  RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
   // Before the snapshot, so that nothing falls between.
   watch_ = context_.supervisor->AddWatch(id_, [weak = weak_from_this()] {

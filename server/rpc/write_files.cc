@@ -47,6 +47,12 @@ absl::Status Close(const ServiceContext& context, const UploadName& upload, Writ
 }  // namespace
 
 Stream::Step WriteFilesStream::Work(bool io_ok) {
+  if (!caller_.has_value()) {
+    absl::Status status = BeginCall();
+    if (!status.ok()) return {Next::kEnd, std::move(status)};
+    return {Next::kIo, absl::OkStatus()};
+  }
+  got_message_ = true;
   if (writer_ != nullptr && !writer_->ready()) return Rehash();
   if (!io_ok) message_.Clear();
   absl::Status status = Authorize(message_);
@@ -79,12 +85,20 @@ void WriteFilesStream::OnClosed() {
   });
 }
 
+absl::Duration WriteFilesStream::io_limit() const {
+  return got_message_ ? absl::InfiniteDuration() : context_.streams->limits().first_message;
+}
+
+absl::Status WriteFilesStream::BeginCall() {
+  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(
+                                            origin_, v1::WriteFilesRequest::default_instance()));
+  caller_ = caller;
+  return Admit(OwnerOf(caller, origin_));
+}
+
 absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
-  if (caller_.has_value() && !part.has_header()) return absl::OkStatus();
-  auto caller = context_.authorizer->Authorize(origin_, part);
-  if (!caller.ok()) return caller.status();
-  caller_ = *std::move(caller);
   if (!part.has_header()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(caller_, context_.authorizer->Authorize(origin_, part));
   // A line for each upload, not for each of its files; at once, since a stream may be cut off.
   if (named_.header().upload() != part.header().upload()) {
     context_.authorizer->Record(origin_, *caller_, part, absl::OkStatus());

@@ -14,8 +14,9 @@
 
 namespace pepeseg {
 
-// A WriteFiles call: takes one message at a time from the wire to the disk. Files that have ended
-// are committed in groups: when one is due, and where the stream ends, however it ends.
+// A WriteFiles call: takes one message at a time from the wire to the disk. Begins with Work(),
+// which reads nothing before it knows the caller. Files that have ended are committed in groups:
+// when one is due, and where the stream ends, however it ends.
 class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
  public:
   WriteFilesStream(const ServiceContext& context, CallOrigin origin,
@@ -27,7 +28,10 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
 
  private:
   Step Work(bool io_ok) override;
-  // Of the first message, whatever it is, and of each header, which names an upload.
+  absl::Duration io_limit() const override;
+  // Key and scope, before anything is read.
+  absl::Status BeginCall();
+  // Of each header, which names an upload.
   absl::Status Authorize(const v1::WriteFilesRequest& part);
   // What came before the call was cut off is kept, which blocks: not in the reaction.
   void OnClosed() override;
@@ -48,7 +52,8 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   const ServiceContext context_;
   const CallOrigin origin_;
   v1::WriteFilesResponse* const response_;
-  std::optional<Caller> caller_;
+  std::optional<Caller> caller_;  // none: the call has not begun
+  bool got_message_ = false;
   v1::WriteFilesRequest named_;  // the newest header, for the audit log
   // The file on its way; its writer is null when the bytes are stored already.
   bool in_file_ = false;

@@ -24,6 +24,7 @@ ServerOptions Observed() {
   ServerOptions options;
   options.admin = "127.0.0.1:0";
   options.metrics = "127.0.0.1:0";
+  options.streams.max_per_peer = options.streams.max_streams;  // all come from this machine
   return options;
 }
 

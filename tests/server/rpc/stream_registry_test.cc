@@ -1,0 +1,102 @@
+#include "server/rpc/stream_registry.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "server/access/authorizer.h"
+#include "server/rpc/stream.h"
+
+namespace pepeseg {
+namespace {
+
+// A stream of no call, that waits until it is ended.
+class IdleStream final : public Stream {
+ public:
+  IdleStream(StreamRegistry* registry, WorkerPool* pool) : Stream(registry, pool) {}
+  using Stream::Admit;
+  bool finished = false;
+
+ private:
+  Step Work(bool) override { return {Next::kIdle, absl::OkStatus()}; }
+  void StartIo() override {}
+  void FinishCall(const grpc::Status&) override { finished = true; }
+  bool may_finish_during_io() const override { return true; }
+};
+
+struct StreamRegistryTest : ::testing::Test {
+  std::shared_ptr<IdleStream> Open() {
+    streams.push_back(std::make_shared<IdleStream>(&registry, &pool));
+    registry.Add(streams.back());
+    return streams.back();
+  }
+  absl::Status OpenFor(const StreamOwner& owner) { return Open()->Admit(owner); }
+  ~StreamRegistryTest() override {
+    for (const auto& stream : streams) registry.Remove(stream.get());
+  }
+
+  WorkerPool pool{1, 100};
+  StreamRegistry registry{absl::Seconds(60),
+                          {/*max_streams=*/6, /*max_per_project=*/3,
+                           /*max_per_peer=*/2, absl::Seconds(1), absl::Seconds(1)}};
+  std::vector<std::shared_ptr<IdleStream>> streams;
+};
+
+TEST_F(StreamRegistryTest, BoundsProjectsAndPeersBesidesAll) {
+  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
+  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok());
+  const absl::Status third_of_peer = OpenFor({"lab", "ipv4:10.0.0.1"});
+  EXPECT_TRUE(absl::IsResourceExhausted(third_of_peer));
+  EXPECT_EQ(third_of_peer.message(),
+            "this client has 2 streams open, which is the limit; end some or try again later");
+  EXPECT_TRUE(OpenFor({"lab", "ipv4:10.0.0.2"}).ok());
+  const absl::Status fourth_of_project = OpenFor({"lab", "ipv4:10.0.0.3"});
+  EXPECT_TRUE(absl::IsResourceExhausted(fourth_of_project));
+  EXPECT_TRUE(absl::StartsWith(fourth_of_project.message(), "the project has 3 streams"));
+  // Another project is not hindered, until all places are taken.
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(OpenFor({"other", ""}).ok());
+  EXPECT_TRUE(absl::StartsWith(OpenFor({"", ""}).message(), "the server has 6 streams"));
+  EXPECT_EQ(registry.num_refused(), 3);
+}
+
+TEST_F(StreamRegistryTest, TakesOthersWhenStreamsHaveEnded) {
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(OpenFor({"lab", "ipv4:10.0.0.1"}).ok()) << i;
+    registry.Remove(streams.back().get());
+  }
+  EXPECT_EQ(registry.size(), 0u);
+}
+
+// Streams of callers who are not known yet take no place of those who are.
+TEST_F(StreamRegistryTest, CountsStreamsOnceTheirCallerIsKnown) {
+  std::vector<std::shared_ptr<IdleStream>> unknown;
+  for (int i = 0; i < 4096; ++i) unknown.push_back(Open());
+  EXPECT_FALSE(unknown.back()->finished);
+  EXPECT_TRUE(Open()->finished);  // these are bounded, too
+  registry.Remove(streams.back().get());
+  registry.Remove(unknown[0].get());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_TRUE(OpenFor({"lab", ""}).ok());
+  }
+  EXPECT_TRUE(unknown[1]->Admit({"other", ""}).ok());
+}
+
+TEST(StreamOwner, IsTheProjectAndTheAddressOrSubject) {
+  Caller caller;
+  caller.project = "lab";
+  StreamOwner owner = OwnerOf(caller, {"ipv4:10.0.0.1:50051", {}});
+  EXPECT_EQ(owner.project, "lab");
+  EXPECT_EQ(owner.peer, "ipv4:10.0.0.1");
+  EXPECT_EQ(OwnerOf(caller, {"ipv6:%5B::1%5D:7", {}}).peer, "ipv6:%5B::1%5D");
+  EXPECT_EQ(OwnerOf(caller, {"unix:/run/socket", {}}).peer, "");
+  caller.subject = "ann";  // all of a gateway's callers have its address
+  EXPECT_EQ(OwnerOf(caller, {"ipv4:10.0.0.1:50051", {}}).peer, "lab/ann");
+  caller.sees_all_projects = true;
+  EXPECT_EQ(OwnerOf(caller, {"ipv4:10.0.0.1:50051", {}}).project, "");
+}
+
+}  // namespace
+}  // namespace pepeseg
