@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cstring>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -85,32 +86,46 @@ absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name)
   return absl::OkStatus();
 }
 
+size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origin) {
+  size_t bytes = 0;
+  for (const Field& field : fields) bytes += BytesOf(field, origin);
+  return bytes;
+}
+
+// Rows first, first + 1, ... of the file, of the Gaussians index_of(row).
+template <typename IndexOf>
+std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
+                       int64_t count, IndexOf index_of) {
+  const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
+  const size_t stride = RowBytesOf(fields, origin);
+  std::string block(static_cast<size_t>(count) * stride, '\0');
+  char* to = block.data();
+  for (const Field& field : fields) {
+    const size_t size = BytesOf(field, origin);
+    if (field.plane != kNoPlane) {
+      const std::span<const float> plane = gaussians.Plane(field.plane);
+      const bool is_double = IsDouble(field, origin);
+      for (int64_t row = 0; row < count; ++row) {
+        const float value = plane[index_of(first + row)];
+        const double in_world = field.plane < 3 ? value + origin[field.plane] : 0;
+        std::memcpy(to + row * stride, is_double ? static_cast<const void*>(&in_world) : &value,
+                    size);
+      }
+    }
+    to += size;
+  }
+  return block;
+}
+
 // Header and rows, piece by piece.
 absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
                     absl::FunctionRef<absl::Status(std::string_view)> append) {
   constexpr int64_t kBlockRows = 4096;
-  const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  RETURN_IF_ERROR(append(HeaderOf(fields, gaussians.count, origin)));
-  size_t stride = 0;
-  for (const Field& field : fields) stride += BytesOf(field, origin);
+  RETURN_IF_ERROR(append(HeaderOf(FieldsOf(gaussians.sh_degree), gaussians.count, origin)));
   for (int64_t first = 0; first < gaussians.count; first += kBlockRows) {
-    const int64_t rows = std::min(kBlockRows, gaussians.count - first);
-    std::vector<char> block(static_cast<size_t>(rows) * stride, 0);
-    char* to = block.data();
-    for (const Field& field : fields) {
-      if (field.plane != kNoPlane) {
-        const std::span<const float> plane = gaussians.Plane(field.plane);
-        for (int64_t row = 0; row < rows; ++row) {
-          const float value = plane[first + row];
-          const double in_world = field.plane < 3 ? value + origin[field.plane] : 0;
-          const bool is_double = IsDouble(field, origin);
-          std::memcpy(to + row * stride, is_double ? static_cast<const void*>(&in_world) : &value,
-                      BytesOf(field, origin));
-        }
-      }
-      to += BytesOf(field, origin);
-    }
-    RETURN_IF_ERROR(append(std::string_view(block.data(), block.size())));
+    const int64_t count = std::min(kBlockRows, gaussians.count - first);
+    RETURN_IF_ERROR(
+        append(EncodeRows(gaussians, origin, first, count, [](int64_t row) { return row; })));
   }
   return absl::OkStatus();
 }
@@ -146,6 +161,31 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
       });
   assert(status.ok());
   return ply;
+}
+
+GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
+                                     const Eigen::Vector3d& origin)
+    : gaussians_(&gaussians), indices_(std::move(indices)), origin_(origin) {
+  const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
+  header_ = HeaderOf(fields, num_gaussians(), origin);
+  row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, origin));
+  rows_per_block_ = kMaxBlockBytes / row_bytes_;
+}
+
+int64_t GaussianPlyBlocks::num_blocks() const {
+  return 1 + (num_gaussians() + rows_per_block_ - 1) / rows_per_block_;
+}
+
+int64_t GaussianPlyBlocks::num_bytes() const {
+  return static_cast<int64_t>(header_.size()) + num_gaussians() * row_bytes_;
+}
+
+std::string GaussianPlyBlocks::Encode(int64_t block) const {
+  if (block == 0) return header_;
+  const int64_t first = (block - 1) * rows_per_block_;
+  const int64_t count = std::min(rows_per_block_, num_gaussians() - first);
+  return EncodeRows(*gaussians_, origin_, first, count,
+                    [this](int64_t row) { return static_cast<int64_t>(indices_[row]); });
 }
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,

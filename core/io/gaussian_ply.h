@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -22,6 +23,31 @@ absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians
 // The same bytes in memory.
 std::string EncodeGaussianPly(const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
+
+// The same bytes in blocks of at most 1 MiB, of some of the Gaussians: so that nobody needs to hold
+// all of them. The same block is encoded to the same bytes each time.
+class GaussianPlyBlocks {
+ public:
+  static constexpr int64_t kMaxBlockBytes = int64_t{1} << 20;
+
+  // Of the Gaussians at `indices`, in that order. `gaussians` must outlive it.
+  GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
+                    const Eigen::Vector3d& origin);
+
+  int64_t num_gaussians() const { return static_cast<int64_t>(indices_.size()); }
+  int64_t num_blocks() const;
+  int64_t num_bytes() const;  // of all blocks
+  // 0 <= block < num_blocks().
+  std::string Encode(int64_t block) const;
+
+ private:
+  const Gaussians* gaussians_;
+  std::vector<uint32_t> indices_;
+  Eigen::Vector3d origin_;
+  std::string header_;  // the first block
+  int64_t row_bytes_ = 0;
+  int64_t rows_per_block_ = 0;
+};
 
 // Any order of the properties, floats or doubles, others than these passed over; the SH degree (0
 // to 3) follows from the number of f_rest. INVALID_ARGUMENT with `name`: a property is missing, the

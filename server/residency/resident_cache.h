@@ -57,6 +57,13 @@ class ResidentCache {
   // evicted. An error of the source is reported to all who waited for it, and the next one who asks
   // tries again.
   absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
+  // Takes `need` for something beside the values, as Acquire takes it for one: evicts what it must,
+  // with the same errors.
+  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const MemoryBytes& need,
+                                                             const Share& share) {
+    RETURN_IF_ERROR(Reserve(need, share));
+    return std::make_unique<ReservedMemory>(state_, need, share.owner);
+  }
   // For a value that is no more: the next Acquire loads anew, also where it was pinned.
   void Drop(const std::string& key);
   // The same, but FAILED_PRECONDITION while it is pinned. NOT_FOUND: it is not resident.

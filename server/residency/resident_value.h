@@ -47,4 +47,24 @@ struct ResidentValue {
   std::unique_ptr<Value> value;
 };
 
+// Memory taken of a cache's budget for something that is not one of its values; given back with the
+// object.
+class ReservedMemory {
+ public:
+  // The bytes are taken already.
+  ReservedMemory(std::shared_ptr<ResidencyState> of, const MemoryBytes& bytes, std::string owner)
+      : state_(std::move(of)), bytes_(bytes), owner_(std::move(owner)) {}
+  ReservedMemory(const ReservedMemory&) = delete;
+  ReservedMemory& operator=(const ReservedMemory&) = delete;
+  ~ReservedMemory() {
+    const std::lock_guard lock(state_->mutex);
+    state_->ledger.GiveBack(bytes_, owner_);
+  }
+
+ private:
+  const std::shared_ptr<ResidencyState> state_;
+  const MemoryBytes bytes_;
+  const std::string owner_;
+};
+
 }  // namespace pepeseg

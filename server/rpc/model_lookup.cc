@@ -117,6 +117,16 @@ absl::Status CheckFeatures(const ResidentModel& model) {
       "NO_FEATURES", model.name);
 }
 
+absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const ServiceContext& context,
+                                                                 const std::string& scene,
+                                                                 int64_t bytes) {
+  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(context, scene));
+  const MemoryBytes need = {bytes, 0};
+  auto taken = context.models->TakeMemory(need, share);
+  if (!absl::IsResourceExhausted(taken.status())) return taken;
+  return WithBytes(taken.status(), need, context.models->budget());
+}
+
 std::string ResidentKey(const ModelRow& model) { return model.folder; }
 
 }  // namespace pepeseg

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -26,6 +28,12 @@ absl::StatusOr<ResidentModel> LoadModelWithFeatures(const ServiceContext& contex
                                                     const std::string& name,
                                                     const std::string& field);
 absl::Status CheckFeatures(const ResidentModel& model);
+
+// Takes `bytes` of the host's memory for an answer about a model of the scene, out of the same
+// budget and share as its models. RESOURCE_EXHAUSTED: they do not come free. Blocks.
+absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const ServiceContext& context,
+                                                                 const std::string& scene,
+                                                                 int64_t bytes);
 
 // Key of a model in the cache.
 std::string ResidentKey(const ModelRow& model);

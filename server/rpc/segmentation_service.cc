@@ -92,7 +92,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::Render(grpc::CallbackServerCon
 
 grpc::ServerWriteReactor<v1::ExportSelectionResponse>* SegmentationServiceRpc::ExportSelection(
     grpc::CallbackServerContext* call, const v1::ExportSelectionRequest* request) {
-  const auto stream = std::make_shared<ExportSelectionStream>(context_, OriginOf(*call), *request);
+  const auto stream = std::make_shared<ExportSelectionStream>(context_, call, *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

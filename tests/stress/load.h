@@ -64,6 +64,15 @@ struct UnreadReport {
 };
 UnreadReport RunUnread(LoadedServer& server, int num_streams);
 
+// Exports of some of a large model of which nobody reads.
+struct UnreadExportsReport {
+  int num_streams = 0, num_streams_after = 0;
+  int64_t export_bytes = 0;  // of one of them
+  int64_t rss_before = 0, rss_with = 0;
+  double reserved_before = 0, reserved_with = 0, reserved_after = 0;  // of the memory budget
+};
+UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams);
+
 // As many streams as the server takes, and one more.
 struct CrowdReport {
   int num_streams = 0, num_streams_after = 0;

@@ -94,6 +94,63 @@ UnreadReport RunUnread(LoadedServer& server, int num_streams) {
 
 namespace {
 
+// Of the red square, which is half of the model.
+v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
+  v1::SelectRequest request;
+  request.set_model(model);
+  *request.mutable_prompt() = Question().prompt();
+  v1::Selection selection;
+  grpc::ClientContext context;
+  const grpc::Status status = server.running.segmentation->Select(&context, request, &selection);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return selection;
+}
+
+double ReservedBytes(LoadedServer& server) {
+  return server.Metric("pepeseg_resident_reserved_bytes{memory=\"host\"}");
+}
+
+}  // namespace
+
+UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
+  server.running.CreateScene("large");
+  server.running.Await(server.running.Train("large", "large.model").name());
+  v1::ExportSelectionRequest request;
+  request.set_model("scenes/large/models/1");
+  request.mutable_subset()->set_selection(SelectHalf(server, request.model()).name());
+  const auto asking =
+      v1::SegmentationService::NewStub(ConnectNarrowly(server.running.server->port()));
+  UnreadExportsReport report;
+  report.rss_before = MeasureProcess().resident_bytes;
+  report.reserved_before = ReservedBytes(server);
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
+  for (int i = 0; i < num_streams; ++i) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
+  }
+  for (const auto& reader : exports) {
+    v1::ExportSelectionResponse part;
+    EXPECT_TRUE(reader->Read(&part));
+    report.export_bytes = part.header().num_bytes();
+  }
+  report.num_streams = server.AwaitStreams(num_streams);
+  absl::SleepFor(absl::Seconds(1));
+  report.rss_with = MeasureProcess().resident_bytes;
+  report.reserved_with = ReservedBytes(server);
+  for (const auto& context : contexts) context->TryCancel();
+  for (const auto& reader : exports) reader->Finish();
+  report.num_streams_after = server.AwaitStreams(0);
+  // The memory is given back with the stream's object, just after the stream was counted off.
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  do {
+    report.reserved_after = ReservedBytes(server);
+  } while (report.reserved_after != report.reserved_before && absl::Now() < deadline);
+  return report;
+}
+
+namespace {
+
 // Asks again, as clients do, while the first work of the streams fills the queue: the server says
 // UNAVAILABLE with a time to wait then.
 grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {

@@ -67,6 +67,36 @@ TEST(EncodeGaussianPly, GivesTheBytesOfTheFile) {
   }
 }
 
+TEST(GaussianPlyBlocks, AreTheFileOfTheChosenGaussians) {
+  const Gaussians gaussians = RandomGaussians(30'000, 3);
+  std::vector<uint32_t> some;
+  std::vector<int64_t> rows;
+  for (uint32_t i = 0; i < 30'000; i += 1 + i % 3) {
+    some.push_back(i);
+    rows.push_back(i);
+  }
+  for (const Eigen::Vector3d& origin : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(4e5, 5e6, 1)}) {
+    const GaussianPlyBlocks blocks(gaussians, some, origin);
+    EXPECT_GT(blocks.num_blocks(), 3);
+    std::string joined;
+    for (int64_t i = 0; i < blocks.num_blocks(); ++i) {
+      const std::string block = blocks.Encode(i);
+      EXPECT_LE(static_cast<int64_t>(block.size()), GaussianPlyBlocks::kMaxBlockBytes);
+      EXPECT_EQ(block, blocks.Encode(i));
+      joined += block;
+    }
+    EXPECT_EQ(static_cast<int64_t>(joined.size()), blocks.num_bytes());
+    EXPECT_EQ(joined, EncodeGaussianPly(gaussians.Select(rows), origin));
+  }
+}
+
+TEST(GaussianPlyBlocks, OfNothingAreAHeader) {
+  const Gaussians gaussians = RandomGaussians(10, 0);
+  const GaussianPlyBlocks blocks(gaussians, {}, Eigen::Vector3d::Zero());
+  ASSERT_EQ(blocks.num_blocks(), 1);
+  EXPECT_EQ(blocks.Encode(0), EncodeGaussianPly(Gaussians::Zero(0, 0)));
+}
+
 TEST(GaussianPly, HasTheLayoutOf3dgs) {
   const TempFolder folder;
   Gaussians gaussians = Gaussians::Zero(1, 3);

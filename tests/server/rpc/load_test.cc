@@ -82,6 +82,24 @@ TEST(Load, StreamsBeyondTheLimitAreRefused) {
   EXPECT_EQ(report.num_streams_after, 0);
 }
 
+TEST(Load, UnreadExportsHoldAChunkAndAreCounted) {
+  constexpr int kNumExports = 40;
+  LoadedServer server(PEPESEG_MODEL_WORKER);
+  const UnreadExportsReport report = RunUnreadExports(server, kNumExports);
+  printf("%d exports of %ld KiB, RSS %ld -> %ld MiB, reserved %.0f -> %.0f KiB\n",
+         report.num_streams, report.export_bytes >> 10, report.rss_before >> 20,
+         report.rss_with >> 20, report.reserved_before / 1024, report.reserved_with / 1024);
+  EXPECT_EQ(report.num_streams, kNumExports);
+  EXPECT_EQ(report.num_streams_after, 0);
+  EXPECT_GT(report.export_bytes, int64_t{8} << 20);
+  // A chunk in the server, one on its way, and the indices; never the whole PLY of each.
+  EXPECT_LT(report.rss_with - report.rss_before, kNumExports * (int64_t{3} << 20));
+  const double counted = (report.reserved_with - report.reserved_before) / kNumExports;
+  EXPECT_GE(counted, 2 << 20);
+  EXPECT_LT(counted, 3 << 20);
+  EXPECT_EQ(report.reserved_after, report.reserved_before);
+}
+
 TEST(Load, StreamsThatNobodyReadsAreBounded) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   const UnreadReport report = RunUnread(server, 100);

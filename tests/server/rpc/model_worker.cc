@@ -4,7 +4,8 @@
 // the pixels of the views; one named "far.model" puts all of it where map coordinates are; one
 // named "bare" has no features, as trained without masks; one named "hang" is never ready. One
 // named "half.model" has views of photographs twice as large, "lens.model" has those taken by a
-// lens that distorts, and "turned.model" has them lying on their side.
+// lens that distorts, "turned.model" has them lying on their side, and "large.model" has four times
+// as many Gaussians, of SH degree 3.
 #include <unistd.h>
 
 #include <algorithm>
@@ -22,15 +23,18 @@ namespace pepeseg {
 namespace {
 
 constexpr int kSide = 100;           // Gaussians along a square's side
+constexpr int kLargeSide = 200;      // likewise, of "large.model"
 constexpr float kShOfColour = 3.5f;  // about 1 / 0.282: what makes a full channel of degree 0
 
+// Of half of the model's Gaussians, those from `first` on.
 void AddSquare(float left, int channel, int64_t first, Model& model) {
   Gaussians& gaussians = model.gaussians;
-  for (int64_t i = first; i < first + kSide * kSide; ++i) {
-    const int64_t of_row = (i - first) % kSide, of_column = (i - first) / kSide;
+  const auto side = std::lround(std::sqrt(gaussians.count / 2));
+  for (int64_t i = first; i < first + side * side; ++i) {
+    const int64_t of_row = (i - first) % side, of_column = (i - first) / side;
     const auto column = static_cast<float>(of_row), row = static_cast<float>(of_column);
-    gaussians.Plane(kMeanPlane)[i] = left + column / kSide;
-    gaussians.Plane(kMeanPlane + 1)[i] = row / kSide - 0.5f;
+    gaussians.Plane(kMeanPlane)[i] = left + column / static_cast<float>(side);
+    gaussians.Plane(kMeanPlane + 1)[i] = row / static_cast<float>(side) - 0.5f;
     gaussians.Plane(kMeanPlane + 2)[i] = 2;
     for (int k = 0; k < 3; ++k) gaussians.Plane(kLogScalePlane + k)[i] = std::log(0.01f);
     gaussians.Plane(kRotationPlane)[i] = 1;
@@ -51,14 +55,14 @@ ModelView MakeView(const std::string& name, double x, bool held_out) {
   return view;
 }
 
-Model MakeModel(float shift) {
+Model MakeModel(float shift, int64_t side, int sh_degree) {
   Model model;
-  model.gaussians = Gaussians::Zero(int64_t{2} * kSide * kSide, 0);
+  model.gaussians = Gaussians::Zero(2 * side * side, sh_degree);
   model.field.features.assign(static_cast<size_t>(model.gaussians.count) * 32, 0.0f);
   for (int i = 0; i < 1000; ++i)
     model.field.scale_quantiles.push_back(0.001f * static_cast<float>(i + 1));
   AddSquare(-1.1f + shift, 0, 0, model);
-  AddSquare(0.1f + shift, 2, kSide * kSide, model);
+  AddSquare(0.1f + shift, 2, side * side, model);
   model.views = {MakeView("left/0.jpg", -0.1, true), MakeView("middle.jpg", 0, false),
                  MakeView("right.jpg", 0.1, true)};
   model.metrics["psnr"] = 30;
@@ -85,7 +89,8 @@ int Run(const std::string& path) {
   const std::string name = spec->files.empty() ? "" : spec->files[0].name;
   while (name == "hang") pause();  // until a signal ends it
   const float shift = name.ends_with(".model") ? std::strtof(name.c_str(), nullptr) / 30.0f : 0.0f;
-  Model model = MakeModel(shift);
+  const bool large = name == "large.model";
+  Model model = MakeModel(shift, large ? kLargeSide : kSide, large ? kMaxShDegree : 0);
   if (name == "far.model") model.origin = {4e5, 5.3e6, 100};
   if (name == "bare") model.field = {};
   if (name == "half.model" || name == "lens.model" || name == "turned.model") {

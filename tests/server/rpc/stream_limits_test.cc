@@ -1,0 +1,110 @@
+// Streams of clients that show no key, say nothing, or take nothing.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "tests/server/access/keyed_server.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kFewStreams = 4;
+
+struct StreamLimitsTest : KeyedServer {
+  StreamLimitsTest() {
+    running.options.streams.max_streams = kFewStreams;
+    running.options.streams.first_message = absl::Seconds(1);
+    running.options.streams.stuck_export = absl::Seconds(1);
+    running.Restart();
+  }
+  // Of an upload that has begun and sends nothing.
+  struct Silent {
+    std::unique_ptr<grpc::ClientContext> context;
+    v1::WriteFilesResponse response;
+    std::unique_ptr<grpc::ClientWriter<v1::WriteFilesRequest>> stream;
+  };
+  std::unique_ptr<Silent> BeginUpload(const std::string& secret) {
+    auto silent = std::make_unique<Silent>();
+    silent->context = With(secret);
+    silent->stream = running.datasets->WriteFiles(silent->context.get(), &silent->response);
+    return silent;
+  }
+};
+
+TEST_F(StreamLimitsTest, CallersWithoutAKeyAreRefusedBeforeTheySendAnything) {
+  std::vector<std::unique_ptr<Silent>> uploads;
+  for (size_t i = 0; i < 5 * kFewStreams; ++i) {
+    uploads.push_back(BeginUpload(i % 2 == 0 ? nobody : "pk_wrong"));
+  }
+  const auto watch_context = With(full);
+  v1::WatchJobRequest watch;
+  watch.set_name(job);
+  const auto watcher = running.jobs->WatchJob(watch_context.get(), watch);
+  v1::JobEvent event;
+  EXPECT_TRUE(watcher->Read(&event));
+  for (const auto& upload : uploads) {
+    const grpc::Status status = upload->stream->Finish();
+    EXPECT_EQ(status.error_code(), grpc::UNAUTHENTICATED) << status.error_message();
+  }
+  while (watcher->Read(&event)) {
+  }
+  EXPECT_TRUE(watcher->Finish().ok());
+}
+
+TEST_F(StreamLimitsTest, AKeyWithoutTheScopeIsRefusedAtOnce) {
+  const auto upload = BeginUpload(reader);
+  const grpc::Status status = upload->stream->Finish();
+  EXPECT_EQ(status.error_code(), grpc::PERMISSION_DENIED);
+  EXPECT_EQ(DetailOf(status).reason(), "MISSING_SCOPE");
+}
+
+TEST_F(StreamLimitsTest, StreamsWhoseFirstMessageDoesNotComeEnd) {
+  const absl::Time start = absl::Now();
+  const auto upload = BeginUpload(full);
+  const auto context = With(full);
+  const auto questions = running.segmentation->SegmentStream(context.get());
+  v1::SegmentStreamResponse answer;
+  EXPECT_FALSE(questions->Read(&answer));
+  for (const grpc::Status& status : {upload->stream->Finish(), questions->Finish()}) {
+    EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
+    EXPECT_EQ(DetailOf(status).reason(), "TOO_SLOW");
+  }
+  EXPECT_GE(absl::Now() - start, absl::Seconds(1));
+  EXPECT_LT(absl::Now() - start, absl::Seconds(30));
+}
+
+TEST_F(StreamLimitsTest, AnExportThatNobodyReadsEnds) {
+  v1::ExportSelectionRequest request;
+  request.set_model("scenes/shelf/models/1");
+  for (const bool is_subset : {false, true}) {
+    if (is_subset) request.mutable_subset()->mutable_segment()->set_level(1);
+    if (is_subset) request.mutable_subset()->mutable_segment()->set_id(2);
+    const auto context = With(full);
+    const absl::Time start = absl::Now();
+    const auto stream = running.segmentation->ExportSelection(context.get(), request);
+    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+    EXPECT_LT(absl::Now() - start, absl::Seconds(30)) << "until the client's own deadline";
+  }
+}
+
+TEST_F(StreamLimitsTest, StreamsThatHaveBegunMayPause) {
+  const auto context = With(full);
+  const auto questions = running.segmentation->SegmentStream(context.get());
+  v1::SegmentStreamRequest request;
+  request.mutable_segment()->set_model("scenes/shelf/models/1");
+  v1::SegmentStreamResponse answer;
+  for (int i = 1; i <= 2; ++i) {
+    request.set_sequence(i);
+    ASSERT_TRUE(questions->Write(request));
+    ASSERT_TRUE(questions->Read(&answer));
+    EXPECT_EQ(answer.sequence(), i);
+    if (i == 1) absl::SleepFor(absl::Seconds(4));
+  }
+  questions->WritesDone();
+  EXPECT_TRUE(questions->Finish().ok());
+}
+
+}  // namespace
+}  // namespace pepeseg
