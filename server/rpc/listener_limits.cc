@@ -9,7 +9,7 @@ constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 256;
 // Of requests on their way in, all connections together: gRPC slows them down, and at last ends
 // some, before it takes more.
-constexpr size_t kMaxRequestBytes = size_t{512} << 20;
+constexpr size_t kMaxIncomingBytes = size_t{512} << 20;
 // gRPC's own, where it starts threads for calls: none does here.
 constexpr int kMaxCallThreads = 32;
 constexpr int kKeepaliveMs = 30'000;
@@ -28,7 +28,7 @@ void SetLimits(grpc::ServerBuilder& builder, const ListenerLimits& limits) {
   builder.SetMaxReceiveMessageSize(limits.max_message_bytes);
   builder.SetMaxSendMessageSize(limits.max_message_bytes);
   grpc::ResourceQuota quota("pepeseg");
-  quota.Resize(kMaxRequestBytes).SetMaxThreads(kMaxCallThreads);
+  quota.Resize(kMaxIncomingBytes).SetMaxThreads(kMaxCallThreads);
   builder.SetResourceQuota(quota);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kMaxFiles = 128;  // each keeps a descriptor open
+constexpr size_t kMaxGroupFiles = 128;  // each keeps a descriptor open
 constexpr int64_t kMaxBytes = int64_t{32} << 20;
 constexpr absl::Duration kMaxAge = absl::Seconds(1);
 // From this many files on one sync of the file system takes less time than one of each file. It
@@ -74,7 +74,7 @@ absl::Status OfFile(const std::string& path, const absl::Status& status) {
 }
 
 bool WriteGroup::due() const {
-  return files_.size() >= kMaxFiles || num_bytes_ >= kMaxBytes || absl::Now() - since_ > kMaxAge;
+  return files_.size() >= kMaxGroupFiles || num_bytes_ >= kMaxBytes || absl::Now() - since_ > kMaxAge;
 }
 
 bool WriteGroup::Holds(const std::string& sha256, int64_t size) const {
