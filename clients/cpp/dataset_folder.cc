@@ -34,7 +34,7 @@ std::optional<v1::FileKind> ColmapKind(absl::string_view name) {
 }
 
 bool IsPhotograph(absl::string_view name) {
-  return EndsIn(name, {".jpg", ".jpeg", ".png", ".webp"});
+  return EndsIn(name, {".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif"});
 }
 
 bool IsVideo(absl::string_view name) {
@@ -121,7 +121,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
   if (!HasPictures(result)) {
     return absl::InvalidArgumentError(
         absl::StrCat(folder.string(),
-                     ": no photographs (.jpg, .jpeg, .png or .webp in it or in its images/) and no "
+                     ": no photographs (.jpg, .jpeg, .png, .webp or .heic in it or in its images/) and no "
                      "video (.mp4, .m4v, .mov, .webm, .mkv or .avi)"));
   }
   return result;

@@ -12,7 +12,8 @@
 namespace pepeseg::client {
 
 // The kind of a file by its name relative to the dataset's folder; none: no part of a dataset.
-//   images/...                          photographs (.jpg .jpeg .png .webp), also in subfolders
+//   images/...                          photographs (.jpg .jpeg .png .webp .heic .heif), also in
+//                                          subfolders
 //   videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 //   sparse/0/ or sparse/                COLMAP cameras, images (POSES), points3D (POINTS)
 //   transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, or of LLFF

@@ -22,6 +22,9 @@ struct Decoded {
 absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view name, int flags) {
   Decoded decoded;
   ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, bytes));
+  if (decoded.header.format == ImageFormat::kHeic) {
+    return Refused(name, "HEIC is not read here: save it as a JPEG or PNG");
+  }
   try {
     // A cv::Mat has no other form for what is only read.
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
@@ -83,10 +86,18 @@ std::vector<uint8_t> TransparentPixels(const cv::Mat& pixels) {
 
 absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name,
                                   std::vector<uint8_t>* transparent) {
-  ASSIGN_OR_RETURN(Decoded decoded, Decode(path, name, cv::IMREAD_UNCHANGED));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
+  const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
+  return DecodePhoto(std::span(data, bytes.size()), name, transparent);
+}
+
+absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
+                                  std::vector<uint8_t>* transparent) {
+  ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   const bool has_alpha = decoded.pixels.type() == CV_8UC4;
   if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits
-    ASSIGN_OR_RETURN(decoded, Decode(path, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
+    ASSIGN_OR_RETURN(decoded,
+                     Decode(bytes, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
     if (decoded.pixels.type() != CV_8UC3) return Refused(name, "does not decode to 8-bit colour");
   }
   Image image{decoded.header.width, decoded.header.height, 3, {}};

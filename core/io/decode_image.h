@@ -27,6 +27,8 @@ struct LabelImage {
 // not decode.
 absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name,
                                   std::vector<uint8_t>* transparent = nullptr);
+absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
+                                  std::vector<uint8_t>* transparent = nullptr);
 
 // A PNG of 1 to 16 bits a channel, grey or colour; errors as above, and another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);

@@ -113,6 +113,21 @@ std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
   return {};
 }
 
+// Overwrites the orientation, a short number that stands in its entry.
+void SetUpright(std::string& bytes) {
+  const Tiff tiff({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+  const uint32_t main = tiff.Number(4, 4);
+  const uint32_t count = main == 0 ? 0 : tiff.Number(main, 2);
+  for (uint32_t i = 0; i < count; ++i) {
+    const size_t entry = size_t{main} + 2 + size_t{i} * 12;
+    if (entry + 12 > bytes.size()) return;
+    if (tiff.Number(static_cast<uint32_t>(entry), 2) != kOrientation) continue;
+    const bool big_endian = bytes[0] == 'M';
+    bytes[entry + 8] = big_endian ? 0 : 1;
+    bytes[entry + 9] = big_endian ? 1 : 0;
+  }
+}
+
 }  // namespace
 
 ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) { return ReadTiff(FindTiff(bytes)); }
@@ -129,6 +144,16 @@ int ReadExifOrientation(std::span<const uint8_t> bytes) {
     return orientation >= 1 && orientation <= 8 ? static_cast<int>(orientation) : 1;
   }
   return 1;
+}
+
+std::string WithUprightExif(std::string jpeg, std::string tiff) {
+  constexpr size_t kMostBytes = 0xffff - 8;  // a segment's length counts itself and the mark
+  if (jpeg.size() < 2 || tiff.size() < 8 || tiff.size() > kMostBytes) return jpeg;
+  SetUpright(tiff);
+  const size_t length = tiff.size() + 8;
+  std::string segment = {'\xff', '\xe1', static_cast<char>(length >> 8), static_cast<char>(length)};
+  segment.append("Exif\0\0", 6);
+  return jpeg.insert(2, segment + tiff);
 }
 
 }  // namespace pepeseg

@@ -23,4 +23,8 @@ ExifCamera ReadExifCamera(std::span<const uint8_t> bytes);
 // see core/scene/photograph.h. 1 for other files and where the data is malformed.
 int ReadExifOrientation(std::span<const uint8_t> bytes);
 
+// A JPEG file with EXIF data, `tiff`, in which the orientation is set to 1: for pixels that are
+// upright already. Unchanged when the data is longer than a segment holds.
+std::string WithUprightExif(std::string jpeg, std::string tiff);
+
 }  // namespace pepeseg

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/heic_header.h"
 #include "core/status_macros.h"
 
 namespace pepeseg {
@@ -156,9 +158,18 @@ absl::StatusOr<Size> WebpSize(Bytes bytes) {
   return size;
 }
 
+absl::StatusOr<Size> SizeOfHeic(Bytes bytes) {
+  ASSIGN_OR_RETURN(const HeicSize size, ReadHeicSize(bytes));
+  return Size{size.width, size.height};
+}
+
 absl::StatusOr<Size> SizeOf(ImageFormat format, Bytes bytes) {
   if (format == ImageFormat::kJpeg) return JpegSize(bytes);
   if (format == ImageFormat::kPng) return PngSize(bytes);
+  if (format == ImageFormat::kHeic) {
+    RETURN_IF_ERROR(CheckHeicIsWhole(bytes));
+    return SizeOfHeic(bytes);
+  }
   return WebpSize(bytes);
 }
 
@@ -166,7 +177,8 @@ absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   if (StartsWith(bytes, kJpegMagic)) return ImageFormat::kJpeg;
   if (StartsWith(bytes, kPngMagic)) return ImageFormat::kPng;
   if (HasTag(bytes, 0, "RIFF") && HasTag(bytes, 8, "WEBP")) return ImageFormat::kWebp;
-  return absl::InvalidArgumentError("not a JPEG, PNG or WebP image");
+  if (IsHeic(bytes)) return ImageFormat::kHeic;
+  return absl::InvalidArgumentError("not a JPEG, PNG, WebP or HEIC image");
 }
 
 absl::StatusOr<ImageHeader> CheckSize(ImageFormat format, const Size& size) {
@@ -259,6 +271,20 @@ absl::StatusOr<Size> FindJpegSize(HeaderReader& file) {
   return file.status().ok() ? CutShort("JPEG") : file.status();
 }
 
+// From the front of the file, with all of its "meta" box: cameras write that first.
+absl::StatusOr<Size> FindHeicSize(HeaderReader& file) {
+  constexpr uint64_t kMostBytes = 64 * kHeaderReadBytes;
+  std::vector<uint8_t> front;
+  while (front.size() < kMostBytes) {
+    const Bytes piece = file.At(front.size(), kHeaderReadBytes);
+    front.insert(front.end(), piece.begin(), piece.end());
+    absl::StatusOr<Size> size = SizeOfHeic(front);
+    if (size.ok() || piece.size() < kHeaderReadBytes)
+      return file.status().ok() ? size : file.status();
+  }
+  return SizeOfHeic(front);
+}
+
 // Another format adds its magic to FormatOf and its case here.
 absl::StatusOr<ImageHeader> ReadSize(HeaderReader& file) {
   constexpr size_t kFrontBytes = 64;
@@ -276,6 +302,9 @@ absl::StatusOr<ImageHeader> ReadSize(HeaderReader& file) {
     case ImageFormat::kWebp:
       size = WebpHeaderSize(front);
       break;
+    case ImageFormat::kHeic:
+      size = FindHeicSize(file);
+      break;
   }
   RETURN_IF_ERROR(size.status());
   return CheckSize(format, *size);
@@ -291,6 +320,8 @@ const char* SuffixOf(ImageFormat format) {
       return ".png";
     case ImageFormat::kWebp:
       return ".webp";
+    case ImageFormat::kHeic:
+      return ".heic";
   }
   return "";
 }

@@ -12,9 +12,9 @@ namespace pepeseg {
 
 inline constexpr int64_t kMaxImagePixels = 64'000'000;
 
-enum class ImageFormat { kJpeg, kPng, kWebp };
+enum class ImageFormat { kJpeg, kPng, kWebp, kHeic };
 
-// ".jpg", ".png" or ".webp".
+// ".jpg", ".png", ".webp" or ".heic".
 const char* SuffixOf(ImageFormat format);
 
 struct ImageHeader {
@@ -26,7 +26,7 @@ struct ImageHeader {
 // What an image file says of itself, by its first bytes and never by its name, without decoding.
 // Also walks the file's segments to its end marker, so that a file cut short is told from a whole
 // one: decoders fill the missing part with grey and call it success. INVALID_ARGUMENT with `name`:
-// another format than JPEG, PNG or WebP; over kMaxImagePixels; cut short; malformed.
+// another format than JPEG, PNG, WebP or HEIC; over kMaxImagePixels; cut short; malformed.
 absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name, std::span<const uint8_t> bytes);
 
 // Bounds of ReadImageSize: bytes of one read, and reads of one file. They reach the frame header of

@@ -32,7 +32,7 @@ struct DatasetFile {
 };
 
 // The files of a folder laid out as users bring it, sorted by name; others are left out.
-//   images/...                     photographs: JPEG, PNG or WebP, also in subfolders
+//   images/...                     photographs: JPEG, PNG, WebP or HEIC, also in subfolders
 //   sparse/0/ or sparse/           COLMAP cameras, images, points3D, .bin or .txt
 //   transforms.json                poses of nerfstudio or instant-ngp (transforms_json.h)
 //   poses_bounds.npy               poses of LLFF (poses_bounds.h)

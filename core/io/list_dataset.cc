@@ -29,7 +29,8 @@ bool IsColmapFile(absl::string_view name) {
 // What a file is by its name, if it belongs to a dataset. `in_depth`: what depth/ holds.
 std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   const std::string suffix = Suffix(name);
-  const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" || suffix == ".webp";
+  const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" ||
+                     suffix == ".webp" || suffix == ".heic" || suffix == ".heif";
   if (IsUnder(name, "images") && photo) return FileKind::kImage;
   if (IsColmapFile(name)) return FileKind::kPoses;
   if (name == "transforms.json" || name == "poses_bounds.npy") return FileKind::kPoses;
@@ -78,7 +79,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
   if (!any_picture) {
     return absl::InvalidArgumentError(
         absl::StrCat(folder.string(),
-                     " has no photographs: no JPEG, PNG or WebP below images/, no video "
+                     " has no photographs: no JPEG, PNG, WebP or HEIC below images/, no video "
                      "below videos/"));
   }
   std::sort(files.begin(), files.end(),

@@ -15,7 +15,12 @@ void RemoveIntermediates(const JobFolder& job, int64_t fence) {
   std::filesystem::remove_all(job.reconstruction(fence), ignored);
   std::filesystem::remove_all(job.checkpoints(fence), ignored);
   std::filesystem::remove_all(job.frames(fence), ignored);
+  std::filesystem::remove_all(HeicFolder(job, fence), ignored);
   std::filesystem::remove_all(job.poses(fence), ignored);
+}
+
+std::filesystem::path HeicFolder(const JobFolder& job, int64_t fence) {
+  return job.attempt(fence) / "heic";
 }
 
 absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {

@@ -12,6 +12,9 @@ namespace pepeseg {
 // and the checkpoints of this attempt and of earlier ones, once there is a model.
 void RemoveIntermediates(const JobFolder& job, int64_t fence);
 
+// JPEGs of an attempt's HEIC photographs.
+std::filesystem::path HeicFolder(const JobFolder& job, int64_t fence);
+
 // Of the files in a folder, without those in folders below it.
 absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder);
 

@@ -9,6 +9,7 @@
 #include "core/priors/embed_priors.h"
 #include "core/status_macros.h"
 #include "server/jobs/mask_advice.h"
+#include "server/jobs/worker_heic.h"
 #include "server/jobs/worker_plan.h"
 #include "server/jobs/worker_priors_command.h"
 #include "server/jobs/worker_sfm.h"
@@ -96,6 +97,7 @@ std::map<std::string, double> InputStages::Counts() const {
 absl::Status InputStages::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
   RETURN_IF_ERROR(ListFiles());
+  RETURN_IF_ERROR(ConvertHeicPhotographs(job_, stages_, files_));
   RETURN_IF_ERROR(AppendVideoFrames(job_, settings_.sfm, stages_, files_));
   if (!HasKind(files_, FileKind::kPoses)) {
     ASSIGN_OR_RETURN(photographs_, PhotographsWithoutPoses(job_, files_));

@@ -161,6 +161,9 @@ def make_images():
         for name in ("lossy", "lossless"):
             whole = HERE.parent / "data" / "images" / (name + ".webp")
             put(target, "webp_" + name, whole.read_bytes())
+    for name in ("gradient", "gradient_turned"):
+        whole = HERE.parent / "data" / "images" / (name + ".heic")
+        put("image_header", "heic_" + name, whole.read_bytes())
     extended = struct.pack("<I", 0x10) + b"\x27\0\0\x1d\0\0"
     put("image_header", "webp_extended", webp(b"VP8X", extended))
     put("image_header", "png_bomb", png(65535, 65535, 1, rows=b"\0"))

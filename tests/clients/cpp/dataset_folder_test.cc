@@ -35,6 +35,7 @@ TEST(KindOf, FollowsTheLayoutOfADataset) {
   EXPECT_EQ(KindOf("images/a.jpg"), v1::FILE_KIND_IMAGE);
   EXPECT_EQ(KindOf("images/left/A.JPEG"), v1::FILE_KIND_IMAGE);
   EXPECT_EQ(KindOf("images/a.webp"), v1::FILE_KIND_IMAGE);
+  EXPECT_EQ(KindOf("images/IMG_1.HEIC"), v1::FILE_KIND_IMAGE);
   EXPECT_EQ(KindOf("videos/walk.MP4"), v1::FILE_KIND_VIDEO);
   EXPECT_EQ(KindOf("images/walk.mov"), v1::FILE_KIND_VIDEO);
   EXPECT_EQ(KindOf("sparse/0/cameras.bin"), v1::FILE_KIND_POSES);

@@ -89,7 +89,7 @@ TEST(DecodePhoto, RefusesFilesThatAreCutShort) {
 
 TEST(DecodePhoto, RefusesOtherFormatsWhateverTheirName) {
   EXPECT_STATUS(Decode("GIF89a...............", "a.jpg"), kInvalidArgument,
-                "a.jpg: not a JPEG, PNG or WebP");
+                "a.jpg: not a JPEG, PNG, WebP or HEIC");
   EXPECT_STATUS(Decode("BM" + std::string(100, '\0'), "a.png"), kInvalidArgument, "a.png");
   EXPECT_STATUS(Decode("P6 2 2 255 aaaaaaaaaaaa", "a.png"), kInvalidArgument, "a.png");
   EXPECT_STATUS(Decode("", "a.png"), kInvalidArgument, "a.png");

@@ -124,7 +124,7 @@ TEST_F(ImageBomb, AWebpIsRefused) {
 
 TEST_F(ImageBomb, AGifUnderAnothersNameIsRefused) {
   const std::string gif = "GIF89a\xff\xff\xff\xff" + std::string(64, '\0');
-  ExpectRefused("a.jpg", gif, "images/a.jpg: not a JPEG, PNG or WebP");
+  ExpectRefused("a.jpg", gif, "images/a.jpg: not a JPEG, PNG, WebP or HEIC");
 }
 
 }  // namespace

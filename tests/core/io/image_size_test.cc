@@ -109,9 +109,9 @@ TEST_F(ImageSizeTest, RefusesWhatHasNoHeader) {
     }
   }
   Write("GIF89a");
-  ExpectRefused("not a JPEG, PNG or WebP image");
+  ExpectRefused("not a JPEG, PNG, WebP or HEIC image");
   Write("");
-  ExpectRefused("not a JPEG, PNG or WebP image");
+  ExpectRefused("not a JPEG, PNG, WebP or HEIC image");
   Write(JpegHeader(0, 0, 30));
   ExpectRefused("empty");
   Write(JpegHeader(0, 0xFFFF, 0xFFFF));

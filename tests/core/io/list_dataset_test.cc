@@ -12,14 +12,14 @@ using testing::WriteBytes;
 
 TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
   const TempFolder folder;
-  for (const char* name : {"images/b.JPG",         "images/sub/a.webp",    "images/notes.txt",
-                           "sparse/0/cameras.bin", "sparse/0/project.ini", "sparse/images.txt",
-                           "sparse/1/cameras.bin", "masks/b.json",         "masks/sub/a.png",
-                           "ignore_mask.png",      "ignore/b.png",         "depth/b.npy",
-                           "depth/notes.txt",      "disparity/b.PFM",      "points.ply",
-                           "sparse_pc.ply",        "transforms.json",      "sub/transforms.json",
-                           "poses_bounds.npy",     "gaussians.ply",        "README.md",
-                           "labels/b.png"}) {
+  for (const char* name : {"images/b.JPG",        "images/sub/a.webp",    "images/sub/b.HEIC",
+                           "images/notes.txt",    "sparse/0/cameras.bin", "sparse/0/project.ini",
+                           "sparse/images.txt",   "sparse/1/cameras.bin", "masks/b.json",
+                           "masks/sub/a.png",     "ignore_mask.png",      "ignore/b.png",
+                           "depth/b.npy",         "depth/notes.txt",      "disparity/b.PFM",
+                           "points.ply",          "sparse_pc.ply",        "transforms.json",
+                           "sub/transforms.json", "poses_bounds.npy",     "gaussians.ply",
+                           "README.md",           "labels/b.png"}) {
     WriteBytes(folder / name, "x");
   }
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path()));
@@ -36,6 +36,7 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
                         {"ignore_mask.png", FileKind::kIgnoreMask},
                         {"images/b.JPG", FileKind::kImage},
                         {"images/sub/a.webp", FileKind::kImage},
+                        {"images/sub/b.HEIC", FileKind::kImage},
                         {"masks/b.json", FileKind::kMask},
                         {"masks/sub/a.png", FileKind::kMask},
                         {"points.ply", FileKind::kPoints},

@@ -1,6 +1,6 @@
 """Which files of a folder are a dataset, and as what: the layout that `pepeseg upload` knows, too.
 
-images/...                          photographs (.jpg .jpeg .png .webp), also in subfolders
+images/...                          photographs (.jpg .jpeg .png .webp .heic .heif), also in subfolders
 videos/..., images/...              videos (.mp4 .m4v .mov .webm .mkv .avi)
 sparse/0/ or sparse/                COLMAP cameras, images (poses), points3D (points)
 transforms.json, poses_bounds.npy   poses of nerfstudio or instant-ngp, or of LLFF
@@ -23,7 +23,7 @@ import re
 from pepeseg.errors import not_there, refused
 from pepeseg.v1 import dataset_service_pb2
 
-_PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".webp")
+_PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".webp", ".heic", ".heif")
 _VIDEOS = (".mp4", ".m4v", ".mov", ".webm", ".mkv", ".avi")
 _MAPS = (".png", ".npy", ".pfm")
 

@@ -1,0 +1,94 @@
+#include "server/jobs/worker_heic.h"
+
+#include <array>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <system_error>
+
+#include "absl/strings/str_format.h"
+#include "core/io/atomic_file.h"
+#include "core/io/decode_image.h"
+#include "core/io/file_bytes.h"
+#include "core/io/heic.h"
+#include "core/io/heic_header.h"
+#include "core/io/manifest.h"
+#include "core/status_macros.h"
+#include "server/jobs/file_error.h"
+#include "server/jobs/worker_folders.h"
+
+namespace pepeseg {
+namespace {
+
+bool BeginsAsHeic(const std::filesystem::path& path) {
+  std::array<char, 16> start{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(start.data(), start.size());
+  return file.gcount() == start.size() &&
+         IsHeic({reinterpret_cast<const uint8_t*>(start.data()), start.size()});
+}
+
+// By its place among the files: what its owner calls it is no path of ours.
+std::string JpegName(size_t index) { return absl::StrFormat("%06d.jpg", index); }
+
+absl::Status ConvertHeicFile(const DatasetFile& file, const std::filesystem::path& jpeg) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file.path, file.name, kMaxImageFileBytes));
+  ASSIGN_OR_RETURN(
+      const std::string converted,
+      HeicToJpeg({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()}, file.name));
+  return WriteFileAtomically(jpeg, converted);
+}
+
+// The folder in which this attempt or an earlier one has converted all of them; or none.
+std::optional<std::filesystem::path> FindConverted(const WorkerJob& job) {
+  for (int64_t fence = job.spec.fence; fence > 0; --fence) {
+    const std::filesystem::path folder = HeicFolder(job.folder, fence);
+    const absl::StatusOr<Manifest> manifest = ReadManifest(folder);
+    if (manifest.ok() && VerifyManifest(folder, *manifest).ok()) return folder;
+  }
+  return std::nullopt;
+}
+
+absl::StatusOr<std::filesystem::path> ConvertAll(const WorkerJob& job, StageLog& stages,
+                                                 const std::vector<DatasetFile>& files,
+                                                 const std::vector<size_t>& heic) {
+  const std::filesystem::path folder = HeicFolder(job.folder, job.spec.fence);
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return FileError(folder, "create", error.value());
+  std::vector<std::string> names;
+  for (const size_t index : heic) {
+    StepReport report;
+    report.stage = "prepare";
+    report.step = static_cast<int64_t>(names.size());
+    report.num_steps = static_cast<int64_t>(heic.size());
+    report.activity = "converting";
+    report.unit = "photographs";
+    RETURN_IF_ERROR(stages.Step(report));
+    names.push_back(JpegName(index));
+    RETURN_IF_ERROR(ConvertHeicFile(files[index], folder / names.back()));
+  }
+  ASSIGN_OR_RETURN(const Manifest manifest, BuildManifest(folder, names));
+  RETURN_IF_ERROR(WriteManifest(folder, manifest));
+  return folder;
+}
+
+}  // namespace
+
+absl::Status ConvertHeicPhotographs(const WorkerJob& job, StageLog& stages,
+                                    std::vector<DatasetFile>& files) {
+  std::vector<size_t> heic;
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (files[i].kind == FileKind::kImage && BeginsAsHeic(files[i].path)) heic.push_back(i);
+  }
+  if (heic.empty()) return absl::OkStatus();
+  std::optional<std::filesystem::path> folder = FindConverted(job);
+  if (!folder) {
+    const Polling polling(job.stop);
+    ASSIGN_OR_RETURN(folder, ConvertAll(job, stages, files, heic));
+  }
+  for (const size_t index : heic) files[index].path = *folder / JpegName(index);
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg
