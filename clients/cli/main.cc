@@ -42,6 +42,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddSegment(app, shell);
   pepeseg::client::cli::AddPropose(app, shell);
   pepeseg::client::cli::AddRender(app, shell);
+  pepeseg::client::cli::AddPhotograph(app, shell);
   pepeseg::client::cli::AddLabel(app, shell);
   pepeseg::client::cli::AddLabels(app, shell);
   pepeseg::client::cli::AddSelect(app, shell);

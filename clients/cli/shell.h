@@ -41,6 +41,7 @@ void AddScenes(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddPropose(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
+void AddPhotograph(CLI::App& app, Shell& shell);
 void AddLabel(CLI::App& app, Shell& shell);
 void AddLabels(CLI::App& app, Shell& shell);
 void AddSelect(CLI::App& app, Shell& shell);

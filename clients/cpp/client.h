@@ -45,6 +45,12 @@ class Client {
                                      const UploadProgress& progress = {}) const;
   // The newest sealed one; FAILED_PRECONDITION when there is none.
   absl::StatusOr<v1::Dataset> NewestDataset(const std::string& scene) const;
+  // A photograph of a dataset or a model. DATA_LOSS: its bytes fail their checksum.
+  struct Photograph {
+    v1::GetPhotographResponse::Header header;
+    std::string bytes;  // an image file of header.content_type()
+  };
+  absl::StatusOr<Photograph> GetPhotograph(const v1::GetPhotographRequest& request) const;
 
   // Jobs (client_jobs.cc).
   absl::StatusOr<v1::Job> Train(v1::TrainSceneRequest request) const;

@@ -68,4 +68,30 @@ absl::StatusOr<v1::Dataset> Client::NewestDataset(const std::string& scene) cons
       absl::StrCat(request.parent(), " has no dataset yet: an upload brings one"));
 }
 
+absl::StatusOr<Client::Photograph> Client::GetPhotograph(
+    const v1::GetPhotographRequest& request) const {
+  Call call(SceneOf(request.parent()), kCallSeconds);
+  const auto stream = datasets_->GetPhotograph(call, request);
+  Photograph photograph;
+  v1::GetPhotographResponse part;
+  while (stream->Read(&part)) {
+    if (part.has_header()) photograph.header = part.header();
+    if (!part.has_chunk()) continue;
+    const std::string& data = part.chunk().data();
+    if (Crc32c(data) != part.chunk().crc32c()) {
+      call.Cancel();
+      return absl::DataLossError(absl::StrCat("bytes from ", photograph.bytes.size(),
+                                              " on of the photograph fail their checksum"));
+    }
+    photograph.bytes += data;
+  }
+  RETURN_IF_ERROR(FromGrpc(stream->Finish()));
+  if (static_cast<int64_t>(photograph.bytes.size()) != photograph.header.num_bytes()) {
+    return absl::DataLossError(
+        absl::StrCat("the photograph is cut short: ", photograph.bytes.size(), " of ",
+                     photograph.header.num_bytes(), " bytes"));
+  }
+  return photograph;
+}
+
 }  // namespace pepeseg::client

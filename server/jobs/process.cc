@@ -38,11 +38,17 @@ struct SpawnSettings {
   posix_spawnattr_t attributes{};
 };
 
-void Isolate(SpawnSettings& settings, const std::filesystem::path& log) {
-  posix_spawn_file_actions_addopen(&settings.files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&settings.files, STDOUT_FILENO, log.c_str(),
+void Isolate(SpawnSettings& settings, const std::filesystem::path& log,
+             const StandardFiles& files) {
+  if (files.input >= 0) {
+    posix_spawn_file_actions_adddup2(&settings.files, files.input, STDIN_FILENO);
+  } else {
+    posix_spawn_file_actions_addopen(&settings.files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  }
+  posix_spawn_file_actions_addopen(&settings.files, STDERR_FILENO, log.c_str(),
                                    O_WRONLY | O_CREAT | O_APPEND, 0644);
-  posix_spawn_file_actions_adddup2(&settings.files, STDOUT_FILENO, STDERR_FILENO);
+  posix_spawn_file_actions_adddup2(&settings.files,
+                                   files.output >= 0 ? files.output : STDERR_FILENO, STDOUT_FILENO);
   posix_spawn_file_actions_addclosefrom_np(&settings.files, STDERR_FILENO + 1);
   sigset_t none;
   sigemptyset(&none);
@@ -85,9 +91,10 @@ std::unique_ptr<Launcher> MakeProcessLauncher(const LaunchOptions& options) {
   return std::make_unique<ProcessLauncher>(options.pass_environment);
 }
 
-absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const WorkerCommand& command) {
+absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const WorkerCommand& command,
+                                                                     const StandardFiles& files) {
   SpawnSettings settings;
-  Isolate(settings, command.log);
+  Isolate(settings, command.log, files);
   std::vector<std::string> words = {command.program.string()};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
   // The first of a name counts.

@@ -14,13 +14,21 @@
 
 namespace pepeseg {
 
+// Descriptors of the caller's that a child gets as its standard input and output. Under 0: an empty
+// input, and the log.
+struct StandardFiles {
+  int input = -1;
+  int output = -1;
+};
+
 // A child process, reaped by this object alone. A worker asks to be killed when the thread that
 // launched it ends, so launch from one that lives as long as the workers.
 class WorkerProcess final : public LaunchedWorker {
  public:
-  // The child gets no descriptor but its log and an empty input, default signal actions, and a
-  // process group of its own (a terminal's Ctrl-C is for the server). `needs` are the machine's.
-  static absl::StatusOr<std::unique_ptr<WorkerProcess>> Launch(const WorkerCommand& command);
+  // The child gets no descriptor but its log, its input and its output, default signal actions, and
+  // a process group of its own (a terminal's Ctrl-C is for the server). `needs` are the machine's.
+  static absl::StatusOr<std::unique_ptr<WorkerProcess>> Launch(const WorkerCommand& command,
+                                                               const StandardFiles& files = {});
   // Kills it when it still runs.
   ~WorkerProcess() override;
   WorkerProcess(const WorkerProcess&) = delete;

@@ -55,6 +55,17 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
   return absl::OkStatus();
 }
 
+absl::Status LimitPhotograph() {
+  constexpr rlim_t kMemory = rlim_t{2} << 30, kSeconds = 60, kFileBytes = rlim_t{128} << 20;
+  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, kMemory));
+  RETURN_IF_ERROR(Limit(RLIMIT_CPU, kSeconds));
+  RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kFileBytes));
+  RETURN_IF_ERROR(Limit(RLIMIT_NOFILE, kMaxOpenFiles));
+  RETURN_IF_ERROR(Limit(RLIMIT_CORE, 0));
+  std::signal(SIGXFSZ, SIG_IGN);
+  return absl::OkStatus();
+}
+
 int64_t MemoryLimit() {
   rlimit limit{};
   if (getrlimit(RLIMIT_DATA, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return 0;

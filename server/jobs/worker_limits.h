@@ -13,7 +13,11 @@ namespace pepeseg {
 // more than any machine has, so built with one there is no such limit.
 absl::Status LimitResources(int64_t memory_limit, int num_threads);
 
-// The limit that LimitResources set, bytes; 0: none.
+// The same for a process that decodes one photograph: 2 GiB of memory, a minute of processor time,
+// 128 MiB in a file.
+absl::Status LimitPhotograph();
+
+// The limit of memory that one of these set, bytes; 0: none.
 int64_t MemoryLimit();
 
 // The worker is killed when `parent` ends; CANCELLED when it has already.

@@ -1,6 +1,7 @@
 // pepeseg-worker: runs one job in a process of its own, so that a crash, or a file that was made to
 // cause one, ends the job and never the service. Started by the supervisor; by hand, without
-// --parent, it runs the job of a folder to its end.
+// --parent, it runs the job of a folder to its end. With --photograph it decodes one photograph
+// instead (photograph_task.h).
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -27,6 +28,7 @@
 #include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
+#include "server/jobs/worker_photograph.h"
 #include "server/jobs/worker_sandbox.h"
 #include "server/log.h"
 #include "server/trace_context.h"
@@ -45,6 +47,7 @@ void OnTerminate(int) {
 
 struct Arguments {
   std::string folder;
+  std::string photograph;  // FormatPhotographTask's
   std::string lpips_weights;
   PriorsCommand priors;
   std::string colmap = "colmap";
@@ -60,7 +63,8 @@ constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
     "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off] [--sandbox-read=PATH]... "
-    "[--pass-environment=NAME]...";
+    "[--pass-environment=NAME]...\n"
+    "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER";
 
 // The text behind "--NAME=".
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
@@ -75,6 +79,7 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     std::string text;
     int64_t seconds = 0;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
+        TakeFlag(word, "--photograph=", &arguments->photograph) ||
         TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
         TakeFlag(word, "--colmap=", &arguments->colmap)) {
       continue;
@@ -101,7 +106,7 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
       return false;
     }
   }
-  return !arguments->folder.empty();
+  return arguments->folder.empty() != arguments->photograph.empty();
 }
 
 absl::StatusOr<JobResult> RunWithinMemory(const WorkerJob& job) {
@@ -213,6 +218,11 @@ SandboxNeeds NeedsOf(const JobSpec& spec, const JobFolder& folder, const Argumen
   return needs;
 }
 
+WorkerExit DecodePhotograph(const Arguments& arguments) {
+  if (arguments.parent != 0 && !EndWithParent(arguments.parent).ok()) return WorkerExit::kCancelled;
+  return RunPhotographTask(arguments.photograph, arguments.sandbox);
+}
+
 WorkerExit Run(const Arguments& arguments) {
   const JobFolder folder(arguments.folder);
   absl::StatusOr<JobSpec> spec =
@@ -248,6 +258,9 @@ int main(int argc, char** argv) {
   if (!parsed) {
     spdlog::error("{}", pepeseg::kUsage);
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
+  }
+  if (!arguments.photograph.empty()) {
+    return static_cast<int>(pepeseg::DecodePhotograph(arguments));
   }
   if (std::getenv(pepeseg::kSlurmDatabase) != nullptr) {
     spdlog::error("{}", pepeseg::BeginAnew(arguments, argv).ToString());

@@ -209,4 +209,11 @@ grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerCo
   });
 }
 
+grpc::ServerWriteReactor<v1::GetPhotographResponse>* DatasetServiceRpc::GetPhotograph(
+    grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) {
+  const auto stream = std::make_shared<GetPhotographStream>(context_, decoders_, call, *request);
+  stream->Begin();
+  return stream.get();  // owns itself until OnDone
+}
+
 }  // namespace pepeseg

@@ -1,13 +1,15 @@
 #pragma once
 
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "server/rpc/get_photograph.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
 
 class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
  public:
-  explicit DatasetServiceRpc(const ServiceContext& context) : context_(context) {}
+  DatasetServiceRpc(const ServiceContext& context, const PhotographDecoders& decoders)
+      : context_(context), decoders_(decoders) {}
 
   grpc::ServerUnaryReactor* CreateUpload(grpc::CallbackServerContext* call,
                                          const v1::CreateUploadRequest* request,
@@ -23,6 +25,8 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   grpc::ServerUnaryReactor* ListDatasets(grpc::CallbackServerContext* call,
                                          const v1::ListDatasetsRequest* request,
                                          v1::ListDatasetsResponse* response) override;
+  grpc::ServerWriteReactor<v1::GetPhotographResponse>* GetPhotograph(
+      grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) override;
 
  private:
   absl::Status Create(const v1::CreateUploadRequest& request, v1::Upload* response) const;
@@ -32,6 +36,7 @@ class DatasetServiceRpc final : public v1::DatasetService::CallbackService {
   absl::Status Seal(const v1::SealUploadRequest& request, v1::Dataset* response) const;
 
   const ServiceContext context_;
+  const PhotographDecoders decoders_;
 };
 
 }  // namespace pepeseg

@@ -43,10 +43,12 @@ constexpr int kNumIoThreads = 4;
 constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
+constexpr int kNumPhotographProcesses = 2;
 constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedUploads = 64;  // calls, each with up to 8 MiB; parts of streams besides
 constexpr size_t kMaxQueuedQueries = 100;
 constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
+constexpr size_t kMaxQueuedPhotographs = 500;
 constexpr absl::Duration kTick = absl::Seconds(2);
 // For idle clients to see that the server goes.
 constexpr absl::Duration kGoAway = absl::Milliseconds(200);
@@ -75,6 +77,8 @@ struct Server::Parts {
   WorkerPool upload_pool{kNumUploadThreads, kMaxQueuedUploads};
   WorkerPool query_pool{kNumQueryThreads, kMaxQueuedQueries};
   WorkerPool evaluation_pool{kNumEvaluationThreads, kMaxQueuedEvaluations};
+  PhotographProcess photographs;
+  WorkerPool photograph_pool{kNumPhotographProcesses, kMaxQueuedPhotographs};
   std::unique_ptr<HealthMonitor> health;
   std::unique_ptr<Operations> operations;
   std::unique_ptr<SceneServiceRpc> scenes;
@@ -166,11 +170,15 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
 }
 
 absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
+  photographs.worker = options.worker;
+  photographs.sandbox = options.launch.sandbox;
+  photographs.scratch = options.data / "scratch";
   const ServiceContext context = Context(options);
   health = MakeHealthMonitor(context);
   operations = std::make_unique<Operations>(context, *health);
   scenes = std::make_unique<SceneServiceRpc>(context);
-  datasets = std::make_unique<DatasetServiceRpc>(context);
+  datasets = std::make_unique<DatasetServiceRpc>(
+      context, PhotographDecoders{&photograph_pool, &photographs});
   jobs = std::make_unique<JobServiceRpc>(context);
   segmentation = std::make_unique<SegmentationServiceRpc>(context);
   if (!options.admin.empty()) {
@@ -281,6 +289,7 @@ void Server::Shutdown(absl::Time deadline) {
   parts_->upload_pool.Stop();
   parts_->query_pool.Stop();
   parts_->evaluation_pool.Stop();
+  parts_->photograph_pool.Stop();
   parts_->collector->Stop();
   parts_->server.reset();
 }

@@ -55,7 +55,8 @@ void Stream::End(const absl::Status& status) {
 
 bool Stream::cancelled() const {
   const std::lock_guard lock(mutex_);
-  return cancelled_;
+  // A stream that is ended waits for no answer either: what computes one must not delay the end.
+  return cancelled_ || ending_ || state_ == State::kFinished;
 }
 
 void Stream::IoDone(bool ok) {

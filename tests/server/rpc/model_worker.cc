@@ -6,6 +6,7 @@
 // named "half.model" has views of photographs twice as large, "lens.model" has those taken by a
 // lens that distorts, "turned.model" has them lying on their side, and "large.model" has four times
 // as many Gaussians, of SH degree 3.
+// Photographs are decoded by the worker that PEPESEG_WORKER names.
 #include <unistd.h>
 
 #include <algorithm>
@@ -113,5 +114,6 @@ int Run(const std::string& path) {
 
 int main(int argc, char** argv) {
   const std::string flag = argc > 1 ? argv[1] : "";
+  if (flag.starts_with("--photograph=")) return execv(PEPESEG_WORKER, argv);
   return flag.starts_with("--job=") ? pepeseg::Run(flag.substr(6)) : 96;
 }

@@ -28,6 +28,7 @@ from pepeseg.errors import (
     UnimplementedError,
 )
 from pepeseg.labels import Label
+from pepeseg.photographs import Photograph
 from pepeseg.png import Picture
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, ViewMask
@@ -62,6 +63,7 @@ __all__ = [
     "OutOfRangeError",
     "PepesegError",
     "PermissionDeniedError",
+    "Photograph",
     "Picture",
     "Proposal",
     "ResourceExhaustedError",

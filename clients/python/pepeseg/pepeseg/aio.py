@@ -14,6 +14,7 @@ import grpc
 from pepeseg import cameras, errors, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
+from pepeseg import photographs as of_photographs
 from pepeseg import scenes as of_scenes
 from pepeseg import selections as of_selections
 from pepeseg import upload as of_uploads
@@ -219,6 +220,7 @@ class Client(SceneClient):
     views = awaited(cameras.views)
 
     upload = awaited(of_uploads.upload)
+    photograph = awaited(of_photographs.photograph)
     train = awaited(training.train)
     start_training = awaited(training.start_training)
     wait = awaited(of_jobs.wait)

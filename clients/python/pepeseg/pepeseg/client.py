@@ -12,6 +12,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 from pepeseg import cameras, errors, segmentation, subsets, training
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
+from pepeseg import photographs as of_photographs
 from pepeseg import scenes as of_scenes
 from pepeseg import selections as of_selections
 from pepeseg import upload as of_uploads
@@ -125,6 +126,7 @@ class Client(SceneClient):
     views = blocking(cameras.views)
 
     upload = blocking(of_uploads.upload)
+    photograph = blocking(of_photographs.photograph)
     train = blocking(training.train)
     start_training = blocking(training.start_training)
     wait = blocking(of_jobs.wait)

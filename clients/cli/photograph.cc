@@ -1,0 +1,85 @@
+// The verb that brings a photograph back.
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "clients/cli/shell.h"
+#include "clients/cpp/client.h"
+#include "clients/cpp/resource_names.h"
+#include "clients/cpp/status_macros.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+struct PhotographFlags {
+  std::string scene;
+  std::string view;
+  std::string file;
+  std::string model = "live";
+  std::string frame = "photograph";
+  int max_side = 0;
+  bool original = false;
+};
+
+absl::Status WritePhotograph(const std::string& path, const std::string& bytes) {
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty()) std::filesystem::create_directories(folder, ignored);
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (file) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+}
+
+absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
+  v1::GetPhotographRequest request;
+  request.set_parent(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
+  request.set_photograph(flags.view);
+  request.set_max_side(flags.max_side);
+  request.set_original(flags.original);
+  if (flags.frame == "view") request.set_frame(v1::PIXEL_FRAME_VIEW);
+  const Client client(shell.channel);
+  ASSIGN_OR_RETURN(const Client::Photograph photograph, client.GetPhotograph(request));
+  RETURN_IF_ERROR(WritePhotograph(flags.file, photograph.bytes));
+  if (shell.json) {
+    PrintJson(photograph.header);
+    return absl::OkStatus();
+  }
+  const auto& header = photograph.header;
+  const std::string size =
+      header.width() > 0 ? absl::StrCat(header.width(), "x", header.height(), ", ") : "";
+  Print(absl::StrFormat("%s: %s%.1f MB, %s", flags.file, size,
+                        static_cast<double>(header.num_bytes()) * 1e-6, header.content_type()));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddPhotograph(CLI::App& app, Shell& shell) {
+  auto flags = std::make_shared<PhotographFlags>();
+  CLI::App* verb = app.add_subcommand("photograph", "Fetch the photograph of a view");
+  verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
+  verb->add_option("VIEW", flags->view, "Name of the view, as `render` takes it")->required();
+  verb->add_option("OUT", flags->file, "Where to write it")->required();
+  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  verb->add_option("--max-side", flags->max_side,
+                   "Shrink it to this longer side, pixels; 0: leave it as large as it is")
+      ->check(CLI::Range(0, 16384))
+      ->capture_default_str();
+  CLI::Option* frame =
+      verb->add_option("--frame", flags->frame,
+                       "photograph: as it was taken, upright; view: undistorted and as large as "
+                       "the model was trained on it")
+          ->check(CLI::IsMember({"photograph", "view"}))
+          ->capture_default_str();
+  verb->add_flag("--original", flags->original, "The file as it was uploaded, byte for byte")
+      ->excludes(frame)
+      ->excludes("--max-side");
+  verb->callback(
+      [flags, &shell] { shell.verb = [&, flags] { return RunPhotograph(shell, *flags); }; });
+}
+
+}  // namespace pepeseg::client::cli

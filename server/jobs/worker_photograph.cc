@@ -1,0 +1,146 @@
+#include "server/jobs/worker_photograph.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <new>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/decode_image.h"
+#include "core/io/digest.h"
+#include "core/io/encode_png.h"
+#include "core/io/exif.h"
+#include "core/io/heic.h"
+#include "core/io/heic_header.h"
+#include "core/io/model_facts.h"
+#include "core/io/picture.h"
+#include "core/io/view_warp.h"
+#include "core/status_macros.h"
+#include "server/jobs/photograph_task.h"
+#include "server/jobs/worker_limits.h"
+#include "server/jobs/worker_sandbox.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int kJpegQuality = 90;
+// JPEG's own limit is 65,535.
+constexpr int kMaxJpegSide = 65'500;
+
+absl::Status InputOutputError(absl::string_view what) {
+  return absl::InternalError(absl::StrCat(what, ": ", std::generic_category().message(errno)));
+}
+
+// The whole of standard input, a regular file.
+absl::StatusOr<std::string> ReadPhotographInput(const std::string& name) {
+  struct stat facts {};
+  if (fstat(STDIN_FILENO, &facts) != 0) return InputOutputError("fstat");
+  if (!S_ISREG(facts.st_mode) || facts.st_size > kMaxImageFileBytes) {
+    return absl::InvalidArgumentError(absl::StrCat(name, ": ", facts.st_size,
+                                                   " bytes exceed the limit of ",
+                                                   kMaxImageFileBytes, " of an image file"));
+  }
+  std::string bytes(static_cast<size_t>(facts.st_size), '\0');
+  for (size_t at = 0; at < bytes.size();) {
+    const ssize_t size = read(STDIN_FILENO, bytes.data() + at, bytes.size() - at);
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) return InputOutputError("read");
+    if (size == 0) return absl::DataLossError(absl::StrCat(name, ": the stored file is cut short"));
+    at += static_cast<size_t>(size);
+  }
+  return bytes;
+}
+
+absl::Status WritePhotographOutput(absl::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t size = write(STDOUT_FILENO, bytes.data(), bytes.size());
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) return InputOutputError("write");
+    bytes.remove_prefix(static_cast<size_t>(size));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image) {
+  Model model;
+  RETURN_IF_ERROR(ParseModelFacts(task.view, model));
+  if (model.views.size() != 1 || !model.views[0].photograph) {
+    return absl::InternalError(absl::StrCat(task.name, ": the task names no view"));
+  }
+  const ModelView& view = model.views[0];
+  const Lens& lens = view.photograph->lens;
+  if (image.width != lens.width || image.height != lens.height) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        task.name, ": ", image.width, "x", image.height, " pixels, the model's view is ",
+        "of a photograph of ", lens.width, "x", lens.height));
+  }
+  return ViewWarp::Restore(*view.photograph, view.camera).Photo(image);
+}
+
+absl::StatusOr<Image> DecodeInput(const PhotographTask& task, const std::string& bytes) {
+  if (Sha256Hex(bytes) != task.sha256) {
+    return absl::DataLossError(absl::StrCat(task.name, ": the stored file fails its SHA-256"));
+  }
+  const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  Image image;
+  if (IsHeic(span)) {  // upright by itself
+    ASSIGN_OR_RETURN(HeicPhoto photo, DecodeHeic(span, task.name));
+    image = std::move(photo.image);
+  } else {
+    ASSIGN_OR_RETURN(image, DecodePhoto(span, task.name));
+  }
+  if (!task.view.empty()) return WarpToView(task, image);
+  if (task.upright) image = Upright(std::move(image), ReadExifOrientation(span));
+  return image;
+}
+
+struct PictureAnswer {
+  PhotographHeader header;
+  std::string bytes;
+};
+
+absl::StatusOr<PictureAnswer> MakeAnswer(const PhotographTask& task) {
+  try {
+    ASSIGN_OR_RETURN(const std::string bytes, ReadPhotographInput(task.name));
+    ASSIGN_OR_RETURN(Image image, DecodeInput(task, bytes));
+    const int max_side = task.max_side > 0 ? std::min(task.max_side, kMaxJpegSide) : kMaxJpegSide;
+    image = ShrunkTo(std::move(image), max_side);
+    ASSIGN_OR_RETURN(std::string jpeg, EncodeJpeg(image, kJpegQuality));
+    const auto size = static_cast<int64_t>(jpeg.size());
+    return PictureAnswer{{absl::StatusCode::kOk, image.width, image.height, size}, std::move(jpeg)};
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(task.name, ": decoding it takes more than ", MemoryLimit() >> 20, " MiB"));
+  }
+}
+
+absl::Status WriteAnswer(const PhotographTask& task) {
+  const absl::StatusOr<PictureAnswer> picture = MakeAnswer(task);
+  if (picture.ok()) {
+    RETURN_IF_ERROR(WritePhotographOutput(FormatPhotographHeader(picture->header)));
+    return WritePhotographOutput(picture->bytes);
+  }
+  const absl::string_view message =
+      picture.status().message().substr(0, kMaxPhotographMessageBytes);
+  const PhotographHeader header{picture.status().code(), 0, 0,
+                                static_cast<int64_t>(message.size())};
+  RETURN_IF_ERROR(WritePhotographOutput(FormatPhotographHeader(header)));
+  return WritePhotographOutput(message);
+}
+
+}  // namespace
+
+WorkerExit RunPhotographTask(const std::string& text, bool sandbox) {
+  const absl::StatusOr<PhotographTask> task = ParsePhotographTask(text);
+  if (!task.ok() || !LimitPhotograph().ok()) return WorkerExit::kBadSpec;
+  YieldToServer();
+  if (sandbox && !EnterSandbox({}).ok()) return WorkerExit::kBadSpec;
+  return WriteAnswer(*task).ok() ? WorkerExit::kSucceeded : WorkerExit::kFailed;
+}
+
+}  // namespace pepeseg

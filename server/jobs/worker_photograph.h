@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+
+#include "server/jobs/job_folder.h"
+
+namespace pepeseg {
+
+// Runs one PhotographTask from standard input to standard output, under limits of its own (memory,
+// processor time, size of the answer) and, unless `sandbox` is false, in a sandbox that opens no
+// file at all. kSucceeded: an answer was written, be it an error. kBadSpec: `task` is not a task.
+WorkerExit RunPhotographTask(const std::string& task, bool sandbox);
+
+}  // namespace pepeseg

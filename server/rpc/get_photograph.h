@@ -1,0 +1,70 @@
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "core/io/digest.h"
+#include "grpcpp/server_context.h"
+#include "pepeseg/v1/dataset_service.pb.h"
+#include "server/jobs/photograph_process.h"
+#include "server/rpc/service_context.h"
+#include "server/rpc/stream.h"
+
+namespace pepeseg {
+
+// What decodes photographs: a pool whose threads wait for processes, so many at once, and how those
+// are run.
+struct PhotographDecoders {
+  WorkerPool* pool;
+  const PhotographProcess* process;
+};
+
+// A GetPhotograph call: a blob as it is, or a picture that a process of its own makes of it, a
+// chunk at a time. The pool for what waits on the disk sends; the decoders' own waits for the
+// processes.
+class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> {
+ public:
+  GetPhotographStream(const ServiceContext& context, const PhotographDecoders& decoders,
+                      grpc::CallbackServerContext* call, const v1::GetPhotographRequest& request)
+      : WriteStream(context.streams, context.pool),
+        context_(context),
+        decoders_(decoders),
+        call_(call),
+        origin_(OriginOf(*call)),
+        request_(request) {}
+
+ private:
+  enum class Phase { kNew, kMaking, kSending };
+
+  Step Work(bool io_ok) override;
+  // A reader that takes nothing for so long loses the stream, and with it the file on the disk.
+  absl::Duration io_limit() const override { return context_.streams->limits().stuck_export; }
+  void CancelCall() override { call_->TryCancel(); }
+  absl::Status Open();
+  absl::Status OpenOriginal(const DatasetFileRow& file, const std::filesystem::path& blob);
+  absl::Status StartMaking(const PhotographTask& task, const std::filesystem::path& blob);
+  // False: the picture is not there yet.
+  absl::StatusOr<bool> TakePicture();
+  absl::Status FillChunk();
+
+  const ServiceContext context_;
+  const PhotographDecoders decoders_;
+  grpc::CallbackServerContext* const call_;
+  const CallOrigin origin_;
+  const v1::GetPhotographRequest request_;
+  Phase phase_ = Phase::kNew;
+  std::mutex made_mutex_;
+  std::optional<absl::StatusOr<PhotographPicture>> made_;  // guarded by made_mutex_
+  std::optional<OpenFile> file_;                           // what is sent
+  int64_t offset_ = 0;                                     // of the next byte to send
+  int64_t num_bytes_left_ = 0;
+  std::string name_;    // of the file, for errors
+  std::string sha256_;  // of an original
+  Sha256 digest_;
+};
+
+}  // namespace pepeseg
