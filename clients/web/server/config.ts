@@ -1,7 +1,5 @@
 // Where the back end listens and which server it speaks for.
 import { readFileSync } from 'node:fs';
-import { homedir } from 'node:os';
-import { join } from 'node:path';
 import { parseArgs } from 'node:util';
 
 export interface Config {
@@ -16,8 +14,6 @@ export interface Config {
   readonly hosts: ReadonlySet<string>;
   /** Folder of the built app. */
   readonly appFolder: string;
-  /** Where photographs are kept that were uploaded through it. */
-  readonly photoFolder: string;
   /** Told the port once it listens; for tests. */
   readonly portFile: string | undefined;
 }
@@ -35,8 +31,6 @@ export const usage = `pepeseg's web app
   --certificate FILE --certificate-key FILE   shown to the server
   --host NAME              another name under which browsers reach it; may be repeated
   --behind-login           it listens beyond this machine: what stands in front asks who calls
-  --photos FOLDER          keeps the photographs that are uploaded through it, to be looked at;
-                           ~/.cache/pepeseg-web
   --port-file FILE         the port is written there`;
 
 const loopback = /^(localhost|127(\.\d{1,3}){3}|\[::1\]|::1)$/;
@@ -100,8 +94,6 @@ export function readConfig(args: string[], env: NodeJS.ProcessEnv, appFolder: st
     tls,
     hosts: new Set(['localhost', '127.0.0.1', '[::1]', ...(values.host ?? [])]),
     appFolder,
-    photoFolder:
-      values.photos ?? join(env.XDG_CACHE_HOME || join(homedir(), '.cache'), 'pepeseg-web'),
     portFile: values['port-file'],
   };
 }
@@ -119,7 +111,6 @@ function parse(args: string[]) {
         'certificate-key': { type: 'string' },
         host: { type: 'string', multiple: true },
         'behind-login': { type: 'boolean' },
-        photos: { type: 'string' },
         'port-file': { type: 'string' },
       },
     });

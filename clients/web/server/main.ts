@@ -4,7 +4,6 @@ import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { openChannel } from './channel';
 import { ConfigError, readConfig, usage } from './config';
-import { Photographs } from './photographs';
 import { createWebServer } from './web_server';
 
 function run(): void {
@@ -16,7 +15,6 @@ function run(): void {
   const config = readConfig(process.argv.slice(2), process.env, join(here, '../app'));
   const server = createWebServer(config, {
     channel: openChannel(config),
-    photographs: new Photographs(config.photoFolder),
   });
   server.on('error', (error) => {
     console.error(`pepeseg-web: ${error.message}`);

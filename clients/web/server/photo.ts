@@ -1,48 +1,77 @@
-// GET /api/photo?scene=scenes/S[&path=images/0001.jpg]: a photograph as it was uploaded, if this back
-// end has it and its key may see the scene; without a path, any one of the scene.
-import type { FileHandle } from 'node:fs/promises';
+// GET /api/photo?parent=P[&name=N][&max_side=S][&frame=view]: GetPhotograph as a picture. `parent`:
+// a dataset or a model; without a name, the first photograph of it.
 import type { IncomingMessage, ServerResponse } from 'node:http';
+import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
-import { abortedWith, need, queryOf, sendAll, sendError } from './answer';
+import type {
+  GetPhotographRequest,
+  GetPhotographResponse_Header,
+} from '../gen/pepeseg/v1/dataset_service_pb';
+import { GetPhotographRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
+import { PixelFrame } from '../gen/pepeseg/v1/prompt_pb';
+import { abortedWith, need, queryOf, sendError, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
+import { crc32c } from './crc32c';
 import { passedOn } from './passed_on';
 
-function typeOf(head: Uint8Array): string | undefined {
-  if (head[0] === 0xff && head[1] === 0xd8) return 'image/jpeg';
-  if (head[0] === 0x89 && head[1] === 0x50) return 'image/png';
-  if (head[0] === 0x52 && head[8] === 0x57) return 'image/webp';
-  return undefined;
+const frames: Record<string, PixelFrame> = {
+  photograph: PixelFrame.PHOTOGRAPH,
+  view: PixelFrame.VIEW,
+};
+
+/** The request that a query means; INVALID_ARGUMENT where it means none. */
+export function photographRequest(query: URLSearchParams): GetPhotographRequest {
+  const side = query.get('max_side') ?? '0';
+  const frame = frames[query.get('frame') ?? 'photograph'];
+  if (!/^\d{1,5}$/.test(side)) {
+    throw new ConnectError('max_side is not a number of pixels', Code.InvalidArgument);
+  }
+  if (frame === undefined) throw new ConnectError('frame is unknown', Code.InvalidArgument);
+  return create(GetPhotographRequestSchema, {
+    parent: need(query, 'parent'),
+    photograph: query.get('name') ?? '',
+    maxSide: Number(side),
+    frame,
+  });
+}
+
+function begin(
+  response: ServerResponse,
+  { contentType, numBytes }: GetPhotographResponse_Header,
+  parent: string,
+): void {
+  response.writeHead(200, {
+    'content-type': contentType,
+    'content-length': String(numBytes),
+    // A dataset and a model never change; what "live" names does.
+    'cache-control': parent.endsWith('/live')
+      ? 'no-store'
+      : 'private, max-age=86400, immutable',
+  });
 }
 
 export async function getPhoto(
-  { channel, photographs }: BackEnd,
+  { channel }: BackEnd,
   request: IncomingMessage,
   response: ServerResponse,
 ): Promise<void> {
-  const query = queryOf(request);
   const signal = abortedWith(response);
-  let file: FileHandle | undefined;
   try {
-    const scene = need(query, 'scene');
-    const options = { signal, timeoutMs: 10_000, headers: routing(scene) };
-    await channel.scenes.getScene({ name: scene }, options);
-    file = await photographs.find(scene, query.get('path') ?? '');
-    if (!file) throw new ConnectError('this photograph was not uploaded here', Code.NotFound);
-    const head = new Uint8Array(12);
-    await file.read(head, 0, head.length, 0);
-    const type = typeOf(head);
-    if (!type) throw new ConnectError('the file is no photograph', Code.NotFound);
-    response.writeHead(200, {
-      'content-type': type,
-      'content-length': (await file.stat()).size,
-      // The same name may be uploaded anew, with another dataset.
-      'cache-control': 'private, max-age=60',
-    });
-    await sendAll(response, file.createReadStream({ start: 0 }));
+    const asked = photographRequest(queryOf(request));
+    const options = { signal, timeoutMs: 120_000, headers: routing(asked.parent) };
+    for await (const { part } of channel.datasets.getPhotograph(asked, options)) {
+      if (part.case === 'header') {
+        begin(response, part.value, asked.parent);
+      } else if (part.case === 'chunk') {
+        if (crc32c(part.value.data) !== part.value.crc32c) {
+          throw new ConnectError('a chunk of the photograph fails its checksum', Code.DataLoss);
+        }
+        if (!(await written(response, part.value.data))) return;
+      }
+    }
+    response.end();
   } catch (error) {
     sendError(response, passedOn(error, signal));
-  } finally {
-    await file?.close();
   }
 }

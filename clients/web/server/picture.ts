@@ -1,4 +1,5 @@
-// GET /api/picture?model=M&view=V[&content=color|depth|features]: a view of a model as a picture.
+// GET /api/picture?model=M&view=V[&content=color|features][&max_side=S]: a view of a model as a
+// picture, in the pixels of its photograph.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
@@ -23,11 +24,16 @@ export async function getPicture(
   try {
     const model = need(query, 'model');
     const content = contents[query.get('content') ?? 'color'];
+    const side = query.get('max_side') ?? '0';
+    if (!/^\d{1,5}$/.test(side)) {
+      throw new ConnectError('max_side is not a number of pixels', Code.InvalidArgument);
+    }
     if (content === undefined) throw new ConnectError('content is unknown', Code.InvalidArgument);
     const rendered = await channel.segmentation.render(
       create(RenderRequestSchema, {
         model,
         content,
+        maxSide: Number(side),
         featureScale: Number(query.get('scale') ?? '0.5'),
         viewpoint: { place: { case: 'view', value: need(query, 'view') } },
       }),

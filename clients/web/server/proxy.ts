@@ -1,5 +1,5 @@
 // The RPCs that the app asks for, passed on to the server as they are. What is not listed here is
-// not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts).
+// not reachable through the app: bytes have their own ways (upload.ts, ply.ts, picture.ts, photo.ts).
 import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
@@ -53,7 +53,7 @@ function passStream(call: StreamCall) {
   };
 }
 
-export function addRoutes(router: ConnectRouter, { channel, photographs }: BackEnd): void {
+export function addRoutes(router: ConnectRouter, { channel }: BackEnd): void {
   const { scenes, datasets, jobs, segmentation } = channel;
   const own = new Set([
     'writeFiles',
@@ -61,7 +61,7 @@ export function addRoutes(router: ConnectRouter, { channel, photographs }: BackE
     'segmentStream',
     'exportSelection',
     'evaluate',
-    'deleteScene',
+    'getPhotograph',
   ]);
   const pairs = [
     [SceneService, scenes],
@@ -81,13 +81,4 @@ export function addRoutes(router: ConnectRouter, { channel, photographs }: BackE
       }
     }
   }
-  const remove = passUnary(scenes.deleteScene as unknown as UnaryCall);
-  router.rpc(SceneService.method.deleteScene, (async (
-    request: Message,
-    context: HandlerContext,
-  ) => {
-    const answer = await remove(request, context);
-    await photographs.forget(resourceOf(request) ?? '');
-    return answer;
-  }) as never);
 }

@@ -11,7 +11,6 @@ import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { crc32c } from './crc32c';
 import { passedOn } from './passed_on';
-import type { PhotographCopy } from './photographs';
 
 const chunkBytes = 1 << 20;
 /** Of a refused body so much is read on, for the browser to see the answer. */
@@ -40,10 +39,7 @@ export async function* pieces(body: AsyncIterable<Uint8Array>): AsyncGenerator<U
   if (size > 0) yield Buffer.concat(waiting);
 }
 
-async function* messages(
-  request: IncomingMessage,
-  copy: PhotographCopy | undefined,
-): AsyncGenerator<WriteFilesRequest> {
+async function* messages(request: IncomingMessage): AsyncGenerator<WriteFilesRequest> {
   const query = queryOf(request);
   const offset = query.get('offset') ?? '0';
   const header = {
@@ -53,7 +49,6 @@ async function* messages(
   };
   yield part({ case: 'header', value: header as never });
   for await (const data of pieces(request)) {
-    await copy?.add(data);
     yield part({ case: 'chunk', value: { data, crc32c: crc32c(data) } as never });
   }
   yield part({ case: 'end', value: {} as never });
@@ -70,36 +65,24 @@ function drain(request: IncomingMessage): void {
 }
 
 export async function putFile(
-  { channel, photographs }: BackEnd,
+  { channel }: BackEnd,
   request: IncomingMessage,
   response: ServerResponse,
 ): Promise<void> {
   const signal = abortedWith(response);
-  let copy: PhotographCopy | undefined;
   try {
     const query = queryOf(request);
-    const [upload, path, offset] = [
-      need(query, 'upload'),
-      need(query, 'path'),
-      query.get('offset') ?? '0',
-    ];
+    const upload = need(query, 'upload');
+    const offset = query.get('offset') ?? '0';
     if (!/^\d{1,15}$/.test(offset)) {
       throw new ConnectError('offset is no number of bytes', Code.InvalidArgument);
     }
-    // An upload that the key may not write to leaves nothing here.
-    await channel.datasets.getUpload(
-      { name: upload },
-      { signal, headers: routing(upload) },
-    );
-    copy = await photographs.copy(upload, path, Number(offset));
-    await channel.datasets.writeFiles(messages(request, copy), {
+    await channel.datasets.writeFiles(messages(request), {
       signal,
       headers: routing(upload),
     });
-    await copy?.end(true);
     response.writeHead(200, { 'content-type': 'application/json' }).end('{}');
   } catch (error) {
-    await copy?.end(false);
     sendError(response, passedOn(error, signal));
     if (!request.complete) drain(request);
   }

@@ -48,13 +48,21 @@ function query(values: Record<string, string | undefined>): string {
   return new URLSearchParams(given).toString();
 }
 
-export function pictureUrl(model: string, view: string, content?: string): string {
-  return `/api/picture?${query({ model, view, content })}`;
+/** A rendering. `maxSide`: its longer side, pixels; absent: not shrunk. */
+export function pictureUrl(model: string, view: string, maxSide?: number): string {
+  return `/api/picture?${query({ model, view, max_side: maxSide?.toString() })}`;
 }
 
-/** As it was uploaded, where the back end has it; without a path, any one of the scene. */
-export function photoUrl(scene: string, path?: string): string {
-  return `/api/photo?${query({ scene, path })}`;
+export interface PhotoOptions {
+  /** As View.view; absent: the first photograph. */
+  name?: string;
+  /** Longer side, pixels; absent: not shrunk. */
+  maxSide?: number;
+}
+
+/** A photograph of a dataset, or of the dataset that a model was trained on. */
+export function photoUrl(parent: string, { name, maxSide }: PhotoOptions = {}): string {
+  return `/api/photo?${query({ parent, name, max_side: maxSide?.toString() })}`;
 }
 
 export interface PlyOptions {

@@ -2,6 +2,9 @@
 import type { Rle } from './rle';
 
 export interface ViewMasks {
+  /** Of the label: a folder's name, unlike what it is called. */
+  readonly id: string;
+  /** What people call it. */
   readonly category: string;
   readonly masks: readonly {
     view: string;

@@ -28,19 +28,50 @@ function packed([red, green, blue, alpha]: Color): number {
   return ((alpha << 24) | (blue << 16) | (green << 8) | red) >>> 0;
 }
 
-/** Makes the canvas as large as the mask. An empty mask clears it. */
-export function paintMask(canvas: HTMLCanvasElement, mask: Rle | undefined): void {
+export interface Pixels {
+  readonly width: number;
+  readonly height: number;
+  readonly pixels: Uint8Array;
+}
+
+/** The mask with its longer side shrunk to `maxSide` by taking the nearest pixels. */
+export function shrunkMask(mask: Rle, maxSide: number): Pixels {
+  const pixels = decodeRle(mask);
+  const scale = maxSide / Math.max(mask.width, mask.height);
+  if (scale >= 1) return { width: mask.width, height: mask.height, pixels };
+  const width = Math.max(1, Math.round(mask.width * scale));
+  const height = Math.max(1, Math.round(mask.height * scale));
+  const small = new Uint8Array(width * height);
+  for (let y = 0, i = 0; y < height; ++y) {
+    const row = Math.floor(((y + 0.5) * mask.height) / height) * mask.width;
+    for (let x = 0; x < width; ++x, ++i) {
+      small[i] = pixels[row + Math.floor(((x + 0.5) * mask.width) / width)] ?? 0;
+    }
+  }
+  return { width, height, pixels: small };
+}
+
+/**
+ * Makes the canvas as large as the mask, at most `maxSide`: masks are as large as photographs, which
+ * screens are not. An empty mask clears it.
+ */
+export function paintMask(
+  canvas: HTMLCanvasElement,
+  mask: Rle | undefined,
+  maxSide = 2048,
+): void {
   if (!mask || mask.width === 0) {
     canvas.width = 1;
     canvas.height = 1;
     return;
   }
-  if (canvas.width !== mask.width) canvas.width = mask.width;
-  if (canvas.height !== mask.height) canvas.height = mask.height;
+  const { width, height, pixels } = shrunkMask(mask, maxSide);
+  if (canvas.width !== width) canvas.width = width;
+  if (canvas.height !== height) canvas.height = height;
   const context = canvas.getContext('2d');
   if (!context) return;
-  const image = context.createImageData(mask.width, mask.height);
-  fill(new Uint32Array(image.data.buffer), decodeRle(mask), mask.width, mask.height);
+  const image = context.createImageData(width, height);
+  fill(new Uint32Array(image.data.buffer), pixels, width, height);
   context.putImageData(image, 0, 0);
 }
 

@@ -1,7 +1,8 @@
 // What the browser saves.
-import { zipSync } from 'fflate';
+import { strToU8, zipSync } from 'fflate';
 import type { CocoView, ViewMasks } from './coco';
 import { cocoJson } from './coco';
+import { labelsJson, maskFiles } from './mask_files';
 import { maskPng } from './paint';
 
 export function saveBlob(blob: Blob, name: string): void {
@@ -22,15 +23,12 @@ export function saveCoco(
   saveBlob(new Blob([text], { type: 'application/json' }), `${scene}-coco.json`);
 }
 
-/** A PNG a view, in a folder a category. */
+/** A PNG a view, in a folder a label, and labels.json. */
 export async function saveMasks(scene: string, segments: readonly ViewMasks[]): Promise<void> {
-  const files: Record<string, Uint8Array> = {};
-  for (const { category, masks } of segments) {
-    for (const { view, rle } of masks) {
-      const stem = view.replace(/\.\w+$/, '');
-      const png = await maskPng(rle);
-      files[`${category}/${stem}.png`] = new Uint8Array(await png.arrayBuffer());
-    }
+  const files: Record<string, Uint8Array> = { 'labels.json': strToU8(labelsJson(segments)) };
+  for (const { path, rle } of maskFiles(segments)) {
+    const png = await maskPng(rle);
+    files[path] = new Uint8Array(await png.arrayBuffer());
   }
   // PNGs are compressed already.
   const zip = zipSync(files, { level: 0 });

@@ -3,6 +3,7 @@ import type {
   ProposeScalesResponse,
   SegmentResponse,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { ProposeScalesResponse_Kind } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import type { Rle } from '../mask/rle';
 
 export interface Mask {
@@ -29,6 +30,8 @@ export interface Proposal {
   readonly scale: number;
   readonly threshold: number;
   readonly support: number;
+  /** What the server takes where nothing is chosen. */
+  readonly best: boolean;
   readonly mask: Mask;
 }
 
@@ -57,19 +60,26 @@ export function answerOf(response: SegmentResponse): Answer {
   };
 }
 
-const names: readonly (readonly string[])[] = [
-  [],
-  ['Object'],
-  ['Part', 'Object'],
-  ['Part', 'Object', 'Group'],
-];
+const kindNames: Record<ProposeScalesResponse_Kind, string> = {
+  [ProposeScalesResponse_Kind.UNSPECIFIED]: '',
+  [ProposeScalesResponse_Kind.PART]: 'Part',
+  [ProposeScalesResponse_Kind.OBJECT]: 'Object',
+  [ProposeScalesResponse_Kind.GROUP]: 'Group',
+};
 
-/** The three that most scales and thresholds show, the smallest thing first. */
-export function proposalsOf({ proposals }: ProposeScalesResponse): Proposal[] {
-  const best = proposals.flatMap(({ mask, scaleQuantile, threshold, support }) => {
+/**
+ * The server's ladder as it is: smallest first, each named only where the server names it. What has
+ * no name of its own, or one that another has, is told by its place ("2").
+ */
+export function proposalsOf({ proposals, best }: ProposeScalesResponse): Proposal[] {
+  const kinds = proposals.map(({ kind }) => kindNames[kind] ?? '');
+  return proposals.flatMap(({ mask, scaleQuantile, threshold, support }, i) => {
     const shown = mask && maskOf(mask);
-    return shown ? [{ scale: scaleQuantile, threshold, support, mask: shown }] : [];
+    if (!shown) return [];
+    const kind = kinds[i] ?? '';
+    const place = String(i + 1);
+    const shared = kinds.filter((other) => other === kind).length > 1;
+    const name = kind === '' ? place : shared ? `${kind} ${place}` : kind;
+    return [{ name, scale: scaleQuantile, threshold, support, best: i === best, mask: shown }];
   });
-  const three = best.slice(0, 3).sort((a, b) => a.mask.area - b.mask.area);
-  return three.map((proposal, i) => ({ name: names[three.length]?.[i] ?? '', ...proposal }));
 }

@@ -2,7 +2,7 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { plyUrl, segmentation } from '../api/clients';
+import { lastId, plyUrl, segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
@@ -14,7 +14,7 @@ import { useStore } from '../store';
 import { answerOf } from './answer';
 import { labelName } from './label_tools';
 import type { SceneLabels } from './labels';
-import { segmentRequest } from './prompt';
+import { segmentRequest, sizeOf } from './prompt';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 
@@ -33,13 +33,14 @@ async function segmentsOf({ session, labels }: Props): Promise<ViewMasks[]> {
     const masks = [...(session.state.get().answer?.masks.values() ?? [])].filter(
       ({ view }) => view,
     );
-    return masks.length > 0 ? [{ category: 'segment', masks }] : [];
+    return masks.length > 0 ? [{ id: 'segment', category: 'segment', masks }] : [];
   }
   const segments: ViewMasks[] = [];
   for (const label of named) {
     const request = segmentRequest(session.model, { kind: 'label', label: label.name }, {}, 'all');
     const answer = answerOf(await steadily(() => segmentation.segment(request)));
-    segments.push({ category: labelName(label), masks: [...answer.masks.values()] });
+    const masks = [...answer.masks.values()];
+    segments.push({ id: lastId(label.name), category: labelName(label), masks });
   }
   return segments;
 }
@@ -62,12 +63,7 @@ export function DownloadTools(props: Props): JSX.Element {
       setBusy(false);
     }
   };
-  const sizes = () =>
-    views.map(({ view, camera }) => ({
-      view,
-      width: camera?.width ?? 0,
-      height: camera?.height ?? 0,
-    }));
+  const sizes = () => views.map((view) => ({ view: view.view, ...sizeOf(view) }));
   const nothing = busy || (named.length === 0 && !answer);
   const what =
     named.length > 0

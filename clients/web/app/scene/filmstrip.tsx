@@ -1,22 +1,28 @@
 import type { JSX } from 'preact';
-import { useEffect, useRef } from 'preact/hooks';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
 
+/** Longer side of what is drawn on a thumbnail, pixels: twice its size on the screen. */
+export const thumbnailSide = 256;
+
 interface ThumbProps {
   view: View;
-  picture: string;
+  /** Of the photograph; it may be missing. */
+  photo: string;
+  rendering: string;
   mask: Mask | undefined;
   current: boolean;
   onPick: () => void;
 }
 
-function Thumb({ view, picture, mask, current, onPick }: ThumbProps): JSX.Element {
+function Thumb({ view, photo, rendering, mask, current, onPick }: ThumbProps): JSX.Element {
+  const [missing, setMissing] = useState('');
   const canvas = useRef<HTMLCanvasElement>(null);
   const button = useRef<HTMLButtonElement>(null);
   useEffect(() => {
-    if (canvas.current) paintMask(canvas.current, mask?.rle);
+    if (canvas.current) paintMask(canvas.current, mask?.rle, thumbnailSide);
   }, [mask]);
   useEffect(() => {
     if (current) button.current?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
@@ -31,7 +37,13 @@ function Thumb({ view, picture, mask, current, onPick }: ThumbProps): JSX.Elemen
       data-area={mask?.area ?? 0}
       onClick={onPick}
     >
-      <img src={picture} alt="" loading="lazy" draggable={false} />
+      <img
+        src={missing === photo ? rendering : photo}
+        alt=""
+        loading="lazy"
+        draggable={false}
+        onError={() => setMissing(photo)}
+      />
       <canvas ref={canvas} class="overlay" aria-hidden="true" />
     </button>
   );
@@ -41,19 +53,22 @@ interface Props {
   views: readonly View[];
   current: string;
   masks: ReadonlyMap<string, Mask> | undefined;
-  pictureOf: (view: View) => string;
+  photoOf: (view: View) => string;
+  renderingOf: (view: View) => string;
   onPick: (view: View) => void;
 }
 
 /** All views of the scene, each with the mask over it. */
-export function Filmstrip({ views, current, masks, pictureOf, onPick }: Props): JSX.Element {
+export function Filmstrip(props: Props): JSX.Element {
+  const { views, current, masks, photoOf, renderingOf, onPick } = props;
   return (
     <nav class="filmstrip" aria-label="Views of the scene">
       {views.map((view) => (
         <Thumb
           key={view.view}
           view={view}
-          picture={pictureOf(view)}
+          photo={photoOf(view)}
+          rendering={renderingOf(view)}
           mask={masks?.get(view.view)}
           current={view.view === current}
           onPick={() => onPick(view)}

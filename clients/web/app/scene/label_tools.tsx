@@ -28,6 +28,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
   const [text, setText] = useState('');
   const [failure, setFailure] = useState<Failure>();
   const mask = labels.maskToName(answer, shownView);
+  const taken = labels.named(text);
   const run = async (act: () => Promise<void>) => {
     setFailure(undefined);
     try {
@@ -39,7 +40,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
   const name = (event: Event) => {
     event.preventDefault();
     const said = text.trim();
-    if (!mask || said === '') return;
+    if (!mask || said === '' || taken) return;
     void run(async () => {
       await labels.create(said, mask);
       setText('');
@@ -57,12 +58,19 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
           aria-label="Name of the segment"
           value={text}
           disabled={!mask}
+          aria-invalid={taken !== undefined}
+          aria-describedby={taken && 'label-taken'}
           onInput={(event) => setText(event.currentTarget.value)}
         />
-        <button type="submit" disabled={!mask || text.trim() === ''}>
+        <button type="submit" disabled={!mask || text.trim() === '' || taken !== undefined}>
           Name
         </button>
       </form>
+      {taken && (
+        <p class="hint" id="label-taken" role="status">
+          There is a label “{labelName(taken)}” already: take another name, or delete that one.
+        </p>
+      )}
       <FailureNote failure={failure} close={() => setFailure(undefined)} />
       {list.length > 0 && (
         <ul class="labels">

@@ -1,12 +1,17 @@
 import { Code, ConnectError } from '@connectrpc/connect';
 import type { Label } from '../../gen/pepeseg/v1/label_pb';
-import { allPages, newRequestId, segmentation } from '../api/clients';
+import { allPages, lastId, newRequestId, segmentation } from '../api/clients';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import { sceneIdFrom } from '../upload/dataset_files';
 import type { Answer, Mask } from './answer';
 
 const maxTries = 20;
+
+/** Names that look the same are the same. */
+function sameName(text: string): string {
+  return text.normalize('NFKC').trim().replace(/\s+/g, ' ').toLowerCase();
+}
 
 export class SceneLabels {
   readonly list = new Store<readonly Label[]>([]);
@@ -31,6 +36,12 @@ export class SceneLabels {
     return seen.sort((a, b) => b.area - a.area)[0];
   }
 
+  /** The label that is called so, if there is one. */
+  named(text: string): Label | undefined {
+    const wanted = sameName(text);
+    return this.list.get().find((label) => sameName(label.text || lastId(label.name)) === wanted);
+  }
+
   async create(text: string, { view, rle }: Mask): Promise<void> {
     const id = sceneIdFrom(text);
     for (let n = 1; ; ++n) {
@@ -44,7 +55,7 @@ export class SceneLabels {
         await steadily(() => segmentation.createLabel(request));
         break;
       } catch (error) {
-        // Another label has the id: two things may be called the same.
+        // Another label has the id: names that differ may have the same letters.
         if (ConnectError.from(error).code !== Code.AlreadyExists || n === maxTries) throw error;
       }
     }

@@ -2,9 +2,11 @@
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
 import type { Box, Point, Question } from './prompt';
+import { sizeOf } from './prompt';
 
 export type Source = 'photo' | 'rendering';
 export type Tool = 'include' | 'exclude' | 'box';
@@ -19,6 +21,8 @@ interface Props {
   mask: Mask | undefined;
   /** Of this view, if it is about it. */
   question: Question | undefined;
+  /** Where a click hit nothing in this view. */
+  miss: Spot | undefined;
   tool: Tool;
   /** How many answers were shown: for who measures. */
   numAnswers: number;
@@ -33,7 +37,9 @@ interface Spot {
 
 /** A press that moves less, in pixels of the screen, is a click. */
 const clickSlack = 5;
-/** Of the keyboard's cursor, in pixels of the view. */
+/** Width of the drawing over a view, so that marks do not shrink on large photographs. */
+const drawingWidth = 640;
+/** Of the keyboard's cursor, in units of the drawing. */
 const keyStep = 8;
 
 const arrows: Record<string, readonly [number, number]> = {
@@ -48,17 +54,27 @@ function boxOf(a: Spot, b: Spot): Box {
   return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
 }
 
-function Marks({
-  question,
-  drawn,
-  cursor,
-}: {
+interface MarksProps {
   question: Question | undefined;
   drawn: Box | undefined;
   cursor: Spot | undefined;
-}) {
-  const points = question?.kind === 'points' ? question.points : [];
-  const box = drawn ?? (question?.kind === 'box' ? question.box : undefined);
+  /** Units of the drawing in a pixel of the photograph. */
+  unit: number;
+}
+
+function Marks({ question, drawn, cursor: at, unit }: MarksProps): JSX.Element {
+  const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
+  const points =
+    question?.kind === 'points'
+      ? question.points.map((point) => ({ ...scaled(point), negative: point.negative }))
+      : [];
+  const meant = drawn ?? (question?.kind === 'box' ? question.box : undefined);
+  const box = meant && {
+    ...scaled(meant),
+    width: meant.width * unit,
+    height: meant.height * unit,
+  };
+  const cursor = at && scaled(at);
   return (
     <>
       {points.map(({ x, y, negative }) => (
@@ -87,12 +103,14 @@ export function PhotoView(props: Props): JSX.Element {
     onSource,
     mask,
     question,
+    miss,
     tool,
     numAnswers,
     onPoint,
     onBox,
   } = props;
-  const { width = 1, height = 1 } = view.camera ?? {};
+  const { width, height } = sizeOf(view);
+  const unit = drawingWidth / width;
   const canvas = useRef<HTMLCanvasElement>(null);
   const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
   const [drawn, setDrawn] = useState<Box>();
@@ -148,7 +166,7 @@ export function PhotoView(props: Props): JSX.Element {
     const at = cursor ?? { x: width / 2, y: height / 2 };
     const arrow = arrows[event.key];
     if (arrow) {
-      const step = event.shiftKey ? keyStep * 5 : keyStep;
+      const step = (event.shiftKey ? keyStep * 5 : keyStep) / unit;
       const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
       const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
       setCursor({ x, y });
@@ -192,9 +210,14 @@ export function PhotoView(props: Props): JSX.Element {
           onError={() => hasPhoto && source === 'photo' && setMissing(photo)}
         />
         <canvas ref={canvas} class="overlay" aria-hidden="true" />
-        <svg class="overlay" viewBox={`0 0 ${width} ${height}`} aria-hidden="true">
-          <Marks question={question} drawn={drawn} cursor={cursor} />
+        <svg
+          class="overlay"
+          viewBox={`0 0 ${drawingWidth} ${height * unit}`}
+          aria-hidden="true"
+        >
+          <Marks question={question} drawn={drawn} cursor={cursor} unit={unit} />
         </svg>
+        {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
       {hasPhoto && (
         <button

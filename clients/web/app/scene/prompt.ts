@@ -2,11 +2,22 @@
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { SegmentRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import {
   SegmentRequestSchema,
   SegmentRequest_Targets_Group,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
+
+/** Size of the pixels that prompts and masks of a view are in: of its photograph. */
+export function sizeOf(view: View): { readonly width: number; readonly height: number } {
+  const { photographWidth, photographHeight, camera } = view;
+  // Of a model of an older server the photograph's size is not known: then they are the view's.
+  if (photographWidth > 0 && photographHeight > 0) {
+    return { width: photographWidth, height: photographHeight };
+  }
+  return { width: camera?.width || 1, height: camera?.height || 1 };
+}
 
 /** A pinhole camera somewhere, as the contract says it. */
 export interface FreeCamera {

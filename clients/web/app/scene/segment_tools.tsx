@@ -64,6 +64,7 @@ export function QuestionButtons({ session }: { session: SceneSession }): JSX.Ele
 
 function Chips({ session }: { session: SceneSession }): JSX.Element | null {
   const { proposals, grain } = useStore(session.state);
+  const chosen = grain.scale !== undefined || grain.threshold !== undefined;
   if (proposals.length === 0) return null;
   return (
     <div class="chips" role="group" aria-label="What the click may mean">
@@ -72,8 +73,12 @@ function Chips({ session }: { session: SceneSession }): JSX.Element | null {
           key={i}
           type="button"
           class="chip"
-          aria-pressed={grain.scale === proposal.scale && grain.threshold === proposal.threshold}
-          title={`${countText(proposal.mask.area)} pixels; key ${i + 1}`}
+          aria-pressed={
+            chosen
+              ? grain.scale === proposal.scale && grain.threshold === proposal.threshold
+              : proposal.best
+          }
+          title={`${countText(proposal.mask.area)} pixels at scale ${proposal.scale.toFixed(2)}; key ${i + 1}`}
           onClick={() => session.choose(proposal)}
         >
           {proposal.name}

@@ -1,5 +1,6 @@
 // A scene that is being taken apart: the question on the screen, the server's answers to it, and
 // what was made of them. Knows nothing of the screen.
+import { Code } from '@connectrpc/connect';
 import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -12,6 +13,32 @@ import { answerOf, proposalsOf } from './answer';
 import type { Box, Grain, Place, Point, Question } from './prompt';
 import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
 
+/** Where a click, or the middle of a box, hit nothing: pixels of its place. */
+export interface Miss {
+  readonly place: Place;
+  readonly x: number;
+  readonly y: number;
+}
+
+/** The server's words for it; it has no reason of its own. */
+const missWords = /nothing with a feature is rendered|does not cover/;
+
+export function isMiss(failure: Failure): boolean {
+  return failure.code === Code.InvalidArgument && missWords.test(failure.what);
+}
+
+/** The place that a question without an answer was about. */
+export function missOf(question: Question): Miss | undefined {
+  if (question.kind === 'label') return undefined;
+  const { place } = question;
+  if (question.kind === 'box') {
+    const { x, y, width, height } = question.box;
+    return { place, x: x + width / 2, y: y + height / 2 };
+  }
+  const last = question.points.at(-1);
+  return last && { place, x: last.x, y: last.y };
+}
+
 export interface SessionState {
   readonly question: Question | undefined;
   readonly grain: Grain;
@@ -19,6 +46,8 @@ export interface SessionState {
   readonly proposals: readonly Proposal[];
   readonly busy: boolean;
   readonly failure: Failure | undefined;
+  /** The newest question hit nothing: the one before is shown. */
+  readonly miss: Miss | undefined;
   /** Of the stream: how many were shown since the page was opened. */
   readonly numAnswers: number;
   readonly canUndo: boolean;
@@ -31,6 +60,7 @@ const nothing: SessionState = {
   proposals: [],
   busy: false,
   failure: undefined,
+  miss: undefined,
   numAnswers: 0,
   canUndo: false,
 };
@@ -49,6 +79,8 @@ export class SceneSession {
   /** Answers to earlier requests are of a question that is no longer there. */
   private firstSequence = 0n;
   private newestSequence = 0n;
+  /** What was there before the newest question, until that is answered. */
+  private before: Pick<SessionState, 'question' | 'grain' | 'answer' | 'proposals'> | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
   private shownView = '';
@@ -126,7 +158,7 @@ export class SceneSession {
   }
 
   closeFailure(): void {
-    this.state.patch({ failure: undefined });
+    this.state.patch({ failure: undefined, miss: undefined });
   }
 
   end(): void {
@@ -150,12 +182,24 @@ export class SceneSession {
     this.firstSequence = this.newestSequence + 1n;
     clearTimeout(this.settling);
     this.elsewhere.abort();
-    this.state.patch({ answer: undefined, proposals: [], failure: undefined, busy: false });
+    this.before = undefined;
+    this.state.patch({
+      answer: undefined,
+      proposals: [],
+      failure: undefined,
+      miss: undefined,
+      busy: false,
+    });
   }
 
   private pose(question: Question): void {
     this.remember();
+    const { question: asked, grain, answer, proposals } = this.state.get();
+    // Of two questions in a row without an answer the first has nothing to go back to.
+    const before =
+      asked && !answer ? this.before : { question: asked, grain, answer, proposals };
     this.forgetAnswers();
+    this.before = before;
     // How large a thing is meant is chosen anew for another thing.
     const old = this.state.get().question;
     const same = old?.kind === 'points' && question.kind === 'points' && question.points.length > 1;
@@ -177,6 +221,7 @@ export class SceneSession {
 
   private take(sequence: bigint, response: SegmentResponse): void {
     if (sequence < this.firstSequence) return;
+    this.before = undefined;
     const answer = answerOf(response);
     const { answer: before, numAnswers } = this.state.get();
     // Those of other views follow when it stands still.
@@ -191,7 +236,20 @@ export class SceneSession {
 
   private refused(sequence: bigint, error: unknown): void {
     if (sequence < this.firstSequence) return;
-    this.state.patch({ busy: false, failure: failureOf(error) });
+    const failure = failureOf(error);
+    const { question } = this.state.get();
+    const miss = question && isMiss(failure) ? missOf(question) : undefined;
+    if (miss && this.before) this.goBack(miss);
+    else this.state.patch({ busy: false, failure });
+  }
+
+  /** The newest question is taken back: the answer before it stays. */
+  private goBack(miss: Miss): void {
+    const before = this.before;
+    this.past.pop();
+    this.forgetAnswers();
+    this.state.patch({ ...before, miss, canUndo: this.past.length > 0 });
+    if (before?.question) this.askOtherViews();
   }
 
   private askOtherViews(): void {

@@ -27,7 +27,7 @@ const list: readonly (readonly [string, string])[] = [
   ['Drag in the view', 'Draw a box around what is meant'],
   ['Arrow keys', 'Move the cursor in the view; turn the 3D view'],
   ['Enter, Shift + Enter', 'Include, exclude what is under the cursor'],
-  ['1, 2, 3', 'Take a proposal'],
+  ['1 to 5', 'Take a proposal, the smallest first'],
   ['[ and ]', 'View before, next view'],
   ['V', 'Photograph or rendering'],
   ['I, E, B', 'Include, exclude, box'],

@@ -3,12 +3,14 @@ import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { plyUrl } from '../api/clients';
+import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Tool } from './photo_view';
 import type { FreeCamera, Point, Question } from './prompt';
 import type { Showing } from './selections';
+import type { Miss } from './session';
 
 interface Props {
   model: string;
@@ -17,6 +19,8 @@ interface Props {
   view: View;
   mask: Mask | undefined;
   question: Question | undefined;
+  /** Where a click hit nothing, here or in a view. */
+  miss: Miss | undefined;
   tool: Tool;
   selection: string | undefined;
   showing: Showing;
@@ -101,7 +105,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { mask, question, tool, onPoint } = props;
+  const { mask, question, miss, tool, onPoint } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
@@ -179,6 +183,9 @@ export function SplatPane(props: Props): JSX.Element {
             />
           ))}
         </svg>
+      )}
+      {miss && 'camera' in miss.place && miss.place.camera === asked.current && !stale && (
+        <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
       {status === 'loading' && (
         <p class="pane-note" role="status">

@@ -2,19 +2,21 @@
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
+import { photoUrl, pictureUrl, sceneIdOf, scenes } from '../api/clients';
 import { steadily } from '../api/server_link';
+import { useAsked } from '../api/use_asked';
+import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
 import { DownloadTools } from './download_tools';
-import { Filmstrip } from './filmstrip';
+import { Filmstrip, thumbnailSide } from './filmstrip';
 import { LabelTools } from './label_tools';
 import { SceneLabels } from './labels';
 import type { Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
-import { placeOf, samePlace } from './prompt';
+import { placeOf, samePlace, sizeOf } from './prompt';
 import { GrainTools, PromptTools, QuestionButtons } from './segment_tools';
 import { SelectionTools, selectWith } from './selection_tools';
 import { SceneSelections } from './selections';
@@ -45,6 +47,9 @@ function useModel(scene: Scene) {
   return parts;
 }
 
+/** Longer side of the photograph that is shown, pixels: more than most screens have. */
+const photoSide = 2048;
+
 interface Props {
   scene: Scene;
   views: readonly View[];
@@ -58,8 +63,16 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   const [source, setSource] = useState<Source>('photo');
   const [help, setHelp] = useState(false);
   const narrow = useNarrow();
-  const pictureOf = (of: View) => pictureUrl(session.model, of.view);
-  const { question, answer, failure, numAnswers, proposals, busy } = useStore(session.state);
+  const model = useAsked(
+    (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
+    [scene.liveModel],
+  );
+  const renderingOf = (of: View) => pictureUrl(session.model, of.view);
+  const thumbnailOf = (of: View) =>
+    photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });
+  const { question, answer, failure, miss, numAnswers, proposals, busy } = useStore(
+    session.state,
+  );
   const { selection, showing } = useStore(selections.state);
   const shown = view?.view ?? '';
   useEffect(() => session.show(shown), [session, shown]);
@@ -82,6 +95,8 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
     '1': takeProposal(0),
     '2': takeProposal(1),
     '3': takeProposal(2),
+    '4': takeProposal(3),
+    '5': takeProposal(4),
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     b: () => setTool('box'),
@@ -94,7 +109,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
   });
   if (!view) return <p class="loading">The model has no views.</p>;
 
-  const { width = 4, height = 3 } = view.camera ?? {};
+  const { width, height } = sizeOf(view);
   const place = { view: shown };
   const here = samePlace(placeOf(question), place) ? question : undefined;
   return (
@@ -112,12 +127,13 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
       {(!narrow || pane === 'view') && (
         <PhotoView
           view={view}
-          photo={photoUrl(scene.name, `images/${shown}`)}
-          rendering={pictureOf(view)}
+          photo={photoUrl(session.model, { name: shown, maxSide: photoSide })}
+          rendering={renderingOf(view)}
           source={source}
           onSource={setSource}
           mask={answer?.masks.get(shown)}
           question={here}
+          miss={samePlace(miss?.place, place) ? miss : undefined}
           tool={tool}
           numAnswers={numAnswers}
           onPoint={(point) => session.addPoint(place, point)}
@@ -131,6 +147,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           view={view}
           mask={answer?.masks.get('')}
           question={question}
+          miss={miss}
           tool={tool}
           selection={selection?.name}
           showing={showing}
@@ -141,10 +158,12 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
         views={views}
         current={shown}
         masks={answer?.masks}
-        pictureOf={pictureOf}
+        photoOf={thumbnailOf}
+        renderingOf={renderingOf}
         onPick={setView}
       />
       <aside class="tools" aria-label="Tools">
+        <Advice advice={model.value?.advice} />
         <section aria-labelledby="segment-title">
           <div class="row">
             <h2 id="segment-title">Segment</h2>
@@ -162,7 +181,7 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
           <PromptTools tool={tool} onTool={setTool} />
           <p class="quiet" role="status" aria-busy={busy}>
             {question
-              ? describeAnswer(answer?.masks.get(shown)?.area, answer?.masks)
+              ? describeAnswer(busy, answer?.masks.get(shown)?.area, answer?.masks)
               : 'Click a thing in the view or in 3D.'}
           </p>
           <FailureNote failure={failure} close={() => session.closeFailure()} />
@@ -184,10 +203,11 @@ export function SceneWorkbench({ scene, views }: Props): JSX.Element {
 }
 
 function describeAnswer(
+  busy: boolean,
   area: number | undefined,
   masks: ReadonlyMap<string, { view: string; area: number }> | undefined,
 ): string {
-  if (!masks) return 'Looking …';
+  if (!masks) return busy ? 'Looking …' : 'Not answered.';
   const seen = [...masks.values()].filter((mask) => mask.view && mask.area > 0).length;
   const here =
     area === undefined

@@ -87,7 +87,9 @@ function Summary({ dataset }: { dataset: Dataset }): JSX.Element {
         ) : (
           <>
             <strong>There are no photographs and no video among these files.</strong>
-            <p>Photographs are .jpg, .png or .webp; videos .mp4, .mov, .webm, .mkv or .avi.</p>
+            <p>
+              Photographs are .jpg, .png, .webp or .heic; videos .mp4, .mov, .webm, .mkv or .avi.
+            </p>
           </>
         )}
         {hasPictures && !has(FileKind.POSES) && (

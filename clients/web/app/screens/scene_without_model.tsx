@@ -7,10 +7,11 @@ import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { useAsked } from '../api/use_asked';
+import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
 import { bytesText, dateText } from '../format';
 import { goTo, Link } from '../router';
-import { jobStates } from '../training/job_states';
+import { outcomeOf } from '../training/job_states';
 import { TrainingChoice, defaultTraining } from '../training/training_choice';
 
 interface Props {
@@ -63,6 +64,7 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
             {String(dataset.numFiles)} files, {bytesText(dataset.numBytes)}, of{' '}
             {dateText(dataset.sealTime)}.
           </p>
+          <Advice advice={dataset.advice} />
           <TrainingChoice options={training} onOptions={setTraining} />
           <button type="button" class="primary" onClick={() => void train()}>
             Train
@@ -80,7 +82,7 @@ export function SceneWithoutModel({ scene }: Props): JSX.Element {
         {past.value?.map((job) => (
           <li key={job.name}>
             <Link to={`/jobs/${lastId(job.name)}`}>{dateText(job.createTime)}</Link>:{' '}
-            {jobStates[job.state]}
+            {outcomeOf(job)}
             {job.error && `: ${job.error.message}`}
           </li>
         ))}

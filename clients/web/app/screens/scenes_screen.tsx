@@ -2,8 +2,9 @@
 import type { JSX } from 'preact';
 import { useEffect, useState } from 'preact/hooks';
 import type { Job } from '../../gen/pepeseg/v1/job_service_pb';
+import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import type { Model, Scene } from '../../gen/pepeseg/v1/scene_service_pb';
-import { allPages, jobs, lastId, pictureUrl, scenes } from '../api/clients';
+import { allPages, jobs, lastId, scenes } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
@@ -16,6 +17,7 @@ import { ScenePhoto } from '../components/photo';
 import { bytesText, countText, dateText } from '../format';
 import { Link } from '../router';
 import { useStore } from '../store';
+import { outcomeOf } from '../training/job_states';
 import type { UploadTask } from '../upload/upload_task';
 import { uploads } from '../upload/uploads';
 import { shareOf } from './upload_screen';
@@ -27,14 +29,16 @@ interface Known {
 }
 
 async function know(scene: Scene, signal: AbortSignal): Promise<Known> {
-  const [model, views, job] = await Promise.all([
+  const [model, views, job, last] = await Promise.all([
     scene.liveModel ? scenes.getModel({ name: scene.liveModel }, { signal }) : undefined,
     scene.liveModel
       ? scenes.listViews({ parent: scene.liveModel, pageSize: 1 }, { signal })
       : undefined,
     scene.activeJob ? jobs.getJob({ name: scene.activeJob }, { signal }) : undefined,
+    // Why there is no model, or which one did not follow.
+    scene.activeJob ? undefined : jobs.listJobs({ scene: scene.name, pageSize: 1 }, { signal }),
   ]);
-  return { model, view: views?.views[0]?.view ?? '', job };
+  return { model, view: views?.views[0]?.view ?? '', job: job ?? last?.jobs[0] };
 }
 
 function stateOf(scene: Scene, job: Job | undefined): string {
@@ -46,6 +50,9 @@ function stateOf(scene: Scene, job: Job | undefined): string {
         : '';
     return `Training${share}`;
   }
+  const broken = job?.state === JobState.FAILED || job?.state === JobState.CANCELLED;
+  if (broken && !scene.liveModel) return `Training ${outcomeOf(job)}`;
+  if (broken) return `Ready – newest training ${outcomeOf(job)}`;
   return scene.liveModel ? 'Ready' : 'No model yet';
 }
 
@@ -64,17 +71,18 @@ function SceneCard({ scene, onDelete }: { scene: Scene; onDelete: () => void }):
   }, [scene.activeJob]);
   const title = scene.displayName || lastId(scene.name);
   const to = scene.activeJob ? `/jobs/${lastId(scene.activeJob)}` : `/scenes/${lastId(scene.name)}`;
-  const { model, view } = value ?? {};
-  const kind = scene.activeJob ? 'busy' : scene.liveModel ? 'ready' : '';
+  const { model } = value ?? {};
+  const failed = value?.job?.state === JobState.FAILED;
+  const kind = scene.activeJob ? 'busy' : failed ? 'failed' : scene.liveModel ? 'ready' : '';
+  const first = value?.view;
   return (
     <article class="scene-card">
       <Link to={to}>
         <div class="preview">
-          {model && view ? (
-            <img src={pictureUrl(model.name, view)} alt="" loading="lazy" />
-          ) : (
-            <ScenePhoto scene={scene.name} />
-          )}
+          <ScenePhoto
+            scene={scene.name}
+            {...(model && { parent: model.name, rendering: first })}
+          />
         </div>
         <h2>{title}</h2>
       </Link>

@@ -7,6 +7,7 @@ import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { useAsked } from '../api/use_asked';
+import { Advice } from '../components/advice';
 import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
@@ -15,7 +16,7 @@ import { ScenePhoto } from '../components/photo';
 import { bytesText, durationText, secondsOf } from '../format';
 import { Link } from '../router';
 import { Curve } from '../training/curve';
-import { hasEnded, jobStates, stages } from '../training/job_states';
+import { hasEnded, jobStates, stageName, stages } from '../training/job_states';
 import type { Training } from '../training/training_watch';
 import { useTraining } from '../training/training_watch';
 
@@ -25,19 +26,25 @@ function Stages({ training }: { training: Training }): JSX.Element {
     <ol class="stages" aria-label="Stages">
       {stages.map(([stage, name]) => {
         const run = runs.get(stage);
-        const state = run?.state ?? 'waiting';
+        const ended = job && hasEnded(job.state) && job.state !== JobState.SUCCEEDED;
+        const broken = ended && job.stage === stage;
+        const state = broken ? 'broken' : (run?.state ?? 'waiting');
         return (
           <li
             key={stage}
             class={state}
             aria-current={job?.stage === stage && state === 'running' ? 'step' : undefined}
           >
-            <span class="dot">{state === 'done' && <Icon name="check" />}</span>
+            <span class="dot">
+              {state === 'done' && <Icon name="check" />}
+              {state === 'broken' && <Icon name="close" />}
+            </span>
             <span>{name}</span>
             <span class="quiet" title={run?.skipped}>
               {state === 'skipped' && 'not needed'}
               {state === 'done' && run?.seconds !== undefined && durationText(run.seconds)}
               {state === 'running' && 'running'}
+              {broken && jobStates[job.state]}
             </span>
           </li>
         );
@@ -50,7 +57,7 @@ function Now({ training }: { training: Training }): JSX.Element | null {
   const { job, progress } = training;
   if (!job || !progress || hasEnded(job.state)) return null;
   const share = Number(progress.step) / Math.max(1, Number(progress.numSteps));
-  const name = stages.find(([stage]) => stage === progress.stage)?.[1] ?? progress.stage;
+  const name = stageName(progress.stage);
   return (
     <div class="now">
       <progress max={1} value={share} aria-label={`${name}: steps done`} />
@@ -104,8 +111,10 @@ function Outcome({
       <Icon name="warn" />
       <div>
         <strong>
-          {failed ? job.error?.message || 'The training failed.' : 'The training was cancelled.'}
+          The training {failed ? 'failed' : 'was cancelled'}
+          {job.stage && ` in the stage “${stageName(job.stage)}”`}.
         </strong>
+        {failed && job.error?.message && <p>{job.error.message}</p>}
         <p>
           The photographs are still there: <Link to={`/scenes/${sceneId}`}>train again</Link>, with
           other options or as before.
@@ -129,16 +138,21 @@ function Curves({ training }: { training: Training }): JSX.Element {
   );
 }
 
-/** The first view as the new model shows it; undefined while there is none. */
-function usePreview(model: string | undefined): string | undefined {
+/** The first view as the new model shows it, and the model's advice; nothing while there is none. */
+function useMade(model: string | undefined) {
   const { value } = useAsked(
-    async (signal) =>
-      model
-        ? (await scenes.listViews({ parent: model, pageSize: 1 }, { signal })).views[0]?.view
-        : undefined,
+    async (signal) => {
+      if (!model) return undefined;
+      const [views, { advice }] = await Promise.all([
+        scenes.listViews({ parent: model, pageSize: 1 }, { signal }),
+        scenes.getModel({ name: model }, { signal }),
+      ]);
+      const view = views.views[0]?.view;
+      return { preview: view && pictureUrl(model, view, 640), advice };
+    },
     [model],
   );
-  return model && value ? pictureUrl(model, value) : undefined;
+  return value;
 }
 
 export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
@@ -156,7 +170,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
     }
   };
   const running = job && !hasEnded(job.state);
-  const preview = usePreview(job?.model);
+  const made = useMade(job?.model);
   return (
     <div class="screen" data-state={job ? jobStates[job.state] : ''}>
       <Header title={sceneId ? `Training ${sceneId}` : 'Training'} back="/">
@@ -179,11 +193,16 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
           </p>
         )}
         {job && <Outcome training={training} sceneId={sceneId} />}
+        <Advice advice={made?.advice} />
         {job && (
           <div class="training">
             <div class="card">
               <div class="preview">
-                {preview ? <img src={preview} alt="" /> : <ScenePhoto scene={job.scene} />}
+                {made?.preview ? (
+                  <img src={made.preview} alt="" />
+                ) : (
+                  <ScenePhoto scene={job.scene} parent={job.dataset} />
+                )}
               </div>
               <Stages training={training} />
             </div>

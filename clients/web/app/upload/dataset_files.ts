@@ -21,7 +21,7 @@ export interface Dataset {
   readonly leftOut: string[];
 }
 
-const photograph = /\.(jpe?g|png|webp)$/i;
+const photograph = /\.(jpe?g|png|webp|heic|heif)$/i;
 const video = /\.(mp4|m4v|mov|webm|mkv|avi)$/i;
 const depthMap = /\.(png|npy|pfm)$/i;
 

@@ -100,6 +100,19 @@ export function overlayIou(page: Page, { labels, value }: Truth): Promise<number
   );
 }
 
+/** Until the view and the strip show photographs that came from the server. */
+export async function photographsShown(page: Page, width: number): Promise<void> {
+  const shown = page.locator('.picture img[src*="/api/photo"]');
+  await expect
+    .poll(() => shown.evaluate((image: HTMLImageElement) => image.naturalWidth), { timeout: 30_000 })
+    .toBe(width);
+  const thumb = page.locator('.thumb img').first();
+  await expect(thumb).toHaveAttribute('src', /api\/photo.*max_side=/);
+  await expect
+    .poll(() => thumb.evaluate((image: HTMLImageElement) => image.naturalWidth), { timeout: 60_000 })
+    .toBe(256);
+}
+
 /** Clicks at shares of the view's width and height. */
 export async function clickView(
   page: Page,

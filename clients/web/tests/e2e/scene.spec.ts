@@ -9,12 +9,14 @@ import {
   dragBox,
   numAnswers,
   overlayIou,
+  photographsShown,
   picturesOf,
   screenshot,
   settled,
   shownInSplats,
   truthOf,
 } from './on_screen';
+import { strFromU8, unzipSync } from 'fflate';
 import { numGaussians, readCoco, saved, shelfWith } from './saved_files';
 import { Stack, artefacts, shelf } from './stack';
 
@@ -122,11 +124,14 @@ test('a click segments the book, in all views', async () => {
   test.setTimeout(300_000);
   await page.getByRole('link', { name: 'Open the scene' }).click();
   await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
+  await photographsShown(page, 640);
   const truth = await truthOf(page, view, book);
   const before = await numAnswers(page);
   await clickView(page, truth.inside);
   await settled(page, before);
   await expect(page.locator('.chip').first()).toBeVisible();
+  // One of the ladder is what was answered.
+  await expect(page.locator('.chips .chip[aria-pressed=true]')).toHaveCount(1);
   // What the click means is a part, the thing or more: a person picks it.
   const ious = [await overlayIou(page, truth)];
   for (const chip of await page.locator('.chips .chip').all()) {
@@ -205,7 +210,11 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   expect(json.annotations.length).toBeGreaterThan(10);
 
   const masks = await saved(page, page.getByRole('button', { name: 'Masks (PNG)' }));
-  expect(readFileSync(masks).subarray(0, 2).toString()).toBe('PK');
+  const files = unzipSync(readFileSync(masks));
+  expect(JSON.parse(strFromU8(files['labels.json'] as Uint8Array))).toEqual({
+    'bunny-book': 'Bunny book',
+  });
+  expect(Object.keys(files)).toContain('bunny-book/frame-000000.png');
 
   // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
   const folder = shelfWith(ply);
@@ -214,6 +223,7 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   await page.getByLabel('Name').fill('Again');
   await page.getByText('Numbers').click();
   await page.getByLabel('Steps of features').fill('30');
+  await page.getByLabel('Shrink photographs to').fill('0.5');
   await page.getByRole('button', { name: 'Upload and train' }).click();
   await expect(page.getByText('The scene is ready.')).toBeVisible({ timeout: 300_000 });
   await expect(page.locator('.stages .skipped', { hasText: 'Reconstruct' })).toBeVisible();
@@ -221,6 +231,26 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   const card = page.locator('.scene-card', { hasText: 'Again' });
   await expect(card.getByText(`${count.toLocaleString('en')} Gaussians`)).toBeVisible();
   rmSync(folder, { recursive: true });
+});
+
+test('pixels are the photograph’s after a training at half its size', async () => {
+  await page.getByRole('link', { name: 'Again' }).click();
+  await photographsShown(page, 640);
+  const truth = await truthOf(page, view, book);
+  const before = await numAnswers(page);
+  await clickView(page, truth.inside);
+  await settled(page, before);
+  const overlay = page.locator('.picture canvas.overlay');
+  expect(await overlay.evaluate((canvas: HTMLCanvasElement) => canvas.width)).toBe(640);
+  const [x, y] = truth.inside;
+  const hit = await overlay.evaluate(
+    (canvas: HTMLCanvasElement, at) =>
+      canvas.getContext('2d')?.getImageData(at[0] * 640, at[1] * 480, 1, 1).data[3] ?? 0,
+    [x, y] as const,
+  );
+  expect(hit, 'the mask is where the click was').toBeGreaterThan(0);
+  await screenshot(page, 'scene-half-size');
+  await page.getByRole('link', { name: 'Back' }).click();
 });
 
 test('a click in 3D segments what is seen there', async () => {
@@ -238,6 +268,22 @@ test('a click in 3D segments what is seen there', async () => {
   const overlay = page.locator('.splats .overlay').first();
   await expect(overlay).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
+});
+
+test('a click on nothing says so where it was, and the answer stays', async () => {
+  const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
+  const before = await area();
+  const canvas = page.locator('.splats-canvas');
+  await canvas.focus();
+  for (let i = 0; i < 25; ++i) await page.keyboard.press('-');
+  await page.waitForTimeout(500);
+  const edges = await canvas.boundingBox();
+  if (!edges) throw new Error('no 3D view');
+  await page.mouse.click(edges.x + 8, edges.y + 8);
+  await expect(page.getByText('Nothing to segment here')).toBeVisible({ timeout: 30_000 });
+  await expect(page.getByText('Looking …')).toBeHidden();
+  expect(await area()).toBe(before);
+  await screenshot(page, 'scene-click-on-nothing');
 });
 
 test('a box, a point, what is not meant, undo', async () => {

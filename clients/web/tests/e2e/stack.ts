@@ -95,8 +95,7 @@ export class Stack {
       '--key-file',
       join(this.folder, 'key'),
     ];
-    const photos = ['--photos', join(this.folder, 'photos')];
-    const listen = ['--listen', `127.0.0.1:${this.webPort}`, '--port-file', portFile, ...photos];
+    const listen = ['--listen', `127.0.0.1:${this.webPort}`, '--port-file', portFile];
     this.web = start(process.execPath, [...args, ...listen], 'web.log');
     this.webPort = await portIn(portFile, this.web);
   }

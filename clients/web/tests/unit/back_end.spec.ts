@@ -1,5 +1,7 @@
 import { accessSync, constants } from 'node:fs';
 import type { IncomingMessage } from 'node:http';
+import { createServer } from 'node:http';
+import type { AddressInfo } from 'node:net';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
 import { ConfigError, readConfig } from '../../server/config';
@@ -9,6 +11,8 @@ import { Newest } from '../../server/segment_socket';
 import { pieces } from '../../server/upload';
 import { resourceOf } from '../../server/proxy';
 import { passedOn } from '../../server/passed_on';
+import { getPhoto, photographRequest } from '../../server/photo';
+import { PixelFrame } from '../../gen/pepeseg/v1/prompt_pb';
 import { routing } from '../../server/channel';
 
 function request(headers: Record<string, string>): IncomingMessage {
@@ -121,4 +125,45 @@ test('where no server listens, the message names the address and a command that 
   if (command) accessSync(command, constants.X_OK);
   const far = new ConnectError('connect ECONNREFUSED 192.0.2.1:50051', Code.Unavailable);
   expect(passedOn(far, new AbortController().signal).rawMessage).not.toContain('start one');
+});
+
+test('a photograph is passed on, and cut where a chunk is damaged', async () => {
+  const data = new Uint8Array(3000).fill(7);
+  const asked: unknown[] = [];
+  const answer = (crc: number) => ({
+    getPhotograph: async function* (request: unknown) {
+      asked.push(request);
+      yield { part: { case: 'header', value: { contentType: 'image/jpeg', numBytes: 3000n } } };
+      yield { part: { case: 'chunk', value: { data, crc32c: crc } } };
+    },
+  });
+  const serve = async (crc: number) => {
+    const backEnd = { channel: { datasets: answer(crc) } } as never;
+    const server = createServer((request, response) => void getPhoto(backEnd, request, response));
+    await new Promise<void>((done) => server.listen(0, '127.0.0.1', done));
+    const { port } = server.address() as AddressInfo;
+    const query = 'parent=scenes/a/models/1&name=b.jpg&max_side=256';
+    const whole = await fetch(`http://127.0.0.1:${port}/api/photo?${query}`)
+      .then(async (response) => new Uint8Array(await response.arrayBuffer()))
+      .catch(() => undefined);
+    server.close();
+    return whole;
+  };
+  expect(await serve(crc32c(data))).toEqual(data);
+  expect(asked[0]).toMatchObject({
+    parent: 'scenes/a/models/1',
+    photograph: 'b.jpg',
+    maxSide: 256,
+    frame: PixelFrame.PHOTOGRAPH,
+  });
+  expect(await serve(1)).toBeUndefined();
+});
+
+test('of a photograph nothing else is asked', () => {
+  const request = (query: string) => () => photographRequest(new URLSearchParams(query));
+  expect(request('parent=scenes/a/datasets/1')()).toMatchObject({ photograph: '', maxSide: 0 });
+  expect(request('parent=p&frame=view')().frame).toBe(PixelFrame.VIEW);
+  expect(request('parent=p&frame=other')).toThrow('frame is unknown');
+  expect(request('parent=p&max_side=-1')).toThrow('max_side');
+  expect(request('name=a.jpg')).toThrow('parent is missing');
 });

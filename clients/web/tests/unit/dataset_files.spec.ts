@@ -9,6 +9,7 @@ function dropped(...paths: string[]): DroppedFile[] {
 
 test('the layout of the command-line client', () => {
   expect(kindOf('images/a/0001.JPG')).toBe(FileKind.IMAGE);
+  expect(kindOf('images/IMG_0001.HEIC')).toBe(FileKind.IMAGE);
   expect(kindOf('images/walk.mp4')).toBe(FileKind.VIDEO);
   expect(kindOf('sparse/0/cameras.bin')).toBe(FileKind.POSES);
   expect(kindOf('sparse/points3D.txt')).toBe(FileKind.POINTS);

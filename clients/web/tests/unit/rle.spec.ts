@@ -1,4 +1,5 @@
 import { expect, test } from '@playwright/test';
+import { shrunkMask } from '../../app/mask/paint';
 import { decodeRle, intersectionOverUnion, runsOf } from '../../app/mask/rle';
 
 // As pycocotools encodes it: the runs as they are, or as differences to the one before the last, in
@@ -51,4 +52,12 @@ test('more pixels than there are do no harm, other characters are an error', () 
 test('intersection over union', () => {
   expect(intersectionOverUnion(Uint8Array.of(1, 1, 0), Uint8Array.of(0, 1, 1))).toBeCloseTo(1 / 3);
   expect(intersectionOverUnion(new Uint8Array(3), new Uint8Array(3))).toBe(0);
+});
+
+test('a mask that is drawn is no larger than the screen', () => {
+  const large = { width: 400, height: 200, counts: encode([200 * 200, 200 * 200]) };
+  const { width, height, pixels } = shrunkMask(large, 40);
+  expect([width, height]).toEqual([40, 20]);
+  expect([pixels[0], pixels[19], pixels[20], pixels[39]]).toEqual([0, 0, 1, 1]);
+  expect(shrunkMask(large, 400).pixels).toEqual(decodeRle(large));
 });

@@ -1,27 +1,55 @@
 import { create } from '@bufbuild/protobuf';
 import { expect, test } from '@playwright/test';
 import { JobEventSchema } from '../../gen/pepeseg/v1/job_service_pb';
-import { ProposeScalesResponseSchema } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import { ViewSchema } from '../../gen/pepeseg/v1/scene_service_pb';
+import {
+  ProposeScalesResponseSchema,
+  ProposeScalesResponse_Kind,
+} from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { cocoJson } from '../../app/mask/coco';
 import { proposalsOf } from '../../app/scene/answer';
-import { segmentRequest } from '../../app/scene/prompt';
+import { segmentRequest, sizeOf } from '../../app/scene/prompt';
 
-test('three proposals, the smallest thing first', () => {
-  const mask = (area: bigint) => ({
-    area,
-    mask: { case: 'rle', value: { width: 2, height: 2, counts: '4' } } as const,
-  });
-  const proposals = [50n, 9n, 400n, 1n].map((area) => ({
-    scaleQuantile: 0.5,
+function ladder(areas: bigint[], kinds: ProposeScalesResponse_Kind[], best: number) {
+  const proposals = areas.map((area, i) => ({
+    scaleQuantile: 0.1 * i,
     threshold: 0.7,
-    mask: mask(area),
+    kind: kinds[i] ?? ProposeScalesResponse_Kind.UNSPECIFIED,
+    mask: {
+      area,
+      mask: { case: 'rle', value: { width: 2, height: 2, counts: '4' } } as const,
+    },
   }));
-  const shown = proposalsOf(create(ProposeScalesResponseSchema, { proposals }));
-  expect(shown.map(({ name, mask: { area } }) => [name, area])).toEqual([
-    ['Part', 9],
-    ['Object', 50],
-    ['Group', 400],
+  return proposalsOf(create(ProposeScalesResponseSchema, { proposals, best }));
+}
+
+test('proposals are the server’s ladder, with the names that it earned', () => {
+  const { PART, OBJECT, GROUP, UNSPECIFIED } = ProposeScalesResponse_Kind;
+  const shown = ladder([1n, 9n, 50n, 400n], [UNSPECIFIED, PART, OBJECT, GROUP], 2);
+  expect(shown.map(({ name, best, mask: { area } }) => [name, best, area])).toEqual([
+    ['1', false, 1],
+    ['Part', false, 9],
+    ['Object', true, 50],
+    ['Group', false, 400],
   ]);
+  const scales = shown.map(({ scale }) => scale);
+  expect(scales).toEqual([...scales].sort((a, b) => a - b));
+});
+
+test('two proposals of a kind are told apart by their place', () => {
+  const { PART, OBJECT } = ProposeScalesResponse_Kind;
+  const names = ladder([1n, 9n, 50n], [PART, PART, OBJECT], 0).map(({ name }) => name);
+  expect(names).toEqual(['Part 1', 'Part 2', 'Object']);
+});
+
+test('pixels are those of the photograph where its size is known', () => {
+  const camera = { width: 320, height: 240 };
+  expect(sizeOf(create(ViewSchema, { camera }))).toEqual({ width: 320, height: 240 });
+  const photograph = { photographWidth: 640, photographHeight: 480 };
+  expect(sizeOf(create(ViewSchema, { camera, ...photograph }))).toEqual({
+    width: 640,
+    height: 480,
+  });
 });
 
 test('what is not chosen is left to the server', () => {
@@ -48,7 +76,7 @@ test('COCO: ids from 1, no empty masks, sizes height first', () => {
     { view: 'a.jpg', width: 4, height: 3 },
     { view: 'b.jpg', width: 4, height: 3 },
   ];
-  expect(cocoJson('shelf', views, [{ category: 'cup', masks }])).toMatchObject({
+  expect(cocoJson('shelf', views, [{ id: 'cup-2', category: 'cup', masks }])).toMatchObject({
     images: [
       { id: 1, file_name: 'a.jpg' },
       { id: 2, file_name: 'b.jpg' },
