@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/io/digest.h"
 #include "core/io/gaussian_ply.h"
+#include "grpcpp/server_context.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/service_context.h"
