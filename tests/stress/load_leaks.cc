@@ -113,6 +113,12 @@ double ReservedBytes(LoadedServer& server) {
 }  // namespace
 
 UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
+  // One job runs at a time.
+  grpc::ClientContext cancelling;
+  v1::CancelJobRequest cancel;
+  cancel.set_name(server.idle_job);
+  v1::Job cancelled;
+  EXPECT_TRUE(server.running.jobs->CancelJob(&cancelling, cancel, &cancelled).ok());
   server.running.CreateScene("large");
   server.running.Await(server.running.Train("large", "large.model").name());
   v1::ExportSelectionRequest request;
