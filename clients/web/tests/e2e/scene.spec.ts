@@ -212,9 +212,9 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   const masks = await saved(page, page.getByRole('button', { name: 'Masks (PNG)' }));
   const files = unzipSync(readFileSync(masks));
   expect(JSON.parse(strFromU8(files['labels.json'] as Uint8Array))).toEqual({
-    'bunny-book': 'Bunny book',
+    'Bunny-book': 'Bunny book',
   });
-  expect(Object.keys(files)).toContain('bunny-book/frame-000000.png');
+  expect(Object.keys(files)).toContain('Bunny-book/frame-000000.png');
 
   // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
   const folder = shelfWith(ply);
