@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "absl/time/time.h"
+
 namespace pepeseg {
 
 // How a job's worker is started.
@@ -22,6 +24,10 @@ struct LaunchOptions {
   std::string database;
   // A server that is not heard of for so long has lost its jobs to whoever claims them next.
   int lease_seconds = 30;
+  // Pauses before the next attempt after the first, second, third ... crash in a row without
+  // progress; the last one repeats. After a crash with progress: the first. Not empty.
+  std::vector<absl::Duration> crash_pauses = {absl::Seconds(1), absl::Seconds(10),
+                                              absl::Seconds(60)};
   // How often a worker saves what it has, at least.
   int checkpoint_seconds = 60;
 };

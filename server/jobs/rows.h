@@ -74,6 +74,19 @@ struct DatasetFileRow {
 
 enum class JobState { kQueued = 0, kRunning = 1, kSucceeded = 2, kFailed = 3, kCancelled = 4 };
 
+// How an attempt ended whose job is to be tried again.
+enum class AttemptEnd {
+  kStopped,      // as it was asked to, or because its server could not reach the database
+  kServerEnded,  // with its server
+  kCrashed,      // its worker ended without a result
+};
+
+struct EndedAttempt {
+  AttemptEnd end = AttemptEnd::kStopped;
+  bool progress = false;   // it left something that the next attempt resumes from
+  absl::Duration pause{};  // before the next attempt
+};
+
 // Terminal: never changes again.
 inline bool IsTerminal(JobState state) {
   return state != JobState::kQueued && state != JobState::kRunning;
@@ -96,7 +109,9 @@ struct JobRow {
   std::string lease_owner;
   absl::Time lease_end;
   std::string launch;  // what the launcher calls it, as "slurm:17"; empty: the server's own process
-  int fruitless = 0;   // attempts in a row, broken off, that left nothing to go on from
+  // Attempts in a row without progress, by how they ended: see AttemptEnd.
+  int crashes = 0, server_ends = 0;
+  absl::Time not_before;  // of a QUEUED job: claimed no sooner, by the database's clock
   // Estimated when it was queued: host memory in bytes, time in seconds; 0: not known.
   int64_t host_bytes = 0, seconds = 0;
   bool cancel_requested = false;

@@ -219,7 +219,20 @@ absl::Status RunningJob::TakeModel(JobResult& result) const {
 bool RunningJob::MayTryAgain() const {
   if (!crashed_) return false;
   return lease_lost_ || folder_.HasSaved(job_.fence) ||
-         job_.fruitless + 1 < context_.options.max_fruitless;
+         job_.crashes + 1 < context_.options.max_crashes;
+}
+
+// The attempt, when its job is to be tried again. A stop that was asked for, or a database that was
+// away, is not the job's failure.
+EndedAttempt RunningJob::DescribeAttempt() const {
+  EndedAttempt attempt;
+  attempt.progress = folder_.HasSaved(job_.fence);
+  if (!crashed_ || lease_lost_) return attempt;
+  attempt.end = AttemptEnd::kCrashed;
+  const std::vector<absl::Duration>& pauses = context_.options.launch.crash_pauses;
+  const auto before = static_cast<size_t>(attempt.progress ? 0 : job_.crashes);
+  attempt.pause = pauses[std::min(before, pauses.size() - 1)];
+  return attempt;
 }
 
 absl::Status RunningJob::CommitModel(const JobResult& result) {
@@ -247,9 +260,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
     RETURN_IF_ERROR(CommitModel(result));
     ASSIGN_OR_RETURN(job_, store.GetJob(job_.id));
   } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
-    // A stop that was asked for, or a database that was away, is not the job's failure.
-    const bool saved = terminated_ || lease_lost_ || folder_.HasSaved(job_.fence);
-    ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, saved));
+    ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, DescribeAttempt()));
   } else {
     ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, WithoutDataFolder(outcome)));
   }
@@ -277,8 +288,12 @@ absl::Status RunningJob::Finish(bool requeue) {
   }
   if (IsTerminal(job_.state)) RemoveLeftovers();
   if (job_.state == JobState::kQueued && crashed_) {
-    RETURN_IF_ERROR(
-        AppendWarning(folder_, job_, std::string(WithoutDataFolder(outcome).message())));
+    std::string warning(WithoutDataFolder(outcome).message());
+    if (job_.not_before > absl::Now()) {
+      absl::StrAppend(&warning, "; it is tried again in ",
+                      absl::ToInt64Seconds(job_.not_before - absl::Now()) + 1, " s");
+    }
+    RETURN_IF_ERROR(AppendWarning(folder_, job_, warning));
   }
   std::error_code error;
   // A scene can be deleted as soon as the store has the end of its job, and the folder with it.

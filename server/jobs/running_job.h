@@ -57,7 +57,8 @@ class RunningJob {
   bool Ended() { return worker_->Poll().has_value(); }
   // Writes the outcome of a worker that has ended: first the store, then the log's last event.
   // `requeue`: an end that was asked for by Terminate() puts the job back into the queue. A crash
-  // does so, too, unless it has happened too often in a row with nothing saved.
+  // does so, too, after a pause, unless it has happened max_crashes times in a row without
+  // progress.
   absl::Status Finish(bool requeue);
 
  private:
@@ -69,6 +70,9 @@ class RunningJob {
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
   absl::Status WithoutDataFolder(const absl::Status& outcome) const;
+  EndedAttempt DescribeAttempt() const;
+  absl::Status AskForCheck();
+  absl::Status OutcomeOfCheck(const JobResult& result) const;
   absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);
   absl::Status CommitModel(const JobResult& result);
   void RemoveLeftovers() const;

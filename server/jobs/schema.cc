@@ -216,6 +216,16 @@ constexpr const char* kSelectionBytes =
 constexpr const char* kBytesOfSelections =
     "UPDATE selections SET num_bytes = 88 + (model_gaussians + 7) / 8";
 
+// Attempts in a row without progress count apart: those whose worker crashed, and those whose
+// server ended. What `fruitless` has counted so far was either.
+constexpr const char* kJobCrashes = "ALTER TABLE jobs RENAME COLUMN fruitless TO crashes";
+constexpr const char* kForgiveCrashes = "UPDATE jobs SET crashes = 0";
+constexpr const char* kJobServerEnds =
+    "ALTER TABLE jobs ADD COLUMN server_ends INTEGER NOT NULL DEFAULT 0";
+// A queued job is claimed no sooner.
+constexpr const char* kJobNotBefore =
+    "ALTER TABLE jobs ADD COLUMN not_before BIGINT NOT NULL DEFAULT 0";
+
 }  // namespace
 
 std::vector<const char*> SchemaStep(int to) {
@@ -239,6 +249,7 @@ std::vector<const char*> SchemaStep(int to) {
     return {kFileHeaders, kFileWidths,   kFileHeights,    kFilePoints,
             kBlobs,       kBlobsOfFiles, kSelectionBytes, kBytesOfSelections};
   }
+  if (to == 7) return {kJobCrashes, kForgiveCrashes, kJobServerEnds, kJobNotBefore};
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

@@ -6,7 +6,7 @@ namespace pepeseg {
 
 // The schema grows by steps that are never edited once released; SQL that SQLite and PostgreSQL
 // both take. Times are microseconds since 1970 UTC, 0: not yet. Serialised messages are base64.
-inline constexpr int kSchemaVersion = 6;
+inline constexpr int kSchemaVersion = 7;
 
 // The statements that lead from version `to - 1` to `to`, in [1, kSchemaVersion].
 std::vector<const char*> SchemaStep(int to);

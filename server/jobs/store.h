@@ -126,7 +126,8 @@ class Store {
   // Takes the oldest job that is QUEUED, or RUNNING with a lease that is over, and makes it RUNNING
   // on `device` with the next fence, for the length of a lease. One that a launcher still runs for
   // a holder whose lease is over keeps its fence and launch: it changes its holder only.
-  // Queued jobs of a project that runs as many as its quota allows are passed over.
+  // Queued jobs of a project that runs as many as its quota allows are passed over, and those that
+  // pause after a crash.
   absl::StatusOr<std::optional<JobRow>> ClaimJob(const std::string& device);
   // Prolongs the leases of what this store holds, and answers those jobs.
   absl::StatusOr<std::vector<JobRow>> RenewLeases();
@@ -143,9 +144,10 @@ class Store {
   absl::Status SetJobStage(const std::string& id, int64_t fence, const std::string& stage);
   // A QUEUED job is CANCELLED at once; of a RUNNING one the wish is noted; else nothing changes.
   absl::StatusOr<JobRow> RequestCancel(const std::string& id);
-  // RUNNING -> QUEUED, or CANCELLED when that was asked for. `saved`: the attempt has left
-  // something to go on from; else it counts as fruitless.
-  absl::StatusOr<JobRow> RequeueJob(const std::string& id, int64_t fence, bool saved);
+  // RUNNING -> QUEUED, or CANCELLED when that was asked for. Progress sets `crashes` and
+  // `server_ends` to 0; without it the one that the attempt's end belongs to rises by one.
+  absl::StatusOr<JobRow> RequeueJob(const std::string& id, int64_t fence,
+                                    const EndedAttempt& attempt);
   // RUNNING -> FAILED (with the code and message of `error`), or CANCELLED when that is its code.
   absl::StatusOr<JobRow> EndJob(const std::string& id, int64_t fence, const absl::Status& error);
   // RUNNING -> SUCCEEDED and its model live, in one transaction. Reads folder, metrics,

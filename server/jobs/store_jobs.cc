@@ -95,6 +95,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   int state = 0;
   int cancel_requested = 0;
   int64_t lease_end = 0;
+  int64_t not_before = 0;
   int64_t create_time = 0;
   int64_t start_time = 0;
   int64_t end_time = 0;
@@ -103,18 +104,21 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
   soci::statement select =
       (sql.prepare
            << "SELECT number, scene, dataset, state, stage, device, options, effective_options,"
-              " request_id, fence, lease_owner, lease_end, launch, fruitless, host_bytes, seconds,"
+              " request_id, fence, lease_owner, lease_end, launch, crashes, server_ends, "
+              "not_before,"
+              " host_bytes, seconds,"
               " cancel_requested, error_code, error_message, model, create_time, start_time, "
               "end_time, traceparent FROM jobs WHERE "
            << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
        soci::into(row.request_id), soci::into(row.fence), soci::into(row.lease_owner),
-       soci::into(lease_end), soci::into(row.launch), soci::into(row.fruitless),
-       soci::into(row.host_bytes), soci::into(row.seconds), soci::into(cancel_requested),
-       soci::into(row.error_code), soci::into(row.error_message), soci::into(row.model),
-       soci::into(create_time), soci::into(start_time), soci::into(end_time),
-       soci::into(row.traceparent), soci::use(key), soci::use(limit));
+       soci::into(lease_end), soci::into(row.launch), soci::into(row.crashes),
+       soci::into(row.server_ends), soci::into(not_before), soci::into(row.host_bytes),
+       soci::into(row.seconds), soci::into(cancel_requested), soci::into(row.error_code),
+       soci::into(row.error_message), soci::into(row.model), soci::into(create_time),
+       soci::into(start_time), soci::into(end_time), soci::into(row.traceparent), soci::use(key),
+       soci::use(limit));
   select.execute();
   std::vector<JobRow> rows;
   while (select.fetch()) {
@@ -124,6 +128,7 @@ std::vector<JobRow> SelectJobs(soci::session& sql, const std::string& where_orde
     row.options = FromColumn(options);
     row.effective_options = FromColumn(effective);
     row.lease_end = FromMicros(lease_end);
+    row.not_before = FromMicros(not_before);
     row.create_time = FromMicros(create_time);
     row.start_time = FromMicros(start_time);
     row.end_time = FromMicros(end_time);

@@ -29,18 +29,19 @@ void UpdateJob(soci::session& sql, const JobRow& job) {
   const int state = static_cast<int>(job.state);
   const int cancel_requested = job.cancel_requested ? 1 : 0;
   const int64_t lease_end = ToMicros(job.lease_end);
+  const int64_t not_before = ToMicros(job.not_before);
   const int64_t start_time = ToMicros(job.start_time);
   const int64_t end_time = ToMicros(job.end_time);
   sql << "UPDATE jobs SET state = :state, stage = :stage, device = :device, fence = :fence,"
-         " lease_owner = :owner, lease_end = :lease, launch = :launch, fruitless = :fruitless,"
-         " cancel_requested = :c,"
+         " lease_owner = :owner, lease_end = :lease, launch = :launch, crashes = :crashes,"
+         " server_ends = :server_ends, not_before = :not_before, cancel_requested = :c,"
          " error_code = :code, error_message = :message, model = :model, start_time = :start,"
          " end_time = :end WHERE number = :number",
       soci::use(state), soci::use(job.stage), soci::use(job.device), soci::use(job.fence),
       soci::use(job.lease_owner), soci::use(lease_end), soci::use(job.launch),
-      soci::use(job.fruitless), soci::use(cancel_requested), soci::use(job.error_code),
-      soci::use(job.error_message), soci::use(job.model), soci::use(start_time),
-      soci::use(end_time), soci::use(job.number);
+      soci::use(job.crashes), soci::use(job.server_ends), soci::use(not_before),
+      soci::use(cancel_requested), soci::use(job.error_code), soci::use(job.error_message),
+      soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
 }
 
 void MarkCancelled(JobRow& job) {
@@ -62,7 +63,18 @@ void BeginClaim(JobRow& job, const std::string& device) {
   job.stage.clear();
   job.device = device;
   job.fence += 1;
+  job.not_before = absl::InfinitePast();
   job.start_time = absl::Now();
+}
+
+void CountAttempt(const EndedAttempt& attempt, JobRow& job) {
+  if (attempt.progress) {
+    job.crashes = job.server_ends = 0;
+  } else if (attempt.end == AttemptEnd::kCrashed) {
+    job.crashes += 1;
+  } else if (attempt.end == AttemptEnd::kServerEnded) {
+    job.server_ends += 1;
+  }
 }
 
 int64_t LeaseEnd(soci::session& sql, const Store::Holder& holder) {
@@ -79,13 +91,13 @@ int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
   const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
   int64_t number = 0;
   sql << "SELECT number FROM jobs WHERE (state = 1 AND lease_end < :now) OR (state = 0 AND"
-         " scene NOT IN (SELECT id FROM scenes WHERE project IN ("
+         " not_before <= :queued_until AND scene NOT IN (SELECT id FROM scenes WHERE project IN ("
          "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
          " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
          " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most))))"
          " ORDER BY number LIMIT 1"
       << unlocked,
-      soci::use(now), soci::use(most), soci::into(number);
+      soci::use(now), soci::use(now), soci::use(most), soci::into(number);
   return sql.got_data() ? number : 0;
 }
 
@@ -193,7 +205,8 @@ absl::StatusOr<JobRow> Store::RequestCancel(const std::string& id) {
   });
 }
 
-absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence, bool saved) {
+absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence,
+                                         const EndedAttempt& attempt) {
   return database_->Query<JobRow>([&](soci::session& sql) -> absl::StatusOr<JobRow> {
     ASSIGN_OR_RETURN(JobRow job, SelectAttempt(sql, id, fence, holder_));
     EndClaim(job);
@@ -203,7 +216,10 @@ absl::StatusOr<JobRow> Store::RequeueJob(const std::string& id, int64_t fence, b
       job.state = JobState::kQueued;
       job.stage.clear();
       job.start_time = absl::InfinitePast();
-      job.fruitless = saved ? 0 : job.fruitless + 1;
+      CountAttempt(attempt, job);
+      if (attempt.pause > absl::ZeroDuration()) {
+        job.not_before = FromMicros(DatabaseMicros(sql) + absl::ToInt64Microseconds(attempt.pause));
+      }
     }
     UpdateJob(sql, job);
     return job;

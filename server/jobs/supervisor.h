@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include <vector>
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -29,10 +30,12 @@ struct SupervisorOptions {
   std::string device = "cpu";     // of the workers, Device::id
   std::string device_name;        // Backend::name() of it, for the store
   int num_threads = 0;            // of one job; 0: as many as the machine has
-  int64_t memory_limit = 0;       // host memory of a worker, bytes; 0: what the machine has
-  // A job whose attempts were broken off so often in a row, with nothing left to go on from,
-  // FAILED: by a crash of the worker, and by the end of a server.
-  int max_fruitless = 3, max_fruitless_by_server = 20;
+  // Host memory of a worker, bytes; 0: what the worker's machine or control group has.
+  int64_t memory_limit = 0;
+  // A job has FAILED when its worker crashed this many times in a row without progress, or its
+  // server ended during this many attempts in a row without progress. A stop that was asked for
+  // counts as neither.
+  int max_crashes = 3, max_server_ends = 100;
   absl::Duration silence = absl::Seconds(30);  // a worker that gives no sign for so long is killed
   std::string colmap = "colmap";               // for the workers: a path, or a name in PATH
   LaunchOptions launch;
@@ -45,9 +48,9 @@ struct SupervisorOptions {
 };
 
 // Takes queued jobs, runs each in a worker process, and follows it to its end: the model is
-// committed, or the job FAILED with the reason. A worker that crashes is started again, and goes on
-// from what it has saved. A dying worker never takes the server along, and a dying server takes its
-// workers along, unless they run on a cluster.
+// committed, or the job FAILED with the reason. A worker that crashes is started again after a
+// pause, and resumes from what it has saved. A dying worker never takes the server along, and a
+// dying server takes its workers along, unless they run on a cluster.
 //
 // On a shared database a job is held by a lease: this server prolongs it while it is well, and who
 // finds it over takes the job.

@@ -54,14 +54,14 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
     spdlog::error("jobs/{}: following {}: {}", job.id, job.launch, adopted.status().ToString());
   }
   const int64_t fence = job.fence;
-  const bool saved = FolderOf(job.id).HasSaved(fence);
-  if (saved || job.fruitless + 1 < options_.max_fruitless_by_server) {
-    ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, fence, saved));
+  const EndedAttempt ended{AttemptEnd::kServerEnded, FolderOf(job.id).HasSaved(fence), {}};
+  if (ended.progress || job.server_ends + 1 < options_.max_server_ends) {
+    ASSIGN_OR_RETURN(job, store_.RequeueJob(job.id, fence, ended));
   } else {
     ASSIGN_OR_RETURN(job, store_.EndJob(job.id, fence,
                                         absl::AbortedError(absl::StrCat(
-                                            "the server ended during each of ", job.fruitless + 1,
-                                            " attempts that left nothing to go on from"))));
+                                            "the server ended during each of ", job.server_ends + 1,
+                                            " attempts in a row that made no progress"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
   // No reason not to serve: the store has it.
@@ -71,6 +71,8 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
 }
 
 void Supervisor::Loop::StartThread() {
+  pauses_end_ =
+      absl::Now() + options_.launch.crash_pauses.back();  // of jobs that an earlier server queued
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -186,6 +188,7 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
     // ABORTED: another server took the job over, and will tell.
     if (!finished.ok()) spdlog::error("jobs/{}: writing its end: {}", job, finished.ToString());
     if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) continue;
+    pauses_end_ = std::max(pauses_end_, (*running)->job().not_before);
     running_.erase(running);
     {
       const std::lock_guard lock(mutex_);
@@ -199,8 +202,9 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
 bool Supervisor::Loop::WaitForWork() {
   std::unique_lock lock(mutex_);
   const auto woken = [this] { return woken_ || stopping_; };
-  if (running_.empty() && (store_.shared() || unsure_)) {
-    // Others queue jobs, and lose them; the database may be back.
+  const bool paused = absl::Now() < pauses_end_ + kLookAtOthers;
+  if (running_.empty() && (store_.shared() || unsure_ || paused)) {
+    // Others queue jobs, and lose them; the database may be back; a pause ends.
     wake_.wait_for(lock, absl::ToChronoMilliseconds(kLookAtOthers), woken);
   } else if (running_.empty()) {
     wake_.wait(lock, woken);

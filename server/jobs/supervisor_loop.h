@@ -70,6 +70,8 @@ class Supervisor::Loop {
   std::list<std::unique_ptr<RunningJob>> running_;
   bool unsure_ = false;  // whether what this server holds is what it runs
   absl::Time next_look_ = absl::InfinitePast(), next_renewal_ = absl::InfinitePast();
+  // Until then a queued job may become claimable although nothing wakes this thread.
+  absl::Time pauses_end_ = absl::InfinitePast();
 
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable wake_;

@@ -112,8 +112,8 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
   for (const JobRow& row : jobs.rows) {
     absl::StrAppend(&all, row.id, row.scene, row.dataset, static_cast<int>(row.state), row.stage,
                     row.device, row.options, row.effective_options, row.request_id, row.fence,
-                    row.launch, row.fruitless, row.error_code, row.error_message, row.model,
-                    absl::FormatTime(row.create_time), absl::FormatTime(row.start_time),
+                    row.launch, row.crashes, row.server_ends, row.error_code, row.error_message,
+                    row.model, absl::FormatTime(row.create_time), absl::FormatTime(row.start_time),
                     absl::FormatTime(row.end_time));
   }
   ASSIGN_OR_RETURN(const auto keys, store->ListKeys("", kAll));

@@ -109,6 +109,7 @@ int Run(const std::string& path) {
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
+  if (act == "crash at 4" && fence == 4) std::abort();
   event.mutable_stage_started()->set_stage("reconstruct");
   if (!(*log)->Append(event).ok()) return 97;
   for (int step = 1; step <= 3; ++step) {

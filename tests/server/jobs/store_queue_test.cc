@@ -74,7 +74,7 @@ TEST_F(StoreQueueTest, WhoLostItsLeaseWritesNothing) {
   EXPECT_TRUE(absl::IsAborted(a->SetJobStage(job, 1, "features")));
   EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
   EXPECT_TRUE(absl::IsAborted(a->EndJob(job, 1, absl::InternalError("x")).status()));
-  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, true).status()));
+  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
   // Not with the other's fence either.
   EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 2, {}).status()));
   ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->RenewLeases());
@@ -122,13 +122,49 @@ TEST_F(StoreQueueTest, OnlyAJobOfWhoIsGoneIsTakenOver) {
   ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
   EXPECT_TRUE(absl::IsAborted(b->TakeOverJob(job, "c").status()));
   ASSERT_OK(b->TakeOverJob(job, "a"));
-  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, false).status()));
-  ASSERT_OK_AND_ASSIGN(JobRow row, b->RequeueJob(job, 1, false));
-  EXPECT_EQ(row.fruitless, 1);
+  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->RequeueJob(job, 1, {}));
   EXPECT_EQ(row.lease_owner, "");
-  ASSERT_TRUE((*b->ClaimJob("cpu")).has_value());
-  ASSERT_OK_AND_ASSIGN(row, b->RequeueJob(job, 2, true));
-  EXPECT_EQ(row.fruitless, 0);
+}
+
+TEST_F(StoreQueueTest, CountsCrashesAndServerEndsApartUntilThereIsProgress) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  struct Case {
+    EndedAttempt attempt;
+    int crashes, server_ends;
+  };
+  const std::vector<Case> cases = {
+      {{AttemptEnd::kServerEnded, false, {}}, 0, 1}, {{AttemptEnd::kCrashed, false, {}}, 1, 1},
+      {{AttemptEnd::kServerEnded, false, {}}, 1, 2}, {{AttemptEnd::kStopped, false, {}}, 1, 2},
+      {{AttemptEnd::kCrashed, false, {}}, 2, 2},     {{AttemptEnd::kCrashed, true, {}}, 0, 0},
+      {{AttemptEnd::kServerEnded, true, {}}, 0, 0}};
+  int64_t fence = 0;
+  for (const Case& each : cases) {
+    ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+    ASSERT_OK_AND_ASSIGN(const JobRow row, a->RequeueJob(job, ++fence, each.attempt));
+    EXPECT_EQ(row.crashes, each.crashes) << "fence " << fence;
+    EXPECT_EQ(row.server_ends, each.server_ends) << "fence " << fence;
+    ASSERT_OK_AND_ASSIGN(const JobRow read, a->GetJob(job));
+    EXPECT_EQ(read.crashes, each.crashes);
+    EXPECT_EQ(read.server_ends, each.server_ends);
+  }
+}
+
+TEST_F(StoreQueueTest, PausedJobIsClaimedAfterItsPauseAndHoldsUpNoOther) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a), other = Queue(*a);
+  ASSERT_EQ((*a->ClaimJob("cpu"))->id, job);
+  ASSERT_OK_AND_ASSIGN(const JobRow row,
+                       a->RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
+  EXPECT_EQ(row.state, JobState::kQueued);
+  EXPECT_EQ((*a->ClaimJob("cpu"))->id, other);
+  EXPECT_FALSE((*a->ClaimJob("cpu")).has_value());
+  absl::SleepFor(row.not_before - absl::Now() + absl::Milliseconds(20));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 2);
+  EXPECT_EQ(claimed->not_before, absl::InfinitePast());
 }
 
 // Each job to one, whoever asks how often.

@@ -259,7 +259,7 @@ TEST_F(StoreTest, ClaimsOldestFirstWithARisingFence) {
   EXPECT_EQ((*claimed)->device, "cpu");
   EXPECT_EQ((*store_->ClaimJob("cpu"))->id, "j2");
   EXPECT_FALSE(store_->ClaimJob("cpu")->has_value());
-  ASSERT_TRUE(store_->RequeueJob("j1", 1, false).ok());
+  ASSERT_TRUE(store_->RequeueJob("j1", 1, {}).ok());
   EXPECT_EQ((*store_->ClaimJob("cuda"))->fence, 2);
   EXPECT_EQ(store_->GetJob("j1")->device, "cuda");
   // The first attempt lost its claim: it changes nothing any more.
@@ -333,7 +333,7 @@ TEST_F(StoreTest, CancelOfARunningJobSurvivesItsRequeue) {
   EXPECT_EQ(store_->RequestCancel("j1")->state, JobState::kRunning);
   EXPECT_TRUE(store_->GetJob("j1")->cancel_requested);
   ASSERT_TRUE(store_->SetJobStage("j1", 1, "features").ok());
-  EXPECT_EQ(store_->RequeueJob("j1", 1, false)->state, JobState::kCancelled);
+  EXPECT_EQ(store_->RequeueJob("j1", 1, {})->state, JobState::kCancelled);
   EXPECT_EQ(store_->GetJob("j1")->stage, "features") << "the stage in which it ended";
 }
 

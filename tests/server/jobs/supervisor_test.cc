@@ -23,12 +23,14 @@ class SupervisorTest : public ::testing::Test {
  protected:
   SupervisorTest() {
     store_ = Store::Open(testing::NewTestDatabase(folder_.path())).value();
+    options_.max_crashes = 2;
+    options_.launch.crash_pauses = {absl::Milliseconds(20)};
     Restart();
   }
 
   void Restart() {
     supervisor_.reset();
-    SupervisorOptions options;
+    SupervisorOptions options = options_;
     options.data_folder = folder_.path();
     options.worker = PEPESEG_FAKE_WORKER;
     options.file_path = [](const std::string&, const DatasetFileRow& file) {
@@ -36,8 +38,6 @@ class SupervisorTest : public ::testing::Test {
     };
     options.cancel_grace = absl::Milliseconds(300);
     options.silence = absl::Seconds(3);
-    options.max_fruitless = 2;
-    options.max_fruitless_by_server = 2;
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_TRUE(supervisor.ok()) << supervisor.status();
     supervisor_ = std::move(supervisor).value();
@@ -91,6 +91,7 @@ class SupervisorTest : public ::testing::Test {
   }
 
   testing::TempFolder folder_;
+  SupervisorOptions options_;  // of the next Restart()
   std::unique_ptr<Store> store_;
   std::unique_ptr<Supervisor> supervisor_;
   int num_scenes_ = 0;
@@ -297,15 +298,56 @@ TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
 }
 
 TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
+  options_.max_server_ends = 2;
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-  ASSERT_TRUE(store_->RequeueJob(job, 1, false).ok());
+  ASSERT_TRUE(store_->RequeueJob(job, 1, {AttemptEnd::kServerEnded, false, {}}).ok());
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   Restart();  // the second of two attempts is over
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("server ended during each of 2"));
+}
+
+// Three servers end during an attempt each, and then the worker crashes once.
+TEST_F(SupervisorTest, EndsOfTheServerDoNotCountAsCrashes) {
+  supervisor_->StopClaiming();
+  const std::string job = Submit("crash at 4");
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
+    ASSERT_TRUE(
+        store_->RequeueJob(job, i + 1, {AttemptEnd::kServerEnded, false, absl::ZeroDuration()})
+            .ok());
+  }
+  Restart();
+  const JobRow end = WaitForEnd(job);
+  EXPECT_EQ(end.state, JobState::kSucceeded) << end.error_message;
+  EXPECT_EQ(end.fence, 5);
+}
+
+TEST_F(SupervisorTest, PausesBetweenCrashesGrowAndHoldUpNoOtherJob) {
+  options_.max_crashes = 3;
+  options_.launch.crash_pauses = {absl::Milliseconds(300), absl::Milliseconds(900), absl::Hours(1)};
+  Restart();
+  const absl::Time start = absl::Now();
+  const std::string crash = Submit("crash");
+  WaitFor(crash, [](const JobRow& row) { return row.crashes == 2; });
+  const JobRow paused = *store_->GetJob(crash);
+  EXPECT_EQ(paused.state, JobState::kQueued);
+  EXPECT_EQ(paused.fence, 2);
+  EXPECT_GE(paused.not_before - start, absl::Milliseconds(1200));
+  const std::string next = Submit("succeed");
+  EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
+  const JobRow end = WaitForEnd(crash);
+  EXPECT_EQ(end.state, JobState::kFailed);
+  EXPECT_EQ(end.fence, 3);
+  EXPECT_GE(absl::Now() - start, absl::Milliseconds(1200));
+  bool told = false;
+  for (const v1::JobEvent& event : EventsOf(crash)) {
+    told |= event.warning().message().find("it is tried again in 1 s") != std::string::npos;
+  }
+  EXPECT_TRUE(told);
 }
 
 TEST_F(SupervisorTest, WorkerThatCrashesRunsAgain) {

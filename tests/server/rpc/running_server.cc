@@ -82,6 +82,7 @@ RunningServer::RunningServer(const std::string& worker, const ServerOptions& set
   options.worker = worker;
   options.device = "cpu";
   options.num_threads = 1;
+  options.launch.crash_pauses = {absl::Milliseconds(10)};
   Restart();
 }
 
