@@ -155,11 +155,13 @@ void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--device-memory", server.device_memory,
-                 "What a training may take of the device; 0: what is free of it now")
+                 "What a training may take of the device; 0: what is free of it now. On the CPU no "
+                 "more than the workers' share, which is what --model-memory and the server leave")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--model-memory", server.model_bytes,
-                 "Budget for models in the host's memory; 0: half of the machine's")
+                 "Budget for models in the host's memory; 0: half of what the machine or the "
+                 "container has. What it and a reserve of the server leave is a worker's limit")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--device-model-memory", server.model_device_bytes,

@@ -20,6 +20,10 @@ struct PhotoSize {
   int height = 0;
 };
 
+// INVALID_ARGUMENT with both sizes unless the mask, which `where` names, has its photograph's.
+absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t height,
+                           const PhotoSize& photo);
+
 // The masks of a photograph, by the suffix of `name`:
 //   .json  what SAM's automatic mask generator writes: a list of {"segmentation": {"size":
 //          [height, width], "counts": [run, ...] or "compressed"}}; its other fields are passed

@@ -113,9 +113,18 @@ std::string EncodeCocoRle(const BinaryMask& mask, int width, int height) {
   return text;
 }
 
-absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(absl::string_view compressed) {
+absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(absl::string_view compressed,
+                                                     int64_t max_counts) {
   std::vector<int64_t> counts;
+  // As many as there are last digits: growing would take the memory of a long string twice.
+  const auto num_last = std::count_if(compressed.begin(), compressed.end(), [](char c) {
+    return ((c - kFirstCharacter) & kMoreDigits) == 0;
+  });
+  counts.reserve(static_cast<size_t>(std::min<int64_t>(num_last, max_counts)));
   for (size_t position = 0; position < compressed.size();) {
+    if (static_cast<int64_t>(counts.size()) == max_counts) {
+      return absl::InvalidArgumentError(absl::StrCat("has more than ", max_counts, " runs"));
+    }
     absl::StatusOr<int64_t> number = TakeNumber(compressed, position);
     if (!number.ok()) return number.status();
     counts.push_back(counts.size() > 2 ? *number + counts[counts.size() - 2] : *number);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,8 +17,10 @@ namespace pepeseg {
 // its difference to the one two places before, in digits of five bits, as printable characters.
 std::string EncodeCocoRle(const BinaryMask& mask, int width, int height);
 
-// The counts of the compressed form. INVALID_ARGUMENT: not such a string.
-absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(absl::string_view compressed);
+// The counts of the compressed form. INVALID_ARGUMENT: not such a string, or more than
+// `max_counts`.
+absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(
+    absl::string_view compressed, int64_t max_counts = std::numeric_limits<int64_t>::max());
 
 // Row-major indices y * width + x of the pixels that the runs cover, each once, in the runs' order.
 // INVALID_ARGUMENT: a run is negative, or they do not add up to width * height.

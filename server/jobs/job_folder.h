@@ -49,7 +49,7 @@ struct JobSpec {
   // Stage one saves its state after so many seconds or steps, whichever come first.
   int64_t checkpoint_seconds = 60;
   int64_t checkpoint_steps = 1000;
-  int64_t memory_limit = 0;  // bytes of host memory; 0: what the machine has
+  int64_t memory_limit = 0;  // bytes of host memory; 0: what the machine or control group has
   // W3C trace context of the call that made the job; empty: none is known. Not in every spec.json.
   std::string traceparent;
   // The worker ends when lease-FENCE was not touched for so long; 0: it has the job for itself.

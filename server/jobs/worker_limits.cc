@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "core/status_macros.h"
+#include "kernels/host_memory.h"
 #include "server/jobs/sanitizers.h"
 
 namespace pepeseg {
@@ -34,17 +35,13 @@ absl::Status Limit(decltype(RLIMIT_AS) resource, rlim_t value) {
   return absl::InternalError("setrlimit: " + std::generic_category().message(errno));
 }
 
-rlim_t PhysicalBytes() {
-  return static_cast<rlim_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
-}
-
 }  // namespace
 
 absl::Status LimitResources(int64_t memory_limit, int num_threads) {
-  const rlim_t memory = memory_limit > 0 ? static_cast<rlim_t>(memory_limit) : PhysicalBytes();
+  const int64_t memory = memory_limit > 0 ? memory_limit : HostMemory().total_bytes;
   // Not RLIMIT_AS: CUDA reserves address space as large as all memory of host and devices, and
   // touches none of it.
-  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, memory));
+  if (!kSanitized) RETURN_IF_ERROR(Limit(RLIMIT_DATA, static_cast<rlim_t>(memory)));
   const long threads = num_threads > 0 ? num_threads : sysconf(_SC_NPROCESSORS_ONLN);
   RETURN_IF_ERROR(Limit(RLIMIT_CPU, kMaxSeconds * static_cast<rlim_t>(std::max(threads, 1L))));
   RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kMaxFileBytes));

@@ -9,8 +9,8 @@
 namespace pepeseg {
 
 // What keeps a worker, which decodes files that nobody has vouched for, from hurting its machine.
-// `memory_limit`: bytes of private writable memory; 0: as much as the machine has. Sanitizers map
-// more than any machine has, so built with one there is no such limit.
+// `memory_limit`: bytes of private writable memory; 0: as much as the machine has for this process
+// (HostMemory). Sanitizers map more than any machine has, so built with one there is no such limit.
 absl::Status LimitResources(int64_t memory_limit, int num_threads);
 
 // The same for a process that decodes one photograph: 2 GiB of memory, a minute of processor time,

@@ -129,8 +129,7 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   // Only to refuse them now rather than in the first job.
   if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
-  device_memory =
-      options.device_memory > 0 ? options.device_memory : device.backend->memory().free_bytes;
+  device_memory = TrainingMemory(options, *device.backend);
   LogDevice(device, device_memory);
   models = MakeModelCache(options, *device.backend);
   return absl::OkStatus();

@@ -51,10 +51,11 @@ struct ServerOptions {
   int64_t priors_seconds = 3600;  // its time limit
   std::string device = "auto";    // of jobs and queries, see OpenDevice
   int num_threads = 0;            // of a job and of a query; 0: as many as the machine has
-  // Of the device, for a training, bytes; 0: what is free of it when the server starts.
+  // Of the device, for a training, bytes; 0: what is free of it when the server starts. On a device
+  // that is the host no more than WorkerMemory (server_parts.h).
   int64_t device_memory = 0;
-  // Budgets of models in memory, bytes; 0: half of the machine's and of the device's. On a device
-  // that is the host there is only the first.
+  // Budgets of models in memory, bytes; 0: half of what the machine or the control group has, and
+  // of the device's. On a device that is the host there is only the first.
   int64_t model_bytes = 0, model_device_bytes = 0;
 };
 

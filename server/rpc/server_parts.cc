@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/child_process.h"
 #include "core/status_macros.h"
+#include "kernels/host_memory.h"
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"
 #include "server/rpc/listen_rules.h"
@@ -15,8 +16,11 @@
 namespace pepeseg {
 namespace {
 
-int64_t HalfOfMemory() {
-  return static_cast<int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE) / 2;
+// The server's calls, uploads and queries, besides its models.
+constexpr int64_t kServerReserve = int64_t{1} << 30;
+
+int64_t HostModelBytes(const ServerOptions& options) {
+  return options.model_bytes > 0 ? options.model_bytes : HostMemory().total_bytes / 2;
 }
 
 std::string DatabaseUrl(const ServerOptions& options) {
@@ -70,6 +74,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;
+  job_options.memory_limit = WorkerMemory(options);
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
   if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
@@ -77,10 +82,26 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   return job_options;
 }
 
+int64_t WorkerMemory(int64_t host_bytes, int64_t model_bytes) {
+  const int64_t reserve = std::min(kServerReserve, host_bytes / 8);
+  return std::max(host_bytes / 4, host_bytes - model_bytes - reserve);
+}
+
+int64_t WorkerMemory(const ServerOptions& options) {
+  if (options.launch.launcher != LaunchOptions::Launcher::kProcess) return 0;
+  return WorkerMemory(HostMemory().total_bytes, HostModelBytes(options));
+}
+
+int64_t TrainingMemory(const ServerOptions& options, const Backend& backend) {
+  const DeviceMemory memory = backend.memory();
+  const int64_t bytes = options.device_memory > 0 ? options.device_memory : memory.free_bytes;
+  const int64_t worker = WorkerMemory(options);
+  return memory.is_host && worker > 0 ? std::min(bytes, worker) : bytes;
+}
+
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
   const DeviceMemory memory = backend.memory();
-  MemoryBytes limit = {options.model_bytes, options.model_device_bytes};
-  if (limit.host <= 0) limit.host = memory.is_host ? memory.total_bytes / 2 : HalfOfMemory();
+  MemoryBytes limit = {HostModelBytes(options), options.model_device_bytes};
   if (limit.device <= 0) limit.device = memory.total_bytes / 2;
   return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
                                       [&backend] { backend.ReleaseFreed(); });

@@ -24,6 +24,15 @@ absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options);
 void LogDevice(const Device& device, int64_t device_memory);
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend);
 
+// Host memory that a worker on this machine may take, bytes: of `host_bytes`, which the machine or
+// the control group has, what is not the server's. The server's are `model_bytes`, its budget for
+// models, and a reserve for its calls. At least a quarter, so that large budgets stop no training.
+int64_t WorkerMemory(int64_t host_bytes, int64_t model_bytes);
+// The same by the options; 0 where workers run on other machines.
+int64_t WorkerMemory(const ServerOptions& options);
+// Memory of the device that a training may take, bytes; of the host's no more than a worker may.
+int64_t TrainingMemory(const ServerOptions& options, const Backend& backend);
+
 // Without priors_command, file_path and on_event.
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
 // Of the program, as FindProgram takes it; empty: there is none.

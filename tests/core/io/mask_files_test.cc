@@ -62,7 +62,10 @@ TEST(SamMasks, ThatAreMalformedAreRefusedNamingTheMask) {
                 kInvalidArgument, "run 0");
   EXPECT_STATUS(ReadJson("{}"), kInvalidArgument, "masks/a.json: is not a list");
   EXPECT_STATUS(ReadJson("[{"), kInvalidArgument, "masks/a.json: is not JSON");
-  EXPECT_STATUS(ReadJson(std::string(100'000, '[')), kInvalidArgument, "is not JSON");
+  EXPECT_STATUS(ReadJson(std::string(64, '[')), kInvalidArgument, "is not JSON");
+  EXPECT_STATUS(ReadJson(std::string(65, '[')), kInvalidArgument,
+                "masks/a.json: is nested deeper than 64 levels");
+  EXPECT_STATUS(ReadJson(std::string(100'000, '[')), kInvalidArgument, "nested deeper");
 }
 
 TEST(SamMasks, HaveALimitOfTheirNumber) {

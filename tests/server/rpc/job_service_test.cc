@@ -3,6 +3,9 @@
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "kernels/host_memory.h"
+#include "server/jobs/job_folder.h"
+#include "server/rpc/server_parts.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {
@@ -87,6 +90,17 @@ TEST_F(JobServiceTest, TrainsAndTellsItAll) {
   EXPECT_EQ(after.progress().step(), 3);
   EXPECT_TRUE(after.has_start_time());
   EXPECT_FALSE(after.has_error());
+}
+
+TEST_F(JobServiceTest, GivesTheWorkerTheMemoryThatTheServerLeaves) {
+  running.options.model_bytes = int64_t{512} << 20;
+  running.Restart();
+  ASSERT_TRUE(Train(Request("fine")).ok());
+  running.Await(job.name());
+  const auto spec = JobFolder(running.options.data / "jobs" / "j1").ReadSpec(1);
+  ASSERT_TRUE(spec.ok()) << spec.status();
+  EXPECT_EQ(spec->memory_limit, WorkerMemory(running.options));
+  EXPECT_LT(spec->memory_limit, HostMemory().total_bytes);
 }
 
 TEST_F(JobServiceTest, AWatchResumesWhereItWas) {

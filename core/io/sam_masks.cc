@@ -1,0 +1,277 @@
+#include "core/io/sam_masks.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/refused.h"
+#include "core/io/rle.h"
+#include "core/status_macros.h"
+#include "nlohmann/json.hpp"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxBitsetBytes = int64_t{1} << 30;
+constexpr char kNoSegmentation[] = "has no \"segmentation\" with a \"size\": [height, width]";
+
+// The "segmentation" of one mask, as it was read so far. Of a key that comes twice the last counts.
+struct Segmentation {
+  std::vector<int64_t> size;  // [height, width]; at most 3 numbers are kept
+  bool size_ok = false;       // a list of whole numbers
+  std::vector<int64_t> runs;
+  std::string compressed;
+  absl::Status counts;  // of runs or compressed
+
+  // Keeps the memory of the runs for the next mask.
+  void Clear() {
+    size.clear();
+    size_ok = false;
+    runs.clear();
+    compressed.clear();
+    counts = absl::InvalidArgumentError("\"counts\" is no list and no string");
+  }
+};
+
+// Receives the events of nlohmann's SAX parser, which names its methods. Each answers whether to
+// read on.
+class SamReader {
+ public:
+  using Json = nlohmann::json;
+
+  SamReader(absl::string_view text, const std::string& name, const PhotoSize& photo)
+      : name_(name), photo_(photo), builder_(photo.width, photo.height) {
+    // A run takes two bytes of the text or more. Reserved once: growing would take it twice.
+    const auto most = static_cast<size_t>(MaxRuns());
+    mask_.runs.reserve(std::min(most, text.size() / 2 + 1));
+  }
+
+  // The masks, once the parser has answered.
+  absl::StatusOr<MaskSet> Finish(bool parsed) &&;
+
+  bool null() { return Scalar(); }
+  bool boolean(bool) { return Scalar(); }
+  bool number_float(double, const std::string&) { return Scalar(); }
+  bool binary(Json::binary_t&) { return Scalar(); }
+  bool number_integer(int64_t value) { return Number(value); }
+  bool number_unsigned(uint64_t value) {
+    constexpr auto kMost = static_cast<uint64_t>(std::numeric_limits<int64_t>::max());
+    return value > kMost ? Scalar() : Number(static_cast<int64_t>(value));
+  }
+  bool string(std::string& value);
+  bool start_object(size_t);
+  bool end_object() { return End(); }
+  bool start_array(size_t);
+  bool end_array() { return End(); }
+  bool key(std::string& value) {
+    if (num_passed_ == 0) key_ = std::move(value);
+    return true;
+  }
+  bool parse_error(size_t, const std::string&, const Json::exception&) { return false; }
+
+ private:
+  // What the parser is in, but for what is passed over.
+  enum class Place { kDocument, kList, kMask, kSegmentation, kSize, kRuns };
+
+  int64_t MaxRuns() const { return int64_t{photo_.width} * photo_.height + 1; }
+  bool Enter();
+  // An array or object that is passed over.
+  bool Pass() {
+    ++num_passed_;
+    return true;
+  }
+  bool End();
+  bool Scalar();
+  bool Number(int64_t value);
+  // A value that is not of the type that its place takes.
+  void Misplaced();
+  void BeginMask() {
+    ++num_masks_;
+    mask_.Clear();
+  }
+  void EndMask();
+  absl::Status AddMask(const std::string& where);
+
+  const std::string& name_;
+  const PhotoSize& photo_;
+  MaskSetBuilder builder_;
+  Place place_ = Place::kDocument;
+  int depth_ = 0;       // arrays and objects that are open
+  int num_passed_ = 0;  // of these, those that are passed over
+  std::string key_;     // the newest in place_
+  Segmentation mask_;
+  size_t num_masks_ = 0;
+  bool is_list_ = true, too_deep_ = false;
+  absl::Status first_error_;  // of a mask; the rest is still read, for errors that come before it
+};
+
+bool SamReader::Enter() {
+  too_deep_ = ++depth_ > kMaxMaskJsonDepth;
+  return !too_deep_;
+}
+
+bool SamReader::start_array(size_t) {
+  if (!Enter()) return false;
+  if (num_passed_ > 0) return Pass();
+  if (place_ == Place::kDocument) {
+    place_ = Place::kList;
+    return true;
+  }
+  if (place_ == Place::kSegmentation && key_ == "size") {
+    mask_.size.clear();
+    mask_.size_ok = true;
+    place_ = Place::kSize;
+    return true;
+  }
+  if (place_ == Place::kSegmentation && key_ == "counts") {
+    mask_.runs.clear();
+    mask_.compressed.clear();
+    mask_.counts = absl::OkStatus();
+    place_ = Place::kRuns;
+    return true;
+  }
+  Misplaced();
+  return Pass();
+}
+
+bool SamReader::start_object(size_t) {
+  if (!Enter()) return false;
+  if (num_passed_ > 0) return Pass();
+  if (place_ == Place::kList) {
+    BeginMask();
+    place_ = Place::kMask;
+    return true;
+  }
+  if (place_ == Place::kMask && key_ == "segmentation") {
+    mask_.Clear();
+    place_ = Place::kSegmentation;
+    return true;
+  }
+  Misplaced();
+  return Pass();
+}
+
+bool SamReader::End() {
+  --depth_;
+  if (num_passed_ > 0) {
+    --num_passed_;
+    return true;
+  }
+  switch (place_) {
+    case Place::kSize:
+    case Place::kRuns:
+      place_ = Place::kSegmentation;
+      break;
+    case Place::kSegmentation:
+      place_ = Place::kMask;
+      break;
+    case Place::kMask:
+      EndMask();
+      place_ = Place::kList;
+      break;
+    default:
+      place_ = Place::kDocument;
+  }
+  return true;
+}
+
+void SamReader::Misplaced() {
+  switch (place_) {
+    case Place::kDocument:
+      is_list_ = false;
+      return;
+    case Place::kList:
+      BeginMask();
+      EndMask();
+      return;
+    case Place::kMask:
+      if (key_ == "segmentation") mask_.Clear();
+      return;
+    case Place::kSegmentation:
+      if (key_ == "size") mask_.size_ok = false;
+      if (key_ == "counts") {
+        mask_.counts = absl::InvalidArgumentError("\"counts\" is no list and no string");
+      }
+      return;
+    case Place::kSize:
+      mask_.size_ok = false;
+      return;
+    case Place::kRuns:
+      if (!mask_.counts.ok()) return;
+      mask_.counts = absl::InvalidArgumentError(
+          absl::StrCat("run ", mask_.runs.size(), " is no whole number"));
+  }
+}
+
+bool SamReader::Scalar() {
+  if (num_passed_ == 0) Misplaced();
+  return true;
+}
+
+bool SamReader::Number(int64_t value) {
+  if (num_passed_ > 0 || (place_ != Place::kSize && place_ != Place::kRuns)) return Scalar();
+  if (place_ == Place::kSize) {
+    if (mask_.size.size() < 3) mask_.size.push_back(value);
+  } else if (mask_.counts.ok() && static_cast<int64_t>(mask_.runs.size()) < MaxRuns()) {
+    mask_.runs.push_back(value);
+  } else if (mask_.counts.ok()) {
+    mask_.counts = absl::InvalidArgumentError(
+        absl::StrCat("has more than ", MaxRuns(), " runs, one more than the image has pixels"));
+  }
+  return true;
+}
+
+bool SamReader::string(std::string& value) {
+  if (num_passed_ > 0 || place_ != Place::kSegmentation || key_ != "counts") return Scalar();
+  mask_.compressed = std::move(value);
+  mask_.runs.clear();
+  mask_.counts = absl::OkStatus();
+  return true;
+}
+
+void SamReader::EndMask() {
+  if (!first_error_.ok() || num_masks_ > kMaxMasksOfView) return;
+  first_error_ = AddMask(absl::StrCat(name_, ": mask ", num_masks_ - 1));
+}
+
+absl::Status SamReader::AddMask(const std::string& where) {
+  if (!mask_.size_ok || mask_.size.size() != 2) return Refused(where, kNoSegmentation);
+  RETURN_IF_ERROR(CheckMaskSize(where, mask_.size[1], mask_.size[0], photo_));
+  if (!mask_.counts.ok()) return Refused(where, mask_.counts.message());
+  absl::StatusOr<std::vector<int64_t>> unpacked = ParseCocoCounts(mask_.compressed, MaxRuns());
+  if (!unpacked.ok()) return Refused(where, unpacked.status().message());
+  const absl::StatusOr<std::vector<uint32_t>> pixels =
+      PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, photo_.width, photo_.height);
+  if (!pixels.ok()) return Refused(where, pixels.status().message());
+  builder_.Add(*pixels);
+  if (builder_.BitsetBytes() <= kMaxBitsetBytes) return absl::OkStatus();
+  return Refused(where, "the masks overlap in too many ways to be those of objects");
+}
+
+absl::StatusOr<MaskSet> SamReader::Finish(bool parsed) && {
+  if (too_deep_) {
+    return Refused(name_, absl::StrCat("is nested deeper than ", kMaxMaskJsonDepth, " levels"));
+  }
+  if (!parsed) return Refused(name_, "is not JSON, or cut short");
+  if (!is_list_) return Refused(name_, "is not a list of masks");
+  if (num_masks_ > kMaxMasksOfView) {
+    return Refused(name_,
+                   absl::StrCat("has ", num_masks_, " masks, the limit is ", kMaxMasksOfView));
+  }
+  RETURN_IF_ERROR(first_error_);
+  return std::move(builder_).Build();
+}
+
+}  // namespace
+
+absl::StatusOr<MaskSet> ParseSamMasks(absl::string_view text, const std::string& name,
+                                      const PhotoSize& photo) {
+  SamReader reader(text, name, photo);
+  const bool parsed = nlohmann::json::sax_parse(text.begin(), text.end(), &reader);
+  return std::move(reader).Finish(parsed);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,43 @@
+#include "server/rpc/server_parts.h"
+
+#include <gtest/gtest.h>
+
+#include "kernels/host_memory.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kGib = int64_t{1} << 30;
+
+TEST(WorkerMemory, IsWhatTheServersModelsAndItsReserveLeave) {
+  EXPECT_EQ(WorkerMemory(16 * kGib, 8 * kGib), 7 * kGib);
+  EXPECT_EQ(WorkerMemory(4 * kGib, 2 * kGib), 3 * kGib / 2);
+}
+
+TEST(WorkerMemory, IsAtLeastAQuarterWhateverTheModelsTake) {
+  EXPECT_EQ(WorkerMemory(16 * kGib, 15 * kGib), 4 * kGib);
+  EXPECT_EQ(WorkerMemory(16 * kGib, int64_t{1} << 50), 4 * kGib);
+}
+
+TEST(WorkerMemory, IsForOtherMachinesToSayWhereSlurmStartsWorkers) {
+  ServerOptions options;
+  options.model_bytes = kGib;
+  const int64_t here = WorkerMemory(options);
+  EXPECT_GT(here, 0);
+  EXPECT_LT(here, HostMemory().total_bytes);
+  options.launch.launcher = LaunchOptions::Launcher::kSlurm;
+  EXPECT_EQ(WorkerMemory(options), 0);
+}
+
+TEST(TrainingMemory, OfTheHostIsNoMoreThanAWorkerMayTake) {
+  const auto device = OpenDevice("cpu", 1);
+  ASSERT_TRUE(device.ok()) << device.status();
+  ServerOptions options;
+  options.device_memory = int64_t{1} << 50;
+  EXPECT_EQ(TrainingMemory(options, *device->backend), WorkerMemory(options));
+  options.device_memory = kGib / 8;
+  EXPECT_EQ(TrainingMemory(options, *device->backend), kGib / 8);
+}
+
+}  // namespace
+}  // namespace pepeseg
