@@ -48,7 +48,7 @@ flock --nonblock "$collector" || fail 'a server removes old files just now: try 
 copy() {
   local status=0
   rsync --archive --exclude='/lock' --exclude='/locks/' --exclude='/collector.lock' \
-    --exclude='/partial/' --exclude='/jobs/*/work/tmp/' --exclude='/pepeseg.db*' --exclude='*.tmp-*' \
+    --exclude='/partial/' --exclude='/damaged/' --exclude='/jobs/*/work/tmp/' --exclude='/pepeseg.db*' --exclude='*.tmp-*' \
     ${since:+--link-dest="$since/data"} "$@" || status=$?
   # 24: files went away meanwhile. Whether they are missed is found out at the end.
   ((status == 0 || status == 24)) || fail "rsync left with $status"
@@ -57,12 +57,13 @@ copy() {
 # A scene's folder (SceneFolderName of server/layout.h).
 folder="replace(replace(scene, '_', '__'), '.', '_-')"
 for letter in {A..Z}; do folder="replace($folder, '$letter', '_${letter,}')"; done
-# Paths below the data directory that must be there. Sealed datasets are 1 (server/jobs/rows.h).
+# Paths below the data directory that must be there. Sealed datasets are 1 (server/jobs/rows.h); files
+# that are not stored were found damaged, and set aside.
 named="SELECT folder || '/manifest.json' FROM models UNION ALL SELECT file FROM selections UNION ALL
   SELECT 'datasets/' || $folder || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL
   SELECT DISTINCT 'blobs/' || s.project || '/' || substr(f.sha256, 1, 2) || '/' || f.sha256
   FROM dataset_files f JOIN datasets d ON d.scene = f.scene AND d.number = f.dataset
-  JOIN scenes s ON s.id = f.scene WHERE d.state = 1"
+  JOIN scenes s ON s.id = f.scene WHERE d.state = 1 AND f.stored = 1"
 
 copy_sqlite() {
   sqlite3 -bail "$data/pepeseg.db" '.timeout 60000' ".backup '$backup/pepeseg.db'" || return 1

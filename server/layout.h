@@ -16,6 +16,7 @@
 //   collector.lock            held by the one server that collects what nothing refers to
 //   locks/PROJECT             shared by who counts on a blob that is there, held by who removes one
 //   blobs/PROJECT/ab/abcd...  bytes of uploaded files, by SHA-256
+//   damaged/PROJECT/abcd...   blobs whose bytes had another digest when they were read again
 //   partial/PROJECT/SCENE-N/  beginnings of the files of an upload, by SHA-256, and DIGEST.length:
 //                             how many of their bytes are committed
 //   datasets/SCENE/N.json     manifest of a sealed dataset
@@ -59,6 +60,14 @@ struct BlobName {
 
 inline std::filesystem::path BlobPath(const std::filesystem::path& data, const BlobName& blob) {
   return BlobFolderOf(data, blob.project) / blob.sha256.substr(0, 2) / blob.sha256;
+}
+
+inline std::filesystem::path DamagedFolder(const std::filesystem::path& data) {
+  return data / "damaged";
+}
+
+inline std::filesystem::path DamagedPath(const std::filesystem::path& data, const BlobName& blob) {
+  return DamagedFolder(data) / blob.project / blob.sha256;
 }
 
 inline std::filesystem::path PartialFolder(const std::filesystem::path& data) {

@@ -173,6 +173,16 @@ absl::Status CollectBeginnings(Collection& collection) {
   return absl::OkStatus();
 }
 
+void CollectDamaged(Collection& collection) {
+  for (const fs::path& project : EntriesOf(DamagedFolder(collection.options.data))) {
+    for (const fs::path& blob : EntriesOf(project)) {
+      if (AgeOf(blob) >= collection.options.file_age) collection.Remove(blob);
+    }
+    std::error_code ignored;
+    fs::remove(project, ignored);  // where it is empty
+  }
+}
+
 absl::Status CollectBlobs(Collection& collection) {
   ASSIGN_OR_RETURN(const std::vector<std::string> counted, collection.store.ListBlobProjects());
   std::set<std::string> projects(counted.begin(), counted.end());

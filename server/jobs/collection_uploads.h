@@ -13,5 +13,7 @@ absl::Status CollectBeginnings(Collection& collection);
 // Of each project those that no dataset and no upload of it names, and their records, by which they
 // count in its usage.
 absl::Status CollectBlobs(Collection& collection);
+// Damaged blobs that were set aside (BlobStore::Verify) at least options.file_age ago.
+void CollectDamaged(Collection& collection);
 
 }  // namespace pepeseg

@@ -97,6 +97,7 @@ absl::Status CollectAll(Collection& collection) {
   RETURN_IF_ERROR(CollectUploads(collection));
   RETURN_IF_ERROR(CollectBeginnings(collection));
   RETURN_IF_ERROR(CollectBlobs(collection));
+  CollectDamaged(collection);
   RETURN_IF_ERROR(CollectJobs(collection));
   RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
                                   [&](const std::string& scene, int64_t number) {

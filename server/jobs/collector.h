@@ -34,11 +34,12 @@ struct Collected {
   int64_t num_uploads = 0;
 };
 
-// Removes what no row of the store refers to: blobs that no dataset or upload names, beginnings of
-// files of uploads that are sealed or gone, uploads that nobody goes on with, with their rows,
-// folders of jobs that are gone and attempts whose model is, files of selections and datasets
-// without a row, and unfinished temporary files. Never removes what is referred to, also while
-// other servers take uploads. What cannot be removed costs space until the next run.
+// Removes what no row of the store refers to: blobs that no dataset or upload names or that are
+// damaged, beginnings of files of uploads that are sealed or gone, uploads that nobody goes on
+// with, with their rows, folders of jobs that are gone and attempts whose model is, files of
+// selections and datasets without a row, and unfinished temporary files. Never removes what is
+// referred to, also while other servers take uploads. What cannot be removed costs space until the
+// next run.
 class Collector {
  public:
   // `store` must outlive it.

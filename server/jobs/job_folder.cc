@@ -81,6 +81,7 @@ JobResult DecodeResult(const Json& json) {
   result.num_gaussians = json.at("num_gaussians").get<int64_t>();
   result.num_bytes = json.at("num_bytes").get<int64_t>();
   result.sources = json.at("sources").get<std::map<std::string, std::string>>();
+  result.damaged = json.value("damaged", std::vector<std::string>());
   return result;
 }
 
@@ -270,7 +271,8 @@ absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) cons
                      {"metrics", FiniteMetrics(result.metrics)},
                      {"num_gaussians", result.num_gaussians},
                      {"num_bytes", result.num_bytes},
-                     {"sources", result.sources}};
+                     {"sources", result.sources},
+                     {"damaged", result.damaged}};
   return WriteFileAtomically(work() / ResultName(fence), Dump(json));
 }
 

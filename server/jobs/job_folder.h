@@ -57,12 +57,14 @@ struct JobSpec {
 };
 
 struct JobResult {
-  absl::Status status;  // of an error there is nothing else
+  absl::Status status;  // of an error there is nothing else, but for `damaged`
   std::map<std::string, double> metrics;
   int64_t num_gaussians = 0;
   int64_t num_bytes = 0;  // of the model's files
   // Where "poses", "masks" and "depth" came from, as Model.sources of the contract says it.
   std::map<std::string, std::string> sources;
+  // With DATA_LOSS: SHA-256 of the files whose stored bytes are damaged or gone.
+  std::vector<std::string> damaged;
 };
 
 // How the worker program ends. kFailed and kCancelled come with a result, unless it could not be

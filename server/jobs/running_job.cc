@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
+#include <set>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
@@ -149,7 +151,7 @@ void RunningJob::Held(const JobRow& row) {
 
 void RunningJob::KillIfSilent() {
   // What a cluster runs, it watches itself.
-  if (silent_ || !worker_->launch().empty()) return;
+  if (silent_ || asked_for_check_ || !worker_->launch().empty()) return;
   if (absl::FromChrono(pulse_.Silence()) < context_.options.silence) return;
   spdlog::warn("jobs/{}: attempt {} gave no sign for {}: killed", job_.id, job_.fence,
                absl::FormatDuration(context_.options.silence));
@@ -191,6 +193,41 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
   return ClientText(text);
 }
 
+bool RunningJob::Ended() {
+  if (!worker_->Poll().has_value()) return false;
+  if (!asked_for_check_) {
+    asked_for_check_ = true;
+    const absl::Status asked = AskForCheck();
+    if (!asked.ok()) spdlog::error("jobs/{}: damaged files: {}", job_.id, asked.ToString());
+  }
+  return !num_damaged_.valid() ||
+         num_damaged_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+}
+
+// A worker decodes what nobody has vouched for, so it is not believed: the server reads the files
+// again that it names, if they are the job's, before any is set aside.
+absl::Status RunningJob::AskForCheck() {
+  const absl::StatusOr<JobResult> result = folder_.ReadResult(job_.fence);
+  if (!result.ok() || !absl::IsDataLoss(result->status) || result->damaged.empty()) {
+    return absl::OkStatus();
+  }
+  if (!context_.options.check_files) return absl::OkStatus();
+  ASSIGN_OR_RETURN(std::vector<DatasetFileRow> files,
+                   context_.store.ListDatasetFiles(job_.scene, job_.dataset));
+  ASSIGN_OR_RETURN(const std::string project, context_.store.ProjectOfScene(job_.scene));
+  const std::set<std::string> named(result->damaged.begin(), result->damaged.end());
+  std::erase_if(files, [&](const DatasetFileRow& file) { return !named.contains(file.sha256); });
+  num_damaged_ = context_.options.check_files(project, std::move(files));
+  return absl::OkStatus();
+}
+
+absl::Status RunningJob::OutcomeOfCheck(const JobResult& result) const {
+  if (!num_damaged_.valid() || num_damaged_.get() > 0) return result.status;
+  return absl::InternalError(
+      "the worker read other bytes than were uploaded, but the stored files are whole: train "
+      "again");
+}
+
 absl::Status RunningJob::Outcome(JobResult* result) {
   const WorkerEnd end = *worker_->Poll();
   const bool told = end.kind == WorkerEnd::Kind::kUnknown ||
@@ -200,7 +237,7 @@ absl::Status RunningJob::Outcome(JobResult* result) {
   if (told && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
-    return result->status.ok() ? TakeModel(*result) : result->status;
+    return result->status.ok() ? TakeModel(*result) : OutcomeOfCheck(*result);
   }
   if (terminated_) return absl::CancelledError("the worker was stopped");
   lease_lost_ = end.kind == WorkerEnd::Kind::kExited &&

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -53,8 +54,8 @@ class RunningJob {
   // Another server has the job now. What runs in this server's name is killed; nothing is written.
   void Abandon();
 
-  // Whether the worker has ended.
-  bool Ended() { return worker_->Poll().has_value(); }
+  // Whether the worker has ended, and what it says of damaged files has been checked.
+  bool Ended();
   // Writes the outcome of a worker that has ended: first the store, then the log's last event.
   // `requeue`: an end that was asked for by Terminate() puts the job back into the queue. A crash
   // does so, too, after a pause, unless it has happened max_crashes times in a row without
@@ -91,6 +92,8 @@ class RunningJob {
   bool crashed_ = false;  // it did not end by itself, or not with a result
   bool silent_ = false;
   bool lease_lost_ = false;
+  bool asked_for_check_ = false;
+  std::shared_future<int> num_damaged_;  // of the files that the worker has found damaged
   absl::Time kill_at_ = absl::InfiniteFuture();
 };
 

@@ -87,6 +87,10 @@ class Store {
   // Keeps what the files' headers say.
   absl::Status SetFileHeaders(const std::string& scene, int64_t number,
                               const std::vector<DatasetFileRow>& files);
+  // Of every file of the project with one of these digests, also in sealed datasets: its bytes were
+  // found damaged, or were brought again. Their headers are read again.
+  absl::Status SetDigestsStored(const std::string& project, const std::vector<std::string>& digests,
+                                bool stored);
   // In one transaction with marking `found` as stored, whose bytes came otherwise.
   // FAILED_PRECONDITION names the first file that is not stored, and how many are not. Sealing a
   // sealed dataset changes nothing.

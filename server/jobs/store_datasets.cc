@@ -322,6 +322,27 @@ absl::Status Store::MarkFilesStored(const UploadName& upload,
   return refused;
 }
 
+absl::Status Store::SetDigestsStored(const std::string& project,
+                                     const std::vector<std::string>& digests, bool stored) {
+  if (digests.empty()) return absl::OkStatus();
+  return database_->Transact([&](soci::session& sql) -> absl::Status {
+    const int value = stored ? 1 : 0;
+    for (const std::string& digest : digests) {
+      sql << "UPDATE dataset_files SET stored = :stored, header = 0 WHERE sha256 = :digest"
+             " AND scene IN (SELECT id FROM scenes WHERE project = :project)",
+          soci::use(value), soci::use(digest), soci::use(project);
+      sql << "DELETE FROM blobs WHERE project = :project AND sha256 = :digest", soci::use(project),
+          soci::use(digest);
+      if (!stored) continue;
+      sql << "INSERT INTO blobs (project, sha256, size) SELECT s.project, f.sha256, MAX(f.size)"
+             " FROM dataset_files f JOIN scenes s ON s.id = f.scene"
+             " WHERE s.project = :project AND f.sha256 = :digest GROUP BY s.project, f.sha256",
+          soci::use(project), soci::use(digest);
+    }
+    return absl::OkStatus();
+  });
+}
+
 absl::Status Store::SetFileHeaders(const std::string& scene, int64_t number,
                                    const std::vector<DatasetFileRow>& files) {
   return database_->Transact([&](soci::session& sql) -> absl::Status {

@@ -2,11 +2,12 @@
 
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
-
 #include <vector>
+
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -22,6 +23,11 @@ struct SupervisorOptions {
   std::filesystem::path worker;       // the pepeseg-worker program
   // Where the bytes of a project's stored file are.
   std::function<std::filesystem::path(const std::string& project, const DatasetFileRow&)> file_path;
+  // Reads stored files of a project again that a worker has found damaged, and answers how many
+  // are; those are set aside. From the supervisor's thread: it must not block. May be empty: then
+  // nothing is set aside.
+  std::function<std::shared_future<int>(const std::string& project, std::vector<DatasetFileRow>)>
+      check_files;
   std::filesystem::path lpips_weights;  // ONNX for the workers; empty: no LPIPS
   // That the workers run for masks and depth (worker_priors_command.h); empty: none.
   std::filesystem::path priors_command;

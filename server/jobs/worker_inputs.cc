@@ -13,6 +13,7 @@
 #include "server/jobs/worker_plan.h"
 #include "server/jobs/worker_priors_command.h"
 #include "server/jobs/worker_sfm.h"
+#include "server/jobs/worker_verify.h"
 
 namespace pepeseg {
 namespace {
@@ -96,6 +97,7 @@ std::map<std::string, double> InputStages::Counts() const {
 
 absl::Status InputStages::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
+  RETURN_IF_ERROR(VerifyInputs(job_.spec, job_.damaged_inputs));
   RETURN_IF_ERROR(ListFiles());
   RETURN_IF_ERROR(ConvertHeicPhotographs(job_, stages_, files_));
   RETURN_IF_ERROR(AppendVideoFrames(job_, settings_.sfm, stages_, files_));

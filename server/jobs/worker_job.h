@@ -3,6 +3,7 @@
 #include <atomic>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -44,14 +45,16 @@ struct WorkerJob {
   std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
   std::string colmap = "colmap";        // a path, or a name that is looked for in PATH
   PriorsCommand priors;
+  // Gets the digests of inputs whose stored bytes are damaged; see VerifyInputs.
+  std::vector<std::string>& damaged_inputs;
 };
 
 // The stages of a training, one after the other: prepare -> sfm -> priors (worker_inputs.h) ->
 // reconstruct -> evaluate -> features -> index. The
 // model stands in folder.attempt(spec.fence) when it answers OK. Stage one's result is kept beside
 // it until then, so that an attempt after a stop of the server need not train it again.
-// INVALID_ARGUMENT names the file, of the dataset or of the weights, that is wrong; CANCELLED:
-// `stop` was set.
+// INVALID_ARGUMENT names the file, of the dataset or of the weights, that is wrong; DATA_LOSS one
+// whose stored bytes are damaged (worker_verify.h); CANCELLED: `stop` was set.
 absl::StatusOr<JobResult> RunWorkerJob(const WorkerJob& job);
 
 }  // namespace pepeseg

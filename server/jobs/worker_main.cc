@@ -15,6 +15,7 @@
 #include <new>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
@@ -130,15 +131,17 @@ using EventLog = absl::StatusOr<std::unique_ptr<EventLogWriter>>;
 WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments,
                   const EventLog& log) {
   JobResult result;
+  std::vector<std::string> damaged;
   result.status = log.status();
   if (log.ok()) {
     absl::StatusOr<JobResult> made =
         RunWithinMemory({folder, spec, **log, stop_switch, arguments.lpips_weights,
-                         arguments.colmap, arguments.priors});
+                         arguments.colmap, arguments.priors, damaged});
     if (made.ok()) {
       result = *std::move(made);
     } else {
       result.status = made.status();
+      result.damaged = std::move(damaged);
     }
   }
   if (!result.status.ok()) spdlog::error("{}", result.status.ToString());

@@ -1,6 +1,11 @@
 #include "server/rpc/blob_store.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <system_error>
 #include <vector>
 
@@ -8,6 +13,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/io/atomic_file.h"
+#include "core/io/digest.h"
 #include "core/status_macros.h"
 #include "server/jobs/file_error.h"
 #include "server/jobs/rows.h"
@@ -81,6 +87,42 @@ absl::Status MoveToDefaultProject(const fs::path& data, const fs::path& folder) 
   return absl::OkStatus();
 }
 
+class OpenBlob {
+ public:
+  explicit OpenBlob(const fs::path& path)
+      : descriptor_(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)) {}
+  ~OpenBlob() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+  OpenBlob(const OpenBlob&) = delete;
+  OpenBlob& operator=(const OpenBlob&) = delete;
+  int descriptor() const { return descriptor_; }
+
+ private:
+  const int descriptor_;
+};
+
+absl::StatusOr<std::string> HashBlob(const fs::path& path, int descriptor,
+                                     const std::atomic<bool>& cancel) {
+  Sha256 digest;
+  std::vector<char> block(size_t{1} << 20);
+  while (true) {
+    if (cancel) return absl::CancelledError("the server stops");
+    const ssize_t got = read(descriptor, block.data(), block.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return FileError(path, "cannot read", errno);
+    if (got == 0) return digest.Hex();
+    digest.Add(std::string_view(block.data(), static_cast<size_t>(got)));
+  }
+}
+
+bool IsOpenFile(const fs::path& path, int descriptor) {
+  struct stat opened {};
+  struct stat named {};
+  return fstat(descriptor, &opened) == 0 && lstat(path.c_str(), &named) == 0 &&
+         opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const fs::path& data) {
@@ -102,6 +144,32 @@ bool BlobStore::Has(const BlobName& blob, int64_t size) const {
   std::error_code error;
   const auto found = fs::file_size(Path(blob), error);
   return !error && static_cast<int64_t>(found) == size;
+}
+
+absl::Status BlobStore::Verify(const BlobName& blob, const std::atomic<bool>& cancel) const {
+  const fs::path path = Path(blob);
+  const OpenBlob file(path);
+  if (file.descriptor() < 0 && errno == ENOENT) return absl::DataLossError("is not stored");
+  if (file.descriptor() < 0) return FileError(path, "cannot open", errno);
+  ASSIGN_OR_RETURN(const std::string found, HashBlob(path, file.descriptor(), cancel));
+  if (found == blob.sha256) return absl::OkStatus();
+  RETURN_IF_ERROR(SetAside(blob, file.descriptor()));
+  return absl::DataLossError(absl::StrCat("has the SHA-256 ", found));
+}
+
+// `descriptor`: what was found damaged. Whoever has brought the blob again meanwhile keeps it.
+absl::Status BlobStore::SetAside(const BlobName& blob, int descriptor) const {
+  const fs::path path = Path(blob), aside = DamagedPath(data_, blob);
+  RETURN_IF_ERROR(MakeFolders(aside.parent_path()));
+  ASSIGN_OR_RETURN(const LockedFile alone,
+                   LockedFile::WaitAlone(BlobLockPath(data_, blob.project)));
+  if (!IsOpenFile(path, descriptor)) return absl::OkStatus();
+  std::error_code error;
+  fs::rename(path, aside, error);
+  if (error) return FileError(path, "cannot move to the damaged ones", error.value());
+  futimens(descriptor, nullptr);  // its age counts from here: see Collector
+  RETURN_IF_ERROR(SyncFolder(aside.parent_path()));
+  return SyncFolder(path.parent_path());
 }
 
 absl::StatusOr<LockedFile> BlobStore::Hold(const std::string& project) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -26,6 +27,11 @@ class BlobStore {
   bool Has(const BlobName& blob, int64_t size) const;
   std::filesystem::path Path(const BlobName& blob) const { return BlobPath(data_, blob); }
 
+  // Reads the blob again, at the disk's speed, and compares its SHA-256 with its name. DATA_LOSS:
+  // it is damaged, and was moved to damaged/, or is not there; Has() is false from then on, and the
+  // next upload that names it brings it again. CANCELLED: `cancel` was set meanwhile.
+  absl::Status Verify(const BlobName& blob, const std::atomic<bool>& cancel) const;
+
   // While it lives, no blob of the project is removed: from before an upload names a digest until
   // its client was told that the blob is there.
   absl::StatusOr<LockedFile> Hold(const std::string& project) const;
@@ -47,6 +53,7 @@ class BlobStore {
 
  private:
   explicit BlobStore(std::filesystem::path data) : data_(std::move(data)) {}
+  absl::Status SetAside(const BlobName& blob, int descriptor) const;
   const std::filesystem::path data_;
 };
 

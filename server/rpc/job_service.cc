@@ -6,6 +6,7 @@
 #include "server/rpc/estimate_training.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/rpc/stored_files.h"
 #include "server/rpc/unary.h"
 #include "server/rpc/watch_job.h"
 
@@ -89,6 +90,7 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
   wanted.traceparent = TraceparentOf(*call.context);
   RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+  RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
   ASSIGN_OR_RETURN(const WorkerShare share,
                    CheckFits(context_, training, [&call] { return call.CheckWanted(); }));
   wanted.host_bytes = share.host_bytes;
@@ -181,6 +183,7 @@ grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
     RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
     RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
+    RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
     auto estimate =
         pepeseg::EstimateTraining(context_, training, [&unary] { return unary.CheckWanted(); });
     RETURN_IF_ERROR(estimate.status());

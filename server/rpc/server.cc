@@ -20,6 +20,7 @@
 #include "server/jobs/collector.h"
 #include "server/layout.h"
 #include "server/rpc/admin_listener.h"
+#include "server/rpc/blob_checker.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/connection_acceptor.h"
 #include "server/rpc/dataset_service.h"
@@ -65,6 +66,7 @@ struct Server::Parts {
   std::unique_ptr<ProjectQuotas> quotas;
   std::unique_ptr<ListenerCredentials> credentials;
   std::unique_ptr<BlobStore> blobs;
+  std::unique_ptr<BlobChecker> checker;
   std::unique_ptr<Collector> collector;
   Device device;              // of queries; a worker opens its own by the same id
   int64_t device_memory = 0;  // see ServiceContext
@@ -118,6 +120,7 @@ absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
   store->SetDefaultQuota(options.quota);
   quotas = std::make_unique<ProjectQuotas>(store.get());
   ASSIGN_OR_RETURN(blobs, BlobStore::Open(options.data));
+  checker = std::make_unique<BlobChecker>(*blobs, *store);
   CollectorOptions collection;
   collection.data = options.data;
   collection.alone = !IsShared(options);
@@ -141,6 +144,10 @@ absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   job_options.file_path = [of = blobs.get()](const std::string& project,
                                              const DatasetFileRow& file) {
     return of->Path({project, file.sha256});
+  };
+  job_options.check_files = [of = checker.get()](const std::string& project,
+                                                 std::vector<DatasetFileRow> files) {
+    return of->Check(project, std::move(files));
   };
   job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
     metrics.jobs().Observe(job, event);

@@ -30,7 +30,7 @@ class UnreadableInputs : public WorkerTest {
   absl::StatusOr<std::string> Train(const std::vector<std::string>& faults) {
     std::filesystem::remove_all(job_.path());
     std::filesystem::create_directories(job_.path());
-    EXPECT_TRUE(job_.WriteSpec(spec_).ok());
+    WriteSpec();
     std::vector<std::string> environment = {
         absl::StrCat("LD_PRELOAD=", PEPESEG_IO_FAULTS), "PEPESEG_FAULT_PROGRAM=pepeseg-worker",
         absl::StrCat("PEPESEG_FAULT_FOLDER=", folder_.path().string())};

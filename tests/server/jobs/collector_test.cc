@@ -73,6 +73,15 @@ struct CollectorTest : ::testing::Test {
   CollectorOptions options;
 };
 
+TEST_F(CollectorTest, DamagedBlobsGoADayAfterTheyWereSetAside) {
+  Upload("a", 1, true);
+  const fs::path young = Write(DamagedPath(data, {"default", Digest(1)}), absl::Hours(23));
+  const fs::path old = Write(DamagedPath(data, {"default", Digest(2)}), absl::Hours(25));
+  EXPECT_EQ(Run().num_files, 1);
+  EXPECT_TRUE(fs::exists(young));
+  EXPECT_FALSE(fs::exists(old));
+}
+
 TEST_F(CollectorTest, BlobsThatNothingNamesGoAfterADay) {
   Upload("a", 1, true);
   Upload("a", 2);

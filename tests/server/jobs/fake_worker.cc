@@ -11,6 +11,7 @@
 #include <fstream>
 #include <string>
 
+#include "core/io/digest.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 #include "server/jobs/pulse.h"
@@ -49,6 +50,33 @@ int PlantLinks(const JobFolder& folder, int64_t fence) {
   return 42;
 }
 
+int Succeed(const JobFolder& folder, int64_t fence) {
+  JobResult result;
+  result.metrics["psnr"] = 20.5;
+  result.num_gaussians = 7;
+  result.sources = {{"poses", "given"}, {"masks", "command \"x\""}, {"depth", "none"}};
+  std::filesystem::create_directories(folder.attempt(fence));
+  std::ofstream(folder.attempt(fence) / "gaussians.ply") << "ply";
+  return End(folder, fence, WorkerExit::kSucceeded, result);
+}
+
+// "verify" reads the files as the worker does; "claim damage" reports damage that nobody else sees,
+// and a file that is not the job's.
+int Verify(const std::string& act, const JobFolder& folder, int64_t fence) {
+  const auto spec = folder.ReadSpec(fence);
+  if (!spec.ok()) return 98;
+  JobResult result;
+  for (const JobSpecFile& file : spec->files) {
+    const bool whole = Sha256OfFile(file.path).value_or("") == file.sha256;
+    if (whole && act == "verify") continue;
+    result.damaged.push_back(file.sha256);
+    result.status = absl::DataLossError(file.name + ": its stored bytes are damaged");
+  }
+  if (result.status.ok()) return Succeed(folder, fence);
+  result.damaged.emplace_back("../../pepeseg.db");
+  return End(folder, fence, WorkerExit::kFailed, result);
+}
+
 int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   if (act == "plant links") return PlantLinks(folder, fence);
   if (act == "curse") {
@@ -71,6 +99,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
     result.status = absl::InvalidArgumentError("images/bad.jpg: it is no photograph");
     return End(folder, fence, WorkerExit::kFailed, result);
   }
+  if (act == "verify" || act == "claim damage") return Verify(act, folder, fence);
   if (act == "crash") std::abort();
   if (act == "exit42") return 42;
   if (act == "lie") return 0;  // says that all is well, and leaves no result
@@ -80,6 +109,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
     while (true) usleep(1000);
   }
   if (act == "crash once" && fence == 1) std::abort();
+  if (act == "crash at 4" && fence == 4) std::abort();
   if (act == "save and crash twice" && fence <= 2) {
     std::filesystem::create_directories(folder.checkpoints(fence));
     std::ofstream(folder.checkpoints(fence) / "reconstruct-000000100.ckpt") << "state";
@@ -88,13 +118,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   if (act == "stop once" && fence == 1) raise(SIGSTOP);
   if (act == "work a while") sleep(1);
   if (act == "hang once" && fence == 1) return HangUntilTerminated(folder, fence);
-  JobResult result;
-  result.metrics["psnr"] = 20.5;
-  result.num_gaussians = 7;
-  result.sources = {{"poses", "given"}, {"masks", "command \"x\""}, {"depth", "none"}};
-  std::filesystem::create_directories(folder.attempt(fence));
-  std::ofstream(folder.attempt(fence) / "gaussians.ply") << "ply";
-  return End(folder, fence, WorkerExit::kSucceeded, result);
+  return Succeed(folder, fence);
 }
 
 int Run(const std::string& path) {
@@ -109,7 +133,6 @@ int Run(const std::string& path) {
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
-  if (act == "crash at 4" && fence == 4) std::abort();
   event.mutable_stage_started()->set_stage("reconstruct");
   if (!(*log)->Append(event).ok()) return 97;
   for (int step = 1; step <= 3; ++step) {

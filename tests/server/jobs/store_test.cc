@@ -326,6 +326,25 @@ TEST_F(StoreTest, EndsAJobWithItsReason) {
   EXPECT_EQ(store_->RequestCancel("j1")->state, JobState::kFailed);
 }
 
+TEST_F(StoreTest, DigestsOfAProjectAreMarkedInAllItsDatasets) {
+  ASSERT_TRUE(store_->CreateScene({"ours", "", "", {}}).ok());
+  ASSERT_TRUE(store_->CreateScene({"theirs", "", "", {}, "other"}).ok());
+  for (const char* scene : {"ours", "theirs"}) {
+    ASSERT_TRUE(
+        store_->CreateDataset(scene, "", {{"a", 1, 3, "00", true}, {"b", 1, 3, "11", true}}).ok());
+    ASSERT_TRUE(store_->SealDataset(scene, 1).ok());
+  }
+  const auto is_stored = [&](const std::string& scene, const std::string& path) {
+    return store_->GetDatasetFile(scene, 1, path)->stored;
+  };
+  ASSERT_TRUE(store_->SetDigestsStored(kDefaultProject, {"00", "22"}, false).ok());
+  EXPECT_FALSE(is_stored("ours", "a"));
+  EXPECT_TRUE(is_stored("ours", "b"));
+  EXPECT_TRUE(is_stored("theirs", "a"));
+  ASSERT_TRUE(store_->SetDigestsStored(kDefaultProject, {"00"}, true).ok());
+  EXPECT_TRUE(is_stored("ours", "a"));
+}
+
 TEST_F(StoreTest, CancelOfARunningJobSurvivesItsRequeue) {
   MakeTrainable("a");
   ASSERT_TRUE(Train("a").ok());

@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/io/digest.h"
 #include "core/io/file_bytes.h"
 #include "core/io/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
@@ -47,8 +48,16 @@ class WorkerTest : public ::testing::Test {
     spec_.options.mutable_features()->set_steps_per_chunk(20);
   }
 
-  std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
+  // As the supervisor writes it: with the digest of each file. Those that are there stay.
+  void WriteSpec() {
+    for (JobSpecFile& file : spec_.files) {
+      if (file.sha256.empty()) file.sha256 = Sha256OfFile(file.path).value_or("");
+    }
     EXPECT_TRUE(job_.WriteSpec(spec_).ok());
+  }
+
+  std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
+    WriteSpec();
     std::vector<std::string> arguments = {absl::StrCat("--job=", job_.path().string()),
                                           absl::StrCat("--parent=", parent), "--colmap=" + colmap_};
     arguments.insert(arguments.end(), flags_.begin(), flags_.end());
@@ -88,6 +97,7 @@ class WorkerTest : public ::testing::Test {
     for (JobSpecFile& file : spec_.files) {
       if (file.name != name) continue;
       file.path = (folder_.path() / "replaced").string();
+      file.sha256.clear();
       std::ofstream(file.path, std::ios::binary) << bytes;
       return file;
     }

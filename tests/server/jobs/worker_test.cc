@@ -4,11 +4,13 @@
 
 #include "core/io/model_file.h"
 #include "tests/server/jobs/worker_fixture.h"
+#include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 bool HasProgress(const std::vector<v1::JobEvent>& events) {
   return std::any_of(events.begin(), events.end(),
@@ -90,6 +92,39 @@ TEST_F(WorkerTest, NamesATruncatedPhotograph) {
   const std::string bytes = BytesOf(name);
   Replace(name, bytes.substr(0, bytes.size() / 2));
   ExpectBadFile(name);
+}
+
+TEST_F(WorkerTest, RefusesAFileWhoseStoredBytesAreDamagedAndReportsItsDigest) {
+  const std::string name = "images/frame-000003.jpg";
+  std::string bytes = BytesOf(name);
+  const std::string digest = Sha256Hex(bytes);
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  Replace(name, bytes).sha256 = digest;
+  ExpectExit(Run(), WorkerExit::kFailed);
+  ASSERT_OK_AND_ASSIGN(const JobResult result, job_.ReadResult(1));
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_EQ(result.status.message(), name +
+                                         ": its stored bytes are damaged; upload the same files "
+                                         "again, then train again");
+  EXPECT_EQ(result.damaged, std::vector<std::string>{digest});
+  EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
+}
+
+TEST_F(WorkerTest, ReportsAllFilesWhoseStoredBytesAreGone) {
+  WriteSpec();
+  std::vector<std::string> digests;
+  for (JobSpecFile& file : spec_.files) {
+    if (file.kind != v1::FILE_KIND_POSES) continue;
+    file.path = (folder_.path() / "no such blob").string();
+    digests.push_back(file.sha256);
+  }
+  ASSERT_GE(digests.size(), 2u);
+  ExpectExit(Run(), WorkerExit::kFailed);
+  ASSERT_OK_AND_ASSIGN(const JobResult result, job_.ReadResult(1));
+  EXPECT_EQ(result.status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(result.status.message()), HasSubstr("its stored bytes are gone"));
+  EXPECT_THAT(std::string(result.status.message()), Not(HasSubstr("no such blob")));
+  EXPECT_EQ(result.damaged, digests);
 }
 
 TEST_F(WorkerTest, NamesAPhotographThatIsNone) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <fstream>
 #include <sstream>
 
@@ -61,6 +62,29 @@ TEST_F(BlobStoreTest, KeepsABlobAsAWhole) {
   EXPECT_EQ(ReadFile(store->Path(abc)), "abc");
   EXPECT_EQ(CountFiles(data.path()), 1);
   EXPECT_EQ(*store->Begin(upload, kAbc, 3), nullptr) << "it is there";
+}
+
+TEST_F(BlobStoreTest, SetsADamagedBlobAsideUntilItIsBroughtAgain) {
+  const std::atomic<bool> cancel = false;
+  const auto bring = [&] {
+    const auto writer = Begin(kAbc, 3);
+    ASSERT_OK(writer->Append("abc"));
+    ASSERT_OK(writer->Commit());
+  };
+  EXPECT_TRUE(absl::IsDataLoss(store->Verify(abc, cancel))) << "it was never there";
+  bring();
+  EXPECT_OK(store->Verify(abc, cancel));
+  EXPECT_TRUE(store->Has(abc, 3));
+  std::ofstream(store->Path(abc)) << "abd";
+  EXPECT_TRUE(store->Has(abc, 3)) << "only the size is looked at";
+  EXPECT_TRUE(absl::IsDataLoss(store->Verify(abc, cancel)));
+  EXPECT_FALSE(store->Has(abc, 3));
+  EXPECT_EQ(ReadFile(DamagedPath(data.path(), abc)), "abd");
+  bring();
+  EXPECT_OK(store->Verify(abc, cancel));
+  EXPECT_EQ(ReadFile(store->Path(abc)), "abc");
+  const std::atomic<bool> cancelled = true;
+  EXPECT_TRUE(absl::IsCancelled(store->Verify(abc, cancelled)));
 }
 
 TEST_F(BlobStoreTest, WrongBytesLeaveNothing) {

@@ -55,9 +55,12 @@ class JobServiceServicer(object):
 
     def TrainScene(self, request, context):
         """Queues a training of a scene from a sealed dataset; its result is a new model of the scene.
-        INVALID_ARGUMENT: an option out of range; FAILED_PRECONDITION: the dataset is not sealed, or
-        masks or depth are to be made by a command that the server does not have; ABORTED: the scene has a job queued or running, named in the detail; RESOURCE_EXHAUSTED: the
-        device's memory cannot hold it, need and have in the detail (value and limit, bytes).
+        INVALID_ARGUMENT: an option out of range; FAILED_PRECONDITION: the dataset is not sealed, the
+        stored bytes of one of its files were damaged or lost (FILES_MISSING names it: an upload of the
+        same files heals the dataset), or masks or depth are to be made by a command that the server does
+        not have; ABORTED: the scene has a job queued or running, named in the detail;
+        RESOURCE_EXHAUSTED: the device's memory cannot hold it, need and have in the detail (value and
+        limit, bytes).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -66,7 +69,7 @@ class JobServiceServicer(object):
     def EstimateTraining(self, request, context):
         """What a training would take, from the headers of the dataset's files and the options.
         INVALID_ARGUMENT: an option out of range, or no photograph can be read; FAILED_PRECONDITION:
-        the dataset is not sealed.
+        the dataset is not sealed, or stored bytes of it were lost, as in TrainScene.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

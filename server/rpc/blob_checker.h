@@ -1,0 +1,51 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/jobs/store.h"
+#include "server/rpc/blob_store.h"
+
+namespace pepeseg {
+
+// Reads stored blobs again that a worker has found damaged, one after the other in a thread of its
+// own, so that neither an RPC nor the supervisor waits for the disk. A damaged one is set aside
+// (BlobStore::Verify), and the files that name it count as not stored.
+//
+// Thread safe. What is still to be checked when it is destroyed stays as it is.
+class BlobChecker {
+ public:
+  // Both must outlive it.
+  BlobChecker(const BlobStore& blobs, Store& store);
+  ~BlobChecker();
+  BlobChecker(const BlobChecker&) = delete;
+  BlobChecker& operator=(const BlobChecker&) = delete;
+
+  // How many distinct blobs of these files of a project are damaged or gone. Does not block.
+  std::shared_future<int> Check(const std::string& project, std::vector<DatasetFileRow> files);
+
+ private:
+  struct Task {
+    std::string project;
+    std::vector<DatasetFileRow> files;
+    std::promise<int> num_damaged;
+  };
+  void Run();
+  int CheckAll(const Task& task) const;
+
+  const BlobStore& blobs_;
+  Store& store_;
+  std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;  // guards tasks_
+  std::condition_variable wake_;
+  std::deque<Task> tasks_;
+  std::thread thread_;
+};
+
+}  // namespace pepeseg
