@@ -151,6 +151,8 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
     const std::pair<std::string, std::string> split = absl::StrSplit(fact, absl::MaxSplits('=', 1));
     record.facts.insert(split);
   }
+  const fs::path record_file = fs::path(flags.out) / "record.json";
+  RETURN_IF_ERROR(OutputFile::Create(record_file).status());  // before the trainings
   const Stopwatch watch;
   ASSIGN_OR_RETURN(const DatasetFolder folder,
                    ReadDatasetFolder(flags.folder, DepthKind(flags.depth_kind)));
@@ -163,8 +165,7 @@ absl::Status RunBench(const Shell& shell, const BenchFlags& flags) {
       if (!shell.json) Print(RunLine(run));
       record.runs.push_back(std::move(run));
       // After each run: what was measured stays when a later one fails.
-      RETURN_IF_ERROR(
-          WriteFile(fs::path(flags.out) / "record.json", ToJson(record).dump(1) + "\n"));
+      RETURN_IF_ERROR(WriteFile(record_file, ToJson(record).dump(1) + "\n"));
     }
   }
   if (shell.json) Print(ToJson(record).dump());

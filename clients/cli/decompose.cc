@@ -11,6 +11,7 @@
 #include "clients/cli/segment_tree.h"
 #include "clients/cli/shell.h"
 #include "clients/cli/subset.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
@@ -39,8 +40,6 @@ absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Response& ans
 absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
                            const Response& answer, int level) {
   const fs::path folder = fs::path(flags.out) / absl::StrCat("level_", level);
-  std::error_code error;
-  fs::create_directories(folder, error);
   v1::ExportSelectionRequest request;
   request.set_model(answer.model());
   v1::SegmentRef& segment = *request.mutable_subset()->mutable_segment();
@@ -54,7 +53,7 @@ absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
   return absl::OkStatus();
 }
 
-// STEM_ids.png of each view.
+// STEM_ids.png of each view, 16-bit grey, as the server has made it, and STEM_colors.png.
 absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Response& answer,
                         int level) {
   v1::RenderRequest request;
@@ -69,8 +68,9 @@ absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const
     request.mutable_viewpoint()->set_view(view.view());
     ASSIGN_OR_RETURN(const v1::RenderResponse picture, client.Render(request));
     ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
-    const fs::path path = fs::path(flags.out) / (Stem(view.view()) + "_ids.png");
-    RETURN_IF_ERROR(WritePng(path, ColorSegments(ids)));
+    const std::string stem = (fs::path(flags.out) / Stem(view.view())).string();
+    RETURN_IF_ERROR(WriteFile(stem + "_ids.png", picture.png()));
+    RETURN_IF_ERROR(WritePng(stem + "_colors.png", ColorSegments(ids)));
   }
   return absl::OkStatus();
 }
@@ -104,8 +104,10 @@ void AddDecompose(CLI::App& app, Shell& shell) {
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   AddScalesFlag(*verb, flags->scales);
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
-  verb->add_option("--out", flags->out,
-                   "Folder for level_N/segment_ID.ply and STEM_ids.png of each view");
+  verb->add_option(
+      "--out", flags->out,
+      "Folder for level_N/segment_ID.ply and, of each view, STEM_ids.png (16-bit grey: "
+      "the segment's id, 0 for none) and STEM_colors.png");
   verb->add_option("--level", flags->level, "Which level is written; the middle one by default")
       ->check(CLI::NonNegativeNumber);
   verb->callback(

@@ -83,6 +83,8 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
       flags.scene.empty() ? absl::StrCat("demo-", absl::ToUnixMillis(absl::Now())) : flags.scene);
   DemoResult result;
   result.question = flags.question;
+  const fs::path report_file = fs::path(flags.out) / "report.json";
+  RETURN_IF_ERROR(OutputFile::Create(report_file).status());  // before the training
   std::string dataset;
   RETURN_IF_ERROR(Upload(client, flags, scene, result, dataset));
   RETURN_IF_ERROR(Train(client, flags, scene, dataset, result));
@@ -94,7 +96,7 @@ absl::Status RunDemo(const Shell& shell, const DemoFlags& flags) {
                                                 flags.question));
   result.stage_seconds["questions"] = watch.Seconds();
   const std::string report = ReportJson(result);
-  RETURN_IF_ERROR(WriteFile(fs::path(flags.out) / "report.json", report));
+  RETURN_IF_ERROR(WriteFile(report_file, report));
   RETURN_IF_ERROR(WritePictures(flags.out, client, views, result));
   Print(shell.json ? report : ReportText(result));
   Note(absl::StrCat("report.json and the pictures are in ", flags.out));

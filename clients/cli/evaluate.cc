@@ -51,7 +51,7 @@ absl::StatusOr<std::vector<std::string>> AddLabels(const EvaluateFlags& flags,
   }
   if (request.labels().empty()) {
     const std::string wanted = without.empty() ? "no view is held out" : "no " + without.front();
-    return absl::NotFoundError(absl::StrCat(
+    return LocalFileMissing(absl::StrCat(
         flags.folder, " has no label image of a held-out view: ", wanted, " or the like"));
   }
   return without;
@@ -76,7 +76,7 @@ absl::Status AddNames(const std::string& file, v1::EvaluateRequest& request) {
 
 absl::Status RunEvaluate(const Shell& shell, const EvaluateFlags& flags) {
   if (!fs::is_directory(flags.folder)) {
-    return absl::NotFoundError(absl::StrCat(flags.folder, " is no folder"));
+    return LocalFileMissing(absl::StrCat("no such folder: ", flags.folder));
   }
   const Client client(shell.channel);
   v1::EvaluateRequest request;

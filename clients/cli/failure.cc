@@ -10,6 +10,7 @@
 #include "clients/cli/intermediary_advice.h"
 #include "clients/cli/start_advice.h"
 #include "clients/cpp/answer_status.h"
+#include "clients/cpp/file_bytes.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -46,6 +47,7 @@ std::string RetryAdvice(const v1::ErrorDetail& detail) {
 
 // What to do next, by kind of failure; empty where the message says it all.
 std::string Advice(const absl::Status& status, const std::string& server) {
+  if (IsLocalFileError(status)) return "";
   const std::optional<v1::ErrorDetail> detail = DetailOf(status);
   const std::string resource = detail ? detail->resource() : "";
   if (!detail) {
@@ -86,6 +88,7 @@ ExitCode ExitCodeOf(const absl::Status& status) {
   if (const absl::optional<absl::Cord> code = status.GetPayload(kExitCodeUrl)) {
     return static_cast<ExitCode>(std::stoi(std::string(*code)));
   }
+  if (IsLocalFileError(status)) return absl::IsNotFound(status) ? kNotFound : kRefused;
   switch (status.code()) {
     case absl::StatusCode::kOk:
       return kSuccess;

@@ -5,11 +5,13 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <string>
 #include <string_view>
 #include <utility>
 
 #include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/suggestion.h"
 
 namespace {
 
@@ -33,6 +35,7 @@ void LeaveOnInterrupt(int /*signal*/) {
 
 void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddScenes(app, shell);
+  pepeseg::client::cli::AddModels(app, shell);
   pepeseg::client::cli::AddUpload(app, shell);
   pepeseg::client::cli::AddEstimate(app, shell);
   pepeseg::client::cli::AddTrain(app, shell);
@@ -59,6 +62,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   pepeseg::client::cli::AddHealth(app, shell);
   pepeseg::client::cli::AddDemo(app, shell);
   pepeseg::client::cli::AddBench(app, shell);
+  pepeseg::client::cli::AddCompletion(app, shell);
 }
 
 void AddLogin(CLI::App& app, pepeseg::client::Login& login) {
@@ -90,6 +94,7 @@ absl::Status RunVerb(Shell& shell) {
 
 int Run(int argc, char** argv) {
   Shell shell;
+  if (argc > 0 && argv[0] != nullptr) shell.program = argv[0];
   CLI::App app("Scenes from photographs, segments from clicks", "pepeseg");
   app.footer(kFooter);
   app.require_subcommand(1);
@@ -99,11 +104,15 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   AddLogin(app, shell.login);
   app.add_flag("--json", shell.json, "Answer in JSON, one document a line, for scripts");
+  app.set_version_flag("--version", "pepeseg " PEPESEG_VERSION, "Print the version and leave");
   AddVerbs(app, shell);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? pepeseg::client::cli::kSuccess : pepeseg::client::cli::kUsage;
+    if (app.exit(error) == 0) return pepeseg::client::cli::kSuccess;
+    const std::string suggestion = pepeseg::client::cli::SuggestionFor(app, argc, argv);
+    if (!suggestion.empty()) pepeseg::client::cli::Note(suggestion);
+    return pepeseg::client::cli::kUsage;
   }
 
   const absl::Status status = RunVerb(shell);

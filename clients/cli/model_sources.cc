@@ -3,9 +3,7 @@
 #include <map>
 
 #include "absl/strings/str_cat.h"
-#include "clients/cli/failure.h"
 #include "clients/cli/shell.h"
-#include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
 
@@ -26,11 +24,8 @@ std::string SourcesText(const v1::Model& model) {
   return text;
 }
 
-absl::Status PrintSources(const Client& client, const std::string& model) {
-  ASSIGN_OR_RETURN(const v1::Model answer, client.GetModel(model));
-  const std::string text = SourcesText(answer);
-  if (!text.empty()) Print("trained on: " + text);
-  return absl::OkStatus();
+void PrintAdvice(const v1::Model& model) {
+  for (const std::string& advice : model.advice()) Print("advice: " + advice);
 }
 
 }  // namespace pepeseg::client::cli

@@ -2,15 +2,13 @@
 
 #include <string>
 
-#include "absl/status/status.h"
-#include "clients/cpp/client.h"
+#include "pepeseg/v1/scene_service.pb.h"
 
 namespace pepeseg::client::cli {
 
-// "poses given, masks embedded, depth none", or empty where nobody noted it.
+// "poses given, masks embedded, depth none"; empty when the server does not tell.
 std::string SourcesText(const v1::Model& model);
-
-// That of a model by its name, to standard output; nothing where there is nothing to tell.
-absl::Status PrintSources(const Client& client, const std::string& model);
+// What may make the model's answers poor and what would better them, a line each.
+void PrintAdvice(const v1::Model& model);
 
 }  // namespace pepeseg::client::cli

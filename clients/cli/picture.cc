@@ -7,7 +7,6 @@
 #include <array>
 #include <cmath>
 #include <memory>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/file_bytes.h"
@@ -61,15 +60,19 @@ absl::StatusOr<Decoded> Decode(absl::string_view bytes, absl::string_view name, 
   return image;
 }
 
+std::string PngBytes(int width, int height, int channels, const uint8_t* pixels) {
+  std::string png;
+  const auto append = [](void* to, void* data, int size) {
+    static_cast<std::string*>(to)->append(static_cast<const char*>(data), size);
+  };
+  stbi_write_png_to_func(append, &png, width, height, channels, pixels, width * channels);
+  return png;
+}
+
 absl::Status WritePngBytes(const std::filesystem::path& path, int width, int height,
                            std::span<const uint8_t> pixels) {
-  std::error_code error;
-  std::filesystem::create_directories(path.parent_path(), error);
   const int channels = static_cast<int>(pixels.size() / (static_cast<size_t>(width) * height));
-  if (stbi_write_png(path.c_str(), width, height, channels, pixels.data(), width * channels) == 0) {
-    return absl::PermissionDeniedError(absl::StrCat("cannot write ", path.string()));
-  }
-  return absl::OkStatus();
+  return WriteFile(path, PngBytes(width, height, channels, pixels.data()));
 }
 
 // Where a resized pixel comes from.
@@ -130,13 +133,7 @@ absl::Status WritePng(const std::filesystem::path& path, const GreyPicture& pict
 }
 
 std::string EncodePng(const GreyPicture& picture) {
-  std::string png;
-  const auto append = [](void* to, void* data, int size) {
-    static_cast<std::string*>(to)->append(static_cast<const char*>(data), size);
-  };
-  stbi_write_png_to_func(append, &png, picture.width, picture.height, 1, picture.pixels.data(),
-                         picture.width);
-  return png;
+  return PngBytes(picture.width, picture.height, 1, picture.pixels.data());
 }
 
 GreyPicture Resized(const GreyPicture& picture, int width, int height) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -15,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kBarCells = 24;
+constexpr int kBarCells = 12;
 constexpr auto kTerminalPace = std::chrono::milliseconds(100);
 constexpr auto kPlainPace = std::chrono::seconds(10);
 
@@ -35,6 +36,54 @@ double Share(int64_t done, int64_t all) {
   return all <= 0 ? 0.0 : static_cast<double>(done) / static_cast<double>(all);
 }
 
+double SecondsOf(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + static_cast<double>(duration.nanos()) * 1e-9;
+}
+
+std::string StageOf(const v1::JobProgress& progress) {
+  if (progress.num_stages() == 0) return "";
+  return absl::StrCat("stage ", progress.stage_number(), " of ", progress.num_stages());
+}
+
+// Of the job where that is known, else of its stage.
+std::string TimeLeft(const v1::JobProgress& progress) {
+  const std::string stage = StageOf(progress);
+  if (progress.has_job_eta()) {
+    return absl::StrCat("about ", AboutText(SecondsOf(progress.job_eta())), " left",
+                        stage.empty() ? "" : ", ", stage);
+  }
+  if (!progress.has_eta()) return stage;
+  return absl::StrCat("about ", AboutText(SecondsOf(progress.eta())), " left of ",
+                      stage.empty() ? "this stage" : stage);
+}
+
+std::string ShortTimeLeft(const v1::JobProgress& progress) {
+  std::string text;
+  if (progress.has_job_eta()) text = AboutText(SecondsOf(progress.job_eta())) + " left";
+  if (progress.num_stages() == 0) return text;
+  return absl::StrCat(text, text.empty() ? "" : " ", progress.stage_number(), "/",
+                      progress.num_stages());
+}
+
+// The rest, the most telling first.
+std::vector<std::string> PartsOf(const v1::JobProgress& progress) {
+  std::vector<std::string> parts;
+  if (progress.activity().empty()) {
+    parts.push_back(
+        absl::StrCat(progress.stage(), " ", progress.step(), "/", progress.num_steps()));
+  } else {
+    parts.push_back(absl::StrCat(progress.stage(), ": ", progress.activity(), " ", progress.step(),
+                                 " of ", progress.num_steps(), " ", progress.unit()));
+  }
+  parts.push_back(Bar(Share(progress.step(), progress.num_steps())));
+  if (progress.has_loss()) parts.push_back(absl::StrFormat("loss %.4f", progress.loss()));
+  if (progress.has_psnr()) parts.push_back(absl::StrFormat("%.2f dB", progress.psnr()));
+  if (progress.num_gaussians() > 0) {
+    parts.push_back(absl::StrCat(Grouped(progress.num_gaussians()), " Gaussians"));
+  }
+  return parts;
+}
+
 }  // namespace
 
 std::string ClockText(double seconds) {
@@ -44,19 +93,26 @@ std::string ClockText(double seconds) {
   return absl::StrFormat("%d:%02d:%02d", hours, whole / 60 % 60, whole % 60);
 }
 
+std::string AboutText(double seconds) {
+  constexpr int64_t kExact = 10;  // seconds; more are rounded to 5
+  int64_t whole = std::max<int64_t>(0, std::llround(seconds));
+  if (whole > kExact) whole = (whole + 2) / 5 * 5;
+  if (whole < 60) return absl::StrCat(whole, " s");
+  const int64_t minutes = (whole + 30) / 60;
+  if (minutes < 60) return absl::StrCat(minutes, " min");
+  if (minutes % 60 == 0) return absl::StrCat(minutes / 60, " h");
+  return absl::StrCat(minutes / 60, " h ", minutes % 60, " min");
+}
+
 std::string ProgressText(const v1::JobProgress& progress, size_t columns) {
-  std::string text = absl::StrFormat("%-11s %s  %d/%d", progress.stage(),
-                                     Bar(Share(progress.step(), progress.num_steps())),
-                                     progress.step(), progress.num_steps());
-  if (progress.has_loss()) absl::StrAppendFormat(&text, "  loss %.4f", progress.loss());
-  if (progress.has_psnr()) absl::StrAppendFormat(&text, "  %.2f dB", progress.psnr());
-  if (progress.num_gaussians() > 0) {
-    absl::StrAppend(&text, "  ", Grouped(progress.num_gaussians()), " Gaussians");
+  std::string text = TimeLeft(progress);
+  if (text.size() > columns) text = ShortTimeLeft(progress);
+  for (const std::string& part : PartsOf(progress)) {
+    const std::string longer = text.empty() ? part : absl::StrCat(text, "  ", part);
+    if (longer.size() > columns) break;
+    text = longer;
   }
-  if (progress.has_eta()) {
-    absl::StrAppend(&text, "  ETA ", ClockText(static_cast<double>(progress.eta().seconds())));
-  }
-  return text.substr(0, columns);
+  return text;
 }
 
 std::string UploadText(int64_t bytes, int64_t num_bytes, size_t columns) {
@@ -68,7 +124,7 @@ std::string UploadText(int64_t bytes, int64_t num_bytes, size_t columns) {
 
 ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {
   winsize size{};
-  if (terminal_ && ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 20) {
+  if (terminal_ && ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1) {
     columns_ = size.ws_col - 1U;
   }
 }

@@ -7,13 +7,16 @@
 
 namespace pepeseg::client::cli {
 
-// "reconstruct [#####.....]  1200/2400  loss 0.0612  21.3 dB  84,120 Gaussians  ETA 1:05", cut to
-// `columns`.
+// "about 5 min left, stage 3 of 5  reconstruct 1200/2400  [#####.....]  loss 0.0612  21.3 dB
+// 84,120 Gaussians". What is left of the job comes first and is never cut off, in few columns it
+// is "5 min left 3/5"; of the rest, as many parts as fit into `columns`.
 std::string ProgressText(const v1::JobProgress& progress, size_t columns);
 // "upload [####......]  12.3/42.0 MB".
 std::string UploadText(int64_t bytes, int64_t num_bytes, size_t columns);
 // "1:05" or "2:01:05".
 std::string ClockText(double seconds);
+// "40 s", "5 min", "1 h 20 min": rounded as people say it.
+std::string AboutText(double seconds);
 
 // Long work on standard error: one line that is rewritten where that is a terminal, else a plain
 // line every ten seconds and at the end.

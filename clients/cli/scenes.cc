@@ -1,11 +1,15 @@
 // The verb that lists scenes and their live models.
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "clients/cli/failure.h"
 #include "clients/cli/model_sources.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/text_table.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
@@ -18,21 +22,47 @@ struct ScenesFlags {
   bool remove = false;
 };
 
-std::string SceneLine(const v1::Scene& scene) {
-  std::string line = absl::StrFormat("%-32s", scene.name());
-  absl::StrAppend(&line, scene.live_model().empty() ? "no model yet" : scene.live_model());
-  if (!scene.active_job().empty()) absl::StrAppend(&line, "  training: ", scene.active_job());
-  return line;
+std::string IdOf(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+
+// SIZE: of all its models.
+absl::StatusOr<TableRow> RowOf(const Client& client, const v1::Scene& scene) {
+  ASSIGN_OR_RETURN(const v1::ListModelsResponse models, client.ListModels(scene.name()));
+  int64_t num_bytes = 0;
+  for (const v1::Model& model : models.models()) num_bytes += model.num_bytes();
+  const std::string state = !scene.active_job().empty()  ? "training: " + scene.active_job()
+                            : scene.live_model().empty() ? "no model yet"
+                                                         : "trained";
+  return TableRow{IdOf(scene.name()),
+                  AgeText(scene.create_time(), absl::Now()),
+                  absl::StrCat(models.models_size()),
+                  SizeText(num_bytes),
+                  scene.live_model().empty() ? "-" : scene.live_model(),
+                  state};
 }
 
 absl::Status ListScenes(const Shell& shell, const Client& client) {
   ASSIGN_OR_RETURN(const auto all, client.ListScenes());
   if (shell.json) {
     PrintJson(all);
-  } else {
-    for (const v1::Scene& scene : all.scenes()) Print(SceneLine(scene));
+    return absl::OkStatus();
   }
+  std::vector<TableRow> rows = {{"SCENE", "AGE", "MODELS", "SIZE", "LIVE MODEL", "STATE"}};
+  for (const v1::Scene& scene : all.scenes()) {
+    absl::StatusOr<TableRow> row = RowOf(client, scene);
+    if (absl::IsNotFound(row.status())) continue;  // deleted meanwhile
+    RETURN_IF_ERROR(row.status());
+    rows.push_back(*std::move(row));
+  }
+  for (const std::string& line : TextTable(rows)) Print(line);
   return absl::OkStatus();
+}
+
+// "scenes/shelf  scenes/shelf/models/2  training: jobs/j3".
+std::string SceneLine(const v1::Scene& scene) {
+  std::string line = absl::StrCat(scene.name(), "  ");
+  absl::StrAppend(&line, scene.live_model().empty() ? "no model yet" : scene.live_model());
+  if (!scene.active_job().empty()) absl::StrAppend(&line, "  training: ", scene.active_job());
+  return line;
 }
 
 // The scene's live model with what was measured of it, and its views.
@@ -53,6 +83,7 @@ absl::Status DescribeScene(const Shell& shell, const Client& client, const std::
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }
+  PrintAdvice(model);
   for (const v1::View& view : views) {
     Print(absl::StrFormat("  %s  %dx%d%s", view.view(), view.camera().width(),
                           view.camera().height(), view.held_out() ? "  held out" : ""));

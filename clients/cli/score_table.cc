@@ -4,8 +4,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/shell.h"
-#include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -70,12 +68,6 @@ std::vector<std::string> ScoreTable(std::span<const v1::View> views) {
   }
   rows.push_back(Row(last, mean, columns));
   return rows;
-}
-
-absl::Status PrintScores(const Client& client, const std::string& model) {
-  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(model));
-  for (const std::string& row : ScoreTable(views)) Print(row);
-  return absl::OkStatus();
 }
 
 }  // namespace pepeseg::client::cli

@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "clients/cpp/client.h"
+#include "pepeseg/v1/scene_service.pb.h"
 
 namespace pepeseg::client::cli {
 
@@ -15,8 +14,5 @@ namespace pepeseg::client::cli {
 //   frame-000000.jpg   21.46   0.799
 //   mean of 2          21.65   0.803
 std::vector<std::string> ScoreTable(std::span<const v1::View> views);
-
-// That of a model, to standard output.
-absl::Status PrintScores(const Client& client, const std::string& model);
 
 }  // namespace pepeseg::client::cli

@@ -14,6 +14,7 @@ namespace pepeseg::client::cli {
 
 // What the command line said: the options that every verb shares, and the verb that was chosen.
 struct Shell {
+  std::string program = "pepeseg";  // as it was called
   std::string server = "127.0.0.1:50051";
   Login login;
   std::shared_ptr<grpc::Channel> channel;  // to `server`; there when the verb runs
@@ -38,6 +39,7 @@ void AddWatch(CLI::App& app, Shell& shell);
 void AddCancel(CLI::App& app, Shell& shell);
 void AddJobs(CLI::App& app, Shell& shell);
 void AddScenes(CLI::App& app, Shell& shell);
+void AddModels(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddPropose(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
@@ -58,5 +60,6 @@ void AddDrain(CLI::App& app, Shell& shell);
 void AddHealth(CLI::App& app, Shell& shell);
 void AddDemo(CLI::App& app, Shell& shell);
 void AddBench(CLI::App& app, Shell& shell);
+void AddCompletion(CLI::App& app, Shell& shell);
 
 }  // namespace pepeseg::client::cli

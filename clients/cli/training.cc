@@ -1,17 +1,21 @@
 // Verbs on jobs: train, cancel, jobs.
 #include "clients/cli/training.h"
 
+#include <map>
 #include <memory>
+#include <set>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/model_sources.h"
-#include "clients/cli/score_table.h"
+#include "clients/cli/option_table.h"
+#include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/text_table.h"
+#include "clients/cli/trained_model.h"
 #include "clients/cli/watch.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/option_setting.h"
@@ -28,7 +32,7 @@ struct TrainFlags : TrainingFlags {
 
 absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   if (flags.list_options) {
-    Print(absl::StrJoin(OptionNames(v1::TrainingOptions()), "\n"));
+    for (const std::string& line : OptionTable()) Print(line);
     return absl::OkStatus();
   }
   const Client client(shell.channel);
@@ -47,8 +51,7 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
     return absl::OkStatus();
   }
   Print(absl::StrCat("trained: ", ended.model()));
-  RETURN_IF_ERROR(PrintSources(client, ended.model()));
-  return PrintScores(client, ended.model());
+  return PrintTrained(shell, client, ended.model());
 }
 
 absl::Status RunCancel(const Shell& shell, const std::string& job) {
@@ -58,16 +61,50 @@ absl::Status RunCancel(const Shell& shell, const std::string& job) {
   return absl::OkStatus();
 }
 
-std::string JobLine(const v1::Job& job) {
-  const std::string state = v1::JobState_Name(job.state()).substr(10);
-  std::string line = absl::StrFormat("%-28s %-10s %-24s", job.name(), state, job.scene());
+std::string WordOf(v1::JobState state) {
+  constexpr size_t kPrefix = sizeof("JOB_STATE_") - 1;
+  return absl::AsciiStrToLower(v1::JobState_Name(state).substr(kPrefix));
+}
+
+// The model, how far it is, or where and why it ended.
+std::string OutcomeText(const v1::Job& job) {
+  if (!job.model().empty()) return job.model();
+  const v1::JobProgress& progress = job.progress();
   if (job.state() == v1::JOB_STATE_RUNNING && job.has_progress()) {
-    absl::StrAppendFormat(&line, " %s %d/%d", job.stage(), job.progress().step(),
-                          job.progress().num_steps());
+    constexpr size_t kColumns = 60;
+    return ProgressText(progress, kColumns);
   }
-  if (job.state() == v1::JOB_STATE_FAILED) absl::StrAppend(&line, " ", job.error().message());
-  if (!job.model().empty()) absl::StrAppend(&line, " ", job.model());
-  return line;
+  const std::string stage = job.stage().empty() ? "" : absl::StrCat("in ", job.stage());
+  if (job.state() != v1::JOB_STATE_FAILED) return stage;
+  return absl::StrCat(stage, stage.empty() ? "" : ": ", job.error().message());
+}
+
+TableRow RowOf(const v1::Job& job, const std::map<std::string, int64_t>& sizes, absl::Time now) {
+  const absl::Time end = job.has_end_time() ? ToTime(job.end_time()) : now;
+  const auto size = sizes.find(job.model());
+  return {job.name(),
+          WordOf(job.state()),
+          job.scene().substr(job.scene().find('/') + 1),
+          AgeText(job.create_time(), now),
+          job.has_start_time() ? SpanText(end - ToTime(job.start_time())) : "-",
+          size == sizes.end() ? "-" : SizeText(size->second),
+          OutcomeText(job)};
+}
+
+// Of the models of these jobs, by name; what was deleted since has none.
+std::map<std::string, int64_t> SizesOfModels(const Client& client,
+                                             const v1::ListJobsResponse& jobs) {
+  std::set<std::string> scenes;
+  for (const v1::Job& job : jobs.jobs()) {
+    if (!job.model().empty()) scenes.insert(job.scene());
+  }
+  std::map<std::string, int64_t> sizes;
+  for (const std::string& scene : scenes) {
+    const auto models = client.ListModels(scene);
+    if (!models.ok()) continue;  // the scene was deleted meanwhile
+    for (const v1::Model& model : models->models()) sizes[model.name()] = model.num_bytes();
+  }
+  return sizes;
 }
 
 absl::Status RunJobs(const Shell& shell, const std::string& scene) {
@@ -75,9 +112,12 @@ absl::Status RunJobs(const Shell& shell, const std::string& scene) {
   ASSIGN_OR_RETURN(const auto all, client.ListJobs(scene));
   if (shell.json) {
     PrintJson(all);
-  } else {
-    for (const v1::Job& job : all.jobs()) Print(JobLine(job));
+    return absl::OkStatus();
   }
+  const std::map<std::string, int64_t> sizes = SizesOfModels(client, all);
+  std::vector<TableRow> rows = {{"JOB", "STATE", "SCENE", "AGE", "TOOK", "SIZE", "RESULT"}};
+  for (const v1::Job& job : all.jobs()) rows.push_back(RowOf(job, sizes, absl::Now()));
+  for (const std::string& line : TextTable(rows)) Print(line);
   return absl::OkStatus();
 }
 
@@ -124,7 +164,7 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
   verb.add_option("--feature-steps", flags.feature_steps, "Steps of the feature training");
   verb.add_option("--image-scale", flags.image_scale, "Shrink the photographs by this, (0, 1]");
   verb.add_option("-o,--option", flags.settings,
-                  "NAME=VALUE, any option: see `pepeseg train x --list-options`")
+                  "NAME=VALUE, any option: `pepeseg train SCENE --list-options` shows them")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
 }
@@ -133,7 +173,8 @@ void AddTrain(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<TrainFlags>();
   CLI::App* verb = app.add_subcommand("train", "Make a model of a scene");
   AddTrainingFlags(*verb, *flags);
-  verb->add_flag("--list-options", flags->list_options, "Only tell which options there are");
+  verb->add_flag("--list-options", flags->list_options,
+                 "Only show the options with their defaults and ranges");
   verb->add_flag("--detach", flags->detach, "Print the job's name and leave");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunTrain(shell, *flags); }; });
 }

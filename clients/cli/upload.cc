@@ -9,8 +9,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
+#include "clients/cli/next_command.h"
 #include "clients/cli/progress_line.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/text_table.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
@@ -55,9 +57,10 @@ absl::Status RunUpload(const Shell& shell, const UploadFlags& flags) {
   if (shell.json) {
     PrintJson(dataset);
   } else {
-    Print(absl::StrFormat("%s: %d files, %.1f MB. Next: pepeseg train %s", dataset.name(),
-                          dataset.num_files(), static_cast<double>(dataset.num_bytes()) * 1e-6,
-                          flags.scene));
+    Print(absl::StrFormat("%s: %d files, %s", dataset.name(), dataset.num_files(),
+                          SizeText(dataset.num_bytes())));
+    for (const std::string& advice : dataset.advice()) Print("advice: " + advice);
+    Print(absl::StrCat("Next: ", CommandText(shell, {"train", flags.scene})));
   }
   return absl::OkStatus();
 }

@@ -5,10 +5,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/failure.h"
-#include "clients/cli/model_sources.h"
 #include "clients/cli/progress_line.h"
-#include "clients/cli/score_table.h"
 #include "clients/cli/shell.h"
+#include "clients/cli/trained_model.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
@@ -69,11 +68,12 @@ void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
 }
 
 absl::Status Outcome(const v1::Job& job) {
+  const std::string stage = job.stage().empty() ? "" : absl::StrCat(" in stage ", job.stage());
   if (job.state() == v1::JOB_STATE_FAILED) {
-    return JobFailed(absl::StrCat(job.name(), " failed: ", job.error().message()));
+    return JobFailed(absl::StrCat(job.name(), " failed", stage, ": ", job.error().message()));
   }
   if (job.state() == v1::JOB_STATE_CANCELLED) {
-    return JobCancelled(absl::StrCat(job.name(), " was cancelled"));
+    return JobCancelled(absl::StrCat(job.name(), " was cancelled", stage));
   }
   return absl::OkStatus();
 }
@@ -90,8 +90,7 @@ absl::Status RunWatch(const Shell& shell, const WatchFlags& flags) {
   RETURN_IF_ERROR(job.status());
   if (shell.json) return absl::OkStatus();
   Print(absl::StrCat(job->name(), " succeeded: ", job->model()));
-  RETURN_IF_ERROR(PrintSources(client, job->model()));
-  return PrintScores(client, job->model());
+  return PrintTrained(shell, client, job->model());
 }
 
 }  // namespace

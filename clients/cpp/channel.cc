@@ -6,13 +6,12 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
@@ -20,15 +19,6 @@ namespace {
 
 constexpr int kMaxAnswerBytes = 64 << 20;
 constexpr char kHttps[] = "https://";
-
-absl::StatusOr<std::string> ReadText(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(file)), {});
-  if (!file.is_open() || file.bad()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read"));
-  }
-  return text;
-}
 
 // What is not printable would end the call with a fault that names nothing.
 bool IsKey(const std::string& text) {
@@ -50,7 +40,7 @@ absl::StatusOr<std::string> FindKey(const Login& login) {
   std::string text;
   if (!login.key_file.empty()) {
     from = login.key_file;
-    ASSIGN_OR_RETURN(text, ReadText(login.key_file));
+    ASSIGN_OR_RETURN(text, ReadFile(login.key_file));
     text = text.substr(0, text.find('\n'));
   } else if (const char* value = std::getenv("PEPESEG_KEY")) {
     text = value;
@@ -73,11 +63,11 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> TlsCredentials(const L
   }
   grpc::SslCredentialsOptions options;
   if (!login.ca.empty()) {
-    ASSIGN_OR_RETURN(options.pem_root_certs, ReadText(login.ca));
+    ASSIGN_OR_RETURN(options.pem_root_certs, ReadFile(login.ca));
   }
   if (!login.certificate.empty()) {
-    ASSIGN_OR_RETURN(options.pem_cert_chain, ReadText(login.certificate));
-    ASSIGN_OR_RETURN(options.pem_private_key, ReadText(login.certificate_key));
+    ASSIGN_OR_RETURN(options.pem_cert_chain, ReadFile(login.certificate));
+    ASSIGN_OR_RETURN(options.pem_private_key, ReadFile(login.certificate_key));
   }
   return grpc::SslCredentials(options);
 }

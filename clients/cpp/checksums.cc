@@ -3,12 +3,12 @@
 #include <openssl/evp.h>
 
 #include <array>
+#include <cerrno>
 #include <fstream>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/strings/escaping.h"
-#include "absl/strings/str_cat.h"
+#include "clients/cpp/file_bytes.h"
 
 namespace pepeseg::client {
 namespace {
@@ -71,7 +71,7 @@ std::string Sha256::Finish() {
 
 absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) return absl::NotFoundError(absl::StrCat("cannot open ", path.string()));
+  if (!file) return LocalFileError("read", path, errno);
   FileDigest digest;
   Sha256 sha256;
   std::vector<char> piece(kPiece);
@@ -80,7 +80,7 @@ absl::StatusOr<FileDigest> DigestFile(const std::filesystem::path& path) {
     sha256.Add({piece.data(), static_cast<size_t>(file.gcount())});
     digest.size += file.gcount();
   }
-  if (!file.eof()) return absl::DataLossError(absl::StrCat("cannot read ", path.string()));
+  if (!file.eof()) return LocalFileError("read", path, errno);
   digest.sha256 = sha256.Finish();
   return digest;
 }

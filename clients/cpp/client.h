@@ -35,6 +35,7 @@ class Client {
   absl::StatusOr<v1::ListScenesResponse> ListScenes() const;
   absl::Status DeleteScene(const std::string& scene) const;
   absl::StatusOr<v1::Model> GetModel(const std::string& model) const;
+  absl::StatusOr<v1::ListModelsResponse> ListModels(const std::string& scene) const;
   absl::Status DeleteModel(const std::string& model) const;
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model) const;
 

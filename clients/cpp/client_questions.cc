@@ -1,13 +1,11 @@
 // A client's questions to a model, and its export.
-#include <filesystem>
-#include <fstream>
 #include <string>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/ask.h"
 #include "clients/cpp/checksums.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
@@ -20,7 +18,7 @@ constexpr double kEvaluateSeconds = 3600;  // a hundred entities on a CPU take a
 
 // Checks each chunk and the whole; the header is the stream's first message.
 absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& stream,
-                               std::ofstream& file) {
+                               OutputFile& file) {
   Header header;
   Sha256 sha256;
   int64_t size = 0;
@@ -35,11 +33,9 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& 
     }
     sha256.Add(data);
     size += static_cast<int64_t>(data.size());
-    file.write(data.data(), static_cast<std::streamsize>(data.size()));
+    RETURN_IF_ERROR(file.Append(data));
   }
   RETURN_IF_ERROR(FromGrpc(stream.Finish()));
-  file.close();
-  if (!file) return absl::PermissionDeniedError("cannot write the PLY: is the disk full?");
   if (size != header.num_bytes() || sha256.Finish() != header.sha256()) {
     return absl::DataLossError(absl::StrCat("the PLY is not what was announced: ", size, " of ",
                                             header.num_bytes(), " bytes"));
@@ -49,14 +45,14 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportSelectionResponse>& 
 
 // All of an export. One that the server puts off has sent nothing yet.
 absl::StatusOr<Header> ReceiveAll(Segmentation& segmentation,
-                                  const v1::ExportSelectionRequest& request, std::ofstream& file) {
+                                  const v1::ExportSelectionRequest& request, OutputFile& file) {
   const RetryBudget retries(kCallSeconds);
   while (true) {
     Call call(SceneOf(request.model()), 0);
     absl::StatusOr<Header> header = Receive(*segmentation.ExportSelection(call, request), file);
     if (header.ok()) return header;
     call.Cancel();
-    if (file.tellp() > 0 || !retries.WaitAfter(header.status())) return header.status();
+    if (file.num_bytes() > 0 || !retries.WaitAfter(header.status())) return header.status();
   }
 }
 
@@ -86,20 +82,9 @@ absl::StatusOr<v1::RenderResponse> Client::Render(const v1::RenderRequest& reque
 
 absl::StatusOr<Header> Client::Export(const v1::ExportSelectionRequest& request,
                                       const std::string& file) const {
-  namespace fs = std::filesystem;
-  const fs::path beside = file + ".part";
-  std::ofstream part(beside, std::ios::binary | std::ios::trunc);
-  if (!part) return absl::PermissionDeniedError(absl::StrCat("cannot write ", beside.string()));
-  const absl::StatusOr<Header> header = ReceiveAll(*segmentation_, request, part);
-  std::error_code error;
-  if (!header.ok()) {
-    fs::remove(beside, error);
-    return header.status();
-  }
-  fs::rename(beside, file, error);
-  if (error) {
-    return absl::PermissionDeniedError(absl::StrCat("cannot write ", file, ": ", error.message()));
-  }
+  ASSIGN_OR_RETURN(OutputFile output, OutputFile::Create(file));
+  ASSIGN_OR_RETURN(const Header header, ReceiveAll(*segmentation_, request, output));
+  RETURN_IF_ERROR(output.Commit());
   return header;
 }
 

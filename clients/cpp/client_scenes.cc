@@ -43,6 +43,12 @@ absl::StatusOr<v1::Model> Client::GetModel(const std::string& model) const {
   return Ask(*scenes_, &Scenes::GetModel, SceneOf(model), request);
 }
 
+absl::StatusOr<v1::ListModelsResponse> Client::ListModels(const std::string& scene) const {
+  v1::ListModelsRequest request;
+  request.set_parent(SceneName(scene));
+  return AskAllPages(*scenes_, &Scenes::ListModels, scene, request);
+}
+
 absl::Status Client::DeleteModel(const std::string& model) const {
   v1::DeleteModelRequest request;
   request.set_name(model);

@@ -8,6 +8,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cpp/file_bytes.h"
 
 namespace pepeseg::client {
 namespace {
@@ -95,7 +96,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     return DatasetFolder{{{name, v1::FILE_KIND_VIDEO, folder}}, {}};
   }
   if (!fs::is_directory(folder, error)) {
-    return absl::NotFoundError(absl::StrCat("no such folder or video: ", folder.string()));
+    return LocalFileMissing(absl::StrCat("no such folder or video: ", folder.string()));
   }
   DatasetFolder result;
   auto entry = fs::recursive_directory_iterator(folder, error);
@@ -111,8 +112,7 @@ absl::StatusOr<DatasetFolder> ReadDatasetFolder(const fs::path& folder, v1::File
     }
   }
   if (error) {
-    return absl::NotFoundError(
-        absl::StrCat("cannot list ", folder.string(), ": ", error.message()));
+    return LocalFileError("list", folder, error.value());
   }
   if (!HasPictures(result)) TakeLoosePictures(folder, result);
   std::sort(result.files.begin(), result.files.end(),

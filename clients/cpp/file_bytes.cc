@@ -1,33 +1,146 @@
 #include "clients/cpp/file_bytes.h"
 
-#include <fstream>
-#include <iterator>
-#include <system_error>
+#include <fcntl.h>
+#include <unistd.h>
 
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
+namespace {
+
+constexpr char kLocalFileUrl[] = "pepeseg.client/local_file";
+constexpr size_t kPieceBytes = size_t{1} << 20;
+
+absl::Status Mark(absl::Status status) {
+  status.SetPayload(kLocalFileUrl, absl::Cord());
+  return status;
+}
+
+absl::StatusCode CodeOf(int error_number) {
+  switch (error_number) {
+    case ENOENT:
+    case ENOTDIR:
+      return absl::StatusCode::kNotFound;
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return absl::StatusCode::kPermissionDenied;
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      return absl::StatusCode::kResourceExhausted;
+    default:
+      return absl::StatusCode::kFailedPrecondition;
+  }
+}
+
+}  // namespace
+
+absl::Status LocalFileError(absl::string_view action, const std::filesystem::path& path,
+                            int error_number) {
+  const std::string text = std::generic_category().message(error_number);
+  return Mark(
+      {CodeOf(error_number), absl::StrCat("cannot ", action, " ", path.string(), ": ", text)});
+}
+
+absl::Status LocalFileMissing(const std::string& message) {
+  return Mark(absl::NotFoundError(message));
+}
+
+bool IsLocalFileError(const absl::Status& status) {
+  return status.GetPayload(kLocalFileUrl).has_value();
+}
 
 absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (!file) return absl::NotFoundError(absl::StrCat("cannot read ", path.string()));
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) return LocalFileError("read", path, errno);
+  std::string bytes;
+  ssize_t size = 0;
+  do {
+    const size_t before = bytes.size();
+    bytes.resize(before + kPieceBytes);
+    size = read(descriptor, bytes.data() + before, kPieceBytes);
+    bytes.resize(before + (size > 0 ? static_cast<size_t>(size) : 0));
+  } while (size > 0 || (size < 0 && errno == EINTR));
+  const int error_number = errno;
+  close(descriptor);
+  if (size < 0) return LocalFileError("read", path, error_number);
   return bytes;
 }
 
-absl::Status WriteFile(const std::filesystem::path& path, absl::string_view bytes) {
+absl::Status MakeParentFolder(const std::filesystem::path& file) {
+  if (!file.has_parent_path()) return absl::OkStatus();
   std::error_code error;
-  if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path(), error);
-  std::filesystem::path beside = path;
-  beside += ".part";
-  std::ofstream file(beside, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (file) std::filesystem::rename(beside, path, error);
-  if (!file || error) {
-    return absl::PermissionDeniedError(absl::StrCat("cannot write ", path.string()));
+  std::filesystem::create_directories(file.parent_path(), error);
+  return error ? LocalFileError("make the folder", file.parent_path(), error.value())
+               : absl::OkStatus();
+}
+
+absl::Status WriteFile(const std::filesystem::path& path, absl::string_view bytes) {
+  ASSIGN_OR_RETURN(OutputFile file, OutputFile::Create(path));
+  RETURN_IF_ERROR(file.Append(bytes));
+  return file.Commit();
+}
+
+OutputFile::OutputFile(std::filesystem::path path, int descriptor)
+    : path_(std::move(path)), beside_(path_), descriptor_(descriptor) {
+  beside_ += ".part";
+}
+
+OutputFile::OutputFile(OutputFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      beside_(std::move(other.beside_)),
+      descriptor_(std::exchange(other.descriptor_, -1)),
+      num_bytes_(other.num_bytes_) {}
+
+OutputFile::~OutputFile() {
+  if (descriptor_ < 0) return;
+  close(descriptor_);
+  unlink(beside_.c_str());
+}
+
+absl::StatusOr<OutputFile> OutputFile::Create(const std::filesystem::path& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return LocalFileError("write", path, EISDIR);
+  RETURN_IF_ERROR(MakeParentFolder(path));
+  OutputFile file(path, -1);
+  constexpr int kMode = 0666;  // less the umask
+  file.descriptor_ = open(file.beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, kMode);
+  if (file.descriptor_ < 0) return file.Fail(errno);
+  return file;
+}
+
+absl::Status OutputFile::Fail(int error_number) const {
+  return LocalFileError("write", path_, error_number);
+}
+
+absl::Status OutputFile::Append(absl::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t size = write(descriptor_, bytes.data(), bytes.size());
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) return Fail(errno);
+    num_bytes_ += size;
+    bytes.remove_prefix(static_cast<size_t>(size));
   }
   return absl::OkStatus();
+}
+
+absl::Status OutputFile::Commit() {
+  if (close(std::exchange(descriptor_, -1)) != 0) {
+    const int error_number = errno;
+    unlink(beside_.c_str());
+    return Fail(error_number);
+  }
+  if (rename(beside_.c_str(), path_.c_str()) == 0) return absl::OkStatus();
+  const int error_number = errno;
+  unlink(beside_.c_str());
+  return Fail(error_number);
 }
 
 }  // namespace pepeseg::client

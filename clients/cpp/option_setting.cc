@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "clients/cpp/nearest_names.h"
 
 namespace pepeseg::client {
 namespace {
@@ -76,6 +77,45 @@ bool SetField(absl::string_view text, const FieldDescriptor& field, Message& mes
   }
 }
 
+// The field of an option; null: there is none.
+const FieldDescriptor* FindField(absl::string_view name, const Descriptor& type) {
+  const Descriptor* within = &type;
+  const FieldDescriptor* field = nullptr;
+  for (const absl::string_view part : absl::StrSplit(name, '.')) {
+    if (within == nullptr) return nullptr;
+    field = within->FindFieldByName(std::string(part));
+    if (field == nullptr) return nullptr;
+    within = field->message_type();
+  }
+  return within == nullptr ? field : nullptr;
+}
+
+// Values of an enum without what all of them begin with, in lower case.
+std::vector<std::string> ShortNames(const google::protobuf::EnumDescriptor& type) {
+  std::string prefix = type.value(0)->name();
+  for (int i = 1; i < type.value_count(); ++i) {
+    while (!absl::StartsWith(type.value(i)->name(), prefix)) prefix.pop_back();
+  }
+  prefix.resize(prefix.rfind('_') + 1);
+  std::vector<std::string> names;
+  for (int i = 0; i < type.value_count(); ++i) {
+    names.push_back(absl::AsciiStrToLower(type.value(i)->name().substr(prefix.size())));
+  }
+  return names;
+}
+
+std::string Wanted(const FieldDescriptor& field) {
+  if (field.enum_type() == nullptr) return absl::StrCat("of type ", field.cpp_type_name());
+  return absl::StrCat("one of ", absl::StrJoin(ShortNames(*field.enum_type()), ", "));
+}
+
+std::vector<std::string> PlainNames(const Descriptor& type, const std::string& prefix) {
+  std::vector<std::string> names;
+  AppendNames(type, prefix, names);
+  for (std::string& name : names) name.resize(name.find(' '));
+  return names;
+}
+
 }  // namespace
 
 absl::Status SetOption(absl::string_view setting, Message& options) {
@@ -87,24 +127,21 @@ absl::Status SetOption(absl::string_view setting, Message& options) {
   const absl::string_view name = setting.substr(0, equals);
   const absl::string_view value = setting.substr(equals + 1);
   Message* message = &options;
-  const FieldDescriptor* field = nullptr;
+  const FieldDescriptor* field = FindField(name, *options.GetDescriptor());
   for (const absl::string_view part : absl::StrSplit(name, '.')) {
-    if (field != nullptr && field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-      message = message->GetReflection()->MutableMessage(message, field);
-    } else if (field != nullptr) {
-      field = nullptr;
-      break;
-    }
-    field = message->GetDescriptor()->FindFieldByName(std::string(part));
-    if (field == nullptr) break;
+    if (field == nullptr || field->containing_type() == message->GetDescriptor()) break;
+    message = message->GetReflection()->MutableMessage(
+        message, message->GetDescriptor()->FindFieldByName(std::string(part)));
   }
-  if (field == nullptr || field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-    return absl::InvalidArgumentError(absl::StrCat("no option \"", name, "\"; there are:\n  ",
-                                                   absl::StrJoin(OptionNames(options), "\n  ")));
+  if (field == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("no option \"", name, "\"",
+                     DidYouMean(NearestNames(name, PlainNames(*options.GetDescriptor(), ""))),
+                     " `pepeseg train SCENE --list-options` lists all"));
   }
   if (!SetField(value, *field, *message)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("--option ", name, ": \"", value, "\" is no ", field->cpp_type_name()));
+        absl::StrCat("--option ", name, ": \"", value, "\" is not ", Wanted(*field)));
   }
   return absl::OkStatus();
 }
@@ -113,6 +150,12 @@ std::vector<std::string> OptionNames(const Message& options) {
   std::vector<std::string> names;
   AppendNames(*options.GetDescriptor(), "", names);
   return names;
+}
+
+std::vector<std::string> ValueNames(absl::string_view name, const Message& options) {
+  const FieldDescriptor* field = FindField(name, *options.GetDescriptor());
+  if (field == nullptr || field->enum_type() == nullptr) return {};
+  return ShortNames(*field->enum_type());
 }
 
 }  // namespace pepeseg::client

@@ -1,6 +1,7 @@
 #include "clients/cpp/send_files.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <memory>
 #include <string>
@@ -13,6 +14,7 @@
 #include "absl/time/time.h"
 #include "clients/cpp/ask.h"
 #include "clients/cpp/checksums.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
@@ -54,7 +56,7 @@ absl::StatusOr<Work> PlanWork(const v1::Upload& upload, const DatasetFolder& fol
     }
     std::error_code error;
     const auto size = static_cast<int64_t>(std::filesystem::file_size(files[name]->path, error));
-    if (error) return absl::NotFoundError(absl::StrCat("cannot open ", files[name]->path.string()));
+    if (error) return LocalFileError("read", files[name]->path, error.value());
     work.rests.push_back({files[name], committed[name]});
     work.num_there -= size - committed[name];
   }
@@ -65,8 +67,8 @@ absl::StatusOr<Work> PlanWork(const v1::Upload& upload, const DatasetFolder& fol
 absl::StatusOr<bool> SendFile(FileStream& stream, const std::string& upload, const Rest& rest,
                               absl::FunctionRef<void(int64_t)> sent) {
   std::ifstream bytes(rest.file->path, std::ios::binary);
+  if (!bytes) return LocalFileError("read", rest.file->path, errno);
   bytes.seekg(rest.offset);
-  if (!bytes) return absl::NotFoundError(absl::StrCat("cannot open ", rest.file->path.string()));
   v1::WriteFilesRequest request;
   request.mutable_header()->set_upload(upload);
   request.mutable_header()->set_path(rest.file->name);

@@ -45,6 +45,18 @@ expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
 grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'no scores of the views'
 grep -q '^trained on: poses given, masks given, depth given$' "$work/output" ||
   fail 'train does not tell what on'
+grep -Eq '^Next: .*pepeseg segment shelf --view frame-[0-9]+.jpg --point [0-9]+,[0-9]+ ' \
+  "$work/output" || fail 'train does not tell what is next'
+grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not tell the place of the stage'
+expect 0 pepeseg jobs
+grep -Eq '^JOB +STATE +SCENE +AGE +TOOK +SIZE +RESULT$' "$work/output" || fail 'jobs has no header'
+grep -Eq '^jobs/j1 +succeeded +shelf +[0-9]+ (s|min) .* [kM]B +scenes/shelf/models/1$' \
+  "$work/output" || fail 'jobs does not tell the job'
+expect 0 pepeseg scenes
+grep -Eq '^shelf +[0-9]+ (s|min) +1 +[0-9.]+ [kM]B +scenes/shelf/models/1 +trained$' \
+  "$work/output" || fail 'scenes does not tell the scene'
+expect 0 pepeseg models shelf
+grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +1 +poses given, ' "$work/output" || fail 'no table of models'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
@@ -101,7 +113,10 @@ expect 0 pepeseg decompose shelf --scales 0.1,0.9 --level 1 --out "$work/pieces"
 grep -q '^level 1  scale 0.9' "$work/output" || fail 'no levels'
 grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'no segments'
 [[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'no PLY of a segment'
-[[ -s $work/pieces/frame-000003_ids.png ]] || fail 'no picture of the segments'
+# Bits a channel, and grey: behind the size in a PNG's head.
+[[ $(od -An -tu1 -j24 -N2 "$work/pieces/frame-000003_ids.png" | tr -s ' ') == ' 16 0' ]] ||
+  fail 'no ids of the segments'
+[[ -s $work/pieces/frame-000003_colors.png ]] || fail 'no picture of the segments'
 expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without --out "$work/rest"
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
@@ -111,6 +126,11 @@ grep -Eq '^mean of 4 +[01]\.[0-9]{3} ' "$work/output" || fail 'no scores at a qu
 expect 4 pepeseg evaluate shelf "$dataset/labels" --frame view
 grep -q '640x480.*has 160x120' "$work/errors" || fail 'labels of another size are not refused'
 expect 3 pepeseg evaluate shelf "$dataset/images"
+mkdir "$work/folder"
+expect 4 pepeseg export shelf "$work/folder"
+grep -q "$work/folder: Is a directory" "$work/errors" || fail 'the system is not quoted'
+expect 3 pepeseg export shelf "$work/server.log/below/x.ply"
+expect 0 pepeseg export shelf "$work/made/for/it.ply"
 expect 0 pepeseg export shelf "$work/shelf.ply"
 [[ $(head -c 3 "$work/shelf.ply") == ply ]] || fail 'the export is no PLY'
 
@@ -134,10 +154,14 @@ for wanted in '"psnr": [0-9]' '"miou": [0-9]' '"core_seconds": ' '"name": "40 st
   grep -q "$wanted" "$work/bench/record.json" || fail "the record of bench has no $wanted"
 done
 
+expect 0 pepeseg models given 1 --delete
+expect 3 pepeseg models given 1
+
 job=$(pepeseg train shelf --steps 30000 --detach)
 expect 6 pepeseg train shelf --detach
 expect 0 pepeseg cancel "$job"
 expect 8 pepeseg watch "$job"
+grep -Eq "$job was cancelled( in stage [a-z]+)?$" "$work/errors" || fail 'no word on its end'
 
 kill -TERM "$server"
 code=0

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +11,7 @@
 
 #include "clients/cli/start_advice.h"
 #include "clients/cpp/answer_status.h"
+#include "clients/cpp/file_bytes.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "tests/testing/temp_folder.h"
 
@@ -111,6 +113,18 @@ TEST(ExitCode, FollowsTheKindOfFailure) {
   EXPECT_EQ(ExitCodeOf(absl::ResourceExhaustedError("")), 9);
   EXPECT_EQ(ExitCodeOf(absl::PermissionDeniedError("")), 10);
   EXPECT_EQ(ExitCodeOf(absl::DataLossError("")), 11);
+}
+
+TEST(Explain, BlamesNoServerForFilesOfThisMachine) {
+  const absl::Status missing = LocalFileError("read", "cup.png", ENOENT);
+  EXPECT_EQ(ExitCodeOf(missing), 3);
+  EXPECT_EQ(Explain(missing, "host:1"), "pepeseg: cannot read cup.png: No such file or directory");
+  for (const int error_number : {EACCES, EISDIR, ENOSPC, EROFS, EIO}) {
+    const absl::Status refused = LocalFileError("write", "nodir/x.ply", error_number);
+    EXPECT_EQ(ExitCodeOf(refused), 4) << refused;
+    EXPECT_THAT(Explain(refused, "host:1"), AllOf(HasSubstr("cannot write nodir/x.ply: "),
+                                                  Not(HasSubstr("gateway")), Not(HasSubstr("\n"))));
+  }
 }
 
 TEST(Explain, SaysWhatToDo) {

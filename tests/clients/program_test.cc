@@ -7,10 +7,15 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
 
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 struct Ran {
   int exit_code = -1;
@@ -34,25 +39,67 @@ Ran RunPepeseg(const std::string& arguments) {
 TEST(Program, HelpListsVerbsAndExitCodes) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
-  for (const char* verb :
-       {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment", "render", "label",
-        "labels", "select", "selections", "combine", "evaluate", "export", "demo", "Exit codes"}) {
+  for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
+                           "render", "label", "labels", "select", "selections", "combine",
+                           "evaluate", "export", "demo", "models", "completion", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
 
 TEST(Program, WrongCommandLinesAreUsage) {
-  for (const char* arguments :
-       {"", "fly", "upload", "upload shelf", "segment shelf --view a",
-        "segment shelf --view a --point 1,2 --scale 7", "evaluate shelf", "scenes --delete",
-        "jobs --nonsense", "label shelf cup --view a",
-        "label shelf cup --view a -p 1,2 --mask a.png", "labels",
-        "select shelf --view a -p 1,2 --views 101",
-        "select shelf --view a -p 1,2 --add-to 1 --intersect 2",
-        "select shelf --view a -p 1,2 --add-to 0", "selections shelf --undo",
-        "selections shelf 1 --undo --delete", "combine shelf 1 with 2", "combine shelf 1 union"}) {
+  for (const char* arguments : {"",
+                                "fly",
+                                "upload",
+                                "upload shelf",
+                                "segment shelf --view a",
+                                "segment shelf --view a --point 1,2 --scale 7",
+                                "evaluate shelf",
+                                "scenes --delete",
+                                "models",
+                                "models shelf --delete",
+                                "models shelf 0",
+                                "completion",
+                                "completion fish",
+                                "jobs --nonsense",
+                                "label shelf cup --view a",
+                                "label shelf cup --view a -p 1,2 --mask a.png",
+                                "labels",
+                                "select shelf --view a -p 1,2 --views 101",
+                                "select shelf --view a -p 1,2 --add-to 1 --intersect 2",
+                                "select shelf --view a -p 1,2 --add-to 0",
+                                "selections shelf --undo",
+                                "selections shelf 1 --undo --delete",
+                                "combine shelf 1 with 2",
+                                "combine shelf 1 union"}) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
   }
+}
+
+TEST(Program, TellsItsVersion) {
+  const Ran ran = RunPepeseg("--version");
+  EXPECT_EQ(ran.exit_code, 0);
+  EXPECT_THAT(ran.output, ::testing::MatchesRegex("pepeseg [0-9]+\\.[0-9]+.*\n"));
+}
+
+TEST(Program, ProposesTheVerbOrTheOptionThatIsMeant) {
+  for (const auto& [arguments, meant] : {std::pair("tarin shelf", "`train`"),
+                                         {"scene", "`scenes`"},
+                                         {"train shelf --perset best", "`--preset`"},
+                                         {"segment shelf --veiw a -p 1,2", "`--view`"},
+                                         {"--sever host:1 scenes", "`--server`"},
+                                         {"--server tarin scenes --jsn", "`--json`"}}) {
+    const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
+    EXPECT_EQ(ran.exit_code, 2) << arguments;
+    EXPECT_THAT(ran.output, HasSubstr(absl::StrCat("Did you mean ", meant))) << arguments;
+  }
+  EXPECT_THAT(RunPepeseg("fly 2>&1").output, Not(HasSubstr("Did you mean")));
+}
+
+TEST(Program, ListsOptionsWithoutAServer) {
+  const Ran ran = RunPepeseg("train shelf --list-options");
+  EXPECT_EQ(ran.exit_code, 0);
+  EXPECT_THAT(ran.output,
+              AllOf(HasSubstr("reconstruct.num_steps"), HasSubstr("10000"), HasSubstr("RANGE")));
 }
 
 TEST(Program, NoServerIsSaidInPlainWords) {
@@ -84,6 +131,33 @@ TEST(Program, RefusesBadValuesBeforeItAsksAServer) {
   const Ran ran = RunPepeseg("train shelf --dataset 1 -o reconstruct.steps=5 2>&1");
   EXPECT_EQ(ran.exit_code, 4);
   EXPECT_THAT(ran.output, HasSubstr("reconstruct.num_steps"));
+}
+
+TEST(Program, NamesLocalFilesThatCannotBeRead) {
+  for (const char* arguments :
+       {"upload shelf /nowhere", "segment shelf --view a --mask /nowhere.png",
+        "select shelf --view a --mask /nowhere.png", "label shelf cup --view a --mask /nowhere.png",
+        "evaluate shelf /nowhere", "evaluate shelf / --names /nowhere.json",
+        "scenes --key-file /nowhere.key", "scenes --tls --ca /nowhere.pem", "bench /nowhere",
+        "demo --data /nowhere"}) {
+    const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
+    EXPECT_EQ(ran.exit_code, 3) << arguments;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("/nowhere"), Not(HasSubstr("pepeseg scenes"))));
+  }
+  const Ran ran = RunPepeseg("segment shelf --view a --mask / 2>&1");
+  EXPECT_EQ(ran.exit_code, 4);
+  EXPECT_THAT(ran.output, HasSubstr("Is a directory"));
+}
+
+TEST(Program, RefusesOutputsThatCannotBeWrittenBeforeItAsksAServer) {
+  for (const char* arguments :
+       {"export shelf /dev/null/x.ply", "bench " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x",
+        "demo --data " PEPESEG_TEST_DATA "/apc_shelf --out /dev/null/x"}) {
+    const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
+    EXPECT_EQ(ran.exit_code, 3) << arguments << ran.output;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("Not a directory"), HasSubstr("/dev/null"),
+                                  Not(HasSubstr("gateway"))));
+  }
 }
 
 TEST(Program, DryRunListsFilesWithTheirKinds) {

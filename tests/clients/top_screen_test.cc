@@ -45,7 +45,7 @@ TEST(TopScreen, ShowsServerPoolsJobsAndModels) {
   EXPECT_THAT(lines, Contains("query       1 of 2 busy, 3 of 100 queued"));
   EXPECT_THAT(lines, Contains("jobs: 1 running, 4 queued"));
   EXPECT_THAT(lines, Contains(HasSubstr("5/10")));
-  EXPECT_THAT(lines, Contains(HasSubstr("ETA 1:05")));
+  EXPECT_THAT(lines, Contains(HasSubstr("about 1 min left of this stage")));
   EXPECT_THAT(lines, Contains(HasSubstr("scenes/shelf/models/2")));
   EXPECT_THAT(lines[0], Not(HasSubstr("DRAINING")));
   status.set_draining(true);

@@ -3,13 +3,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "clients/cpp/nearest_names.h"
 #include "pepeseg/v1/training_options.pb.h"
 
 namespace pepeseg::client {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
 
 TEST(SetOption, SetsAFieldOfItsType) {
   v1::TrainingOptions options;
@@ -34,8 +38,30 @@ TEST(SetOption, NamesWhatItDoesNotKnow) {
                               "reconstruct.num_steps.deep=1", "=1", ".=1"}) {
     const absl::Status status = SetOption(setting, options);
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << setting;
-    EXPECT_THAT(std::string(status.message()), HasSubstr("import.image_scale (double)"));
+    EXPECT_THAT(std::string(status.message()), HasSubstr("--list-options"));
   }
+}
+
+TEST(SetOption, ProposesTheOptionThatIsMeant) {
+  v1::TrainingOptions options;
+  const auto message = [&](const char* setting) {
+    return std::string(SetOption(setting, options).message());
+  };
+  EXPECT_THAT(message("reconstruct.num_step=1"), HasSubstr("mean reconstruct.num_steps"));
+  EXPECT_THAT(message("recontsruct.seed=1"), HasSubstr("mean reconstruct.seed"));
+  EXPECT_THAT(message("image_scale=0.5"), HasSubstr("mean import.image_scale?"));
+  EXPECT_THAT(message("preste=best"), HasSubstr("mean preset?"));
+  EXPECT_THAT(message("zzz=1"), Not(HasSubstr("did you mean")));
+  EXPECT_THAT(message("reconstruct.depth_local_form=circle"),
+              HasSubstr("unspecified, windows, patch"));
+}
+
+TEST(NearestNames, AreFewAndTheBestFirst) {
+  const std::vector<std::string> verbs = {"upload", "train", "watch", "scenes", "segment"};
+  EXPECT_THAT(NearestNames("tarin", verbs), ElementsAre("train"));
+  EXPECT_THAT(NearestNames("scene", verbs), ElementsAre("scenes"));
+  EXPECT_THAT(NearestNames("fly", verbs), IsEmpty());
+  EXPECT_THAT(NearestNames("", verbs), IsEmpty());
 }
 
 TEST(SetOption, RefusesWhatIsNoValue) {

@@ -1,0 +1,181 @@
+// The verb that prints what a shell needs to complete command lines of this program.
+#include "clients/cli/completion.h"
+
+#include <memory>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "clients/cli/option_table.h"
+#include "clients/cli/shell.h"
+#include "clients/cli/verb_options.h"
+
+namespace pepeseg::client::cli {
+namespace {
+
+std::vector<std::string> TrainingOptionNames() {
+  std::vector<std::string> names;
+  for (const OptionRow& row : OptionRows()) names.push_back(std::string(row.name) + "=");
+  return names;
+}
+
+bool IsTrainingOption(const CLI::Option& option) { return option.check_lname("option"); }
+
+std::vector<std::string> NamesOf(const CLI::Option& option) {
+  std::vector<std::string> names;
+  for (const std::string& name : option.get_snames()) names.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) names.push_back("--" + name);
+  return names;
+}
+
+// Words that may stand where a verb's options do.
+std::vector<std::string> WordsOf(const CLI::App& verb) {
+  std::vector<std::string> words = LongNamesOf(verb);
+  for (const CLI::Option* option : OptionsOf(verb)) {
+    if (option->nonpositional()) continue;
+    for (const std::string& choice : ChoicesOf(*option)) words.push_back(choice);
+  }
+  return words;
+}
+
+// "    train:--preset) values='preview standard best' ;;"
+void AppendValueCases(const CLI::App& verb, const std::string& name, std::string& script) {
+  for (const CLI::Option* option : OptionsOf(verb)) {
+    std::vector<std::string> values = ChoicesOf(*option);
+    if (IsTrainingOption(*option)) values = TrainingOptionNames();
+    if (values.empty() || !option->nonpositional()) continue;
+    const std::string prefix = name + ":";
+    absl::StrAppend(&script, "    ", prefix, absl::StrJoin(NamesOf(*option), "|" + prefix),
+                    ") values='", absl::StrJoin(values, " "), "' ;;\n");
+  }
+}
+
+std::string BashScript(const CLI::App& app) {
+  std::vector<std::string> names;
+  std::string values, words;
+  for (const CLI::App* verb : VerbsOf(app)) {
+    names.push_back(verb->get_name());
+    AppendValueCases(*verb, verb->get_name(), values);
+    absl::StrAppend(&words, "    ", verb->get_name(), ") words='",
+                    absl::StrJoin(WordsOf(*verb), " "), "' ;;\n");
+  }
+  const std::string own = absl::StrJoin(LongNamesOf(app), " ");
+  return absl::StrReplaceAll(
+      R"(# Completion of pepeseg for bash:
+#   pepeseg completion bash > ~/.local/share/bash-completion/completions/pepeseg
+_pepeseg() {
+  local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
+  local verb= word= words= values=
+  for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
+    case $word in
+    @BARRED@) verb=$word; break ;;
+    esac
+  done
+  case $verb:$before in
+@VALUES@  esac
+  if [[ -n $values ]]; then
+    COMPREPLY=($(compgen -W "$values" -- "$current"))
+    [[ ${COMPREPLY[0]-} != *= ]] || compopt -o nospace 2>/dev/null
+    return
+  fi
+  case $verb in
+    '') words='@NAMES@' ;;
+@WORDS@  esac
+  COMPREPLY=($(compgen -W "$words @OWN@" -- "$current"))
+  if [[ -n $verb && $current != -* ]]; then
+    COMPREPLY=($(compgen -W "$words" -- "$current" | grep -v '^-') $(compgen -f -- "$current"))
+  fi
+}
+complete -o filenames -F _pepeseg pepeseg
+)",
+      {{"@BARRED@", absl::StrJoin(names, "|")},
+       {"@NAMES@", absl::StrJoin(names, " ")},
+       {"@VALUES@", values},
+       {"@WORDS@", words},
+       {"@OWN@", own}});
+}
+
+// Of a description, in single quotes within zsh's brackets.
+std::string ZshText(const std::string& text) {
+  return absl::StrReplaceAll(
+      text, {{"'", "'\\''"}, {"[", "("}, {"]", ")"}, {":", ","}, {"\\", ""}, {"\n", " "}});
+}
+
+// "'--preset[Which options]:value:(preview standard best)'"
+void AppendZshSpecs(const CLI::App& verb, const std::string& indent, std::string& script) {
+  for (const CLI::Option* option : OptionsOf(verb)) {
+    std::vector<std::string> values = ChoicesOf(*option);
+    if (IsTrainingOption(*option)) values = TrainingOptionNames();
+    const std::string action =
+        values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
+    const std::string value = TakesValue(*option) ? ":value:" + action : "";
+    for (const std::string& name : NamesOf(*option)) {
+      absl::StrAppend(&script, indent, "'*", name, "[", ZshText(option->get_description()), "]",
+                      value, "'\n");
+    }
+  }
+}
+
+std::string ZshScript(const CLI::App& app) {
+  std::string verbs, own, cases;
+  AppendZshSpecs(app, "    ", own);
+  for (const CLI::App* verb : VerbsOf(app)) {
+    absl::StrAppend(&verbs, "    '", verb->get_name(), ":", ZshText(verb->get_description()),
+                    "'\n");
+    std::string specs;
+    AppendZshSpecs(*verb, "      ", specs);
+    std::vector<std::string> choices;
+    for (const std::string& word : WordsOf(*verb)) {
+      if (word[0] != '-') choices.push_back(word);
+    }
+    const std::string action =
+        choices.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(choices, " "), ")");
+    absl::StrAppend(&cases, "    ", verb->get_name(), ") specs=(\n", specs,
+                    "      '*:word:", action, "') ;;\n");
+  }
+  return absl::StrReplaceAll(R"(#compdef pepeseg
+# Completion of pepeseg for zsh: put it as _pepeseg into a folder of $fpath, or source it.
+_pepeseg() {
+  local state verb
+  local -a verbs own specs
+  verbs=(
+@VERBS@  )
+  own=(
+@OWN@  )
+  _arguments -C $own '1:verb:->verb' '*::word:->word'
+  case $state in
+  verb) _describe verb verbs ;;
+  word)
+    verb=$words[1]
+    case $verb in
+@CASES@    esac
+    _arguments $own $specs ;;
+  esac
+}
+if [[ $funcstack[1] == _pepeseg ]]; then _pepeseg "$@"; else compdef _pepeseg pepeseg; fi
+)",
+                             {{"@VERBS@", verbs}, {"@OWN@", own}, {"@CASES@", cases}});
+}
+
+}  // namespace
+
+std::string CompletionScript(const CLI::App& app, const std::string& shell) {
+  return shell == "bash" ? BashScript(app) : ZshScript(app);
+}
+
+void AddCompletion(CLI::App& app, Shell& shell) {
+  auto name = std::make_shared<std::string>();
+  CLI::App* verb = app.add_subcommand("completion", "Print a script that completes command lines");
+  verb->add_option("SHELL", *name, "bash or zsh")
+      ->required()
+      ->check(CLI::IsMember({"bash", "zsh"}));
+  verb->callback([name, &app, &shell] {
+    shell.verb = [name, &app] {
+      Print(CompletionScript(app, *name));
+      return absl::OkStatus();
+    };
+  });
+}
+
+}  // namespace pepeseg::client::cli

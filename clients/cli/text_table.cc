@@ -1,0 +1,53 @@
+#include "clients/cli/text_table.h"
+
+#include <algorithm>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace pepeseg::client::cli {
+
+std::vector<std::string> TextTable(const std::vector<TableRow>& rows) {
+  std::vector<size_t> widths;
+  for (const TableRow& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  }
+  std::vector<std::string> lines;
+  for (const TableRow& row : rows) {
+    std::string line;
+    for (size_t i = 0; i < row.size(); ++i) {
+      absl::StrAppendFormat(&line, "%s%-*s", i == 0 ? "" : "  ", static_cast<int>(widths[i]),
+                            row[i]);
+    }
+    lines.emplace_back(absl::StripTrailingAsciiWhitespace(line));
+  }
+  return lines;
+}
+
+std::string SpanText(absl::Duration span) {
+  const int64_t seconds = std::max<int64_t>(0, absl::ToInt64Seconds(span));
+  constexpr int64_t kMinute = 60, kHour = 3600, kDay = 86400;
+  if (seconds < kMinute) return absl::StrCat(seconds, " s");
+  if (seconds < kHour) return absl::StrCat(seconds / kMinute, " min");
+  if (seconds < 2 * kDay) return absl::StrCat(seconds / kHour, " h");
+  return absl::StrCat(seconds / kDay, " days");
+}
+
+absl::Time ToTime(const google::protobuf::Timestamp& time) {
+  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+}
+
+std::string AgeText(const google::protobuf::Timestamp& time, absl::Time now) {
+  return SpanText(now - ToTime(time));
+}
+
+std::string SizeText(int64_t bytes) {
+  const auto size = static_cast<double>(bytes);
+  if (bytes < 1'000'000) return absl::StrFormat("%.0f kB", size * 1e-3);
+  if (bytes < 1'000'000'000) return absl::StrFormat("%.1f MB", size * 1e-6);
+  return absl::StrFormat("%.1f GB", size * 1e-9);
+}
+
+}  // namespace pepeseg::client::cli

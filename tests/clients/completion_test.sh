@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# The completions of `pepeseg completion bash`, asked for as an interactive bash does, and the syntax
+# of zsh's where zsh is there.
+#   completion_test.sh PEPESEG
+set -euo pipefail
+pepeseg=$(realpath "$1")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "FAILED: $*" >&2; exit 1; }
+
+"$pepeseg" completion bash >"$work/completion.bash"
+# shellcheck source=/dev/null
+source "$work/completion.bash"
+cd "$work"
+: >photo.jpg
+
+complete_line() {  # complete_line WORD...: what the last word may become, one a line
+  COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
+  _pepeseg
+  printf '%s\n' "${COMPREPLY[@]}"
+}
+expect() {  # expect WANTED WORD...: one of the completions of the words
+  complete_line "${@:2}" | grep -qxF -- "$1" || fail "no $1 after: ${*:2}"
+}
+refuse() {
+  ! complete_line "${@:2}" | grep -qxF -- "$1" || fail "$1 after: ${*:2}"
+}
+
+for verb in upload train segment models completion; do expect "$verb" pepeseg ''; done
+expect train pepeseg tr
+refuse upload pepeseg tr
+expect --preset pepeseg train shelf --pre
+expect preview pepeseg train shelf --preset ''
+expect best pepeseg train shelf --preset b
+refuse preview pepeseg train shelf --preset b
+expect reconstruct.num_steps= pepeseg train shelf -o recon
+expect --point pepeseg segment shelf --po
+expect --server pepeseg segment shelf --ser
+expect depth pepeseg --server host:1 render shelf --content d
+expect zsh pepeseg completion ''
+expect photo.jpg pepeseg upload shelf ph
+# Every verb of --help is there.
+for verb in $("$pepeseg" --help | sed -n '/^Subcommands:/,/^$/s/^  \([a-z-]\+\) .*/\1/p'); do
+  expect "$verb" pepeseg ''
+done
+
+"$pepeseg" completion zsh >"$work/_pepeseg"
+head -1 "$work/_pepeseg" | grep -qx '#compdef pepeseg' || fail 'no #compdef'
+if command -v zsh >/dev/null; then zsh -n "$work/_pepeseg" || fail 'zsh does not take it'; fi
+code=0
+"$pepeseg" completion fish >/dev/null 2>&1 || code=$?
+((code == 2)) || fail "an unknown shell: exit code $code"
+echo 'every completion as expected'
