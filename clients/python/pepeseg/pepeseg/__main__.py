@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 import sys
 
-from pepeseg import __version__, errors, importers, png
+from pepeseg import __version__, errors, importers, png, training
 from pepeseg.client import Client
 from pepeseg.dataset import Dataset, read_folder
 
@@ -25,6 +25,7 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
     (errors.JobCancelledError, 8),
     (errors.NotFoundError, 3),
     (FileNotFoundError, 3),
+    (NotADirectoryError, 3),
     (errors.InvalidArgumentError, 4),
     (errors.OutOfRangeError, 4),
     (errors.UnavailableError, 5),
@@ -35,8 +36,8 @@ _EXIT_CODES: tuple[tuple[type[Exception], int], ...] = (
     (errors.ResourceExhaustedError, 9),
     (errors.UnauthenticatedError, 10),
     (errors.PermissionDeniedError, 10),
-    (PermissionError, 10),
     (errors.DataLossError, 11),
+    (OSError, 4),
 )
 
 
@@ -78,6 +79,7 @@ def _upload(client: Client, arguments: argparse.Namespace) -> None:
 def _train(client: Client, arguments: argparse.Namespace) -> None:
     options = dict(setting.partition("=")[::2] for setting in arguments.option)
     job = client.start_training(
+        preset=arguments.preset,
         steps=arguments.steps,
         feature_steps=arguments.feature_steps,
         image_scale=arguments.image_scale,
@@ -181,6 +183,7 @@ def _add_prompt(verb: argparse.ArgumentParser) -> None:
 
 
 def _add_training(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--preset", choices=training.PRESETS, help="preview, standard or best")
     verb.add_argument("--steps", type=int, help="of the reconstruction")
     verb.add_argument("--feature-steps", type=int, help="of the feature training")
     verb.add_argument("--image-scale", type=float, help="shrink the photographs by this, (0, 1]")

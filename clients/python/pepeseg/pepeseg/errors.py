@@ -211,15 +211,16 @@ def damaged(message: str) -> DataLossError:
 def outcome(job: job_service_pb2.Job) -> JobFailedError | JobCancelledError | None:
     """Why a job that has ended has no model; None: it has one."""
     error: JobFailedError | JobCancelledError
+    stage = f" in stage {job.stage}" if job.stage else ""
     if job.state == job_service_pb2.JOB_STATE_FAILED:
         detail = errors_pb2.ErrorDetail()
         unpacked = any(packed.Unpack(detail) for packed in job.error.details)
         code = next((c for c in grpc.StatusCode if c.value[0] == job.error.code))
         error = JobFailedError(
-            f"{job.name} failed: {job.error.message}", code, detail if unpacked else None
+            f"{job.name} failed{stage}: {job.error.message}", code, detail if unpacked else None
         )
     elif job.state == job_service_pb2.JOB_STATE_CANCELLED:
-        error = JobCancelledError(f"{job.name} was cancelled", grpc.StatusCode.CANCELLED)
+        error = JobCancelledError(f"{job.name} was cancelled{stage}", grpc.StatusCode.CANCELLED)
     else:
         return None
     error.job = job

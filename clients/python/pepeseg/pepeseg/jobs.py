@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import warnings
 
 from pepeseg import errors
 from pepeseg.calls import Pause, Place, Receive, Steps, Unary, all_pages
@@ -64,16 +65,28 @@ class Watch:
         return _RETRY_SECONDS
 
 
+def _time_left(progress: job_service_pb2.JobProgress) -> str:
+    """ "about 5 min left, stage 3 of 5"."""
+    seconds = progress.job_eta.ToTimedelta().total_seconds()
+    about = f"{seconds:.0f} s" if seconds < 60 else f"{seconds / 60:.0f} min"
+    if not progress.num_stages:
+        return f"about {about} left"
+    return f"about {about} left, stage {progress.stage_number} of {progress.num_stages}"
+
+
 def _show(event: job_service_pb2.JobEvent, bar: Bar) -> None:
     kind = event.WhichOneof("event")
     if kind == "progress":
         progress = event.progress
-        notes = [f"loss {progress.loss:.4f}"] if progress.HasField("loss") else []
+        notes = [_time_left(progress)] if progress.HasField("job_eta") else []
+        if progress.HasField("loss"):
+            notes.append(f"loss {progress.loss:.4f}")
         if progress.HasField("psnr"):
             notes.append(f"{progress.psnr:.2f} dB")
         if progress.num_gaussians:
             notes.append(f"{progress.num_gaussians} Gaussians")
-        bar.show(progress.stage, progress.step, progress.num_steps, ", ".join(notes))
+        title = f"{progress.stage} {progress.activity}".rstrip()
+        bar.show(title, progress.step, progress.num_steps, ", ".join(notes))
     elif kind == "warning":
         bar.say(f"warning: {event.warning.message}")
     elif kind == "term_skipped":
@@ -106,10 +119,13 @@ def wait(
     """
     watch = Watch(job)
     bar = Bar("step") if progress else None
+    shown: set[str] = set()  # warnings that the bar has shown
 
     def take(event: job_service_pb2.JobEvent) -> None:
         if not watch.see(event):
             return
+        if bar is not None and event.WhichOneof("event") == "warning":
+            shown.add(event.warning.message)
         if bar is not None:
             _show(event, bar)
         if on_event is not None:
@@ -132,7 +148,11 @@ def wait(
     failure = errors.outcome(ended)
     if failure is not None:
         raise failure
-    return (yield from get_model(at, ended.model))
+    made = yield from get_model(at, ended.model)
+    for advice in made.advice:
+        if advice not in shown:
+            warnings.warn(advice, stacklevel=2)
+    return made
 
 
 def cancel(at: Place, job: job_service_pb2.Job | str) -> Steps[job_service_pb2.Job]:

@@ -37,6 +37,9 @@ class Model:
         sources: where "poses", "masks" and "depth" came from: "given", "none", or what made them.
         device: that trained it.
         num_bytes: on disk.
+        dataset: name of the dataset that it was trained on; empty: not known.
+        advice: what may make its answers poor and what would better them, for people; `train` and
+            `wait` warn of it.
     """
 
     name: str
@@ -46,6 +49,8 @@ class Model:
     metrics: dict[str, float]
     sources: dict[str, str]
     device: str
+    dataset: str = ""
+    advice: tuple[str, ...] = ()
 
 
 def _parse_model(message: scene_service_pb2.Model) -> Model:
@@ -57,6 +62,8 @@ def _parse_model(message: scene_service_pb2.Model) -> Model:
         metrics=dict(message.metrics),
         sources=dict(message.sources),
         device=message.device,
+        dataset=message.dataset,
+        advice=tuple(message.advice),
     )
 
 

@@ -261,7 +261,8 @@ def export(
 ) -> Steps[Export]:
     """Fetches the model, or some of it, as a PLY that splat viewers open.
 
-    The file stands at `path` only when it is whole and its checksum is right.
+    The file stands at `path` only when it is whole and its checksum is right; the folders above it
+    are made.
 
     Args:
         of: a selection, its number or name, or a segment; None: all.
@@ -276,6 +277,7 @@ def export(
     """
     request = render_pb2.ExportSelectionRequest(model=at.model, subset=to_subset(at, of, without))
     target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(target.name + ".part")
     try:
         with open(beside, "wb") as file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import difflib
 from typing import Any, Union
 
 from google.protobuf import json_format
@@ -17,6 +18,8 @@ from pepeseg.v1 import dataset_service_pb2, job_service_pb2, training_options_pb
 
 # By name, as {"reconstruct.num_steps": 3000}.
 Options = Mapping[str, Union[bool, int, float, str]]
+# As soon as there is something to click on; the defaults; however long it takes.
+PRESETS = ("preview", "standard", "best")
 
 
 def option_names() -> list[str]:
@@ -48,7 +51,9 @@ def to_options(options: Options) -> training_options_pb2.TrainingOptions:
         fields = parent.DESCRIPTOR.fields_by_name if isinstance(parent, Message) else {}
         field = fields.get(option)
         if field is None or field.message_type is not None:
-            raise errors.refused(f'no option "{name}"; there are: {", ".join(option_names())}')
+            near = difflib.get_close_matches(name, option_names(), n=3)
+            meant = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise errors.refused(f'no option "{name}"{meant} option_names() lists all')
         if field.enum_type is not None:
             value = _enum_name(field, str(value))
         try:
@@ -59,9 +64,16 @@ def to_options(options: Options) -> training_options_pb2.TrainingOptions:
 
 
 def _merge(
-    steps: int | None, feature_steps: int | None, image_scale: float | None, options: Options | None
+    preset: str | None,
+    steps: int | None,
+    feature_steps: int | None,
+    image_scale: float | None,
+    options: Options | None,
 ) -> training_options_pb2.TrainingOptions:
+    if preset is not None and preset not in PRESETS:
+        raise errors.refused(f'preset "{preset}": must be one of {", ".join(PRESETS)}')
     short = {
+        "preset": preset,
         "reconstruct.num_steps": steps,
         "features.num_steps": feature_steps,
         "import.image_scale": image_scale,
@@ -89,6 +101,7 @@ def _dataset_name(at: Place, dataset: int | str | None) -> Steps[str]:
 def start_training(
     at: Place,
     *,
+    preset: str | None = None,
     steps: int | None = None,
     feature_steps: int | None = None,
     image_scale: float | None = None,
@@ -98,6 +111,8 @@ def start_training(
     """Queues a training and leaves it; `watch` or `wait` follow it.
 
     Args:
+        preset: "preview", "standard" or "best": where options that are not given come from. None:
+            "standard".
         steps, feature_steps: of the reconstruction and of the feature training.
         image_scale: shrinks the photographs, (0, 1].
         options: any option by name, as {"reconstruct.sh_degree": 2}; `option_names()` has them all.
@@ -110,7 +125,7 @@ def start_training(
         AbortedError: a training of the scene is queued or running: `resource` is the job.
         ResourceExhaustedError: the device's memory cannot hold it (`value` and `limit`, bytes).
     """
-    message = _merge(steps, feature_steps, image_scale, options)
+    message = _merge(preset, steps, feature_steps, image_scale, options)
     name = yield from _dataset_name(at, dataset)
     request = job_service_pb2.TrainSceneRequest(
         scene=at.scene, dataset=name, options=message, request_id=new_request_id()
@@ -122,6 +137,7 @@ def start_training(
 def train(
     at: Place,
     *,
+    preset: str | None = None,
     steps: int | None = None,
     feature_steps: int | None = None,
     image_scale: float | None = None,
@@ -135,7 +151,7 @@ def train(
     An interruption leaves the job running: `jobs` finds it, `wait` follows it, `cancel` ends it.
 
     Args:
-        steps, feature_steps, image_scale, options, dataset: as in `start_training`.
+        preset, steps, feature_steps, image_scale, options, dataset: as in `start_training`.
         progress: whether a bar is shown on standard error (tqdm's, where it is installed).
         on_event: is given each event of the contract, heartbeats left out.
 
@@ -146,6 +162,7 @@ def train(
     """
     job = yield from start_training(
         at,
+        preset=preset,
         steps=steps,
         feature_steps=feature_steps,
         image_scale=image_scale,
@@ -158,6 +175,7 @@ def train(
 def estimate(
     at: Place,
     *,
+    preset: str | None = None,
     steps: int | None = None,
     feature_steps: int | None = None,
     image_scale: float | None = None,
@@ -168,7 +186,7 @@ def estimate(
 
     Args and Raises as in `start_training`.
     """
-    message = _merge(steps, feature_steps, image_scale, options)
+    message = _merge(preset, steps, feature_steps, image_scale, options)
     name = yield from _dataset_name(at, dataset)
     request = job_service_pb2.EstimateTrainingRequest(scene=at.scene, dataset=name, options=message)
     answer: job_service_pb2.EstimateTrainingResponse = yield Unary(

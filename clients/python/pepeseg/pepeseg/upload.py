@@ -42,11 +42,14 @@ class SealedDataset:
 
     Attributes:
         name: "scenes/{scene}/datasets/{number}".
+        advice: what a training of it may lack and what to do about it, for people; `upload` warns
+            of it.
     """
 
     name: str
     num_files: int
     num_bytes: int
+    advice: tuple[str, ...] = ()
 
 
 def _declare(files: list[DatasetFile]) -> list[dataset_service_pb2.FileDeclaration]:
@@ -222,4 +225,6 @@ def upload(
     finally:
         if bar is not None:
             bar.close()
-    return SealedDataset(sealed.name, sealed.num_files, sealed.num_bytes)
+    for advice in sealed.advice:
+        warnings.warn(advice, stacklevel=2)
+    return SealedDataset(sealed.name, sealed.num_files, sealed.num_bytes, tuple(sealed.advice))

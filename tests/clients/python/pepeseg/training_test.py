@@ -9,7 +9,7 @@ import pytest
 import pepeseg
 from conftest import SHELF, SMALL, Pepesegd
 from pepeseg import importers
-from pepeseg.training import to_options
+from pepeseg.training import PRESETS, to_options
 from pepeseg.v1 import job_service_pb2, training_options_pb2
 
 
@@ -51,12 +51,24 @@ class TestOptions:
         with pytest.raises(pepeseg.InvalidArgumentError, match=name):
             to_options({name: value})
 
+    def test_the_option_that_is_meant_is_proposed(self):
+        with pytest.raises(pepeseg.InvalidArgumentError, match="mean reconstruct.num_steps"):
+            to_options({"reconstruct.num_step": 1})
+
+    def test_presets_have_the_names_of_the_contract(self, client):
+        names = training_options_pb2.TrainingPreset.keys()
+        wanted = [name.removeprefix("TRAINING_PRESET_").lower() for name in names]
+        assert list(PRESETS) == wanted[1:]
+        with pytest.raises(pepeseg.InvalidArgumentError, match="preview, standard, best"):
+            client.start_training(preset="quick")
+
 
 class TestTraining:
     def test_the_model_tells_what_it_was_trained_on(self, client):
         model = client.model()
         assert model.name == "scenes/shelf/models/1"
         assert model.sources == {"poses": "given", "masks": "given", "depth": "given"}
+        assert model.dataset == "scenes/shelf/datasets/1" and model.advice == ()
         assert model.num_gaussians > 100 and model.metrics["psnr"] > 10
         assert client.models() == [model]
         views = client.views()

@@ -195,6 +195,14 @@ class TestUpload:
                 client.upload(importers.nerfstudio(tmp_path))
             client.delete_scene()
 
+    def test_missing_masks_are_warned_of(self, server, tmp_path):
+        put(tmp_path, "images/a.png")
+        with pepeseg.Client("maskless", server=server.address) as client:
+            with pytest.warns(UserWarning, match="pepeseg-priors"):
+                dataset = client.upload(tmp_path)
+            assert len(dataset.advice) == 1
+            client.delete_scene()
+
     def test_a_file_that_cannot_be_read_is_told_as_it_is(self, server, tmp_path):
         put(tmp_path, "images/a.jpg")
         dataset = read_folder(tmp_path)
