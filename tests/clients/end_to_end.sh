@@ -56,7 +56,7 @@ expect 0 pepeseg scenes
 grep -Eq '^shelf +[0-9]+ (s|min) +1 +[0-9.]+ [kM]B +scenes/shelf/models/1 +trained$' \
   "$work/output" || fail 'scenes does not tell the scene'
 expect 0 pepeseg models shelf
-grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +1 +poses given, ' "$work/output" || fail 'no table of models'
+grep -Eq '^1 +[0-9]+ (s|min) .* jobs/j1 +2 +poses given, ' "$work/output" || fail 'no table of models'
 expect 0 pepeseg --json jobs
 grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not succeed'
 expect 0 pepeseg scenes shelf
