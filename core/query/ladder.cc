@@ -8,7 +8,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kSameAsBest = 0.95, kSameAsOther = 0.9;  // IoU with the most stable cell
+// IoU with the most stable cell. The best mask stays as it is: it is what a click answers.
+constexpr double kSameAsBest = 0.9999, kSameAsOther = 0.9;
 
 // A cell that may stand for a plateau.
 struct Candidate {

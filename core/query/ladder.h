@@ -21,8 +21,8 @@ struct Ladder {
 // Returns the ladder through the plateau with the most support that has the most support in all, of
 // at most `max_count` rungs; without rungs where no mask has `min_area` pixels. A mask may be shown
 // by many cells of the grid: each rung names the cell that makes the ladder possible, the best one
-// within an IoU of 0.95 of its most stable cell, the others within 0.9. A plateau of a single cell
-// is a rung only if it is the best.
+// with the mask of its most stable cell, the others within an IoU of 0.9 of it. A plateau of a
+// single cell is a rung only if it is the best.
 Ladder FindLadder(const MaskGrid& masks, int64_t min_area, int max_count);
 
 }  // namespace pepeseg

@@ -116,7 +116,7 @@ TEST(Ladder, EachRungHoldsTheOneBefore) {
     ASSERT_EQ(ladder.rungs.empty(), plateaus.empty());
     if (plateaus.empty()) continue;
     EXPECT_EQ(ladder.rungs[ladder.best].support, plateaus[0].support);
-    EXPECT_GE(grid.Iou(ladder.rungs[ladder.best].cell, plateaus[0].cell), 0.95);
+    EXPECT_GE(grid.Iou(ladder.rungs[ladder.best].cell, plateaus[0].cell), 0.9999);
     for (size_t i = 1; i < ladder.rungs.size(); ++i) {
       const MaskGrid::Cell small = ladder.rungs[i - 1].cell, large = ladder.rungs[i].cell;
       EXPECT_LE(small.scale, large.scale);

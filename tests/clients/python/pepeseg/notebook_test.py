@@ -37,5 +37,5 @@ def test_runs_end_to_end_on_the_shelf(server, monkeypatch, tmp_path):
     for picture in pictures:
         image = Image.open(io.BytesIO(picture))
         image.load()
-        assert image.size == (320, 240) and image.getextrema() != ((0, 0),) * 3
+        assert image.size == (640, 480) and image.getextrema() != ((0, 0),) * 3
     assert (tmp_path / "product.ply").read_bytes()[:3] == b"ply"

@@ -143,8 +143,8 @@ class SegmentationServiceServicer(object):
         """Scores the model's answers to one click an entity against label images of held-out views, by
         the protocol of evaluation.proto. One evaluation at a time: UNAVAILABLE when too many wait.
         Deadlines are kept between looks at a view. INVALID_ARGUMENT: a view that is unknown, was
-        trained on or comes twice, a file that is no grey PNG of its view's size, no entity that counts,
-        options out of range.
+        trained on or comes twice, a file that is not a grey PNG of the frame's size, no entity that
+        counts, options out of range.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
