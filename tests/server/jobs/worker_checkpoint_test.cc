@@ -178,7 +178,9 @@ TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
 TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
-  spec_.files[0].sha256 = "another";
+  ASSERT_EQ(spec_.files[0].kind, spec_.files[1].kind);
+  spec_.files[0].path = spec_.files[1].path;
+  spec_.files[0].sha256.clear();  // that of the other file
   Finish(2);
   EXPECT_EQ(FirstStepOf(2), 0);
   EXPECT_EQ(Warnings().size(), paths.size());

@@ -175,6 +175,7 @@ TEST_F(WorkerSfmTest, SaysThatColmapIsMissing) {
 
 TEST_F(WorkerSfmTest, RefusesPointsWithoutTheirPoses) {
   AddPlace(3, 1);
+  std::ofstream(PathOf("points.ply")) << "ply\n";
   spec_.files.push_back({"points.ply", v1::FILE_KIND_POINTS, PathOf("points.ply"), ""});
   ExpectBadFile("points.ply");
 }
