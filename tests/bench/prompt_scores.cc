@@ -31,8 +31,11 @@ class EntityScorer {
       : segmenter_(segmenter), levels_(levels), views_(levels[level]), entity_(entity) {}
 
   absl::Status AddProposals(PromptScores& sum) const {
-    ASSIGN_OR_RETURN(const auto proposals,
+    ASSIGN_OR_RETURN(ScaleProposals proposed,
                      ProposeScales(segmenter_, reference(), {&entity_.click, 1}));
+    std::vector<ScaleProposal>& proposals = proposed.ladder;  // the one with the most support first
+    std::stable_sort(proposals.begin(), proposals.end(),
+                     [](const auto& a, const auto& b) { return a.support > b.support; });
     const auto start = std::chrono::steady_clock::now();
     RETURN_IF_ERROR(
         ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}}, {}).status());
