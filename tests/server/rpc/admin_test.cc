@@ -153,37 +153,6 @@ TEST_F(AdminTest, TheLeastRecentlyUsedMakesRoomUnlessItIsPinned) {
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("b"), NameOf("c")}));
 }
 
-TEST_F(AdminTest, AColdModelIsPutOffWhileOthersAreInUse) {
-  using Reader = grpc::ClientReader<v1::ExportSelectionResponse>;
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<Reader>> readers;
-  v1::ExportSelectionResponse part;
-  for (const char* scene : {"a", "b"}) {
-    v1::ExportSelectionRequest request;
-    request.set_model(NameOf(scene));
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    readers.push_back(running.segmentation->ExportSelection(contexts.back().get(), request));
-    ASSERT_TRUE(readers.back()->Read(&part)) << "holds its model until all is read";
-  }
-  const grpc::Status put_off = Ask("c");
-  EXPECT_EQ(put_off.error_code(), grpc::UNAVAILABLE) << put_off.error_message();
-  EXPECT_EQ(DetailOf(put_off).reason(), "NO_ROOM_NOW");
-  EXPECT_GT(DetailOf(put_off).retry_after().seconds(), 0);
-  EXPECT_NE(put_off.error_message().find("scenes/c/models/1: needs"), std::string::npos)
-      << put_off.error_message();
-  for (const auto& reader : readers) {
-    while (reader->Read(&part)) {
-    }
-    EXPECT_TRUE(reader->Finish().ok());
-  }
-  grpc::Status asked = Ask("c");
-  for (int tries = 0; !asked.ok() && tries < 100; ++tries) {
-    absl::SleepFor(absl::Milliseconds(20));
-    asked = Ask("c");
-  }
-  EXPECT_TRUE(asked.ok()) << asked.error_message();
-}
-
 TEST_F(AdminTest, WhatIsPinnedIsNotUnloadedButGoesWithItsScene) {
   ASSERT_TRUE(Pin("scenes/a/models/live", true).ok());
   const grpc::Status refused = Unload(NameOf("a"));
