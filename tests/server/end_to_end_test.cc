@@ -129,15 +129,17 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
   const v1::View& view = views[0];
   EXPECT_TRUE(view.held_out());
   ASSERT_OK_AND_ASSIGN(const auto picture, client_->Render(model.name(), view.view()));
-  EXPECT_EQ(picture.width(), view.camera().width());
+  EXPECT_EQ(view.photograph_width(), 640);
+  EXPECT_EQ(view.camera().width(), 160);
+  EXPECT_EQ(picture.width(), view.photograph_width());
   EXPECT_EQ(picture.png().substr(1, 3), "PNG");
 
   v1::SegmentRequest request;
   request.set_model("scenes/shelf/models/live");
   request.mutable_prompt()->mutable_view()->set_view(view.view());
   v1::PointsPrompt::Point& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(view.camera().width() * 0.5);
-  point.set_y(view.camera().height() * 0.5);
+  point.set_x(view.photograph_width() * 0.5);
+  point.set_y(view.photograph_height() * 0.5);
   request.mutable_targets()->set_group(v1::SegmentRequest::Targets::GROUP_HELD_OUT);
   ASSERT_OK_AND_ASSIGN(const auto answer, client_->Segment(request));
   ASSERT_EQ(answer.masks_size(), 2);

@@ -38,9 +38,15 @@ class EstimatePosesTest : public ::testing::Test {
     const auto photographs = ReadSfmPhotographs(files_);
     EXPECT_OK(photographs);
     return EstimatePoses(*photographs, places_, options, [&](const StepReport& report) {
-      EXPECT_GE(report.step, last_step_);
-      EXPECT_LE(report.step, report.num_steps);
+      if (activities_.empty() || activities_.back() != report.activity) {
+        activities_.emplace_back(report.activity);
+        last_step_ = 0;
+      }
+      EXPECT_GE(report.step, last_step_) << report.activity;
+      EXPECT_LE(report.step, report.num_steps) << report.activity;
+      EXPECT_GE(report.share, last_share_) << report.activity;
       last_step_ = report.step;
+      last_share_ = report.share;
       return cancel_at_ >= 0 && report.step >= cancel_at_ ? absl::CancelledError("enough")
                                                           : absl::OkStatus();
     });
@@ -49,7 +55,9 @@ class EstimatePosesTest : public ::testing::Test {
   testing::TempFolder folder_;
   SfmPlaces places_;
   std::vector<DatasetFile> files_;
-  int64_t last_step_ = 0;
+  std::vector<std::string> activities_;  // in the order of the reports
+  int64_t last_step_ = 0;                // of the newest activity
+  double last_share_ = 0;
   int64_t cancel_at_ = -1;
 };
 
@@ -60,7 +68,10 @@ TEST_F(EstimatePosesTest, FindsWhereThePhotographsWereTaken) {
   EXPECT_EQ(poses.num_registered, 6);
   EXPECT_LT(poses.reprojection_error, 1);
   EXPECT_THAT(poses.program, ::testing::StartsWith("COLMAP "));
-  EXPECT_EQ(last_step_, 18);
+  EXPECT_THAT(activities_,
+              ::testing::ElementsAre("", "finding features in", "matching", "placing"));
+  EXPECT_EQ(last_step_, 6);
+  EXPECT_EQ(last_share_, 1);
   EXPECT_FALSE(std::filesystem::exists(places_.work));
   ASSERT_OK_AND_ASSIGN(const auto images, ReadColmapImages(poses.images, "images.bin"));
   std::vector<Eigen::Vector3d> estimated, truth;
