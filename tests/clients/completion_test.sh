@@ -19,11 +19,12 @@ complete_line() {  # complete_line WORD...: what the last word may become, one a
   _pepeseg
   printf '%s\n' "${COMPREPLY[@]}"
 }
+# grep reads all of the lines: with -q it ends at the first match, and the pipe fails.
 expect() {  # expect WANTED WORD...: one of the completions of the words
-  complete_line "${@:2}" | grep -qxF -- "$1" || fail "no $1 after: ${*:2}"
+  complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "no $1 after: ${*:2}"
 }
 refuse() {
-  ! complete_line "${@:2}" | grep -qxF -- "$1" || fail "$1 after: ${*:2}"
+  ! complete_line "${@:2}" | grep -xF -- "$1" >/dev/null || fail "$1 after: ${*:2}"
 }
 
 for verb in upload train segment models completion; do expect "$verb" pepeseg ''; done
