@@ -16,7 +16,7 @@ namespace pepeseg {
 namespace {
 
 constexpr char kModel[] = "scenes/shelf/models/live";
-constexpr int kWidth = 192, kHeight = 128;  // of the photograph
+constexpr int kPhotographWidth = 192, kPhotographHeight = 128;  // of the photograph
 
 using Pixels = std::vector<uint8_t>;
 
@@ -105,8 +105,8 @@ TEST_F(PixelFrameTest, ListsTheSizeOfThePhotograph) {
   v1::ListViewsResponse response;
   ASSERT_TRUE(running.scenes->ListViews(&context, request, &response).ok());
   EXPECT_EQ(response.views(0).camera().width(), 96);
-  EXPECT_EQ(response.views(0).photograph_width(), kWidth);
-  EXPECT_EQ(response.views(0).photograph_height(), kHeight);
+  EXPECT_EQ(response.views(0).photograph_width(), kPhotographWidth);
+  EXPECT_EQ(response.views(0).photograph_height(), kPhotographHeight);
 }
 
 TEST_F(PixelFrameTest, CountsPixelsOfThePhotographUnlessAskedOtherwise) {
@@ -115,8 +115,8 @@ TEST_F(PixelFrameTest, CountsPixelsOfThePhotographUnlessAskedOtherwise) {
     Train(model);
     // (60, 64) of the photograph is in the red square, (60, 32) of the view is between the squares.
     const auto in_photograph = Mask(At(60, 64, v1::PIXEL_FRAME_UNSPECIFIED));
-    EXPECT_EQ(in_photograph.rle().width(), kWidth);
-    EXPECT_EQ(in_photograph.rle().height(), kHeight);
+    EXPECT_EQ(in_photograph.rle().width(), kPhotographWidth);
+    EXPECT_EQ(in_photograph.rle().height(), kPhotographHeight);
     const auto in_view = Mask(At(30, 32, v1::PIXEL_FRAME_VIEW));
     EXPECT_EQ(in_view.rle().width(), 96);
     EXPECT_NEAR(static_cast<double>(in_photograph.area()), 4.0 * in_view.area(),
@@ -134,12 +134,12 @@ TEST_F(PixelFrameTest, TurnsAPhotographUpright) {
   Train("turned.model");
   // Stored (60, 64) of 192x128 is upright (128 - 64, 60) of 128x192.
   const auto mask = Mask(At(64, 60, v1::PIXEL_FRAME_PHOTOGRAPH));
-  EXPECT_EQ(mask.rle().width(), kHeight);
-  EXPECT_EQ(mask.rle().height(), kWidth);
+  EXPECT_EQ(mask.rle().width(), kPhotographHeight);
+  EXPECT_EQ(mask.rle().height(), kPhotographWidth);
   EXPECT_LT(mask.box().y() + mask.box().height(), 96);
   const v1::RenderResponse picture = Render(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
-  EXPECT_EQ(picture.width(), kHeight);
-  EXPECT_EQ(picture.height(), kWidth);
+  EXPECT_EQ(picture.width(), kPhotographHeight);
+  EXPECT_EQ(picture.height(), kPhotographWidth);
 }
 
 TEST_F(PixelFrameTest, AnswersAnOldModelInPixelsOfItsViews) {
@@ -198,8 +198,8 @@ TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
   v1::SegmentRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
   request.set_want_similarity(true);
   const auto mask = Mask(request);
-  EXPECT_EQ(mask.similarity().width(), kWidth);
-  EXPECT_EQ(mask.similarity().values().size(), size_t{2} * kWidth * kHeight);
+  EXPECT_EQ(mask.similarity().width(), kPhotographWidth);
+  EXPECT_EQ(mask.similarity().values().size(), size_t{2} * kPhotographWidth * kPhotographHeight);
   v1::ProposeScalesRequest propose;
   propose.set_model(kModel);
   *propose.mutable_prompt() = request.prompt();
@@ -207,7 +207,7 @@ TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
   v1::ProposeScalesResponse proposals;
   ASSERT_TRUE(running.segmentation->ProposeScales(&context, propose, &proposals).ok());
   ASSERT_GT(proposals.proposals_size(), 0);
-  EXPECT_EQ(proposals.proposals(0).mask().rle().width(), kWidth);
+  EXPECT_EQ(proposals.proposals(0).mask().rle().width(), kPhotographWidth);
   EXPECT_EQ(proposals.proposals(0).mask().rle().counts(), mask.rle().counts());
 }
 
@@ -256,11 +256,11 @@ TEST_F(PixelFrameTest, AnswersALabelAsItWasGiven) {
   request.set_request_id("");
   request.mutable_label()->mutable_mask()->mutable_rle()->set_counts(
       EncodeCocoRle({[] {
-                      Pixels corner(kWidth * kHeight);
+                      Pixels corner(kPhotographWidth * kPhotographHeight);
                       corner[0] = 1;
                       return corner;
                     }()},
-                    kWidth, kHeight));
+                    kPhotographWidth, kPhotographHeight));
   grpc::ClientContext context;
   v1::Label label;
   const grpc::Status status = running.segmentation->CreateLabel(&context, request, &label);
@@ -274,8 +274,8 @@ TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
     Train(model);
     const Pixels mask = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
     const Image image = Colors(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
-    ASSERT_EQ(image.width, kWidth);
-    ASSERT_EQ(image.height, kHeight);
+    ASSERT_EQ(image.width, kPhotographWidth);
+    ASSERT_EQ(image.height, kPhotographHeight);
     Pixels red;
     for (size_t i = 0; i < mask.size(); ++i) red.push_back(image.pixels[3 * i] > 128 ? 1 : 0);
     EXPECT_GT(Iou(mask, red), 0.9);
@@ -285,15 +285,15 @@ TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
     EXPECT_EQ(Colors(small).width, 48);
     EXPECT_EQ(Colors(small).height, 32);
     small.set_max_side(4000);  // nothing is enlarged
-    EXPECT_EQ(Colors(small).width, kWidth);
+    EXPECT_EQ(Colors(small).width, kPhotographWidth);
     for (const auto content :
          {v1::RenderRequest::CONTENT_DEPTH, v1::RenderRequest::CONTENT_SEGMENTS,
           v1::RenderRequest::CONTENT_FEATURES}) {
       v1::RenderRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
       request.set_content(content);
       const v1::RenderResponse picture = Render(request);
-      EXPECT_EQ(picture.width(), kWidth) << content;
-      EXPECT_EQ(picture.height(), kHeight) << content;
+      EXPECT_EQ(picture.width(), kPhotographWidth) << content;
+      EXPECT_EQ(picture.height(), kPhotographHeight) << content;
     }
   }
 }
@@ -309,7 +309,8 @@ TEST_F(PixelFrameTest, DrawsOverlaysOfTheFramesSizeOrOfTheAnswers) {
   Pixels shrunk;
   const Pixels pixels = PixelsOf(mask);
   for (int y = 0; y < 64; ++y) {
-    for (int x = 0; x < 96; ++x) shrunk.push_back(pixels[(2 * y + 1) * kWidth + 2 * x + 1]);
+    for (int x = 0; x < 96; ++x)
+      shrunk.push_back(pixels[(2 * y + 1) * kPhotographWidth + 2 * x + 1]);
   }
   small.set_width(96);
   small.set_height(64);
@@ -341,11 +342,12 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
     for (const char* view : {"left/0.jpg", "right.jpg"}) {
       v1::SegmentRequest ask = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
       ask.mutable_prompt()->mutable_view()->set_view(view);
-      Image labels{kWidth, kHeight, 1, PixelsOf(Mask(ask).rle())};
+      Image labels{kPhotographWidth, kPhotographHeight, 1, PixelsOf(Mask(ask).rle())};
       for (uint8_t& pixel : labels.pixels) pixel = pixel != 0 ? 7 : 0;
       request.add_labels()->set_view(view);
       request.mutable_labels(request.labels_size() - 1)->set_png(*EncodePng(labels));
-      Image ignore{kWidth, kHeight, 1, Pixels(kWidth * kHeight)};
+      Image ignore{kPhotographWidth, kPhotographHeight, 1,
+                   Pixels(kPhotographWidth * kPhotographHeight)};
       ignore.pixels[0] = 255;
       request.mutable_labels(request.labels_size() - 1)->set_ignore_png(*EncodePng(ignore));
     }
@@ -361,7 +363,7 @@ TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
     v1::SegmentRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
     again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).views(0).view());
     const Pixels mask = PixelsOf(Mask(again).rle());
-    EXPECT_EQ(mask[static_cast<size_t>(y) * kWidth + static_cast<size_t>(x)], 1);
+    EXPECT_EQ(mask[static_cast<size_t>(y) * kPhotographWidth + static_cast<size_t>(x)], 1);
     // Labels of the view's size are of the other frame.
     Image small{96, 64, 1, Pixels(96 * 64, 7)};
     request.mutable_labels(0)->set_png(*EncodePng(small));

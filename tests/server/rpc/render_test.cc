@@ -34,7 +34,7 @@ struct RenderTest : ShelfModel {
     const auto image = DecodeGrey(png, "picture");
     EXPECT_TRUE(image.ok()) << image.status();
     if (!image.ok() || image->values.size() != size_t{kWidth} * kHeight) {
-      ADD_FAILURE() << "a picture of " << answer.width() << "x" << answer.height();
+      ADD_FAILURE() << "a picture of " << image->width << "x" << image->height;
       return std::vector<float>(size_t{kWidth} * kHeight);
     }
     return image->values;
@@ -47,7 +47,7 @@ struct RenderTest : ShelfModel {
     const auto image = DecodePhoto(path, "picture.png");
     EXPECT_TRUE(image.ok()) << image.status();
     if (!image.ok() || image->pixels.size() != size_t{3} * kWidth * kHeight) {
-      ADD_FAILURE() << "a picture of " << answer.width() << "x" << answer.height();
+      ADD_FAILURE() << "a picture of " << image->width << "x" << image->height;
       return {kWidth, kHeight, 3, std::vector<uint8_t>(size_t{3} * kWidth * kHeight)};
     }
     return *image;
