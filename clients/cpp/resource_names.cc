@@ -9,7 +9,8 @@
 namespace pepeseg::client {
 
 std::string SceneName(const std::string& scene) {
-  return absl::StartsWith(scene, "scenes/") ? scene : absl::StrCat("scenes/", scene);
+  const bool is_name = absl::StartsWith(scene, "scenes/") || absl::StartsWith(scene, "projects/");
+  return is_name ? scene : absl::StrCat("scenes/", scene);
 }
 
 std::string JobName(const std::string& job) {
@@ -21,8 +22,8 @@ std::string ModelName(const std::string& scene, const std::string& model) {
 }
 
 std::string SceneOf(const std::string& resource) {
-  const size_t id_start = std::string("scenes/").size();
-  return resource.substr(0, resource.find('/', id_start));
+  const std::string scenes = "scenes/";
+  return resource.substr(0, resource.find('/', resource.find(scenes) + scenes.size()));
 }
 
 std::string NewRequestId() {

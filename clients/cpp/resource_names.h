@@ -4,7 +4,8 @@
 
 namespace pepeseg::client {
 
-// "shelf" or "scenes/shelf" -> "scenes/shelf"; likewise jobs.
+// "shelf" or "scenes/shelf" -> "scenes/shelf"; likewise jobs. "projects/lab/scenes/shelf", which
+// names a project's scene to operators and to servers without keys, stays as it is.
 std::string SceneName(const std::string& scene);
 std::string JobName(const std::string& job);
 // Of a scene's id or name; `model` is a number, or "live" for the newest.

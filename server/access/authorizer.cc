@@ -11,6 +11,8 @@
 #include "absl/time/clock.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/api_key.h"
+#include "server/access/scene_names.h"
+#include "server/jobs/scene_key.h"
 
 namespace pepeseg {
 namespace {
@@ -145,23 +147,30 @@ void Authorizer::CheckVouching(const CallOrigin& origin, Verdict& verdict) const
   verdict.caller.subject = vouched->subject;
 }
 
-absl::StatusOr<std::string> Authorizer::ProjectOf(const std::string& resource) {
+absl::StatusOr<bool> Authorizer::IsOf(const std::string& project, const std::string& resource) {
   const std::vector<std::string> parts = absl::StrSplit(resource, '/');
-  if (parts.size() >= 2 && parts[0] == "scenes") return store_->ProjectOfScene(parts[1]);
-  if (parts.size() >= 2 && parts[0] == "jobs") return store_->ProjectOfJob(parts[1]);
-  return absl::InvalidArgumentError("no name of a scene, of what belongs to one, or of a job");
+  absl::Status found = absl::InvalidArgumentError("not the name of a scene, its parts or a job");
+  if (parts.size() >= 2 && parts[0] == "scenes") {
+    found = store_->FindScene(project, parts[1]).status();
+  } else if (parts.size() >= 2 && parts[0] == "jobs") {
+    const absl::StatusOr<std::string> of = store_->ProjectOfJob(parts[1]);
+    if (of.ok()) return *of == project;
+    found = of.status();
+  }
+  if (absl::IsNotFound(found)) return false;
+  if (!found.ok()) return found;
+  return true;
 }
 
 void Authorizer::CheckResources(const MethodAccess& access,
                                 const google::protobuf::Message& request, Verdict& verdict) {
   for (const NamedResource& resource : ResourcesOf(access, request)) {
-    const absl::StatusOr<std::string> project = ProjectOf(resource.name);
-    // What nothing can have as its name is told by who reads the request: it reveals nothing.
-    if (absl::IsInvalidArgument(project.status())) continue;
-    if (!project.ok() && !absl::IsNotFound(project.status())) {
-      return verdict.Refuse(project.status(), "");
-    }
-    if (!project.ok() || *project != verdict.caller.project) {
+    const absl::StatusOr<bool> is_theirs = IsOf(verdict.caller.project, resource.name);
+    // Malformed names are left to the handler's validation; rejecting them here would reveal
+    // nothing extra.
+    if (absl::IsInvalidArgument(is_theirs.status())) continue;
+    if (!is_theirs.ok()) return verdict.Refuse(is_theirs.status(), "");
+    if (!*is_theirs) {
       return verdict.Refuse(NotYoursError(resource.field), "NOT_YOURS");
     }
   }
@@ -215,7 +224,7 @@ AuditEntry EntryOf(const CallOrigin& origin, const Caller& caller, const MethodA
   entry.method = access != nullptr ? access->method : request.GetTypeName();
   if (access == nullptr) return entry;
   for (NamedResource& resource : ResourcesOf(*access, request)) {
-    entry.resources.push_back(std::move(resource.name));
+    entry.resources.push_back(WithSceneIds(resource.name));
   }
   if (access->resources.empty()) AddOtherNames(request, entry);
   return entry;
@@ -245,11 +254,23 @@ void Authorizer::Record(const CallOrigin& origin, const Caller& caller,
   audit_->Write(entry);
 }
 
+absl::StatusOr<Caller> Authorizer::AuthorizeAndResolve(const CallOrigin& origin,
+                                                       google::protobuf::Message& request) {
+  absl::StatusOr<Caller> caller = Authorize(origin, request);
+  if (!caller.ok()) return caller;
+  const absl::Status resolved = ResolveSceneNames(*store_, *caller, request);
+  if (!resolved.ok()) return resolved;
+  return caller;
+}
+
 absl::Status Authorizer::Run(const CallOrigin& origin, const google::protobuf::Message& request,
                              absl::FunctionRef<absl::Status(const Caller&)> call) {
   const absl::StatusOr<Caller> caller = Authorize(origin, request);
   if (!caller.ok()) return caller.status();
-  absl::Status status = call(*caller);
+  // gRPC's own object, and this call's: it is const for handlers only.
+  absl::Status status = ResolveSceneNames(
+      *store_, *caller, const_cast<google::protobuf::Message&>(request));  // NOLINT
+  if (status.ok()) status = call(*caller);
   Record(origin, *caller, request, status);
   return status;
 }

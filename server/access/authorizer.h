@@ -68,7 +68,12 @@ class Authorizer {
   void Record(const CallOrigin& origin, const Caller& caller,
               const google::protobuf::Message& request, const absl::Status& outcome);
 
-  // All of a call: authorises it, does it, records it.
+  // Authorize, then ResolveSceneNames: for a message of a stream.
+  absl::StatusOr<Caller> AuthorizeAndResolve(const CallOrigin& origin,
+                                             google::protobuf::Message& request);
+
+  // All of a call: authorises it, resolves the names in its request (which must be no constant),
+  // does it, records it.
   absl::Status Run(const CallOrigin& origin, const google::protobuf::Message& request,
                    absl::FunctionRef<absl::Status(const Caller&)> call);
 
@@ -81,8 +86,8 @@ class Authorizer {
   void CheckVouching(const CallOrigin& origin, Verdict& verdict) const;
   void CheckResources(const MethodAccess& access, const google::protobuf::Message& request,
                       Verdict& verdict);
-  // NOT_FOUND: nothing has the name. INVALID_ARGUMENT: nothing can have it.
-  absl::StatusOr<std::string> ProjectOf(const std::string& resource);
+  // Whether the project has what is so named. INVALID_ARGUMENT: nothing can have the name.
+  absl::StatusOr<bool> IsOf(const std::string& project, const std::string& resource);
 
   Store* const store_;
   AuditLog* const audit_;

@@ -36,4 +36,8 @@ const MethodAccess* FindMethodAccess(const google::protobuf::Descriptor& request
 std::vector<NamedResource> ResourcesOf(const MethodAccess& access,
                                        const google::protobuf::Message& request);
 
+// Changes the one that `field` names, which ResourcesOf has given.
+void SetResource(const MethodAccess& access, const std::string& field, const std::string& name,
+                 google::protobuf::Message& request);
+
 }  // namespace pepeseg

@@ -252,6 +252,9 @@ absl::Status Database::Upgrade() {
     }
     for (int next = version + 1; next <= kSchemaVersion; ++next) {
       for (const char* statement : SchemaStep(next)) sql << statement;
+      if (shared()) {
+        for (const char* statement : PostgresqlSchemaStep(next)) sql << statement;
+      }
       sql << "INSERT INTO schema_version (version) VALUES (:v)", soci::use(next);
     }
     return absl::OkStatus();

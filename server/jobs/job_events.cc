@@ -7,6 +7,7 @@
 #include "core/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
+#include "server/jobs/scene_key.h"
 
 namespace pepeseg {
 namespace {
@@ -42,7 +43,9 @@ absl::Status AppendState(const JobFolder& folder, const JobRow& job) {
     change.mutable_error()->set_code(job.error_code);
     change.mutable_error()->set_message(job.error_message);
   }
-  if (job.model != 0) change.set_model(absl::StrCat("scenes/", job.scene, "/models/", job.model));
+  if (job.model != 0) {
+    change.set_model(absl::StrCat("scenes/", SceneIdOf(job.scene), "/models/", job.model));
+  }
   const bool begins = job.state == JobState::kRunning;
   return AppendEvent(folder, job, begins ? EventPart::kBefore : EventPart::kAfter,
                      std::move(event));

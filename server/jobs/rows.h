@@ -8,9 +8,10 @@
 #include "absl/time/time.h"
 #include "server/access/quota.h"
 
-// What the store keeps, as plain values. Resource names are built from these at the RPC edge:
-// scenes/{scene}, scenes/{scene}/datasets/{number}, scenes/{scene}/models/{number},
-// scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number}, jobs/{id}, keys/{id}.
+// What the store keeps, as plain values. `scene` is a scene's key in all of them. Resource names
+// are built from these at the RPC edge: scenes/{scene}, scenes/{scene}/datasets/{number},
+// scenes/{scene}/models/{number}, scenes/{scene}/labels/{id}, scenes/{scene}/selections/{number},
+// jobs/{id}, keys/{id}.
 namespace pepeseg {
 
 // Of whoever needs no key, and of what stood before there were projects.
@@ -35,11 +36,12 @@ struct KeyRow {
 };
 
 struct SceneRow {
-  std::string id;  // IsResourceId
+  std::string id;  // IsResourceId; unique within its project
   std::string display_name;
   std::string request_id;  // of the create call; empty: none
   absl::Time create_time;
   std::string project = kDefaultProject;
+  std::string key = {};  // what other rows call it, and the store's calls: server/jobs/scene_key.h
 };
 
 enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber

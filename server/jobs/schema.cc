@@ -225,8 +225,34 @@ constexpr const char* kJobServerEnds =
 // A queued job is claimed no sooner.
 constexpr const char* kJobNotBefore =
     "ALTER TABLE jobs ADD COLUMN not_before BIGINT NOT NULL DEFAULT 0";
+// Ids of scenes are unique within a project. scenes.id becomes the key of server/jobs/scene_key.h,
+// which all other tables refer to; scenes.name is the id that clients use. Old keys are the ids.
+constexpr const char* kSceneNames =
+    "ALTER TABLE scenes ADD COLUMN name VARCHAR(63) NOT NULL DEFAULT ''";
+constexpr const char* kOldSceneNames = "UPDATE scenes SET name = id";
+constexpr const char* kDropScenesByProject = "DROP INDEX scenes_by_project";
+constexpr const char* kScenesByName =
+    "CREATE UNIQUE INDEX scenes_by_name ON scenes (project, name)";
+constexpr const char* kSceneNumbers = "CREATE TABLE scene_numbers (next_scene BIGINT NOT NULL)";
+constexpr const char* kFirstSceneNumber = "INSERT INTO scene_numbers (next_scene) VALUES (1)";
+// A key is a number of up to 19 digits, '@' and an id.
+constexpr const char* kLongSceneKey = "ALTER TABLE scenes ALTER COLUMN id TYPE VARCHAR(83)";
+constexpr const char* kLongDatasetKey = "ALTER TABLE datasets ALTER COLUMN scene TYPE VARCHAR(83)";
+constexpr const char* kLongFileKey =
+    "ALTER TABLE dataset_files ALTER COLUMN scene TYPE VARCHAR(83)";
+constexpr const char* kLongJobKey = "ALTER TABLE jobs ALTER COLUMN scene TYPE VARCHAR(83)";
+constexpr const char* kLongModelKey = "ALTER TABLE models ALTER COLUMN scene TYPE VARCHAR(83)";
+constexpr const char* kLongLabelKey = "ALTER TABLE labels ALTER COLUMN scene TYPE VARCHAR(83)";
+constexpr const char* kLongSelectionKey =
+    "ALTER TABLE selections ALTER COLUMN scene TYPE VARCHAR(83)";
 
 }  // namespace
+
+std::vector<const char*> PostgresqlSchemaStep(int to) {
+  if (to != 8) return {};
+  return {kLongSceneKey, kLongDatasetKey, kLongFileKey,     kLongJobKey,
+          kLongModelKey, kLongLabelKey,   kLongSelectionKey};
+}
 
 std::vector<const char*> SchemaStep(int to) {
   assert(to >= 1 && to <= kSchemaVersion);
@@ -250,6 +276,10 @@ std::vector<const char*> SchemaStep(int to) {
             kBlobs,       kBlobsOfFiles, kSelectionBytes, kBytesOfSelections};
   }
   if (to == 7) return {kJobCrashes, kForgiveCrashes, kJobServerEnds, kJobNotBefore};
+  if (to == 8) {
+    return {kSceneNames,   kOldSceneNames, kDropScenesByProject,
+            kScenesByName, kSceneNumbers,  kFirstSceneNumber};
+  }
   return {kScenes,      kSceneRequests, kDatasets, kDatasetRequests, kDatasetFiles,   kJobs,
           kJobRequests, kActiveJobs,    kJobQueue, kJobNumbers,      kFirstJobNumber, kModels};
 }

@@ -48,15 +48,19 @@ class Store {
   bool shared() const;
 
   // INVALID_ARGUMENT: id is not IsResourceId, or project is not an RFC 1034 label; ALREADY_EXISTS:
-  // a scene of any project has the id. Reads id, display_name, request_id, which is the project's
-  // own, and project.
+  // a scene of the project has the id. Reads id, display_name, request_id, which is the project's
+  // own, and project. All other calls name a scene by its key.
   absl::StatusOr<SceneRow> CreateScene(const SceneRow& scene);
-  absl::StatusOr<SceneRow> GetScene(const std::string& id);
+  // Its key. NOT_FOUND: the project has no scene of this id, whoever else has.
+  absl::StatusOr<std::string> FindScene(const std::string& project, const std::string& id);
+  // Those of this id in all projects, by project; at most ten.
+  absl::StatusOr<std::vector<SceneRow>> FindScenes(const std::string& id);
+  absl::StatusOr<SceneRow> GetScene(const std::string& key);
   // By id; of a project, or of all (empty).
   absl::StatusOr<Page<SceneRow>> ListScenes(const PageRequest& page,
                                             const std::string& project = "");
   // With all that belongs to it. FAILED_PRECONDITION while a job of it is active.
-  absl::Status DeleteScene(const std::string& id);
+  absl::Status DeleteScene(const std::string& key);
 
   // `files`: with distinct paths; `stored`, true where the project has the bytes, is kept as given.
   // Checks nothing else of them. RESOURCE_EXHAUSTED: the project's quota of stored bytes or open
@@ -192,7 +196,7 @@ class Store {
   absl::Status DeleteSelection(const std::string& scene, int64_t number);
 
   // Whose it is; NOT_FOUND, and INVALID_ARGUMENT for an id that no scene or job can have.
-  absl::StatusOr<std::string> ProjectOfScene(const std::string& id);
+  absl::StatusOr<std::string> ProjectOfScene(const std::string& key);
   absl::StatusOr<std::string> ProjectOfJob(const std::string& id);
 
   // Reads all but create_time and revoke_time, and makes the project when it is not there. ABORTED:

@@ -79,7 +79,7 @@ void InsertFiles(soci::session& sql, const DatasetRow& dataset,
                  const std::vector<DatasetFileRow>& files) {
   BatchStatement insert(
       sql, {"INSERT INTO dataset_files (scene, dataset, path, kind, size, sha256, stored) VALUES ",
-            "(CAST(? AS VARCHAR(63)), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
+            "(CAST(? AS VARCHAR(83)), CAST(? AS BIGINT), CAST(? AS TEXT), CAST(? AS INTEGER),"
             " CAST(? AS BIGINT), CAST(? AS VARCHAR(64)), CAST(? AS INTEGER))",
             ", ", ""});
   for (const DatasetFileRow& file : files) {
@@ -105,7 +105,7 @@ int64_t UpdateFiles(soci::session& sql, const std::string& columns, const Datase
                     const std::vector<DatasetFileRow>& files) {
   BatchStatement update(
       sql, {"UPDATE dataset_files SET " + columns + " FROM (",
-            "SELECT CAST(? AS VARCHAR(63)) AS scene, CAST(? AS BIGINT) AS dataset,"
+            "SELECT CAST(? AS VARCHAR(83)) AS scene, CAST(? AS BIGINT) AS dataset,"
             " CAST(? AS TEXT) AS path, CAST(? AS VARCHAR(64)) AS sha256,"
             " CAST(? AS INTEGER) AS header, CAST(? AS INTEGER) AS width,"
             " CAST(? AS INTEGER) AS height, CAST(? AS BIGINT) AS num_points",

@@ -1,10 +1,14 @@
 #include "server/rpc/admin_service.h"
 
+#include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
+#include "server/access/scene_names.h"
+#include "server/jobs/scene_key.h"
 #include "server/rpc/error.h"
 #include "server/rpc/key_answers.h"
 #include "server/rpc/model_lookup.h"
@@ -19,7 +23,7 @@ namespace {
 
 v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmenter) {
   v1::ResidentModel model;
-  model.set_name(info.name);
+  model.set_name(WithSceneIds(info.name));
   model.set_host_bytes(info.bytes.host);
   model.set_device_bytes(info.bytes.device);
   model.set_pinned(info.pinned);
@@ -30,27 +34,51 @@ v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmen
   return model;
 }
 
-void FillDescription(const ModelCache& models, const std::string& name,
+void FillDescription(const ModelCache& models, const SceneChild& model,
                      v1::ResidentModel* response) {
-  response->set_name(name);
+  response->set_name(ChildName(model.scene, "models", model.number));
+  const std::string name = KeyedChildName(model.scene, "models", model.number);
   models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
     if (info.name == name) *response = Describe(info, segmenter);
   });
 }
 
+absl::StatusOr<ModelRow> FindNamed(const ServiceContext& context, const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(*context.store, name, "name"));
+  return FindModel(context, keyed, "name");
+}
+
+// Says of which projects the models are that have a name in common.
+absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
+                       v1::ListResidentResponse* response) {
+  std::map<std::string, int> num_of_name;
+  for (const v1::ResidentModel& model : response->models()) ++num_of_name[model.name()];
+  for (int i = 0; i < response->models_size(); ++i) {
+    v1::ResidentModel& model = *response->mutable_models(i);
+    if (num_of_name.at(model.name()) == 1) continue;
+    const absl::StatusOr<std::string> project = store.ProjectOfScene(scenes[i]);
+    if (absl::IsNotFound(project.status())) continue;  // deleted just now
+    RETURN_IF_ERROR(project.status());
+    model.set_name(absl::StrCat("projects/", *project, "/", model.name()));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Load(const ServiceContext& context, const v1::LoadModelRequest& request,
                   v1::ResidentModel* response) {
   // Held until it is told of, else it could be evicted before that.
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, request.name(), "name"));
-  FillDescription(*context.models, model.name, response);
+  ASSIGN_OR_RETURN(const std::string name,
+                   ResolveOperatorsName(*context.store, request.name(), "name"));
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, name, "name"));
+  FillDescription(*context.models, model.row, response);
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is no question
   return absl::OkStatus();
 }
 
 absl::Status Pin(const ServiceContext& context, const v1::PinModelRequest& request,
                  v1::ResidentModel* response) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, request.name(), "name"));
-  const std::string name = ChildName(row.scene, "models", row.number);
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
+  const std::string name = KeyedChildName(row.scene, "models", row.number);
   {
     ModelCache::Handle held;  // so that it is not evicted before it is pinned
     if (request.pinned()) {
@@ -60,12 +88,12 @@ absl::Status Pin(const ServiceContext& context, const v1::PinModelRequest& reque
     const absl::Status status = context.models->SetPinned(ResidentKey(row), request.pinned());
     if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
   }
-  FillDescription(*context.models, name, response);
+  FillDescription(*context.models, {row.scene, row.number}, response);
   return absl::OkStatus();
 }
 
 absl::Status Unload(const ServiceContext& context, const v1::UnloadModelRequest& request) {
-  ASSIGN_OR_RETURN(const ModelRow row, FindModel(context, request.name(), "name"));
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
   const std::string name = ChildName(row.scene, "models", row.number);
   const absl::Status status = context.models->Unload(ResidentKey(row));
   if (status.ok()) return absl::OkStatus();
@@ -108,9 +136,13 @@ grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerCont
                                                         v1::ListResidentResponse* response) {
   return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
     const ModelCache& models = *context_.models;
+    std::vector<std::string> scenes;
     models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
       *response->add_models() = Describe(info, segmenter);
+      const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
+      scenes.push_back(row.ok() ? row->scene : "");
     });
+    RETURN_IF_ERROR(TellApart(*context_.store, scenes, response));
     const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
     SetUse(used.host, limit.host, response->mutable_host());
     if (!models.budget().one_memory()) {

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/private_error.h"
+#include "server/jobs/scene_key.h"
 
 namespace pepeseg {
 namespace {
@@ -25,7 +26,7 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
   if (detail.reason().empty()) detail.set_reason(absl::StatusCodeToString(status.code()));
   for (std::string* text : {detail.mutable_field(), detail.mutable_resource(),
                             detail.mutable_limit(), detail.mutable_value()}) {
-    *text = Utf8Prefix(*text, kMaxValueBytes);
+    *text = Utf8Prefix(WithSceneIds(*text), kMaxValueBytes);
   }
   return detail;
 }
@@ -109,7 +110,8 @@ v1::Status ToProto(const absl::Status& status) {
   v1::Status proto;
   if (status.ok()) return proto;
   proto.set_code(static_cast<int>(status.code()));
-  proto.set_message(Utf8Prefix(std::string(status.message()), kMaxStatusMessageBytes));
+  proto.set_message(
+      Utf8Prefix(WithSceneIds(std::string(status.message())), kMaxStatusMessageBytes));
   proto.add_details()->PackFrom(DetailOf(status));
   if (IsPrivate(status)) proto.add_details()->set_type_url(kPrivateMark);
   return proto;

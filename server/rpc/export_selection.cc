@@ -30,7 +30,8 @@ constexpr int64_t kBlocksPerTask = 16;
 
 absl::Status ExportSelectionStream::Open() {
   opened_ = true;
-  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(origin_, request_));
+  ASSIGN_OR_RETURN(const Caller caller,
+                   context_.authorizer->AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());

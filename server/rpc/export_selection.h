@@ -50,7 +50,7 @@ class ExportSelectionStream final : public WriteStream<v1::ExportSelectionRespon
   const ServiceContext context_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
-  const v1::ExportSelectionRequest request_;
+  v1::ExportSelectionRequest request_;  // with keys, once it is authorised
   bool opened_ = false;
   std::unique_ptr<ReservedMemory> memory_;
   std::ifstream file_;                       // of the whole model

@@ -55,7 +55,7 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   const PhotographDecoders decoders_;
   grpc::CallbackServerContext* const call_;
   const CallOrigin origin_;
-  const v1::GetPhotographRequest request_;
+  v1::GetPhotographRequest request_;  // with keys, once it is authorised
   Phase phase_ = Phase::kNew;
   std::mutex made_mutex_;
   std::optional<absl::StatusOr<PhotographPicture>> made_;  // guarded by made_mutex_

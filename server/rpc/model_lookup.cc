@@ -75,7 +75,7 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
   MemoryBytes need;
   const std::filesystem::path folder = context.data_folder / row.folder;
   ModelCache::Source source;
-  source.name = ChildName(row.scene, "models", row.number);
+  source.name = KeyedChildName(row.scene, "models", row.number);
   source.need = [&]() -> absl::StatusOr<MemoryBytes> {
     RETURN_IF_ERROR(CheckModelFolder(context.data_folder, row.folder));
     ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
@@ -97,7 +97,8 @@ absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std
                      context.models->budget());
   }
   RETURN_IF_ERROR(segmenter.status());
-  return ResidentModel{source.name, *std::move(segmenter)};
+  return ResidentModel{
+      ChildName(row.scene, "models", row.number), *std::move(segmenter), {row.scene, row.number}};
 }
 
 absl::StatusOr<ResidentModel> LoadModelWithFeatures(const ServiceContext& context,

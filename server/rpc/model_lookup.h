@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/rpc/resource_name.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
@@ -18,8 +19,9 @@ absl::StatusOr<ModelRow> FindModel(const ServiceContext& context, const std::str
 // while models in use leave no room; RESOURCE_EXHAUSTED when it can never fit. Blocks for as long
 // as loading takes.
 struct ResidentModel {
-  std::string name;
+  std::string name;  // for clients
   ModelCache::Handle segmenter;
+  SceneChild row;
 };
 absl::StatusOr<ResidentModel> LoadModel(const ServiceContext& context, const std::string& name,
                                         const std::string& field);

@@ -30,7 +30,7 @@ absl::StatusOr<std::string> LabelId(const std::string& label, const std::string&
 
 absl::StatusOr<Prompt> ReadLabel(const ServiceContext& context, const ResidentModel& model,
                                  const std::string& label, const std::string& field) {
-  ASSIGN_OR_RETURN(const SceneChild of, ParseModelName(model.name, "model"));
+  const SceneChild& of = model.row;
   ASSIGN_OR_RETURN(const std::string id, LabelId(label, of.scene, field));
   const auto row = context.store->GetLabel(of.scene, id);
   if (!row.ok()) return WithResource(row.status(), "NO_SUCH_LABEL", LabelName(of.scene, id));

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "server/jobs/id_rules.h"
+#include "server/jobs/scene_key.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {
@@ -55,7 +56,7 @@ absl::Status CheckDisplayName(const std::string& name, const std::string& field)
 
 absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 2 || parts[0] != "scenes" || !IsResourceId(parts[1])) {
+  if (parts.size() != 2 || parts[0] != "scenes" || !IsSceneKey(parts[1])) {
     return BadField(field, name, "not of the form scenes/{scene}");
   }
   return parts[1];
@@ -64,7 +65,7 @@ absl::StatusOr<std::string> ParseSceneName(const std::string& name, const std::s
 absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::string& collection,
                                           const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsResourceId(parts[1]) ||
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneKey(parts[1]) ||
       parts[2] != collection || ParseNumber(parts[3]) == 0) {
     return BadField(field, name,
                     absl::StrCat("not of the form scenes/{scene}/", collection, "/{number}"));
@@ -74,7 +75,7 @@ absl::StatusOr<SceneChild> ParseChildName(const std::string& name, const std::st
 
 absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() == 4 && parts[0] == "scenes" && IsResourceId(parts[1]) && parts[2] == "models" &&
+  if (parts.size() == 4 && parts[0] == "scenes" && IsSceneKey(parts[1]) && parts[2] == "models" &&
       parts[3] == "live") {
     return SceneChild{parts[1], kLiveModel};
   }
@@ -83,8 +84,8 @@ absl::StatusOr<SceneChild> ParseModelName(const std::string& name, const std::st
 
 absl::StatusOr<SceneLabel> ParseLabelName(const std::string& name, const std::string& field) {
   const auto parts = Parts(name);
-  if (parts.size() != 4 || parts[0] != "scenes" || !IsResourceId(parts[1]) ||
-      parts[2] != "labels" || !IsResourceId(parts[3])) {
+  if (parts.size() != 4 || parts[0] != "scenes" || !IsSceneKey(parts[1]) || parts[2] != "labels" ||
+      !IsResourceId(parts[3])) {
     return BadField(field, name, "not of the form scenes/{scene}/labels/{label}");
   }
   return SceneLabel{parts[1], parts[3]};
@@ -99,14 +100,21 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::str
   return parts[1];
 }
 
-std::string SceneName(const std::string& scene) { return absl::StrCat("scenes/", scene); }
+std::string SceneName(const std::string& scene) {
+  return absl::StrCat("scenes/", SceneIdOf(scene));
+}
 
 std::string ChildName(const std::string& scene, const std::string& collection, int64_t number) {
+  return absl::StrCat(SceneName(scene), "/", collection, "/", number);
+}
+
+std::string KeyedChildName(const std::string& scene, const std::string& collection,
+                           int64_t number) {
   return absl::StrCat("scenes/", scene, "/", collection, "/", number);
 }
 
 std::string LabelName(const std::string& scene, const std::string& id) {
-  return absl::StrCat("scenes/", scene, "/labels/", id);
+  return absl::StrCat(SceneName(scene), "/labels/", id);
 }
 
 std::string JobName(const std::string& job) { return absl::StrCat("jobs/", job); }

@@ -5,8 +5,10 @@
 
 #include "absl/status/statusor.h"
 
-// Resource names and the ids that the store knows. Parsing answers INVALID_ARGUMENT, naming
-// `field`, for anything that is not exactly of the form.
+// Resource names. Requests have scenes' keys in the place of their ids when they get to a handler
+// (see server/access/scene_names.h), so parsing answers keys, and `scene` is one in all that is
+// here; names that are made here are for clients and have ids. Parsing answers INVALID_ARGUMENT,
+// naming `field`, for anything that is not exactly of the form.
 namespace pepeseg {
 
 inline constexpr int64_t kLiveModel = 0;
@@ -44,6 +46,8 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name, const std::str
 
 std::string SceneName(const std::string& scene);
 std::string ChildName(const std::string& scene, const std::string& collection, int64_t number);
+// As ChildName, with the scene's key: to be parsed here again.
+std::string KeyedChildName(const std::string& scene, const std::string& collection, int64_t number);
 std::string LabelName(const std::string& scene, const std::string& id);
 std::string JobName(const std::string& job);
 

@@ -105,6 +105,14 @@ absl::Status DeleteModelWithFiles(const ServiceContext& context, const std::stri
   return absl::OkStatus();
 }
 
+// What comes before the names of a scene: "projects/{project}/" for who sees all projects, where
+// the name alone would mean another one.
+absl::StatusOr<std::string> PrefixOf(Store& store, const SceneRow& row, const Caller& caller) {
+  if (!caller.sees_all_projects || row.project == kDefaultProject) return std::string();
+  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.FindScenes(row.id));
+  return scenes.size() < 2 ? std::string() : absl::StrCat("projects/", row.project, "/");
+}
+
 // A page token is the index of the page's first view.
 absl::Status FillViews(const Model& model, const PageRequest& page,
                        v1::ListViewsResponse* response) {
@@ -130,17 +138,19 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
 
 }  // namespace
 
-absl::Status SceneServiceRpc::FillScene(const SceneRow& row, v1::Scene* scene) const {
-  scene->set_name(SceneName(row.id));
+absl::Status SceneServiceRpc::FillScene(const SceneRow& row, const Caller& caller,
+                                        v1::Scene* scene) const {
+  ASSIGN_OR_RETURN(const std::string prefix, PrefixOf(*context_.store, row, caller));
+  scene->set_name(prefix + SceneName(row.key));
   scene->set_display_name(row.display_name);
   *scene->mutable_create_time() = ToProto(row.create_time);
-  const auto model = context_.store->GetLiveModel(row.id);
+  const auto model = context_.store->GetLiveModel(row.key);
   if (model.ok()) {
-    scene->set_live_model(ChildName(row.id, "models", model->number));
+    scene->set_live_model(prefix + ChildName(row.key, "models", model->number));
   } else if (!absl::IsFailedPrecondition(model.status())) {
     return model.status();
   }
-  ASSIGN_OR_RETURN(const auto job, context_.store->FindActiveJob(row.id));
+  ASSIGN_OR_RETURN(const auto job, context_.store->FindActiveJob(row.key));
   if (job.has_value()) scene->set_active_job(JobName(job->id));
   return absl::OkStatus();
 }
@@ -160,19 +170,19 @@ grpc::ServerUnaryReactor* SceneServiceRpc::CreateScene(grpc::CallbackServerConte
       return WithResource(scene.status(), "SCENE_EXISTS", SceneName(row.id));
     }
     RETURN_IF_ERROR(scene.status());
-    return FillScene(*scene, response);
+    return FillScene(*scene, unary.caller, response);
   });
 }
 
 grpc::ServerUnaryReactor* SceneServiceRpc::GetScene(grpc::CallbackServerContext* call,
                                                     const v1::GetSceneRequest* request,
                                                     v1::Scene* response) {
-  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
-    const auto id = ParseSceneName(request->name(), "name");
-    RETURN_IF_ERROR(id.status());
-    const auto row = context_.store->GetScene(*id);
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
+    const auto scene = ParseSceneName(request->name(), "name");
+    RETURN_IF_ERROR(scene.status());
+    const auto row = context_.store->GetScene(*scene);
     if (!row.ok()) return WithResource(row.status(), "NO_SUCH_SCENE", request->name());
-    return FillScene(*row, response);
+    return FillScene(*row, unary.caller, response);
   });
 }
 
@@ -184,7 +194,9 @@ grpc::ServerUnaryReactor* SceneServiceRpc::ListScenes(grpc::CallbackServerContex
                      PageFromProto(request->page_size(), request->page_token()));
     ASSIGN_OR_RETURN(const Page<SceneRow> scenes,
                      context_.store->ListScenes(page, unary.caller.visible_project()));
-    for (const SceneRow& row : scenes.rows) RETURN_IF_ERROR(FillScene(row, response->add_scenes()));
+    for (const SceneRow& row : scenes.rows) {
+      RETURN_IF_ERROR(FillScene(row, unary.caller, response->add_scenes()));
+    }
     response->set_next_page_token(scenes.next_page_token);
     return absl::OkStatus();
   });
@@ -194,9 +206,9 @@ grpc::ServerUnaryReactor* SceneServiceRpc::DeleteScene(grpc::CallbackServerConte
                                                        const v1::DeleteSceneRequest* request,
                                                        google::protobuf::Empty*) {
   return RunOnPool({call, request}, context_, [this, request](const UnaryCall&) {
-    const auto id = ParseSceneName(request->name(), "name");
-    RETURN_IF_ERROR(id.status());
-    return DeleteWithRemains(context_, *id);
+    const auto scene = ParseSceneName(request->name(), "name");
+    RETURN_IF_ERROR(scene.status());
+    return DeleteWithRemains(context_, *scene);
   });
 }
 

@@ -35,7 +35,7 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
                                        v1::ListModelsResponse* response) override;
 
  private:
-  absl::Status FillScene(const SceneRow& row, v1::Scene* scene) const;
+  absl::Status FillScene(const SceneRow& row, const Caller& caller, v1::Scene* scene) const;
 
   const ServiceContext context_;
 };

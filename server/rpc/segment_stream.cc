@@ -12,10 +12,11 @@
 namespace pepeseg {
 
 Stream::Step SegmentStreamCall::Work(bool) {
-  const std::optional<v1::SegmentStreamRequest> request = TakeNewest();
+  std::optional<v1::SegmentStreamRequest> request = TakeNewest();
   if (request || !admitted_) {
-    const auto caller = context_.authorizer->Authorize(
-        origin_, request ? *request : v1::SegmentStreamRequest::default_instance());
+    v1::SegmentStreamRequest none;
+    const auto caller =
+        context_.authorizer->AuthorizeAndResolve(origin_, request ? *request : none);
     if (!caller.ok()) return {Next::kEnd, caller.status()};
     project_ = caller->project;
     if (!admitted_) {

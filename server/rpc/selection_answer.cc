@@ -100,7 +100,7 @@ absl::Status AnswerSelect(const UnaryCall& call, const ServiceContext& context,
   RETURN_IF_ERROR(call.CheckWanted());
   GaussianSet base;
   if (!request.base().empty()) {
-    ASSIGN_OR_RETURN(base, FindSelection(context, request.base(), model.name, "base"));
+    ASSIGN_OR_RETURN(base, FindSelection(context, request.base(), model.row, "base"));
     ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(request.base(), "selections", "base"));
     row.base = of.number;
   }
@@ -127,13 +127,12 @@ absl::Status AnswerCombineSelections(const ServiceContext& context,
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(const SelectionRow base, FindSelectionRow(context, request.first(), "first"));
-  const std::string model_name = ChildName(base.scene, "models", base.model);
-  ASSIGN_OR_RETURN(const GaussianSet a,
-                   FindSelection(context, request.first(), model_name, "first"));
-  ASSIGN_OR_RETURN(const GaussianSet b,
-                   FindSelection(context, request.second(), model_name, "second"));
+  const SceneChild of = {base.scene, base.model};
+  ASSIGN_OR_RETURN(const GaussianSet a, FindSelection(context, request.first(), of, "first"));
+  ASSIGN_OR_RETURN(const GaussianSet b, FindSelection(context, request.second(), of, "second"));
   ASSIGN_OR_RETURN(const GaussianSet set, Apply(request.operation(), a, b));
-  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, model_name, "first"));
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModel(context, KeyedChildName(of.scene, "models", of.number), "first"));
   ASSIGN_OR_RETURN(row, RecordSelection(context, model, set, row));
   *response = ToProto(row);
   return absl::OkStatus();
@@ -147,7 +146,7 @@ absl::Status AnswerUndoSelection(const ServiceContext& context,
                             absl::StrCat(request.name(), " was not made from another selection")),
                         "NO_BASE", request.name());
   }
-  const std::string base_name = ChildName(row.scene, "selections", row.base);
+  const std::string base_name = KeyedChildName(row.scene, "selections", row.base);
   ASSIGN_OR_RETURN(const SelectionRow base, FindSelectionRow(context, base_name, "name"));
   *response = ToProto(base);
   return absl::OkStatus();

@@ -17,12 +17,13 @@ absl::StatusOr<SelectionRow> FindSelectionRow(const ServiceContext& context,
 }
 
 absl::StatusOr<GaussianSet> FindSelection(const ServiceContext& context, const std::string& name,
-                                          const std::string& model, const std::string& field) {
+                                          const SceneChild& model, const std::string& field) {
   ASSIGN_OR_RETURN(const SelectionRow row, FindSelectionRow(context, name, field));
-  const std::string its_model = ChildName(row.scene, "models", row.model);
-  if (its_model != model) {
-    return WithResource(absl::FailedPreconditionError(absl::StrCat(field, ": ", name, " is of ",
-                                                                   its_model, ", not of ", model)),
+  if (row.scene != model.scene || row.model != model.number) {
+    const std::string its_model = ChildName(row.scene, "models", row.model);
+    return WithResource(absl::FailedPreconditionError(
+                            absl::StrCat(field, ": ", name, " is of ", its_model, ", not of ",
+                                         ChildName(model.scene, "models", model.number))),
                         "OTHER_MODEL", its_model);
   }
   auto set = ReadSelectionFile(context.data_folder / row.file, name);

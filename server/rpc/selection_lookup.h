@@ -4,6 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/scene/gaussian_set.h"
+#include "server/rpc/resource_name.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
@@ -13,10 +14,10 @@ namespace pepeseg {
 absl::StatusOr<SelectionRow> FindSelectionRow(const ServiceContext& context,
                                               const std::string& name, const std::string& field);
 
-// The Gaussians of a selection named in a request, of the model of this name. INVALID_ARGUMENT
+// The Gaussians of a selection named in a request, of this model. INVALID_ARGUMENT
 // names `field` when it is no name; NOT_FOUND; FAILED_PRECONDITION when it is of another model;
 // DATA_LOSS. Blocks.
 absl::StatusOr<GaussianSet> FindSelection(const ServiceContext& context, const std::string& name,
-                                          const std::string& model, const std::string& field);
+                                          const SceneChild& model, const std::string& field);
 
 }  // namespace pepeseg

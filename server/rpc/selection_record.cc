@@ -72,8 +72,7 @@ absl::StatusOr<std::optional<SelectionRow>> FindEarlier(const ServiceContext& co
 absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
                                              const ResidentModel& model, const GaussianSet& set,
                                              SelectionRow row) {
-  ASSIGN_OR_RETURN(const SceneChild of, ParseChildName(model.name, "models", "model"));
-  row.model = of.number;
+  row.model = model.row.number;
   row.model_gaussians = static_cast<int64_t>(set.member.size());
   row.num_gaussians = set.count();
   const SetBounds bounds = BoundsOf(model.segmenter->model().gaussians, set);

@@ -15,8 +15,8 @@ absl::StatusOr<std::optional<GaussianSet>> FindSubset(const ServiceContext& cont
   GaussianSet found;
   switch (subset.of_case()) {
     case v1::Subset::kSelection: {
-      ASSIGN_OR_RETURN(
-          found, FindSelection(context, subset.selection(), model.name, field + ".selection"));
+      ASSIGN_OR_RETURN(found,
+                       FindSelection(context, subset.selection(), model.row, field + ".selection"));
       break;
     }
     case v1::Subset::kSegment: {

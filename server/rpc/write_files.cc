@@ -96,9 +96,9 @@ absl::Status WriteFilesStream::BeginCall() {
   return Admit(OwnerOf(caller, origin_));
 }
 
-absl::Status WriteFilesStream::Authorize(const v1::WriteFilesRequest& part) {
+absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
   if (!part.has_header()) return absl::OkStatus();
-  ASSIGN_OR_RETURN(caller_, context_.authorizer->Authorize(origin_, part));
+  ASSIGN_OR_RETURN(caller_, context_.authorizer->AuthorizeAndResolve(origin_, part));
   // A line for each upload, not for each of its files; at once, since a stream may be cut off.
   if (named_.header().upload() != part.header().upload()) {
     context_.authorizer->Record(origin_, *caller_, part, absl::OkStatus());

@@ -32,7 +32,7 @@ class WriteFilesStream final : public ReadStream<v1::WriteFilesRequest> {
   // Key and scope, before anything is read.
   absl::Status BeginCall();
   // Of each header, which names an upload.
-  absl::Status Authorize(const v1::WriteFilesRequest& part);
+  absl::Status Authorize(v1::WriteFilesRequest& part);
   // What came before the call was cut off is kept, which blocks: not in the reaction.
   void OnClosed() override;
   // Writes down what ended it, unless all went well.

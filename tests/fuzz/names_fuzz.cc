@@ -1,7 +1,7 @@
 #include "core/io/file_name.h"
 #include "core/io/import.h"
 #include "server/access/api_key.h"
-#include "server/jobs/id_rules.h"
+#include "server/jobs/scene_key.h"
 #include "server/jobs/store_sql.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/upload_rules.h"
@@ -12,7 +12,7 @@ namespace {
 void ReadResourceNames(const std::string& text) {
   using pepeseg::fuzz::Expect;
   if (const auto scene = pepeseg::ParseSceneName(text, "name"); scene.ok()) {
-    Expect(pepeseg::SceneName(*scene) == text && pepeseg::IsResourceId(*scene), "the same scene");
+    Expect("scenes/" + *scene == text && pepeseg::IsSceneKey(*scene), "the same scene");
     Expect(scene->find_first_of("/'%\\") == std::string::npos && scene->front() != '.',
            "a scene that is no path");
   }
@@ -20,10 +20,11 @@ void ReadResourceNames(const std::string& text) {
     Expect(model->number >= pepeseg::kLiveModel, "a number");
   }
   if (const auto child = pepeseg::ParseChildName(text, "datasets", "name"); child.ok()) {
-    Expect(pepeseg::ChildName(child->scene, "datasets", child->number) == text, "the same child");
+    Expect(pepeseg::KeyedChildName(child->scene, "datasets", child->number) == text,
+           "the same child");
   }
   if (const auto label = pepeseg::ParseLabelName(text, "name"); label.ok()) {
-    Expect(pepeseg::LabelName(label->scene, label->id) == text, "the same label");
+    Expect("scenes/" + label->scene + "/labels/" + label->id == text, "the same label");
   }
   if (const auto job = pepeseg::ParseJobName(text, "name"); job.ok()) {
     Expect(pepeseg::JobName(*job) == text, "the same job");

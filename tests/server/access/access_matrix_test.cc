@@ -7,6 +7,7 @@
 #include <map>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "tests/server/access/all_methods.h"
 #include "tests/server/access/keyed_server.h"
@@ -178,6 +179,62 @@ TEST_F(AccessMatrix, EveryNamedResourceIsCheckedAndNotToldFromNone) {
   v1::GetSceneRequest get;
   get.set_name("scenes/shelf");
   EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetScene", get, full).ok());
+}
+
+// As `status` would be were the scene called "free".
+std::string Renamed(const grpc::Status& status, const std::string& scene) {
+  return absl::StrReplaceAll(absl::StrCat(status.error_code(), " ", status.error_message(), " ",
+                                          DetailOf(status).ShortDebugString()),
+                             {{"scenes/" + scene, "scenes/free"}});
+}
+
+// To the stranger an id that another project has is as free as any: its own scene of that name is
+// empty, whatever the other has.
+TEST_F(AccessMatrix, AnotherProjectsIdAnswersAsAFreeOne) {
+  for (const char* id : {"shelf", "free"}) {
+    v1::CreateSceneRequest create;
+    create.set_scene_id(id);
+    const auto made = Ask("pepeseg.v1.SceneService.CreateScene", create, stranger);
+    EXPECT_TRUE(made.ok()) << made.error_message();
+    const auto again = Ask("pepeseg.v1.SceneService.CreateScene", create, stranger);
+    EXPECT_EQ(again.error_code(), grpc::StatusCode::ALREADY_EXISTS);
+    EXPECT_EQ(DetailOf(again).resource(), absl::StrCat("scenes/", id));
+  }
+  int num_methods = 0;
+  for (const MethodDescriptor* method : Ordered()) {
+    SCOPED_TRACE(method->full_name());
+    const v1::Access& option = method->options().GetExtension(v1::access);
+    if (!IsServed(*method) || NamesAJob(*method) || option.resources_size() == 0) continue;
+    ++num_methods;
+    const auto taken = AskFor(*method, *MakeRequest(*method, "shelf"), stranger);
+    const auto free = AskFor(*method, *MakeRequest(*method, "free"), stranger);
+    EXPECT_EQ(Renamed(taken, "shelf"), Renamed(free, "free"));
+    EXPECT_EQ(taken.error_message().find('@'), std::string::npos) << taken.error_message();
+  }
+  EXPECT_GE(num_methods, 20);
+  // The stranger's scene is deleted by the last of them, the other's is whole.
+  v1::GetModelRequest get;
+  get.set_name("scenes/shelf/models/1");
+  EXPECT_TRUE(Ask("pepeseg.v1.SceneService.GetModel", get, full).ok());
+  v1::GetSceneRequest gone;
+  gone.set_name("scenes/shelf");
+  ExpectReason(Ask("pepeseg.v1.SceneService.GetScene", gone, stranger),
+               grpc::StatusCode::PERMISSION_DENIED, "NOT_YOURS");
+}
+
+TEST_F(AccessMatrix, KeysOfScenesAreNoNames) {
+  v1::CreateSceneRequest create;
+  create.set_scene_id("shelf");
+  ASSERT_TRUE(Ask("pepeseg.v1.SceneService.CreateScene", create, stranger).ok());
+  for (const char* name : {"scenes/1@shelf", "scenes/0@shelf", "projects/other/scenes/shelf"}) {
+    v1::GetSceneRequest get;
+    get.set_name(name);
+    for (const std::string& secret : {stranger, full}) {
+      EXPECT_EQ(Ask("pepeseg.v1.SceneService.GetScene", get, secret).error_code(),
+                grpc::StatusCode::INVALID_ARGUMENT)
+          << name;
+    }
+  }
 }
 
 TEST_F(AccessMatrix, MalformedNamesAreToldAfterKeyAndScope) {

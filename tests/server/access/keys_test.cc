@@ -55,20 +55,47 @@ struct Keys : KeyedServer {
   }
 };
 
+TEST_F(Keys, OperatorsSayWhichProjectsSceneTheyMean) {
+  const std::string third = MakeKey("third", {v1::SCOPE_READ, v1::SCOPE_WRITE});
+  ASSERT_TRUE(CreateScene("annex", stranger).ok());
+  ASSERT_TRUE(CreateScene("annex", third).ok());
+  const auto load = [&](const std::string& scene) {
+    v1::LoadModelRequest request;
+    request.set_name(scene + "/models/1");
+    return Ask("pepeseg.v1.AdminService.LoadModel", request, operates);
+  };
+  EXPECT_TRUE(load("scenes/shelf").ok()) << "the default project's";
+  EXPECT_TRUE(load("projects/default/scenes/shelf").ok());
+  const grpc::Status ambiguous = load("scenes/annex");
+  EXPECT_EQ(ambiguous.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(DetailOf(ambiguous).reason(), "AMBIGUOUS_SCENE");
+  EXPECT_NE(ambiguous.error_message().find("projects/other/scenes/annex"), std::string::npos);
+  const grpc::Status none = load("projects/other/scenes/annex");
+  EXPECT_EQ(none.error_code(), grpc::NOT_FOUND) << none.error_message();
+  EXPECT_EQ(none.error_message(), "scenes/annex/models/1 does not exist");
+  EXPECT_EQ(load("projects/other/scenes/shelf").error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(load("projects/No/scenes/shelf").error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(load("scenes/1@annex").error_code(), grpc::INVALID_ARGUMENT);
+}
+
 TEST_F(Keys, SeeTheirProjectsScenesAndJobsOnly) {
   ASSERT_TRUE(CreateScene("annex", stranger).ok());
   EXPECT_EQ(ListScenes(full), std::vector<std::string>{"scenes/shelf"});
   EXPECT_EQ(ListScenes(stranger), std::vector<std::string>{"scenes/annex"});
   EXPECT_EQ(CountJobs(full), 1);
   EXPECT_EQ(CountJobs(stranger), 0);
-  // A request_id is the project's own; a scene's id is everybody's.
+  // A request_id is the project's own, and so is a scene's id.
   ASSERT_TRUE(CreateScene("one", full, "request").ok());
   EXPECT_TRUE(CreateScene("two", stranger, "request").ok());
+  EXPECT_TRUE(CreateScene("shelf", stranger).ok());
   EXPECT_EQ(CreateScene("shelf", stranger).error_code(), grpc::ALREADY_EXISTS);
   // Without keys all of them are seen, as ever.
   running.options.access.require_keys = false;
   running.Restart();
-  EXPECT_EQ(ListScenes(nobody).size(), 4u);
+  EXPECT_EQ(ListScenes(nobody),
+            (std::vector<std::string>{"scenes/annex", "scenes/one", "projects/other/scenes/shelf",
+                                      "scenes/shelf", "scenes/two"}));
+  EXPECT_TRUE(GetScene("shelf", nobody).ok()) << "the default project's";
   EXPECT_EQ(CountJobs(nobody), 1);
   EXPECT_TRUE(GetScene("annex", nobody).ok());
   EXPECT_EQ(GetScene("nowhere", nobody).error_code(), grpc::NOT_FOUND);

@@ -51,6 +51,22 @@ TEST(Schema, FirstVersionIsBroughtUpToDateWithItsRows) {
   EXPECT_EQ((**(*store)->ClaimJob("cuda 0 (X)")).device, "cuda 0 (X)");
 }
 
+TEST(Schema, OldScenesKeepTheirIdsAsKeysAndOtherProjectsMayUseTheIds) {
+  const testing::TempFolder folder;
+  const std::string path = (folder.path() / "store.db").string();
+  WriteFirstVersion(path);
+  const auto store = Store::Open("sqlite:" + path);
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_EQ(*(*store)->FindScene("default", "a"), "a");
+  EXPECT_EQ((*store)->GetScene("a")->display_name, "A");
+  EXPECT_TRUE(absl::IsAlreadyExists((*store)->CreateScene({"a", "", "", {}}).status()));
+  const auto theirs = (*store)->CreateScene({"a", "", "", {}, "lab"});
+  ASSERT_TRUE(theirs.ok()) << theirs.status();
+  EXPECT_NE(theirs->key, "a");
+  EXPECT_TRUE((*store)->GetLiveModel("a").ok());
+  EXPECT_FALSE((*store)->GetLiveModel(theirs->key).ok());
+}
+
 TEST(Schema, ScenesAndModelsOfOldVersionsTakeLabelsAndSelections) {
   const testing::TempFolder folder;
   const std::string path = (folder.path() / "store.db").string();

@@ -1,8 +1,11 @@
 // Keys and projects.
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "server/jobs/scene_key.h"
 #include "server/jobs/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
@@ -116,6 +119,60 @@ TEST_F(StoreKeys, OwnScenesAndTheirJobs) {
   filter.scene = "a";
   EXPECT_EQ(store->ListJobs(filter, {})->rows.size(), 0u);
   EXPECT_EQ(store->ListJobs({}, {})->rows.size(), 2u);
+}
+
+TEST_F(StoreKeys, IdsOfScenesAreAProjectsOwn) {
+  CreateScene("a", "lab");
+  CreateScene("a", "other");
+  CreateScene("b", "other");
+  const std::string key = *store->FindScene("other", "a");
+  EXPECT_EQ(*store->FindScene("lab", "a"), "a") << "as before ids were the project's own";
+  EXPECT_NE(key, "a");
+  EXPECT_EQ(SceneIdOf(key), "a");
+  EXPECT_EQ(store->GetScene(key)->id, "a");
+  EXPECT_EQ(*store->ProjectOfScene(key), "other");
+  EXPECT_EQ(*store->ProjectOfScene("a"), "lab");
+  EXPECT_TRUE(absl::IsNotFound(store->FindScene("lab", "b").status()));
+  EXPECT_TRUE(absl::IsNotFound(store->FindScene("default", "a").status()));
+  EXPECT_EQ(store->CreateScene({"a", "", "", {}, "other"}).status().message(),
+            "scenes/a exists already");
+  EXPECT_EQ(store->FindScenes("a")->size(), 2u);
+  // What belongs to one is not the other's.
+  ASSERT_TRUE(store->CreateDataset(key, "", {{"x.jpg", 1, 3, "00", true}}).ok());
+  EXPECT_TRUE(absl::IsNotFound(store->GetDataset("a", 1).status()));
+  ASSERT_TRUE(store->DeleteScene("a").ok());
+  EXPECT_TRUE(store->GetDataset(key, 1).ok());
+  CreateScene("a", "lab");
+  EXPECT_TRUE(store->GetScene(*store->FindScene("lab", "a")).ok());
+}
+
+TEST_F(StoreKeys, ListsScenesOfOneNamePageByPage) {
+  for (const char* project : {"lab", "other", "third"}) CreateScene("a", project);
+  CreateScene("A", "lab");
+  CreateScene("a-b", "lab");
+  std::set<std::string> keys;
+  PageRequest page{1, ""};
+  do {
+    const auto scenes = store->ListScenes(page);
+    ASSERT_TRUE(scenes.ok()) << scenes.status();
+    ASSERT_EQ(scenes->rows.size(), 1u);
+    EXPECT_TRUE(keys.insert(scenes->rows[0].key).second);
+    page.page_token = scenes->next_page_token;
+  } while (!page.page_token.empty() && keys.size() < 10);
+  EXPECT_EQ(keys.size(), 5u);
+}
+
+TEST(SceneKey, HasTheIdInIt) {
+  const std::string key = MakeSceneKey(17, "Fern-2");
+  EXPECT_EQ(key, "17@Fern-2");
+  EXPECT_EQ(SceneIdOf(key), "Fern-2");
+  EXPECT_EQ(SceneIdOf("17"), "17");
+  EXPECT_TRUE(IsSceneKey(key) && IsSceneKey("Fern-2") && IsSceneKey("17"));
+  for (const char* bad : {"", "@a", "x@a", "17@", "17@@a", "17@../a", "-1@a"}) {
+    EXPECT_FALSE(IsSceneKey(bad)) << bad;
+  }
+  EXPECT_EQ(WithSceneIds("scenes/17@a/models/1 is of scenes/18@b, not of scenes/c: 3@4"),
+            "scenes/a/models/1 is of scenes/b, not of scenes/c: 3@4");
 }
 
 TEST_F(StoreKeys, ProjectsHaveQuotas) {

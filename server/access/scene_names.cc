@@ -1,0 +1,121 @@
+#include "server/access/scene_names.h"
+
+#include <string>
+#include <vector>
+
+#include "absl/strings/cord.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "core/status_macros.h"
+#include "pepeseg/v1/errors.pb.h"
+#include "server/access/method_access.h"
+#include "server/jobs/id_rules.h"
+#include "server/jobs/scene_key.h"
+
+namespace pepeseg {
+namespace {
+
+// A name in parts: scenes/{scene}/..., after projects/{project}/ if that is said.
+struct NamedScene {
+  std::string project;  // empty: not said
+  std::string id;
+  std::vector<std::string> rest;
+};
+
+absl::Status WithField(absl::Status status, const std::string& reason, const std::string& field) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  detail.set_field(field);
+  status.SetPayload(
+      absl::StrCat("type.googleapis.com/", v1::ErrorDetail::descriptor()->full_name()),
+      absl::Cord(detail.SerializeAsString()));
+  return status;
+}
+
+// What is no name of a scene, as a job's or a bare label's, is the handler's to read: false. One
+// with a key in the place of its id must not get there.
+absl::StatusOr<bool> Split(const std::string& name, const NamedResource& resource,
+                           bool may_say_project, NamedScene& split) {
+  std::vector<std::string> parts = absl::StrSplit(name, '/');
+  if (may_say_project && parts.size() >= 4 && parts[0] == "projects") {
+    split.project = parts[1];
+    parts.erase(parts.begin(), parts.begin() + 2);
+  }
+  const bool is_scene = parts.size() >= 2 && parts[0] == "scenes";
+  if (is_scene && IsResourceId(parts[1]) &&
+      (split.project.empty() || IsRfc1034Label(split.project))) {
+    split.id = parts[1];
+    split.rest.assign(parts.begin() + 2, parts.end());
+    return true;
+  }
+  if (split.project.empty() && (!is_scene || !IsSceneKey(parts[1]))) return false;
+  return WithField(
+      absl::InvalidArgumentError(absl::StrCat(resource.field, ": not the name of a scene's")),
+      "BAD_FIELD", resource.field);
+}
+
+std::string Join(const std::string& key, const std::vector<std::string>& rest) {
+  std::string name = absl::StrCat("scenes/", key);
+  for (const std::string& part : rest) absl::StrAppend(&name, "/", part);
+  return name;
+}
+
+absl::StatusOr<std::string> OrNoKey(absl::StatusOr<std::string> key, const std::string& id) {
+  if (absl::IsNotFound(key.status())) return NoSceneKey(id);
+  return key;
+}
+
+// For who sees all projects and does not say which.
+absl::StatusOr<std::string> OnlyKey(Store& store, const std::string& id, const std::string& field) {
+  absl::StatusOr<std::string> of_default = store.FindScene(kDefaultProject, id);
+  if (!absl::IsNotFound(of_default.status())) return of_default;
+  ASSIGN_OR_RETURN(const std::vector<SceneRow> scenes, store.FindScenes(id));
+  if (scenes.empty()) return NoSceneKey(id);
+  if (scenes.size() == 1) return scenes[0].key;
+  std::vector<std::string> projects;
+  for (const SceneRow& scene : scenes) projects.push_back(scene.project);
+  return WithField(
+      absl::FailedPreconditionError(absl::StrCat(
+          field, ": scenes/", id, " is in the projects ", absl::StrJoin(projects, ", "),
+          ": name one of them, as projects/", projects[0], "/scenes/", id)),
+      "AMBIGUOUS_SCENE", field);
+}
+
+absl::StatusOr<std::string> Resolve(Store& store, const Caller& caller,
+                                    const NamedResource& resource) {
+  NamedScene name;
+  ASSIGN_OR_RETURN(const bool is_scene,
+                   Split(resource.name, resource, caller.sees_all_projects, name));
+  if (!is_scene) return resource.name;
+  std::string key;
+  if (caller.sees_all_projects && name.project.empty()) {
+    ASSIGN_OR_RETURN(key, OnlyKey(store, name.id, resource.field));
+  } else {
+    const std::string& project = name.project.empty() ? caller.project : name.project;
+    ASSIGN_OR_RETURN(key, OrNoKey(store.FindScene(project, name.id), name.id));
+  }
+  return Join(key, name.rest);
+}
+
+}  // namespace
+
+absl::Status ResolveSceneNames(Store& store, const Caller& caller,
+                               google::protobuf::Message& request) {
+  const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());
+  if (access == nullptr) return absl::OkStatus();
+  for (const NamedResource& resource : ResourcesOf(*access, request)) {
+    ASSIGN_OR_RETURN(const std::string name, Resolve(store, caller, resource));
+    if (name != resource.name) SetResource(*access, resource.field, name, request);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ResolveOperatorsName(Store& store, const std::string& name,
+                                                 const std::string& field) {
+  Caller caller;
+  caller.sees_all_projects = true;
+  return Resolve(store, caller, {field, name});
+}
+
+}  // namespace pepeseg
