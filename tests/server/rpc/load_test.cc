@@ -27,9 +27,10 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
   // more for timers when all of those are, and keeps them: by load, whoever asks or watches.
   const int of_load = 2 * cores - 1 + 2;
   EXPECT_LE(report.num_threads, report.num_threads_without + of_load);
-  // The admin service's pool and the thread that computes; of gRPC, what the client in this process
-  // has beside the server, of which it starts more where there are more cores.
-  constexpr int kOtherPools = 2 + 1 + 2;
+  // The pools of the admin service and of photographs, and the thread that computes; those that
+  // accept connections, end streams and check blobs; of gRPC, what the client in this process has
+  // next to the server, of which it starts more where there are more cores.
+  constexpr int kOtherPools = 2 + 2 + 1 + 3 + 2;
   constexpr int kMoreTimers = 2;
   EXPECT_LE(report.num_threads,
             report.pool_threads + kOtherPools + kMoreTimers + 20 + 3 * (cores - 2));
