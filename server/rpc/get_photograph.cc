@@ -177,7 +177,8 @@ absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
 }
 
 absl::Status GetPhotographStream::Open() {
-  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->AuthorizeAndResolve(origin_, request_));
+  ASSIGN_OR_RETURN(const Caller caller,
+                   context_.authorizer->AuthorizeAndResolve(origin_, request_));
   RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
   RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
