@@ -39,7 +39,7 @@ LabelRow RedLabel() {
 SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
   auto segmenter = Segmenter::Create(*backend_, ThreeViews());
   Expect(segmenter.ok(), "a segmenter");
-  resident_ = {"scenes/shelf/models/1", *std::move(segmenter)};
+  resident_ = {"scenes/shelf/models/1", *std::move(segmenter), {"shelf", 1}};
   auto store = Store::Open("sqlite:" + (folder_ / "store.db").string());
   Expect(store.ok(), "a store");
   store_ = *std::move(store);
