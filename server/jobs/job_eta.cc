@@ -57,10 +57,15 @@ void JobEta::StartStage(const std::string& name, double now) {
 }
 
 void JobEta::EndStage(double now) {
+  // The pace of a stage of less than a second says nothing of one of minutes.
   if (current_ >= 0 && measured_ && stages_[current_].seconds) {
-    Pace& pace = ended_[stages_[current_].on_device ? 1 : 0];
-    pace.seconds += now - stage_start_;
-    pace.expected += *stages_[current_].seconds * (done_ + left_);
+    const double seconds = now - stage_start_;
+    const double expected = *stages_[current_].seconds * (done_ + left_);
+    if (seconds >= kFirstSeconds && expected >= kFirstSeconds) {
+      Pace& pace = ended_[stages_[current_].on_device ? 1 : 0];
+      pace.seconds += seconds;
+      pace.expected += expected;
+    }
   }
   measured_ = false;
   done_ = 0;

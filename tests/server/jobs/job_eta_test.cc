@@ -176,6 +176,18 @@ TEST(JobEta, IsUnknownBeforeAPaceAndBeforeAStageOfUnknownLength) {
   EXPECT_EQ(eta.stage_number(), 2);
 }
 
+TEST(JobEta, IgnoresThePaceOfStagesOfLessThanASecond) {
+  JobEta eta;
+  eta.Plan({{.name = "prepare", .seconds = 0.01}, {.name = "reconstruct", .seconds = 60}});
+  eta.StartStage("prepare", 0);
+  eta.Share(1, 0.4);  // forty times slower than expected: the start of a process
+  eta.StartStage("reconstruct", 0.4);
+  eta.Step(0, 1, 2000, 0.5);
+  EXPECT_EQ(eta.SecondsLeft(0.5), std::nullopt);
+  eta.Step(0, 40, 2000, 2.4);
+  EXPECT_THAT(eta.SecondsLeft(2.4), Optional(DoubleNear(98, 1e-6)));
+}
+
 TEST(JobEta, KeepsHostAndDeviceApart) {
   JobEta eta;
   eta.Plan({{.name = "sfm", .seconds = 10},
