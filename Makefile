@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
+.PHONY: help packages build demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
   image-test deploy-check web web-app web-test
 
 BUILD ?= build
@@ -22,6 +22,8 @@ CTEST = ctest --output-on-failure --no-tests=error -j $(JOBS)
 help:
 	@echo 'make demo      install what is needed, build, train the shelf that ships with this, and'
 	@echo '               segment its four products: pictures and numbers in $(BUILD)/demo'
+	@echo 'make demo-photos  the same from the photographs alone: poses and masks are made on the spot'
+	@echo '               (make sam first)'
 	@echo 'make test      install what is needed, build, run every test'
 	@echo 'make cuda-test on a machine with an NVIDIA GPU: every test of CUDA, and the kernels under'
 	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
@@ -54,6 +56,10 @@ build: $(BUILD)/CMakeCache.txt packages
 demo: $(BUILD)/CMakeCache.txt packages
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
 	deploy/demo.sh $(BUILD)
+
+demo-photos: $(BUILD)/CMakeCache.txt packages
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	deploy/demo.sh $(BUILD) --photos
 
 test: build
 	cd $(BUILD) && $(CTEST)

@@ -44,14 +44,23 @@ struct DemoFlags {
   std::string data;
   std::string out;
   std::string scene;
+  bool photos_only = false;
   std::vector<std::string> settings;
   FixedQuestion question{0.3, 0.75};
 };
 
+// Leaves the photographs, and what must be left out of them.
+void KeepPhotographs(DatasetFolder& folder) {
+  std::erase_if(folder.files, [](const FolderFile& file) {
+    return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_IGNORE_MASK;
+  });
+}
+
 absl::Status Upload(const Client& client, const DemoFlags& flags, const std::string& scene,
                     DemoResult& result, std::string& dataset) {
   const Stopwatch watch;
-  ASSIGN_OR_RETURN(const DatasetFolder folder, ReadDatasetFolder(flags.data));
+  ASSIGN_OR_RETURN(DatasetFolder folder, ReadDatasetFolder(flags.data));
+  if (flags.photos_only) KeepPhotographs(folder);
   RETURN_IF_ERROR(client.EnsureScene(scene));
   ASSIGN_OR_RETURN(const v1::Dataset sealed, UploadFolder(client, scene, folder));
   dataset = sealed.name();
@@ -114,6 +123,8 @@ void AddDemo(CLI::App& app, Shell& shell) {
   verb->add_option("--out", flags->out, "Folder for report.json and pictures")
       ->default_val("build/demo");
   verb->add_option("--scene", flags->scene, "Id of the scene; a fresh one by default");
+  verb->add_flag("--photos", flags->photos_only,
+                 "Upload the photographs alone: the server makes poses, masks and depth");
   verb->add_option("-o,--option", flags->settings, "NAME=VALUE, over the demo's own settings")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);

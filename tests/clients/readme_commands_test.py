@@ -189,8 +189,8 @@ def check_files(folder: Path) -> None:
         fail("propose left no pictures")
     if not sorted((folder / "pictures").glob("*_selection.png")):
         fail("select left no picture")
-    if not 0 < expect_ply(folder / "without-cup.ply") < whole:
-        fail("without-cup.ply lacks nothing, or all")
+    if not 0 < expect_ply(folder / "without-tissues.ply") < whole:
+        fail("without-tissues.ply lacks nothing, or all")
     segments = sorted((folder / "parts").glob("level_*/segment_*.ply"))
     if not segments or sum(expect_ply(path) for path in segments) > whole:
         fail(f"decompose left {len(segments)} segments")
