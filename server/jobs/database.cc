@@ -204,7 +204,7 @@ Database::Run Database::RunOnce(const std::function<absl::Status(soci::session&)
     committing = true;
     transaction->Commit();
   } catch (const soci::soci_error& error) {
-    run.status = DatabaseError(error);
+    run.status = DatabaseError(error, SystemErrorOf(sql));
     if (IsCollision(error)) run.fate = Fate::kCollided;
     // What broke during the commit may have happened: not to be done twice.
     if (!committing && !sql.is_connected()) run.fate = Fate::kConnectionLost;

@@ -1,6 +1,8 @@
 #include "server/jobs/database_error.h"
 
+#include <cerrno>
 #include <string>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "server/jobs/private_error.h"
@@ -20,10 +22,12 @@ bool IsBrokenConstraint(const soci::soci_error& error) {
   return sqlite != nullptr && (sqlite->result() & 0xff) == SQLITE_CONSTRAINT;
 }
 
-bool IsFullDisk(const soci::soci_error& error) {
+bool IsFullDisk(const soci::soci_error& error, int system_error) {
   const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);
-  return SqlState(error) == "53100" ||
-         (sqlite != nullptr && (sqlite->result() & 0xff) == SQLITE_FULL);
+  if (sqlite == nullptr) return SqlState(error) == "53100";
+  const int code = sqlite->result() & 0xff;
+  return code == SQLITE_FULL ||
+         (code == SQLITE_IOERR && (system_error == ENOSPC || system_error == EDQUOT));
 }
 
 // What the database finds broken in its own files.
@@ -41,9 +45,9 @@ bool IsLostConnection(const soci::soci_error& error) {
          state.starts_with("08") || state == "57P01" || state == "57P02" || state == "57P03";
 }
 
-absl::StatusCode CodeOf(const soci::soci_error& error) {
+absl::StatusCode CodeOf(const soci::soci_error& error, int system_error) {
   if (IsBrokenConstraint(error)) return absl::StatusCode::kAborted;
-  if (IsFullDisk(error)) return absl::StatusCode::kResourceExhausted;
+  if (IsFullDisk(error, system_error)) return absl::StatusCode::kResourceExhausted;
   if (IsDamage(error)) return absl::StatusCode::kDataLoss;
   if (IsLostConnection(error) || IsCollision(error)) return absl::StatusCode::kUnavailable;
   return absl::StatusCode::kInternal;
@@ -58,8 +62,29 @@ bool IsCollision(const soci::soci_error& error) {
   return state == "40001" || state == "40P01" || state == "23505";
 }
 
-absl::Status DatabaseError(const soci::soci_error& error) {
-  return PrivateError(CodeOf(error), absl::StrCat("database: ", error.what()));
+int SystemErrorOf(soci::session& sql) {
+  if (sql.get_backend_name() != "sqlite3") return 0;
+  using sqlite_api::sqlite3_file;
+  auto* connection = static_cast<soci::sqlite3_session_backend*>(sql.get_backend())->conn_;
+  if (connection == nullptr) return 0;
+  // The errors of a sync during a commit: sqlite3_system_errno does not have them.
+  for (const int which : {SQLITE_FCNTL_FILE_POINTER, SQLITE_FCNTL_JOURNAL_POINTER}) {
+    sqlite3_file* file = nullptr;
+    int error = 0;
+    if (sqlite_api::sqlite3_file_control(connection, nullptr, which, &file) != SQLITE_OK) continue;
+    if (file == nullptr || file->pMethods == nullptr) continue;
+    if (file->pMethods->xFileControl(file, SQLITE_FCNTL_LAST_ERRNO, &error) != SQLITE_OK) continue;
+    if (error != 0) return error;
+  }
+  return sqlite_api::sqlite3_system_errno(connection);
+}
+
+absl::Status DatabaseError(const soci::soci_error& error, int system_error) {
+  std::string message = absl::StrCat("database: ", error.what());
+  if (system_error != 0) {
+    absl::StrAppend(&message, " (", std::generic_category().message(system_error), ")");
+  }
+  return PrivateError(CodeOf(error, system_error), message);
 }
 
 }  // namespace pepeseg

@@ -79,7 +79,7 @@ TEST(ReadDatasetFolder, CountsTheShelf) {
   EXPECT_EQ(count[v1::FILE_KIND_POSES], 2);
   EXPECT_EQ(count[v1::FILE_KIND_POINTS], 1);
   EXPECT_EQ(count[v1::FILE_KIND_IGNORE_MASK], 1);
-  EXPECT_EQ(folder->left_out.size(), 18U);  // 15 labels, LICENSE, SOURCE.md, cam.info.txt
+  EXPECT_EQ(folder->left_out.size(), 5U);  // 2 labels, LICENSE, SOURCE.md, cam.info.txt
 }
 
 TEST_F(DatasetFolderTest, NamesAreRelativeAndSorted) {

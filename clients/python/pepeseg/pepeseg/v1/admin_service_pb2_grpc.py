@@ -10,10 +10,12 @@ from pepeseg.v1 import server_status_pb2 as pepeseg_dot_v1_dot_server__status__p
 
 
 class AdminServiceStub(object):
-    """Which models are in memory: for who operates the server. Served on a listener of its own only
-    (--admin), never with the other services. Models are named as in SceneService, "live" included;
-    NOT_FOUND, FAILED_PRECONDITION where there is none as there. Questions load models by themselves:
-    nothing here has to be called. Errors: see errors.proto.
+    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
+    with the other services. Models are named as in SceneService, "live" included. Where several
+    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
+    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
+    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
+    themselves: no call of this service is needed for them. Errors: see errors.proto.
     """
 
     def __init__(self, channel):
@@ -80,10 +82,12 @@ class AdminServiceStub(object):
 
 
 class AdminServiceServicer(object):
-    """Which models are in memory: for who operates the server. Served on a listener of its own only
-    (--admin), never with the other services. Models are named as in SceneService, "live" included;
-    NOT_FOUND, FAILED_PRECONDITION where there is none as there. Questions load models by themselves:
-    nothing here has to be called. Errors: see errors.proto.
+    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
+    with the other services. Models are named as in SceneService, "live" included. Where several
+    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
+    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
+    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
+    themselves: no call of this service is needed for them. Errors: see errors.proto.
     """
 
     def LoadModel(self, request, context):
@@ -229,10 +233,12 @@ def add_AdminServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class AdminService(object):
-    """Which models are in memory: for who operates the server. Served on a listener of its own only
-    (--admin), never with the other services. Models are named as in SceneService, "live" included;
-    NOT_FOUND, FAILED_PRECONDITION where there is none as there. Questions load models by themselves:
-    nothing here has to be called. Errors: see errors.proto.
+    """Manages the models in memory, for operators. Served on a listener of its own only (--admin), never
+    with the other services. Models are named as in SceneService, "live" included. Where several
+    projects have a scene of this id, "scenes/{scene}/models/{number}" is the default project's, or
+    FAILED_PRECONDITION (AMBIGUOUS_SCENE) if that has none; "projects/{project}/scenes/{scene}/..."
+    says which one. NOT_FOUND and FAILED_PRECONDITION as in SceneService. Queries load models by
+    themselves: no call of this service is needed for them. Errors: see errors.proto.
     """
 
     @staticmethod
