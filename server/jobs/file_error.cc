@@ -13,7 +13,10 @@ absl::Status FileError(const std::filesystem::path& path, const std::string& wha
       absl::StrCat(path.string(), ": ", what, ": ", std::generic_category().message(error));
   if (error == ENOENT) return PrivateError(absl::StatusCode::kNotFound, message);
   const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  return PrivateError(full ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
+  if (full) return PrivateError(absl::StatusCode::kResourceExhausted, message);
+  // The file may be fine: it can be opened when there are descriptors again.
+  const bool no_descriptors = error == EMFILE || error == ENFILE;
+  return PrivateError(no_descriptors ? absl::StatusCode::kUnavailable : absl::StatusCode::kInternal,
                       message);
 }
 

@@ -196,7 +196,8 @@ void JobFolder::RemoveWorkingFiles(const std::string& keep) const {
 absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
   const std::string name = AttemptName(fence);
   ASSIGN_OR_RETURN(const BeneathFolder folder, BeneathFolder::Open(path_));
-  if (!folder.OpenFolder(name).ok()) {
+  if (const absl::Status there = folder.OpenFolder(name).status(); !there.ok()) {
+    if (!absl::IsNotFound(there)) return there;
     ASSIGN_OR_RETURN(const BeneathFolder work, folder.OpenFolder(kWorkFolder));
     if (renameat2(work.descriptor(), name.c_str(), folder.descriptor(), name.c_str(),
                   RENAME_NOREPLACE) != 0) {

@@ -24,6 +24,11 @@ constexpr size_t kLogTail = 1500;
 // A limit of the worker broke: asking for less may help, trying again does not.
 bool BrokeLimit(const WorkerEnd& end) { return end.signal == SIGXCPU || end.signal == SIGXFSZ; }
 
+// Whether the server lacks space or descriptors: that says nothing about the job.
+bool IsShortage(const absl::Status& status) {
+  return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
+}
+
 }  // namespace
 
 RunningJob::RunningJob(const Context& context, JobRow job, JobFolder folder)
@@ -228,24 +233,34 @@ absl::Status RunningJob::OutcomeOfCheck(const JobResult& result) const {
       "again");
 }
 
-absl::Status RunningJob::Outcome(JobResult* result) {
+absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
   const WorkerEnd end = *worker_->Poll();
   const bool told = end.kind == WorkerEnd::Kind::kUnknown ||
                     (end.kind == WorkerEnd::Kind::kExited &&
                      end.exit_code != static_cast<int>(WorkerExit::kBadSpec));
   const absl::StatusOr<JobResult> read = folder_.ReadResult(job_.fence);
+  if (IsShortage(read.status())) return read.status();
   if (told && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
-    return result->status.ok() ? TakeModel(*result) : OutcomeOfCheck(*result);
+    if (!result->status.ok()) {
+      *outcome = OutcomeOfCheck(*result);
+      return absl::OkStatus();
+    }
+    *outcome = TakeModel(*result);
+    return IsShortage(*outcome) ? *outcome : absl::OkStatus();
   }
-  if (terminated_) return absl::CancelledError("the worker was stopped");
+  if (terminated_) {
+    *outcome = absl::CancelledError("the worker was stopped");
+    return absl::OkStatus();
+  }
   lease_lost_ = end.kind == WorkerEnd::Kind::kExited &&
                 end.exit_code == static_cast<int>(WorkerExit::kLeaseLost);
   crashed_ = !BrokeLimit(end);
-  return absl::Status(
+  *outcome = absl::Status(
       BrokeLimit(end) ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
       DescribeCrash(end));
+  return absl::OkStatus();
 }
 
 absl::Status RunningJob::TakeModel(JobResult& result) const {
@@ -312,7 +327,8 @@ void RunningJob::RemoveLeftovers() const {
 absl::Status RunningJob::Finish(bool requeue) {
   FollowLog();
   JobResult result;
-  const absl::Status outcome = Outcome(&result);
+  absl::Status outcome;
+  RETURN_IF_ERROR(ReadOutcome(&result, &outcome));
   if (absl::Status written = WriteOutcome(outcome, result, requeue); !written.ok()) {
     if (!absl::IsAborted(written)) return written;
     // A commit whose answer was lost has happened all the same.

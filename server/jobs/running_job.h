@@ -14,6 +14,7 @@
 #include "server/jobs/job_folder.h"
 #include "server/jobs/launcher.h"
 #include "server/jobs/pulse.h"
+#include "server/jobs/retry_pause.h"
 #include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 
@@ -59,14 +60,18 @@ class RunningJob {
   // Writes the outcome of a worker that has ended: first the store, then the log's last event.
   // `requeue`: an end that was asked for by Terminate() puts the job back into the queue. A crash
   // does so, too, after a pause, unless it has happened max_crashes times in a row without
-  // progress.
+  // progress. On an error nothing is lost: it can be called again.
   absl::Status Finish(bool requeue);
+  // Between calls of Finish() that fail.
+  RetryPause& end_pause() { return end_pause_; }
 
  private:
   RunningJob(const Context& context, JobRow job, JobFolder folder);
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
-  absl::Status Outcome(JobResult* result);  // OK: there is a model
+  // Sets what the worker has made of the job, in `outcome` (OK: there is a model). An error: the
+  // server cannot read or take its result now, for lack of space or descriptors.
+  absl::Status ReadOutcome(JobResult* result, absl::Status* outcome);
   absl::Status TakeModel(JobResult& result) const;
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
@@ -94,6 +99,7 @@ class RunningJob {
   bool lease_lost_ = false;
   bool asked_for_check_ = false;
   std::shared_future<int> num_damaged_;  // of the files that the worker has found damaged
+  RetryPause end_pause_;
   absl::Time kill_at_ = absl::InfiniteFuture();
 };
 

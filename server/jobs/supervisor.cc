@@ -81,6 +81,10 @@ std::optional<Supervisor::Newest> Supervisor::FindRunning(const std::string& job
   return loop_->FindRunning(job);
 }
 
+absl::Status Supervisor::FindObstacle(const std::string& job, bool queued) const {
+  return loop_->FindObstacle(job, queued);
+}
+
 std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,
                                                         std::function<void()> changed) {
   return loop_->watches().Add(job, std::move(changed));

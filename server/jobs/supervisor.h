@@ -96,6 +96,11 @@ class Supervisor {
   // The same of a job that runs here, else none; reads nothing, does not block.
   std::optional<Newest> FindRunning(const std::string& job) const;
 
+  // Why a job stands still at this server: its start or end could not be written, at least twice in
+  // a row, and is tried again after a pause. OK: nothing is known to hold it up. `queued`: the job
+  // waits for a slot, as far as the caller knows. Does not block.
+  absl::Status FindObstacle(const std::string& job, bool queued) const;
+
   // While the watch lives, `changed` is called when a job may have new events, from the
   // supervisor's thread: it must not block, and not call the supervisor. At least once after the
   // last event. Neither call blocks; after the watch's destructor `changed` is not running.

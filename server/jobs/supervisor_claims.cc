@@ -13,15 +13,25 @@ bool Supervisor::Loop::MayStart() const {
   return claiming_ && !stopping_ && running_.size() < static_cast<size_t>(options_.num_slots);
 }
 
+// `error` has stopped the start of `job`; empty: any claim.
+void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& error) {
+  unsure_ = true;
+  claim_pause_.Fail();
+  if (claim_pause_.num_failures() > 1) SetObstacle(job, error);
+}
+
 void Supervisor::Loop::Claim() {
+  if (!claim_pause_.Over()) return;
   if (unsure_ && MayStart()) StartHeld();
   while (!unsure_ && MayStart()) {
     const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
     if (!job.ok()) {
       spdlog::error("claiming a job: {}", job.status().ToString());
-      unsure_ = true;
+      PauseClaims("", job.status());
       return;
     }
+    claim_pause_.Succeed();
+    ClearObstacle("");
     if (!job->has_value()) return;
     StartJob(**job);
   }
@@ -33,15 +43,27 @@ void Supervisor::Loop::StartHeld() {
   const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
   if (!held.ok()) {
     spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
+    PauseClaims("", held.status());
     return;
   }
   unsure_ = false;
   next_renewal_ = absl::InfinitePast();  // they may be held for long already
+  KeepObstaclesOf(*held);
   for (const JobRow& job : *held) {
     const bool runs = std::any_of(running_.begin(), running_.end(),
                                   [&](const auto& running) { return running->job().id == job.id; });
     if (!runs) StartJob(job);
   }
+}
+
+// An end whose answer was lost has been written: its job is no longer among `held`.
+void Supervisor::Loop::KeepObstaclesOf(const std::vector<JobRow>& held) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(obstacles_, [&](const auto& obstacle) {
+    return !obstacle.first.empty() &&
+           std::none_of(held.begin(), held.end(),
+                        [&](const JobRow& row) { return row.id == obstacle.first; });
+  });
 }
 
 void Supervisor::Loop::StartJob(const JobRow& job) {
@@ -51,11 +73,13 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
   if (started.ok()) {
     if (job.cancel_requested) (*started)->Terminate(options_.cancel_grace);
     Publish(**started);
+    ClearObstacle("");
+    ClearObstacle(job.id);
     running_.push_back(std::move(started).value());
   } else if (absl::IsUnavailable(started.status())) {
     // No failure of the job's.
     spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
-    unsure_ = true;
+    PauseClaims(job.id, started.status());
   } else {
     EndUnstarted(job, started.status());
   }
@@ -65,9 +89,13 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
 void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
   const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, error);
-  if (ended.ok()) AppendState(FolderOf(job.id), *ended).IgnoreError();
-  // Tried again, unless its end was written and only the answer was lost.
-  if (!ended.ok()) unsure_ = true;
+  if (!ended.ok()) {
+    // Tried again, unless its end was written and only the answer was lost.
+    PauseClaims(job.id, ended.status());
+    return;
+  }
+  AppendState(FolderOf(job.id), *ended).IgnoreError();
+  ClearObstacle(job.id);
 }
 
 // Only where others share the database: they may claim what is not prolonged, cancel what runs
@@ -81,9 +109,13 @@ void Supervisor::Loop::KeepLeases() {
       renew ? store_.RenewLeases() : store_.ListHeldJobs();
   if (!held.ok()) {
     // The workers end by themselves when their leases are not prolonged in time.
-    spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
+    if (lease_log_.Over()) {
+      spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
+      lease_log_.Fail();
+    }
     return;
   }
+  lease_log_.Succeed();
   if (renew) next_renewal_ = now + store_.holder().lease / 4;
   LoseJobs(*held);
   for (const auto& running : running_) {
@@ -104,8 +136,7 @@ void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
     });
     if (mine) return false;
     running->Abandon();
-    const std::lock_guard lock(mutex_);
-    newest_.erase(job.id);
+    Forget(job.id);
     return true;
   });
 }

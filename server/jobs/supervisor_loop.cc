@@ -114,6 +114,32 @@ std::optional<Supervisor::Newest> Supervisor::Loop::FindRunning(const std::strin
   return found == newest_.end() ? std::nullopt : std::optional(found->second);
 }
 
+absl::Status Supervisor::Loop::FindObstacle(const std::string& job, bool queued) const {
+  const std::lock_guard lock(mutex_);
+  auto found = obstacles_.find(job);
+  if (found == obstacles_.end() && queued) found = obstacles_.find("");
+  return found == obstacles_.end() ? absl::OkStatus() : found->second;
+}
+
+void Supervisor::Loop::SetObstacle(const std::string& job, const absl::Status& error) {
+  {
+    const std::lock_guard lock(mutex_);
+    obstacles_[job] = error;
+  }
+  watches_.Notify(job);
+}
+
+void Supervisor::Loop::ClearObstacle(const std::string& job) {
+  const std::lock_guard lock(mutex_);
+  obstacles_.erase(job);
+}
+
+void Supervisor::Loop::Forget(const std::string& job) {
+  const std::lock_guard lock(mutex_);
+  newest_.erase(job);
+  obstacles_.erase(job);
+}
+
 void Supervisor::Loop::Run() {
   do {
     FollowJobs();
@@ -181,19 +207,26 @@ void Supervisor::Loop::TellCancelled(const std::string& job) {
 void Supervisor::Loop::FinishJobs(bool requeue) {
   for (auto next = running_.begin(); next != running_.end();) {
     const auto running = next++;
+    RetryPause& pause = (*running)->end_pause();
+    // A server that stops has no time for long pauses.
+    if (!pause.Over(requeue ? absl::Seconds(1) : absl::InfiniteDuration())) continue;
     if (!(*running)->Ended()) continue;
     const std::string job = (*running)->job().id;
     const absl::Status finished = (*running)->Finish(requeue);
-    // The store may be out of order for a while (a full disk): the end is written when it is back.
-    // ABORTED: another server took the job over, and will tell.
     if (!finished.ok()) spdlog::error("jobs/{}: writing its end: {}", job, finished.ToString());
-    if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) continue;
+    // The disk may be full for a while, or the database away: the end is written later, and whoever
+    // watches is told why it is not. ABORTED: another server has taken the job over and writes it.
+    if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) {
+      pause.Fail();
+      if (pause.num_failures() > 1) SetObstacle(job, finished);
+      continue;
+    }
     pauses_end_ = std::max(pauses_end_, (*running)->job().not_before);
     running_.erase(running);
+    Forget(job);
     {
       const std::lock_guard lock(mutex_);
       cancels_.erase(job);
-      newest_.erase(job);
     }
     watches_.Notify(job);
   }

@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/jobs/retry_pause.h"
 #include "server/jobs/running_job.h"
 #include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
@@ -40,6 +41,7 @@ class Supervisor::Loop {
   void StopThread(absl::Time deadline);
   // Of a job that runs here.
   std::optional<Newest> FindRunning(const std::string& job) const;
+  absl::Status FindObstacle(const std::string& job, bool queued) const;
 
  private:
   // How often a shared database is asked what others did.
@@ -52,6 +54,7 @@ class Supervisor::Loop {
   void StartHeld();
   void StartJob(const JobRow& job);
   void EndUnstarted(const JobRow& job, const absl::Status& error);
+  void PauseClaims(const std::string& job, const absl::Status& error);
   void KeepLeases();
   void LoseJobs(const std::vector<JobRow>& held);
   void FollowJobs();
@@ -59,6 +62,12 @@ class Supervisor::Loop {
   void TellCancelled(const std::string& job);
   void FinishJobs(bool requeue);
   void Publish(const RunningJob& running);
+  // `error` has stopped the start or end of `job`; empty: of any job that is queued.
+  void SetObstacle(const std::string& job, const absl::Status& error);
+  void ClearObstacle(const std::string& job);
+  void KeepObstaclesOf(const std::vector<JobRow>& held);
+  // A job that no longer runs here.
+  void Forget(const std::string& job);
   bool WaitForWork();  // false: time to stop
   void EndAll();
 
@@ -68,7 +77,9 @@ class Supervisor::Loop {
   const std::unique_ptr<Launcher> launcher_;
   // The thread's own.
   std::list<std::unique_ptr<RunningJob>> running_;
-  bool unsure_ = false;  // whether what this server holds is what it runs
+  bool unsure_ = false;     // whether what this server holds is what it runs
+  RetryPause claim_pause_;  // of claims and starts
+  RetryPause lease_log_;    // between the lines about leases that are not prolonged
   absl::Time next_look_ = absl::InfinitePast(), next_renewal_ = absl::InfinitePast();
   // Until then a queued job may become claimable although nothing wakes this thread.
   absl::Time pauses_end_ = absl::InfinitePast();
@@ -81,6 +92,7 @@ class Supervisor::Loop {
   absl::Time stop_deadline_ = absl::InfiniteFuture();
   std::set<std::string> cancels_;
   std::map<std::string, Newest> newest_;
+  std::map<std::string, absl::Status> obstacles_;  // by job; empty: of the queue
 
   std::thread thread_;
 };

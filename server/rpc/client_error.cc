@@ -13,7 +13,7 @@ using absl::StatusCode;
 const char* GeneralText(StatusCode code) {
   switch (code) {
     case StatusCode::kUnavailable:
-      return "the server cannot reach its database now: try again";
+      return "the server cannot reach its database or open its files now: try again";
     case StatusCode::kResourceExhausted:
       return "the server's disk is full";
     case StatusCode::kDataLoss:

@@ -13,9 +13,28 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::Duration kHeartbeat = absl::Seconds(10);
+constexpr absl::Duration kRetryAfter = absl::Seconds(5);
 
 bool IsTerminal(v1::JobState state) {
   return state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING;
+}
+
+// What a client gets to know of why a job stands still; the log has the rest.
+absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
+  const bool full = absl::IsResourceExhausted(obstacle);
+  const bool away = absl::IsUnavailable(obstacle);
+  v1::ErrorDetail detail;
+  detail.set_reason(full ? kDiskFull : "JOB_HELD_UP");
+  detail.set_resource(JobName(job));
+  detail.mutable_retry_after()->set_seconds(absl::ToInt64Seconds(kRetryAfter));
+  const char* cause = full   ? "the server's disk is full"
+                      : away ? "the server cannot reach its database or open its files now"
+                             : "the server cannot write to its database or its files now";
+  return WithDetail(
+      absl::UnavailableError(absl::StrCat(
+          detail.resource(), ": ", cause,
+          ", so that the state of the job cannot be written; it is tried again until it can")),
+      detail);
 }
 
 }  // namespace
@@ -61,7 +80,7 @@ absl::Status WatchJobStream::Start() {
     sequence_ = after;
   }
   reader_.emplace(context_.supervisor->ReadEvents(id_, sequence_));
-  ended_ = IsTerminal(snapshot.job.state());
+  SeeState(snapshot.job.state());
   v1::JobEvent event;
   event.set_sequence(sequence_);
   *event.mutable_time() = ToProto(absl::Now());
@@ -96,8 +115,13 @@ Stream::Step WatchJobStream::Work(bool) {
   return SendHeartbeatWhenDue();
 }
 
+void WatchJobStream::SeeState(v1::JobState state) {
+  queued_ = state == v1::JOB_STATE_QUEUED;
+  ended_ = IsTerminal(state);
+}
+
 Stream::Step WatchJobStream::Send(v1::JobEvent event) {
-  if (event.has_state_changed()) ended_ = IsTerminal(event.state_changed().state());
+  if (event.has_state_changed()) SeeState(event.state_changed().state());
   sequence_ = event.sequence();
   last_send_ = absl::Now();
   message_ = std::move(event);
@@ -105,16 +129,21 @@ Stream::Step WatchJobStream::Send(v1::JobEvent event) {
 }
 
 Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
-  if (absl::Now() - last_send_ < kHeartbeat) return {Next::kIdle, absl::OkStatus()};
-  // An end whose event a crash has lost must not keep its watchers for ever.
+  const absl::Status obstacle = context_.supervisor->FindObstacle(id_, queued_);
+  if (obstacle.ok() && absl::Now() - last_send_ < kHeartbeat) {
+    return {Next::kIdle, absl::OkStatus()};
+  }
+  // An end whose event a crash has lost, or cannot be written, must not keep its watchers for ever.
   auto snapshot = ReadJob(context_, id_);
   if (!snapshot.ok()) return {Next::kEnd, snapshot.status()};
   v1::JobEvent event;
   event.set_sequence(sequence_);
   *event.mutable_time() = ToProto(absl::Now());
-  ended_ = IsTerminal(snapshot->job.state()) && snapshot->sequence == sequence_;
-  if (ended_) {
+  if (IsTerminal(snapshot->job.state()) && snapshot->sequence == sequence_) {
+    ended_ = true;
     *event.mutable_snapshot() = std::move(snapshot->job);
+  } else if (!obstacle.ok()) {
+    return {Next::kEnd, HeldUpError(id_, obstacle)};
   } else {
     event.mutable_heartbeat();
   }

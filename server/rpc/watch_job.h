@@ -22,7 +22,8 @@ struct JobSnapshot {
 absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id);
 
 // A WatchJob call: a snapshot, then what the job's event log gets. Whatever came while a message
-// was on its way to a slow reader is read at once, and only its newest progress sent.
+// was on its way to a slow reader is read at once, and only its newest progress sent. Ends with
+// UNAVAILABLE when the job stands still because the server cannot write its start or end.
 class WatchJobStream final : public WriteStream<v1::JobEvent> {
  public:
   WatchJobStream(const ServiceContext& context, CallOrigin origin,
@@ -40,6 +41,7 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   absl::Status ReadMore();
   Step Send(v1::JobEvent event);
   Step SendHeartbeatWhenDue();
+  void SeeState(v1::JobState state);
 
   const ServiceContext context_;
   const CallOrigin origin_;
@@ -49,7 +51,8 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   std::optional<EventLogReader> reader_;
   std::deque<v1::JobEvent> pending_;
   int64_t sequence_ = 0;  // of the last event sent
-  bool ended_ = false;    // the job has, as far as the client was told
+  // The job, as far as the client was told.
+  bool queued_ = false, ended_ = false;
   absl::Time last_send_;
 };
 

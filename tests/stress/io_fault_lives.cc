@@ -5,6 +5,7 @@
 #include <csignal>
 #include <fstream>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "tests/server/pepesegd_process.h"
@@ -38,6 +39,13 @@ int64_t CountCalls(const std::vector<std::string>& names) {
   return static_cast<int64_t>(TracedPaths(folder / "trace", names).size());
 }
 
+// What a life ended with: its code, and of a job that stands still, why.
+std::string EndOf(const absl::Status& status) {
+  const bool waits = absl::IsUnavailable(status) &&
+                     absl::StrContains(status.message(), "the server's disk is full");
+  return absl::StrCat(absl::StatusCodeToString(status.code()), waits ? " for a full disk" : "");
+}
+
 // A life under a fault as far as it goes, then to its end without one.
 void TryFault(const std::string& fault, FaultReport& report) {
   const testing::TempFolder folder;
@@ -51,7 +59,7 @@ void TryFault(const std::string& fault, FaultReport& report) {
     PepesegdProcess server(data, Options(FaultEnvironment(data, fault)));
     if (server.alive()) {
       const absl::Status status = life.Run(server.channel());
-      ++report.codes[absl::StatusCodeToString(status.code())];
+      ++report.codes[EndOf(status)];
       if (life.found_wrong()) {
         report.broken.push_back(absl::StrCat(fault, ": ", status.ToString()));
       }

@@ -1,7 +1,4 @@
-#include "server/jobs/supervisor.h"
-
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -11,91 +8,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/job_folder.h"
-#include "tests/server/jobs/test_database.h"
-#include "tests/testing/temp_folder.h"
+#include "tests/server/jobs/supervisor_fixture.h"
 
 namespace pepeseg {
 namespace {
 
 using ::testing::HasSubstr;
-
-class SupervisorTest : public ::testing::Test {
- protected:
-  SupervisorTest() {
-    store_ = Store::Open(testing::NewTestDatabase(folder_.path())).value();
-    options_.max_crashes = 2;
-    options_.launch.crash_pauses = {absl::Milliseconds(20)};
-    Restart();
-  }
-
-  void Restart() {
-    supervisor_.reset();
-    SupervisorOptions options = options_;
-    options.data_folder = folder_.path();
-    options.worker = PEPESEG_FAKE_WORKER;
-    options.file_path = [](const std::string&, const DatasetFileRow& file) {
-      return "/blobs/" + file.sha256;
-    };
-    options.cancel_grace = absl::Milliseconds(300);
-    options.silence = absl::Seconds(3);
-    auto supervisor = Supervisor::Start(*store_, options);
-    ASSERT_TRUE(supervisor.ok()) << supervisor.status();
-    supervisor_ = std::move(supervisor).value();
-  }
-
-  // A job of a scene of its own, whose worker does what `act` says.
-  std::string Submit(const std::string& act) {
-    const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_TRUE(store_->CreateScene({scene, "", "", {}}).ok());
-    EXPECT_TRUE(store_->CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
-    EXPECT_TRUE(store_->SealDataset(scene, 1).ok());
-    JobRow job;
-    job.scene = scene;
-    job.dataset = 1;
-    const auto submitted = supervisor_->Submit(job);
-    EXPECT_TRUE(submitted.ok()) << submitted.status();
-    return submitted.ok() ? submitted->id : "";
-  }
-
-  JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
-    for (int i = 0; i < 2000; ++i) {
-      const auto row = store_->GetJob(job);
-      if (row.ok() && reached(*row)) return *row;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "jobs/" << job << " did not get there within 20 s";
-    return store_->GetJob(job).value_or(JobRow());
-  }
-
-  JobRow WaitForEnd(const std::string& job) {
-    return WaitFor(job, [](const JobRow& row) { return IsTerminal(row.state); });
-  }
-
-  void WaitForStage(const std::string& job) {
-    WaitFor(job, [](const JobRow& row) { return row.stage == "reconstruct"; });
-  }
-
-  // The supervisor's writes: the store first, then the log. Waits for the second.
-  std::vector<v1::JobEvent> EventsOf(const std::string& job) {
-    for (int i = 0; i < 500; ++i) {
-      EventLogReader reader = supervisor_->ReadEvents(job, 0);
-      const auto events = reader.Read();
-      if (events.ok() && !events->empty() && events->back().has_state_changed() &&
-          events->back().state_changed().state() > v1::JOB_STATE_RUNNING) {
-        return *events;
-      }
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    ADD_FAILURE() << "jobs/" << job << ": no last event within 5 s";
-    return {};
-  }
-
-  testing::TempFolder folder_;
-  SupervisorOptions options_;  // of the next Restart()
-  std::unique_ptr<Store> store_;
-  std::unique_ptr<Supervisor> supervisor_;
-  int num_scenes_ = 0;
-};
 
 TEST_F(SupervisorTest, CommitsTheModelOfAJobThatSucceeds) {
   const std::string job = Submit("succeed");

@@ -88,6 +88,27 @@ TEST_F(InjectedErrorsTest, ADamagedModelIsNamedByARelativePath) {
   EXPECT_THAT(Log(), HasSubstr((running.options.data / file).string()));
 }
 
+TEST_F(InjectedErrorsTest, AWatchEndsWhenTheEndOfItsJobCannotBeWritten) {
+  running.CreateScene("other");
+  Spoil("ALTER TABLE models RENAME TO no_models");
+  const v1::Job job = running.Train("other", "file");
+  v1::WatchJobRequest request;
+  request.set_name(job.name());
+  const absl::Time start = absl::Now();
+  const auto stream = running.jobs->WatchJob(&context, request);
+  v1::JobEvent event;
+  while (stream->Read(&event)) EXPECT_FALSE(event.has_heartbeat());
+  const grpc::Status status = stream->Finish();
+  EXPECT_LT(absl::Now() - start, absl::Seconds(8));
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+  EXPECT_THAT(status.error_message(), AllOf(HasSubstr(job.name()), Not(HasSubstr("models"))));
+  EXPECT_EQ(DetailOf(status).reason(), "JOB_HELD_UP");
+  EXPECT_EQ(DetailOf(status).resource(), job.name());
+  EXPECT_GT(DetailOf(status).retry_after().seconds(), 0);
+  Spoil("ALTER TABLE no_models RENAME TO models");
+  EXPECT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+}
+
 TEST_F(InjectedErrorsTest, AnswersOfAStreamAreNoExceptions) {
   Spoil("ALTER TABLE models RENAME TO no_models");
   const auto stream = running.segmentation->SegmentStream(&context);

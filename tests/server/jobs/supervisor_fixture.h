@@ -1,0 +1,100 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/store.h"
+#include "server/jobs/supervisor.h"
+#include "tests/server/jobs/test_database.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+
+// A supervisor whose workers are tests/server/jobs/fake_worker.cc.
+class SupervisorTest : public ::testing::Test {
+ protected:
+  SupervisorTest() {
+    store_ = Store::Open(database_).value();
+    options_.max_crashes = 2;
+    options_.launch.crash_pauses = {absl::Milliseconds(20)};
+    Restart();
+  }
+
+  void Restart() {
+    supervisor_.reset();
+    SupervisorOptions options = options_;
+    options.data_folder = folder_.path();
+    options.worker = PEPESEG_FAKE_WORKER;
+    options.file_path = [](const std::string&, const DatasetFileRow& file) {
+      return "/blobs/" + file.sha256;
+    };
+    options.cancel_grace = absl::Milliseconds(300);
+    options.silence = absl::Seconds(3);
+    auto supervisor = Supervisor::Start(*store_, options);
+    ASSERT_TRUE(supervisor.ok()) << supervisor.status();
+    supervisor_ = std::move(supervisor).value();
+  }
+
+  // A job of a scene of its own, whose worker does what `act` says.
+  std::string Submit(const std::string& act) {
+    const std::string scene = absl::StrCat("s", ++num_scenes_);
+    EXPECT_TRUE(store_->CreateScene({scene, "", "", {}}).ok());
+    EXPECT_TRUE(store_->CreateDataset(scene, "", {{act, 1, 3, "00", true}}).ok());
+    EXPECT_TRUE(store_->SealDataset(scene, 1).ok());
+    JobRow job;
+    job.scene = scene;
+    job.dataset = 1;
+    const auto submitted = supervisor_->Submit(job);
+    EXPECT_TRUE(submitted.ok()) << submitted.status();
+    return submitted.ok() ? submitted->id : "";
+  }
+
+  JobRow WaitFor(const std::string& job, const std::function<bool(const JobRow&)>& reached) {
+    for (int i = 0; i < 2000; ++i) {
+      const auto row = store_->GetJob(job);
+      if (row.ok() && reached(*row)) return *row;
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "jobs/" << job << " did not get there within 20 s";
+    return store_->GetJob(job).value_or(JobRow());
+  }
+
+  JobRow WaitForEnd(const std::string& job) {
+    return WaitFor(job, [](const JobRow& row) { return IsTerminal(row.state); });
+  }
+
+  void WaitForStage(const std::string& job) {
+    WaitFor(job, [](const JobRow& row) { return row.stage == "reconstruct"; });
+  }
+
+  // The supervisor's writes: the store first, then the log. Waits for the second.
+  std::vector<v1::JobEvent> EventsOf(const std::string& job) {
+    for (int i = 0; i < 500; ++i) {
+      EventLogReader reader = supervisor_->ReadEvents(job, 0);
+      const auto events = reader.Read();
+      if (events.ok() && !events->empty() && events->back().has_state_changed() &&
+          events->back().state_changed().state() > v1::JOB_STATE_RUNNING) {
+        return *events;
+      }
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    ADD_FAILURE() << "jobs/" << job << ": no last event within 5 s";
+    return {};
+  }
+
+  testing::TempFolder folder_;
+  const std::string database_ = testing::NewTestDatabase(folder_.path());
+  SupervisorOptions options_;  // of the next Restart()
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<Supervisor> supervisor_;
+  int num_scenes_ = 0;
+};
+
+}  // namespace pepeseg
