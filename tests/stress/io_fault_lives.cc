@@ -60,6 +60,7 @@ void TryFault(const std::string& fault, FaultReport& report) {
     if (server.alive()) {
       const absl::Status status = life.Run(server.channel());
       ++report.codes[EndOf(status)];
+      report.examples.try_emplace(EndOf(status), absl::StrCat(fault, ": ", status.message()));
       if (life.found_wrong()) {
         report.broken.push_back(absl::StrCat(fault, ": ", status.ToString()));
       }
@@ -98,7 +99,8 @@ FaultReport TryEach(const std::vector<std::string>& kinds, int64_t num_points, i
 
 std::string FaultReport::ToString() const {
   return absl::StrCat(num_points, " points, ", num_tried, " tried, ", num_killed, " killed; ",
-                      absl::StrJoin(codes, ", ", absl::PairFormatter(" ")),
+                      absl::StrJoin(codes, ", ", absl::PairFormatter(" ")), "; first of each: ",
+                      absl::StrJoin(examples, ", ", absl::PairFormatter(" at ")),
                       "; broken: ", broken.size(), " ", absl::StrJoin(broken, "; "),
                       "; unclean: ", unclean.size(), " ", absl::StrJoin(unclean, "; "));
 }

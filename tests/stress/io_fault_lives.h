@@ -19,6 +19,7 @@ struct FaultReport {
   int64_t num_tried = 0;
   int64_t num_killed = 0;                // of those, the server ended by it
   std::map<std::string, int64_t> codes;  // how often the life under the fault ended with each
+  std::map<std::string, std::string> examples;  // by the code, the first fault and its message
   std::vector<std::string> broken, unclean;
 
   std::string ToString() const;

@@ -6,11 +6,11 @@
 //   PEPESEG_FAULT_FILE     of these, those whose path has it; not there: all
 //   PEPESEG_FAULT_TRACE    file that gets a line for each call that counts: its name and the path
 //   PEPESEG_FAULT          KIND:N. kill-before, kill-after: SIGKILL at the Nth call of fsync,
-//                          fdatasync, syncfs, rename or unlink; full: from the Nth call on that
-//                          needs space (write, fsync, open of a new file) there is none;
+//                          fdatasync, syncfs, rename, renameat2 or unlink; full: from the Nth call
+//                          on that needs space (write, fsync, open of a new file) there is none;
 //                          unreadable: the Nth call of read or pread is EIO; unreadable-from: all
 //                          from the Nth on are; hang: the Nth call of fsync, fdatasync,
-//                          syncfs, rename or unlink never returns
+//                          syncfs, rename, renameat2 or unlink never returns
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -92,6 +92,16 @@ void PathOf(int descriptor, char* path, size_t size) {
   snprintf(link, sizeof(link), "/proc/self/fd/%d", descriptor);
   const ssize_t length = readlink(link, path, size - 1);
   path[length > 0 ? length : 0] = '\0';
+}
+
+// Path of a name relative to a folder's descriptor; false: it is too long.
+bool PathAt(int folder, const char* name, char* path, size_t size) {
+  path[0] = '\0';
+  if (name[0] != '/' && folder != AT_FDCWD) PathOf(folder, path, size);
+  const size_t length = strlen(path);
+  const char* separator = length > 0 ? "/" : "";
+  const int added = snprintf(path + length, size - length, "%s%s", separator, name);
+  return added >= 0 && length + static_cast<size_t>(added) < size;
 }
 
 bool IsBelow(int descriptor, char* path, size_t size) {
@@ -184,6 +194,19 @@ int rename(const char* from, const char* to) {
   if (!Below(to)) return next(from, to);
   const bool kill_after = CountDurable("rename", to);
   const int result = next(from, to);
+  if (kill_after) raise(SIGKILL);
+  return result;
+}
+
+int renameat2(int from_folder, const char* from, int to_folder, const char* to,
+              unsigned int flags) {
+  const auto next = Next<int(int, const char*, int, const char*, unsigned int)>("renameat2");
+  char path[4096];
+  if (!ThePlan().meant || !PathAt(to_folder, to, path, sizeof(path)) || !Below(path)) {
+    return next(from_folder, from, to_folder, to, flags);
+  }
+  const bool kill_after = CountDurable("rename", path);
+  const int result = next(from_folder, from, to_folder, to, flags);
   if (kill_after) raise(SIGKILL);
   return result;
 }
