@@ -124,7 +124,9 @@ absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const ServiceCo
   ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(context, scene));
   const MemoryBytes need = {bytes, 0};
   auto taken = context.models->TakeMemory(need, share);
-  if (!absl::IsResourceExhausted(taken.status())) return taken;
+  if (!absl::IsResourceExhausted(taken.status()) && !absl::IsUnavailable(taken.status())) {
+    return taken;
+  }
   return WithBytes(taken.status(), need, context.models->budget());
 }
 

@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <memory>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "server/residency/model_bytes.h"
 #include "tests/server/rpc/running_server.h"
 
@@ -151,6 +154,85 @@ TEST_F(AdminTest, TheLeastRecentlyUsedMakesRoomUnlessItIsPinned) {
   ASSERT_TRUE(Pin(NameOf("a"), false).ok());
   EXPECT_TRUE(Ask("b").ok());
   EXPECT_EQ(ListNames(), (std::vector<std::string>{NameOf("b"), NameOf("c")}));
+}
+
+// Exports of a segment, whose readers take no more than the header.
+struct UnreadExports : AdminTest {
+  grpc::Status Begin(const std::string& scene) {
+    v1::ExportSelectionRequest request;
+    request.set_model(NameOf(scene));
+    request.mutable_subset()->mutable_segment()->set_level(1);
+    request.mutable_subset()->mutable_segment()->set_id(2);
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    readers.push_back(running.segmentation->ExportSelection(contexts.back().get(), request));
+    v1::ExportSelectionResponse part;
+    if (readers.back()->Read(&part)) return grpc::Status::OK;
+    const grpc::Status status = readers.back()->Finish();
+    readers.pop_back();
+    return status;
+  }
+  void ReadToTheEnd() {
+    v1::ExportSelectionResponse part;
+    for (const auto& reader : readers) {
+      while (reader->Read(&part)) {
+      }
+      EXPECT_TRUE(reader->Finish().ok());
+    }
+    readers.clear();
+  }
+  ~UnreadExports() override { ReadToTheEnd(); }
+  static void ExpectPutOff(const grpc::Status& status) {
+    EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+    EXPECT_EQ(DetailOf(status).reason(), "NO_ROOM_NOW");
+    EXPECT_GT(DetailOf(status).retry_after().seconds(), 0);
+    EXPECT_NE(DetailOf(status).value(), "");
+    EXPECT_NE(DetailOf(status).limit(), "");
+  }
+  // As a client that is put off does: the exports end a little after their readers.
+  template <typename Call>
+  static grpc::Status Retry(Call call) {
+    grpc::Status status = call();
+    for (int tries = 0; !status.ok() && tries < 500; ++tries) {
+      absl::SleepFor(absl::Milliseconds(20));
+      status = call();
+    }
+    return status;
+  }
+
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> readers;
+};
+
+TEST_F(UnreadExports, PutOffAColdModelUntilTheyAreRead) {
+  for (const char* scene : {"a", "b"}) {
+    const grpc::Status begun = Begin(scene);
+    ASSERT_TRUE(begun.ok()) << begun.error_message();
+  }
+  const v1::ListResidentResponse list = List();
+  ASSERT_EQ(list.models_size(), 2);
+  for (const v1::ResidentModel& resident : list.models()) {
+    ASSERT_EQ(resident.queries_in_flight(), 1) << resident.name();
+  }
+  const grpc::Status put_off = Ask("c");
+  ExpectPutOff(put_off);
+  EXPECT_NE(put_off.error_message().find("scenes/c/models/1: needs"), std::string::npos)
+      << put_off.error_message();
+  EXPECT_EQ(List().num_evictions(), 0);
+  EXPECT_TRUE(Ask("a").ok()) << "what is resident is asked all the same";
+  ReadToTheEnd();
+  const grpc::Status asked = Retry([this] { return Ask("c"); });
+  EXPECT_TRUE(asked.ok()) << asked.error_message();
+}
+
+TEST_F(UnreadExports, PutOffAnotherForWhichTheyLeaveNoMemory) {
+  grpc::Status status;
+  while (readers.size() < 1000 && (status = Begin("a")).ok()) {
+  }
+  EXPECT_GT(readers.size(), 1);
+  ExpectPutOff(status);
+  ReadToTheEnd();
+  status = Retry([this] { return Begin("a"); });
+  EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
 TEST_F(AdminTest, WhatIsPinnedIsNotUnloadedButGoesWithItsScene) {
