@@ -19,6 +19,7 @@
 //   damaged/PROJECT/abcd...   blobs whose bytes had another digest when they were read again
 //   partial/PROJECT/SCENE-N/  beginnings of the files of an upload, by SHA-256, and DIGEST.length:
 //                             how many of their bytes are committed
+//   scratch/                  pictures on their way to a client; no file in it has a name for long
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/io/selection_file.h)
 //   jobs/JOB/...              of server/jobs
@@ -128,6 +129,10 @@ inline std::filesystem::path LengthPath(const std::filesystem::path& partial) {
 
 inline std::filesystem::path CollectorLockPath(const std::filesystem::path& data) {
   return data / "collector.lock";
+}
+
+inline std::filesystem::path ScratchFolder(const std::filesystem::path& data) {
+  return data / "scratch";
 }
 
 inline std::filesystem::path JobsFolder(const std::filesystem::path& data) { return data / "jobs"; }

@@ -1,6 +1,7 @@
 #include "server/rpc/get_photograph.h"
 
 #include <algorithm>
+#include <chrono>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -22,6 +23,8 @@ namespace {
 constexpr int64_t kPhotographChunkBytes = int64_t{1} << 20;
 constexpr int kMaxSide = 16384;
 constexpr int64_t kMaxModelFactsBytes = int64_t{256} << 20;
+// For a photograph to be read again, before the stream leaves its thread to others.
+constexpr std::chrono::milliseconds kShortCheck{100};
 
 absl::Status CheckPhotographRequest(const v1::GetPhotographRequest& request) {
   const int side = request.max_side();
@@ -184,14 +187,14 @@ absl::Status GetPhotographStream::Open() {
   RETURN_IF_ERROR(CheckPhotographRequest(request_));
   ASSIGN_OR_RETURN(const Parent parent, FindParent(context_, request_.parent()));
   ASSIGN_OR_RETURN(const auto files, ListFiles(context_, parent.dataset, request_.parent()));
-  ASSIGN_OR_RETURN(const DatasetFileRow file, FindPhotograph(files, request_));
-  name_ = file.path;
-  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(parent.dataset.scene));
-  if (!context_.blobs->Has({project, file.sha256}, file.size)) {
-    return absl::DataLossError(absl::StrCat(
-        file.path, ": the stored file is missing or has another size; upload it again"));
+  ASSIGN_OR_RETURN(project_, context_.store->ProjectOfScene(parent.dataset.scene));
+  ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
+  const DatasetFileRow& file = row_;
+  if (!context_.blobs->Has({project_, file.sha256}, file.size)) {
+    return absl::DataLossError(
+        absl::StrCat(file.path, ": the stored file is missing or has another size"));
   }
-  const std::filesystem::path blob = context_.blobs->Path({project, file.sha256});
+  const std::filesystem::path blob = context_.blobs->Path({project_, file.sha256});
   if (request_.original()) return OpenOriginal(file, blob);
   PhotographTask task;
   task.name = file.path;
@@ -226,7 +229,7 @@ absl::Status GetPhotographStream::FillChunk() {
   v1::GetPhotographResponse::Chunk& chunk = *message_.mutable_chunk();
   chunk.mutable_data()->resize(static_cast<size_t>(size));
   if (!file_->ReadAt(offset_, *chunk.mutable_data())) {
-    return absl::DataLossError(absl::StrCat(name_, ": cannot be read to its end"));
+    return absl::DataLossError(absl::StrCat(row_.path, ": cannot be read to its end"));
   }
   chunk.set_crc32c(Crc32c(chunk.data()));
   offset_ += size;
@@ -234,9 +237,23 @@ absl::Status GetPhotographStream::FillChunk() {
   if (sha256_.empty()) return absl::OkStatus();
   digest_.Add(chunk.data());
   if (num_bytes_left_ == 0 && digest_.Hex() != sha256_) {
-    return absl::DataLossError(absl::StrCat(name_, ": the stored file fails its SHA-256"));
+    return absl::DataLossError(absl::StrCat(row_.path, ": the stored file fails its SHA-256"));
   }
   return absl::OkStatus();
+}
+
+// The decoder is not believed: the file is read again before it is set aside.
+Stream::Step GetPhotographStream::Fail(absl::Status status) {
+  const bool may_be_damaged = absl::IsDataLoss(status) && !row_.path.empty();
+  if (!may_be_damaged) return {Next::kEnd, std::move(status)};
+  phase_ = Phase::kChecking;
+  failure_ = std::move(status);
+  if (!check_.valid()) check_ = decoders_.checker->Check(project_, {row_});
+  if (check_.wait_for(kShortCheck) != std::future_status::ready) {
+    return {Next::kIdle, absl::OkStatus()};  // until the next tick
+  }
+  if (check_.get() == 0) return {Next::kEnd, failure_};
+  return {Next::kEnd, absl::DataLossError(absl::StrCat(failure_.message(), "; upload it again"))};
 }
 
 Stream::Step GetPhotographStream::Work(bool) {
@@ -248,12 +265,14 @@ Stream::Step GetPhotographStream::Work(bool) {
     const absl::StatusOr<bool> taken = TakePicture();
     if (taken.ok() && !*taken) return {Next::kIdle, absl::OkStatus()};
     status = taken.status();
+  } else if (phase_ == Phase::kChecking) {
+    status = failure_;
   } else if (num_bytes_left_ == 0) {
     return {Next::kEnd, absl::OkStatus()};
   } else {
     status = FillChunk();
   }
-  if (!status.ok()) return {Next::kEnd, std::move(status)};
+  if (!status.ok()) return Fail(std::move(status));
   return {Next::kIo, absl::OkStatus()};
 }
 

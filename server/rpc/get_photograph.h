@@ -1,5 +1,6 @@
 #pragma once
 
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -11,21 +12,24 @@
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/jobs/photograph_process.h"
+#include "server/rpc/blob_checker.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/stream.h"
 
 namespace pepeseg {
 
-// What decodes photographs: a pool whose threads wait for processes, so many at once, and how those
-// are run.
+// What decodes photographs: a pool whose threads wait for processes, one each, and how those are
+// run. `checker` sets stored files aside that are found damaged.
 struct PhotographDecoders {
   WorkerPool* pool;
   const PhotographProcess* process;
+  BlobChecker* checker;
 };
 
 // A GetPhotograph call: a blob as it is, or a picture that a process of its own makes of it, a
 // chunk at a time. The pool for what waits on the disk sends; the decoders' own waits for the
-// processes.
+// processes. A stored file that fails is read again and set aside if it is damaged, before the call
+// ends with DATA_LOSS: an upload that follows asks for it.
 class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> {
  public:
   GetPhotographStream(const ServiceContext& context, const PhotographDecoders& decoders,
@@ -38,7 +42,7 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
         request_(request) {}
 
  private:
-  enum class Phase { kNew, kMaking, kSending };
+  enum class Phase { kNew, kMaking, kSending, kChecking };
 
   Step Work(bool io_ok) override;
   // A reader that takes nothing for so long loses the stream, and with it the file on the disk.
@@ -50,6 +54,7 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   // False: the picture is not there yet.
   absl::StatusOr<bool> TakePicture();
   absl::Status FillChunk();
+  Step Fail(absl::Status status);
 
   const ServiceContext context_;
   const PhotographDecoders decoders_;
@@ -62,9 +67,12 @@ class GetPhotographStream final : public WriteStream<v1::GetPhotographResponse> 
   std::optional<OpenFile> file_;                           // what is sent
   int64_t offset_ = 0;                                     // of the next byte to send
   int64_t num_bytes_left_ = 0;
-  std::string name_;    // of the file, for errors
+  std::string project_;
+  DatasetFileRow row_;  // of the photograph; its path is empty until it is found
   std::string sha256_;  // of an original
   Sha256 digest_;
+  absl::Status failure_;           // of the call, while its file is checked
+  std::shared_future<int> check_;  // number of damaged files
 };
 
 }  // namespace pepeseg

@@ -178,13 +178,13 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
 absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.worker = options.worker;
   photographs.sandbox = options.launch.sandbox;
-  photographs.scratch = options.data / "scratch";
+  photographs.scratch = ScratchFolder(options.data);
   const ServiceContext context = Context(options);
   health = MakeHealthMonitor(context);
   operations = std::make_unique<Operations>(context, *health);
   scenes = std::make_unique<SceneServiceRpc>(context);
   datasets = std::make_unique<DatasetServiceRpc>(
-      context, PhotographDecoders{&photograph_pool, &photographs});
+      context, PhotographDecoders{&photograph_pool, &photographs, checker.get()});
   jobs = std::make_unique<JobServiceRpc>(context);
   segmentation = std::make_unique<SegmentationServiceRpc>(context);
   if (!options.admin.empty()) {

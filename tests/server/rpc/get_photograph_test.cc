@@ -12,6 +12,7 @@
 #include "core/io/digest.h"
 #include "core/io/encode_png.h"
 #include "server/jobs/crc32c.h"
+#include "server/jobs/photograph_task.h"
 #include "server/jobs/rows.h"
 #include "server/layout.h"
 #include "tests/server/rpc/shelf_model.h"
@@ -192,17 +193,59 @@ TEST_F(GetPhotographTest, RefusesFilesThatDoNotDecode) {
 TEST_F(GetPhotographTest, TellsDamagedFilesFromBadOnes) {
   std::string damaged = upright;
   damaged[damaged.size() / 2] ^= 1;
-  std::ofstream(BlobOf(upright), std::ios::binary) << damaged;
   for (const bool original : {false, true}) {
+    std::ofstream(BlobOf(upright), std::ios::binary) << damaged;
     request.set_original(original);
     const grpc::Status flipped = Get("b.jpg").status;
     EXPECT_EQ(flipped.error_code(), grpc::DATA_LOSS) << flipped.error_message();
     EXPECT_TRUE(absl::StrContains(flipped.error_message(), "images/b.jpg: the stored file fails"));
   }
-  std::filesystem::resize_file(BlobOf(upright), 100);
+  std::ofstream(BlobOf(upright), std::ios::binary) << upright.substr(0, 100);
   EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::DATA_LOSS) << "cut short";
   std::filesystem::remove(BlobOf(upright));
   EXPECT_EQ(Get("b.jpg").status.error_code(), grpc::DATA_LOSS) << "gone";
+}
+
+TEST_F(GetPhotographTest, SetsADamagedFileAsideForTheNextUpload) {
+  const TestFile file = {"images/b.jpg", upright};
+  for (const bool original : {false, true}) {
+    std::string damaged = upright;
+    damaged[damaged.size() / 2] ^= 1;
+    std::ofstream(BlobOf(upright), std::ios::binary) << damaged;
+    EXPECT_EQ(running.CreateUpload("shelf", {file}).missing_files_size(), 0);
+    request.set_original(original);
+    const grpc::Status status = Get("b.jpg").status;
+    EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
+    EXPECT_TRUE(absl::StrContains(status.error_message(), "; upload it again"))
+        << status.error_message();
+    const BlobName name = {kDefaultProject, Sha256Hex(upright)};
+    EXPECT_TRUE(std::filesystem::exists(DamagedPath(running.options.data, name)));
+    const v1::Upload again = running.CreateUpload("shelf", {file});
+    ASSERT_EQ(again.missing_files_size(), 1);
+    ASSERT_TRUE(running.Write(FileParts(again.name(), file)).ok());
+    EXPECT_TRUE(Get("b.jpg").status.ok()) << "healed";
+  }
+}
+
+// Its sandbox keeps it from the store; its word moves nothing.
+TEST(GetPhotographOfALyingDecoder, LeavesAWholeFileWhereItIs) {
+  const testing::TempFolder folder;
+  PhotographHeader header;
+  header.code = absl::StatusCode::kDataLoss;
+  const std::string message = "images/a.jpg: the stored file fails its SHA-256";
+  header.num_bytes = static_cast<int64_t>(message.size());
+  std::ofstream(folder / "answer", std::ios::binary) << FormatPhotographHeader(header) << message;
+  std::ofstream(folder / "worker") << "#!/bin/sh\ncat " << (folder / "answer").string() << "\n";
+  std::filesystem::permissions(folder / "worker", std::filesystem::perms::owner_all);
+  RunningServer running((folder / "worker").string());
+  running.CreateScene("shelf");
+  v1::GetPhotographRequest request;
+  request.set_parent(running.UploadAndSeal("shelf", {{"images/a.jpg", "bytes"}}));
+  const grpc::Status status = Get(running, request).status;
+  EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
+  EXPECT_FALSE(absl::StrContains(status.error_message(), "upload it again"))
+      << status.error_message();
+  EXPECT_EQ(running.CountBlobFiles(), 1);
 }
 
 TEST_F(GetPhotographTest, LeavesNoFileBehind) {
