@@ -54,14 +54,6 @@ struct Pipe {
   int writer = -1;
 };
 
-std::vector<char*> Pointers(std::vector<std::string>& words) {
-  std::vector<char*> pointers;
-  pointers.reserve(words.size() + 1);
-  for (std::string& word : words) pointers.push_back(word.data());
-  pointers.push_back(nullptr);
-  return pointers;
-}
-
 std::vector<std::string> Environment(const std::vector<std::string>& own) {
   std::vector<std::string> words = own;
   for (char** entry = environ; entry != nullptr && *entry != nullptr; ++entry) {
@@ -210,6 +202,14 @@ absl::Status OverTime(const ChildCommand& command) {
 std::string Describe(const ChildEnd& end) {
   if (end.signal == 0) return absl::StrCat("exited with code ", end.exit_code);
   return absl::StrCat("was killed by signal ", end.signal, " (", strsignal(end.signal), ")");
+}
+
+std::vector<char*> Pointers(std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  return pointers;
 }
 
 absl::StatusOr<std::filesystem::path> FindProgram(const std::string& name) {

@@ -21,6 +21,9 @@ struct ChildEnd {
 // "exited with code 3" or "was killed by signal 9 (Killed)".
 std::string Describe(const ChildEnd& end);
 
+// `words` as exec() takes them, null at the end. They must outlive the pointers.
+std::vector<char*> Pointers(std::vector<std::string>& words);
+
 // Where a program is: `name` itself where it has a slash, else the first of its name in the folders
 // of PATH. NOT_FOUND: there is none that may be run.
 absl::StatusOr<std::filesystem::path> FindProgram(const std::string& name);

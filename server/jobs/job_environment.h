@@ -17,7 +17,4 @@ std::vector<std::string> JobEnvironment(const std::vector<std::string>& more);
 // Names of the variables that libpq reads (PGPASSFILE ...) which this process has.
 std::vector<std::string> DatabaseVariables();
 
-// As exec wants them; the strings must outlive it.
-std::vector<char*> Pointers(std::vector<std::string>& words);
-
 }  // namespace pepeseg
