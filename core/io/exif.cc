@@ -74,11 +74,13 @@ void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
   }
 }
 
-uint32_t FindDirectory(const Tiff& tiff, uint32_t offset, uint32_t tag) {
-  const uint32_t count = tiff.Number(offset, 2);
+// Offset of the main directory's first entry with `tag`; 0: it has none.
+uint32_t FindEntry(const Tiff& tiff, uint32_t tag) {
+  const uint32_t main = tiff.Number(4, 4);
+  const uint32_t count = main == 0 ? 0 : tiff.Number(main, 2);
   for (uint32_t i = 0; i < count; ++i) {
-    const uint32_t entry = offset + 2 + i * kEntryBytes;
-    if (tiff.Number(entry, 2) == tag) return tiff.Number(entry + 8, 4);
+    const uint32_t entry = main + 2 + i * kEntryBytes;
+    if (tiff.Number(entry, 2) == tag) return entry;
   }
   return 0;
 }
@@ -89,9 +91,9 @@ ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
   const uint32_t main = tiff.Number(4, 4);
   if (main == 0) return camera;
   ReadDirectory(tiff, main, camera);
-  if (const uint32_t exif = FindDirectory(tiff, main, kExifDirectory); exif != 0) {
-    ReadDirectory(tiff, exif, camera);
-  }
+  const uint32_t entry = FindEntry(tiff, kExifDirectory);
+  const uint32_t exif = entry == 0 ? 0 : tiff.Number(entry + 8, 4);
+  if (exif != 0) ReadDirectory(tiff, exif, camera);
   return camera;
 }
 
@@ -116,16 +118,11 @@ std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
 // Overwrites the orientation, a short number that stands in its entry.
 void SetUpright(std::string& bytes) {
   const Tiff tiff({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
-  const uint32_t main = tiff.Number(4, 4);
-  const uint32_t count = main == 0 ? 0 : tiff.Number(main, 2);
-  for (uint32_t i = 0; i < count; ++i) {
-    const size_t entry = size_t{main} + 2 + size_t{i} * 12;
-    if (entry + 12 > bytes.size()) return;
-    if (tiff.Number(static_cast<uint32_t>(entry), 2) != kOrientation) continue;
-    const bool big_endian = bytes[0] == 'M';
-    bytes[entry + 8] = big_endian ? 0 : 1;
-    bytes[entry + 9] = big_endian ? 1 : 0;
-  }
+  const size_t entry = FindEntry(tiff, kOrientation);
+  if (entry == 0 || entry + kEntryBytes > bytes.size()) return;
+  const bool big_endian = bytes[0] == 'M';
+  bytes[entry + 8] = big_endian ? 0 : 1;
+  bytes[entry + 9] = big_endian ? 1 : 0;
 }
 
 }  // namespace
@@ -134,16 +131,9 @@ ExifCamera ReadExifCamera(std::span<const uint8_t> bytes) { return ReadTiff(Find
 
 int ReadExifOrientation(std::span<const uint8_t> bytes) {
   const Tiff tiff(FindTiff(bytes));
-  const uint32_t main = tiff.Number(4, 4);
-  if (main == 0) return 1;
-  const uint32_t count = tiff.Number(main, 2);
-  for (uint32_t i = 0; i < count; ++i) {
-    const uint32_t entry = main + 2 + i * kEntryBytes;
-    if (tiff.Number(entry, 2) != kOrientation) continue;
-    const uint32_t orientation = tiff.Number(entry + 8, 2);
-    return orientation >= 1 && orientation <= 8 ? static_cast<int>(orientation) : 1;
-  }
-  return 1;
+  const uint32_t entry = FindEntry(tiff, kOrientation);
+  const uint32_t orientation = entry == 0 ? 1 : tiff.Number(entry + 8, 2);
+  return orientation >= 1 && orientation <= 8 ? static_cast<int>(orientation) : 1;
 }
 
 std::string WithUprightExif(std::string jpeg, std::string tiff) {

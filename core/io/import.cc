@@ -5,7 +5,9 @@
 #include <limits>
 #include <optional>
 #include <set>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/io/colmap.h"
@@ -114,10 +116,19 @@ absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::st
   return Resized(lens, photo.width, photo.height);
 }
 
-// EXIF's, of the file that was decoded before.
-absl::StatusOr<int> OrientationOf(const DatasetFile& photo) {
+struct DecodedPhoto {
+  Image image;                       // as stored
+  std::vector<uint8_t> transparent;  // see DecodePhoto
+  int orientation = 1;               // EXIF's
+};
+
+absl::StatusOr<DecodedPhoto> ReadPhoto(const DatasetFile& photo) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(photo.path, photo.name, kMaxImageFileBytes));
-  return ReadExifOrientation({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
+  const std::span span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  DecodedPhoto decoded;
+  ASSIGN_OR_RETURN(decoded.image, DecodePhoto(span, photo.name, &decoded.transparent));
+  decoded.orientation = ReadExifOrientation(span);
+  return decoded;
 }
 
 // Makes the views, one after the other.
@@ -134,8 +145,8 @@ class ViewReader {
           absl::StrCat(poses_.file, ": image ", match.pose.name, " has the camera ",
                        match.pose.camera_id, ", which ", poses_.camera_file, " does not list"));
     }
-    std::vector<uint8_t> transparent;
-    ASSIGN_OR_RETURN(const Image photo, DecodePhoto(match.photo->path, name, &transparent));
+    ASSIGN_OR_RETURN(const DecodedPhoto decoded, ReadPhoto(*match.photo));
+    const Image& photo = decoded.image;
     ASSIGN_OR_RETURN(const Lens lens, FitLens(camera->second, photo, name));
     num_resized_ += lens.width != camera->second.width ? 1 : 0;
     RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, lens));
@@ -145,8 +156,8 @@ class ViewReader {
     view.cam_from_world = match.pose.cam_from_world;
     view.photo = warp_->Photo(photo);
     view.photograph = warp_->photograph();
-    ASSIGN_OR_RETURN(view.photograph->orientation, OrientationOf(*match.photo));
-    if (!transparent.empty()) view.ignore = warp_->Ignore(transparent);
+    view.photograph->orientation = decoded.orientation;
+    if (!decoded.transparent.empty()) view.ignore = warp_->Ignore(decoded.transparent);
     RETURN_IF_ERROR(ReadCompanions(match, {name, photo.width, photo.height}, view));
     return view;
   }
