@@ -8,6 +8,7 @@
 #include "core/io/atomic_file.h"
 #include "core/io/digest.h"
 #include "core/io/file_bytes.h"
+#include "core/io/file_json.h"
 #include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
@@ -78,7 +79,9 @@ absl::Status WriteManifest(const std::filesystem::path& folder, const Manifest& 
 absl::StatusOr<Manifest> ReadManifest(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / kManifestName;
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxManifestBytes));
-  const json document = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const absl::StatusOr<json> parsed = ParseFileJson(text);
+  if (!parsed.ok()) return Damaged(path, parsed.status().message());
+  const json& document = *parsed;
   if (!document.is_object()) return Damaged(path, "not a JSON object");
   const auto version = document.find("version");
   if (version == document.end() || *version != kVersion) return Damaged(path, "not version 1");

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/io/file_json.h"
 #include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
@@ -191,7 +192,9 @@ std::string FormatModelFacts(const Model& model) {
 }
 
 absl::Status ParseModelFacts(absl::string_view text, Model& model) {
-  const json document = json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
+  const absl::StatusOr<json> parsed = ParseFileJson(text);
+  if (!parsed.ok()) return absl::DataLossError(parsed.status().message());
+  const json& document = *parsed;
   if (!document.is_object()) return absl::DataLossError("is not a JSON object");
   const auto version = document.find("version");
   if (version == document.end() || *version != kVersion) {

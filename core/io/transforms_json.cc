@@ -13,6 +13,7 @@
 #include "core/io/colmap.h"
 #include "core/io/decode_image.h"
 #include "core/io/file_bytes.h"
+#include "core/io/file_json.h"
 #include "core/io/file_name.h"
 #include "core/io/image_header.h"
 #include "core/status_macros.h"
@@ -232,11 +233,12 @@ class FrameReader {
 
 absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxJsonBytes));
-  json document = json::parse(text, nullptr, /*allow_exceptions=*/false);
-  const auto refused = [&](const std::string& why) {
+  const auto refused = [&](absl::string_view why) {
     return absl::InvalidArgumentError(absl::StrCat(file.name, ": ", why));
   };
-  if (document.is_discarded()) return refused("is not JSON, or cut short");
+  absl::StatusOr<json> parsed = ParseFileJson(text);
+  if (!parsed.ok()) return refused(parsed.status().message());
+  json document = *std::move(parsed);
   if (!document.is_object() || !document.contains("frames") || !document["frames"].is_array()) {
     return refused("has no list of \"frames\"");
   }

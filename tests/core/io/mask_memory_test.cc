@@ -1,5 +1,5 @@
-// Memory that the masks of a file take while they are read, however the file is made. A program of
-// its own: it counts what is allocated.
+// Memory that JSON files, those of masks first, take while they are read, however they are made. A
+// program of its own: it counts what is allocated.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -10,7 +10,9 @@
 #include <new>
 #include <string>
 
+#include "core/io/file_json.h"
 #include "core/io/sam_masks.h"
+#include "nlohmann/json.hpp"
 
 namespace {
 
@@ -78,6 +80,16 @@ const char kCompressedRuns[] = R"([{"segmentation":{"size":[3000,4000],"counts":
 TEST(MaskMemory, DoesNotGrowWithNesting) {
   EXPECT_LT(BytesPerByte("nested lists", std::string(kTextBytes, '['), kSmallPhoto), 0.2);
   EXPECT_LT(BytesPerByte("nested objects", Repeat("[", R"({"a":)"), kSmallPhoto), 0.2);
+}
+
+TEST(FileJsonMemory, DoesNotGrowWithNesting) {
+  for (const std::string& text :
+       {std::string(kTextBytes, '['), Repeat("[", R"({"a":)"), Repeat("", "[[],")}) {
+    const int64_t before = allocated_bytes;
+    peak_bytes = before;
+    EXPECT_FALSE(ParseFileJson(text).ok());
+    EXPECT_LT(peak_bytes - before, 100'000) << text.substr(0, 10);
+  }
 }
 
 TEST(MaskMemory, DoesNotGrowWithValuesThatArePassedOver) {

@@ -246,5 +246,11 @@ TEST_F(TransformsJsonTest, RefusesTwoPosesForAPhotograph) {
   EXPECT_STATUS(Import(), kInvalidArgument, "transforms.json: two poses for the photograph a.jpg");
 }
 
+TEST_F(TransformsJsonTest, RefusesNestingThatWouldTakeAllMemory) {
+  WriteText(R"({"frames": )" + std::string(1 << 20, '['));
+  EXPECT_STATUS(dataset_.Import(), kInvalidArgument,
+                "transforms.json: is nested deeper than 64 levels");
+}
+
 }  // namespace
 }  // namespace pepeseg
