@@ -93,6 +93,10 @@ std::string ClientText(std::string_view text, size_t max_bytes) {
   return line;
 }
 
+absl::Status ClientStatus(const absl::Status& status) {
+  return absl::Status(status.code(), ClientText(std::string(status.message())));
+}
+
 void CleanTexts(google::protobuf::Message& message) {
   using google::protobuf::FieldDescriptor;
   const google::protobuf::Reflection& reflection = *message.GetReflection();

@@ -9,7 +9,6 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "core/status_macros.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
@@ -299,12 +298,6 @@ absl::Status RunningJob::CommitModel(const JobResult& result) {
   return absl::OkStatus();
 }
 
-// Job.error is for clients: its paths are relative to the data directory.
-absl::Status RunningJob::WithoutDataFolder(const absl::Status& outcome) const {
-  const std::string folder = (context_.options.data_folder / "").string();
-  return absl::Status(outcome.code(), absl::StrReplaceAll(outcome.message(), {{folder, ""}}));
-}
-
 absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResult& result,
                                       bool requeue) {
   Store& store = context_.store;
@@ -314,7 +307,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
   } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
     ASSIGN_OR_RETURN(job_, store.RequeueJob(job_.id, job_.fence, DescribeAttempt()));
   } else {
-    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, WithoutDataFolder(outcome)));
+    ASSIGN_OR_RETURN(job_, store.EndJob(job_.id, job_.fence, ClientStatus(outcome)));
   }
   return absl::OkStatus();
 }
@@ -341,7 +334,7 @@ absl::Status RunningJob::Finish(bool requeue) {
   }
   if (IsTerminal(job_.state)) RemoveLeftovers();
   if (job_.state == JobState::kQueued && crashed_) {
-    std::string warning(WithoutDataFolder(outcome).message());
+    std::string warning(ClientStatus(outcome).message());
     if (job_.not_before > absl::Now()) {
       absl::StrAppend(&warning, "; it is tried again in ",
                       absl::ToInt64Seconds(job_.not_before - absl::Now()) + 1, " s");

@@ -75,7 +75,6 @@ class RunningJob {
   absl::Status TakeModel(JobResult& result) const;
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
-  absl::Status WithoutDataFolder(const absl::Status& outcome) const;
   EndedAttempt DescribeAttempt() const;
   absl::Status AskForCheck();
   absl::Status OutcomeOfCheck(const JobResult& result) const;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/supervisor_loop.h"
 
@@ -88,7 +89,7 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
 
 void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, error);
+  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, ClientStatus(error));
   if (!ended.ok()) {
     // Tried again, unless its end was written and only the answer was lost.
     PauseClaims(job.id, ended.status());

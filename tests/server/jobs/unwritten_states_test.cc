@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <fstream>
 #include <sstream>
 #include <string_view>
 
@@ -110,6 +111,14 @@ TEST_F(UnwrittenStates, EndWithoutDescriptorsLosesNoModel) {
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
   EXPECT_EQ(store_->GetJob(job)->fence, 1);
   EXPECT_LE(CountLines("writing its end"), 3);
+}
+
+TEST_F(UnwrittenStates, StartThatFailsNamesNoFolderOfTheServer) {
+  std::ofstream(folder_.path() / "jobs") << "in the way";
+  const JobRow job = WaitForEnd(Submit("succeed"));
+  EXPECT_EQ(job.state, JobState::kFailed);
+  EXPECT_THAT(job.error_message, HasSubstr("create"));
+  EXPECT_THAT(job.error_message, ::testing::Not(HasSubstr(folder_.path().parent_path().string())));
 }
 
 }  // namespace
