@@ -96,6 +96,19 @@ TEST(DescriptorLimit, IsRaisedToTheHardLimit) {
   EXPECT_EQ(absl::StrContains(server.Log(), "the limit on open files is"), own.rlim_max < 8192);
 }
 
+// Lowers the hard limit of this process for good; 2,048 are enough for the tests after it.
+TEST(DescriptorLimit, IsWarnedOfWhenEvenTheHardLimitIsLow) {
+  rlimit own{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &own), 0);
+  const rlim_t limit = std::min<rlim_t>(2048, own.rlim_max);
+  const rlimit low = {limit, limit};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  const testing::TempFolder folder;
+  const testing::PepesegdProcess server(folder / "data");
+  EXPECT_TRUE(absl::StrContains(server.Log(), absl::StrCat("the limit on open files is ", limit)))
+      << server.Log();
+}
+
 TEST_F(DescriptorShortage, ServesNewClientsAfterABurstOfMuteConnections) {
   LimitDescriptors(kFewDescriptors);
   MuteConnections mute(port, kNumMute);

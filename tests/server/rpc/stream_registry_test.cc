@@ -1,8 +1,11 @@
 #include "server/rpc/stream_registry.h"
 
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -68,6 +71,24 @@ TEST_F(StreamRegistryTest, TakesOthersWhenStreamsHaveEnded) {
     registry.Remove(streams.back().get());
   }
   EXPECT_EQ(registry.size(), 0u);
+}
+
+TEST_F(StreamRegistryTest, WarnsOnceWhenFourFifthsAreTaken) {
+  std::ostringstream log;
+  const auto outer = spdlog::default_logger();
+  const auto sink = std::make_shared<spdlog::sinks::ostream_sink_mt>(log);
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink));
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(OpenFor({"", ""}).ok());
+  spdlog::default_logger()->flush();
+  EXPECT_EQ(log.str(), "") << "4 of 6";
+  EXPECT_TRUE(OpenFor({"", ""}).ok());
+  EXPECT_TRUE(OpenFor({"", ""}).ok());
+  spdlog::default_logger()->flush();
+  const std::string text = log.str();
+  spdlog::set_default_logger(outer);
+  EXPECT_TRUE(absl::StrContains(text, "streams: the server has 5 open, at 6 more are refused"))
+      << text;
+  EXPECT_FALSE(absl::StrContains(text, "has 6 open")) << "a line a minute: " << text;
 }
 
 // Streams of callers who are not known yet take no place of those who are.
