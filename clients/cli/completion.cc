@@ -1,7 +1,7 @@
 // The verb that prints what a shell needs to complete command lines of this program.
-#include "clients/cli/completion.h"
-
+#include <CLI/CLI.hpp>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -39,11 +39,20 @@ std::vector<std::string> WordsOf(const CLI::App& verb) {
   return words;
 }
 
+// The values that an option is completed with; none: any value, or no value at all.
+std::vector<std::string> ValuesOf(const CLI::Option& option) {
+  return IsTrainingOption(option) ? TrainingOptionNames() : ChoicesOf(option);
+}
+
+// "(preview standard best)", or zsh's function for file names.
+std::string ZshAction(const std::vector<std::string>& values) {
+  return values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
+}
+
 // "    train:--preset) values='preview standard best' ;;"
 void AppendValueCases(const CLI::App& verb, const std::string& name, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
-    std::vector<std::string> values = ChoicesOf(*option);
-    if (IsTrainingOption(*option)) values = TrainingOptionNames();
+    const std::vector<std::string> values = ValuesOf(*option);
     if (values.empty() || !option->nonpositional()) continue;
     const std::string prefix = name + ":";
     absl::StrAppend(&script, "    ", prefix, absl::StrJoin(NamesOf(*option), "|" + prefix),
@@ -96,7 +105,7 @@ complete -o filenames -F _pepeseg pepeseg
        {"@OWN@", own}});
 }
 
-// Of a description, in single quotes within zsh's brackets.
+// Escapes a description for single quotes within zsh's brackets.
 std::string ZshText(const std::string& text) {
   return absl::StrReplaceAll(
       text, {{"'", "'\\''"}, {"[", "("}, {"]", ")"}, {":", ","}, {"\\", ""}, {"\n", " "}});
@@ -105,11 +114,7 @@ std::string ZshText(const std::string& text) {
 // "'--preset[Which options]:value:(preview standard best)'"
 void AppendZshSpecs(const CLI::App& verb, const std::string& indent, std::string& script) {
   for (const CLI::Option* option : OptionsOf(verb)) {
-    std::vector<std::string> values = ChoicesOf(*option);
-    if (IsTrainingOption(*option)) values = TrainingOptionNames();
-    const std::string action =
-        values.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(values, " "), ")");
-    const std::string value = TakesValue(*option) ? ":value:" + action : "";
+    const std::string value = TakesValue(*option) ? ":value:" + ZshAction(ValuesOf(*option)) : "";
     for (const std::string& name : NamesOf(*option)) {
       absl::StrAppend(&script, indent, "'*", name, "[", ZshText(option->get_description()), "]",
                       value, "'\n");
@@ -129,10 +134,8 @@ std::string ZshScript(const CLI::App& app) {
     for (const std::string& word : WordsOf(*verb)) {
       if (word[0] != '-') choices.push_back(word);
     }
-    const std::string action =
-        choices.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(choices, " "), ")");
     absl::StrAppend(&cases, "    ", verb->get_name(), ") specs=(\n", specs,
-                    "      '*:word:", action, "') ;;\n");
+                    "      '*:word:", ZshAction(choices), "') ;;\n");
   }
   return absl::StrReplaceAll(R"(#compdef pepeseg
 # Completion of pepeseg for zsh: put it as _pepeseg into a folder of $fpath, or source it.
@@ -160,10 +163,6 @@ if [[ $funcstack[1] == _pepeseg ]]; then _pepeseg "$@"; else compdef _pepeseg pe
 
 }  // namespace
 
-std::string CompletionScript(const CLI::App& app, const std::string& shell) {
-  return shell == "bash" ? BashScript(app) : ZshScript(app);
-}
-
 void AddCompletion(CLI::App& app, Shell& shell) {
   auto name = std::make_shared<std::string>();
   CLI::App* verb = app.add_subcommand("completion", "Print a script that completes command lines");
@@ -172,7 +171,7 @@ void AddCompletion(CLI::App& app, Shell& shell) {
       ->check(CLI::IsMember({"bash", "zsh"}));
   verb->callback([name, &app, &shell] {
     shell.verb = [name, &app] {
-      Print(CompletionScript(app, *name));
+      Print(*name == "bash" ? BashScript(app) : ZshScript(app));
       return absl::OkStatus();
     };
   });

@@ -6,6 +6,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cpp/resource_names.h"
 
 namespace pepeseg::client::cli {
@@ -24,7 +25,7 @@ bool IsNamedByEnvironment(const std::string& server) {
   return server == (named == nullptr ? Shell().server : named);
 }
 
-// The one in the middle, of those that were trained on where there are any.
+// Returns the middle one of the views that were trained on or, without any, of all views.
 const v1::View& MiddleView(const std::vector<v1::View>& views) {
   std::vector<const v1::View*> trained;
   for (const v1::View& view : views) {
@@ -51,9 +52,7 @@ std::string FirstQuestion(const Shell& shell, const v1::Model& model,
     return CommandText(shell, {"export", scene, absl::StrCat(scene, ".ply")});
   }
   const v1::View& view = MiddleView(views);
-  const bool has_photograph = view.photograph_width() > 0 && view.photograph_height() > 0;
-  const int width = has_photograph ? view.photograph_width() : view.camera().width();
-  const int height = has_photograph ? view.photograph_height() : view.camera().height();
+  const auto [width, height] = PhotographSize(view);
   return CommandText(
       shell, {"segment", scene, "--view", view.view(), "--point",
               absl::StrCat(width / 2, ",", height / 2), "--views", "all", "--out", "masks"});

@@ -1,12 +1,12 @@
 // The verb that brings a photograph back.
-#include <filesystem>
-#include <fstream>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/pixel_frame.h"
 #include "clients/cli/shell.h"
 #include "clients/cpp/client.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 
@@ -18,21 +18,10 @@ struct PhotographFlags {
   std::string view;
   std::string file;
   std::string model = "live";
-  std::string frame = "photograph";
+  v1::PixelFrame frame = v1::PIXEL_FRAME_UNSPECIFIED;
   int max_side = 0;
   bool original = false;
 };
-
-absl::Status WritePhotograph(const std::string& path, const std::string& bytes) {
-  std::error_code ignored;
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (!folder.empty()) std::filesystem::create_directories(folder, ignored);
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (file) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
-}
 
 absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
   v1::GetPhotographRequest request;
@@ -40,10 +29,10 @@ absl::Status RunPhotograph(const Shell& shell, const PhotographFlags& flags) {
   request.set_photograph(flags.view);
   request.set_max_side(flags.max_side);
   request.set_original(flags.original);
-  if (flags.frame == "view") request.set_frame(v1::PIXEL_FRAME_VIEW);
+  if (!flags.original) request.set_frame(flags.frame);
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const Client::Photograph photograph, client.GetPhotograph(request));
-  RETURN_IF_ERROR(WritePhotograph(flags.file, photograph.bytes));
+  RETURN_IF_ERROR(WriteFile(flags.file, photograph.bytes));
   if (shell.json) {
     PrintJson(photograph.header);
     return absl::OkStatus();
@@ -69,12 +58,7 @@ void AddPhotograph(CLI::App& app, Shell& shell) {
                    "Shrink it to this longer side, pixels; 0: leave it as large as it is")
       ->check(CLI::Range(0, 16384))
       ->capture_default_str();
-  CLI::Option* frame =
-      verb->add_option("--frame", flags->frame,
-                       "photograph: as it was taken, upright; view: undistorted and as large as "
-                       "the model was trained on it")
-          ->check(CLI::IsMember({"photograph", "view"}))
-          ->capture_default_str();
+  CLI::Option* frame = AddFrameFlag(*verb, flags->frame);
   verb->add_flag("--original", flags->original, "The file as it was uploaded, byte for byte")
       ->excludes(frame)
       ->excludes("--max-side");

@@ -4,11 +4,12 @@
 
 namespace pepeseg::client::cli {
 
-void AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {
+CLI::Option* AddFrameFlag(CLI::App& verb, v1::PixelFrame& frame) {
   static const std::map<std::string, v1::PixelFrame> frames = {
       {"photograph", v1::PIXEL_FRAME_PHOTOGRAPH}, {"view", v1::PIXEL_FRAME_VIEW}};
   frame = v1::PIXEL_FRAME_PHOTOGRAPH;
-  verb.add_option_function<std::string>(
+  return verb
+      .add_option_function<std::string>(
           "--frame", [&frame](const std::string& name) { frame = frames.at(name); },
           "Pixels of the uploaded photograph, or of the view that was trained on: undistorted, "
           "cropped, shrunk")
