@@ -38,7 +38,7 @@ std::string PermissionAdvice(const std::string& reason) {
   return "";
 }
 
-// Of a server that answered.
+// Says when to try again, if the server's error does.
 std::string RetryAdvice(const v1::ErrorDetail& detail) {
   if (!detail.has_retry_after()) return "";
   const int64_t seconds = std::max<int64_t>(detail.retry_after().seconds(), 1);

@@ -45,7 +45,7 @@ std::string StageOf(const v1::JobProgress& progress) {
   return absl::StrCat("stage ", progress.stage_number(), " of ", progress.num_stages());
 }
 
-// Of the job where that is known, else of its stage.
+// Returns the time left of the job or, where only that is known, of its stage.
 std::string TimeLeft(const v1::JobProgress& progress) {
   const std::string stage = StageOf(progress);
   if (progress.has_job_eta()) {

@@ -5,8 +5,8 @@
 
 namespace pepeseg::client::cli {
 
-// Of a command line that was refused: "Did you mean `train`?" for a verb or an option that is
-// nearly one, or empty. Does not look at words after a known verb that are not options.
+// Returns "Did you mean `train`?" if a refused command line has a word that is nearly a verb or an
+// option, else "". Words after a known verb are looked at only if they are options.
 std::string SuggestionFor(const CLI::App& app, int argc, const char* const* argv);
 
 }  // namespace pepeseg::client::cli

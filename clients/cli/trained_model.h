@@ -5,8 +5,8 @@
 
 namespace pepeseg::client::cli {
 
-// What a training has made: what it was trained on, advice, the scores of its held-out views, and
-// the command to type next.
+// Prints what `model` was trained on, advice, the scores of its held-out views, and the command to
+// type next.
 absl::Status PrintTrained(const Shell& shell, const Client& client, const std::string& model);
 
 }  // namespace pepeseg::client::cli

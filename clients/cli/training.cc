@@ -91,7 +91,7 @@ TableRow RowOf(const v1::Job& job, const std::map<std::string, int64_t>& sizes, 
           OutcomeText(job)};
 }
 
-// Of the models of these jobs, by name; what was deleted since has none.
+// Returns the bytes of the models that `jobs` have made, by name, without deleted models.
 std::map<std::string, int64_t> SizesOfModels(const Client& client,
                                              const v1::ListJobsResponse& jobs) {
   std::set<std::string> scenes;
