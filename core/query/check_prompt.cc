@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "core/status_macros.h"
 #include "kernels/ops.h"
@@ -14,6 +15,7 @@ namespace {
 constexpr int kMaxSide = 16'384;
 constexpr int64_t kMaxPixels = 64'000'000;
 constexpr double kMinQuaternionNorm = 1e-6;
+constexpr char kNothingThere[] = "pepeseg.core/nothing-there";  // payload of a status
 
 std::string NameOf(const ModelView& view) {
   return view.name.empty() ? "the free camera" : absl::StrCat("view ", view.name);
@@ -125,6 +127,16 @@ absl::Status CheckQuery(const Query& query) {
     return absl::InvalidArgumentError("the query has no positive feature");
   }
   return absl::OkStatus();
+}
+
+absl::Status NothingThereError(absl::string_view message) {
+  absl::Status status = absl::InvalidArgumentError(message);
+  status.SetPayload(kNothingThere, absl::Cord());
+  return status;
+}
+
+bool IsNothingThere(const absl::Status& status) {
+  return status.GetPayload(kNothingThere).has_value();
 }
 
 }  // namespace pepeseg

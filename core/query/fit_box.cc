@@ -217,10 +217,9 @@ absl::StatusOr<Query> FitBox(const Segmenter& segmenter, const ModelView& view,
                    segmenter.PixelFeatures(small.view, SamplesIn(edges, camera)));
   features = Candidates(features);
   if (features.empty()) {
-    return absl::InvalidArgumentError(
+    return NothingThereError(
         "nothing with a feature is rendered in the box; draw it about an object that a mask "
-        "covered "
-        "in training");
+        "covered in training");
   }
   const GranularityGrid grid = GridOf(granularity);
   const size_t num_pixels = static_cast<size_t>(camera.width) * camera.height;

@@ -146,7 +146,7 @@ absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
   }
   features = LongFeatures(features);
   if (features.empty()) {
-    return absl::InvalidArgumentError(
+    return NothingThereError(
         "nothing with a feature is rendered under the mask; does it show an object that a mask "
         "covered in training?");
   }

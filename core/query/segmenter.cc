@@ -86,7 +86,7 @@ absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(
   for (size_t i = 0; i < points.size(); ++i) {
     if (FeatureNorm(&features[i * kFeatureSize]) >= kMinClickedNorm) continue;
     // Without its place: a request may count other pixels than those of the view.
-    return absl::InvalidArgumentError(absl::StrCat(
+    return NothingThereError(absl::StrCat(
         "point ", i, ": nothing with a feature is rendered there; click where the model shows an ",
         "object that a mask covered in training"));
   }

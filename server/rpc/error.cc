@@ -5,6 +5,7 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "core/query/check_prompt.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/private_error.h"
 #include "server/jobs/scene_key.h"
@@ -23,7 +24,10 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
   if (const auto payload = status.GetPayload(kDetailUrl)) {
     detail.ParseFromString(std::string(*payload));
   }
-  if (detail.reason().empty()) detail.set_reason(absl::StatusCodeToString(status.code()));
+  if (detail.reason().empty()) {
+    detail.set_reason(IsNothingThere(status) ? "NOTHING_THERE"
+                                             : absl::StatusCodeToString(status.code()));
+  }
   for (std::string* text : {detail.mutable_field(), detail.mutable_resource(),
                             detail.mutable_limit(), detail.mutable_value()}) {
     *text = Utf8Prefix(WithSceneIds(*text), kMaxValueBytes);

@@ -53,19 +53,24 @@ absl::StatusOr<Prompt> ReadLabel(const ServiceContext& context, const ResidentMo
 }
 
 // "point 700,500 is outside photograph "a.jpg" (640x480)".
-absl::Status BadPlace(const std::string& field, const std::string& value, const std::string& what) {
+absl::Status BadPlace(const std::string& field, const std::string& value, const std::string& what,
+                      const char* reason = "BAD_FIELD") {
   v1::ErrorDetail detail;
-  detail.set_reason("BAD_FIELD");
+  detail.set_reason(reason);
   detail.set_field(field);
   detail.set_value(value);
   detail.set_limit(what);
   return WithDetail(absl::InvalidArgumentError(absl::StrCat(value, " ", what)), detail);
 }
 
-std::string NotShown(const ImageOfView& image) {
-  return absl::StrCat("is in a part of ", image.name, " (", image.Size(),
-                      ") that the model was not trained on: its lens was undistorted and the ",
-                      "border cut off");
+absl::Status NotShown(const std::string& field, const std::string& value,
+                      const ImageOfView& image) {
+  return BadPlace(
+      field, value,
+      absl::StrCat("is in a part of ", image.name, " (", image.Size(),
+                   ") that the model was not trained on: its lens was undistorted and the ",
+                   "border cut off"),
+      "NOTHING_THERE");
 }
 
 absl::StatusOr<std::vector<PointPrompt>> ReadPoints(const v1::PointsPrompt& prompt,
@@ -82,7 +87,7 @@ absl::StatusOr<std::vector<PointPrompt>> ReadPoints(const v1::PointsPrompt& prom
     }
     if (image.frame.is_view()) continue;
     const auto in_view = image.frame.ToView(Eigen::Vector2d(point.x, point.y));
-    if (!in_view) return BadPlace(field, value, NotShown(image));
+    if (!in_view) return NotShown(field, value, image);
     point.x = in_view->x();
     point.y = in_view->y();
   }
@@ -105,7 +110,7 @@ absl::StatusOr<BoxPrompt> ReadBox(const v1::BoxPrompt& prompt, const ImageOfView
   }
   if (image.frame.is_view()) return box;
   const std::optional<BoxPrompt> in_view = image.frame.ToView(box);
-  if (!in_view) return BadPlace("prompt.box", value, NotShown(image));
+  if (!in_view) return NotShown("prompt.box", value, image);
   return *in_view;
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "core/query/check_prompt.h"
+
 namespace pepeseg {
 namespace {
 
@@ -28,6 +30,12 @@ TEST(ToGrpc, KeepsCodeAndMessage) {
   EXPECT_EQ(status.error_code(), grpc::DATA_LOSS);
   EXPECT_EQ(status.error_message(), "gaussians.ply: 3 bytes are missing");
   EXPECT_EQ(DetailOf(status).reason(), "DATA_LOSS");
+}
+
+TEST(ToGrpc, HasAReasonForPromptsWhereNothingIs) {
+  const grpc::Status status = ToGrpc(NothingThereError("point 0: nothing is there"));
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(DetailOf(status).reason(), "NOTHING_THERE");
 }
 
 TEST(ToGrpc, CarriesTheFirstDetail) {

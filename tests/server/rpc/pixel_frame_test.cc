@@ -167,6 +167,7 @@ TEST_F(PixelFrameTest, RefusesAPointThatTheViewDoesNotShow) {
   Train("lens.model");
   const grpc::Status status = Ask(At(1, 1, v1::PIXEL_FRAME_PHOTOGRAPH));
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(DetailOf(status).reason(), "NOTHING_THERE");
   EXPECT_NE(status.error_message().find("not trained on"), std::string::npos)
       << status.error_message();
 }

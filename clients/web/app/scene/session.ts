@@ -1,6 +1,5 @@
 // A scene that is being taken apart: the question on the screen, the server's answers to it, and
 // what was made of them. Knows nothing of the screen.
-import { Code } from '@connectrpc/connect';
 import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -20,11 +19,8 @@ export interface Miss {
   readonly y: number;
 }
 
-/** The server's words for it; it has no reason of its own. */
-const missWords = /nothing with a feature is rendered|does not cover/;
-
 export function isMiss(failure: Failure): boolean {
-  return failure.code === Code.InvalidArgument && missWords.test(failure.what);
+  return failure.reason === 'NOTHING_THERE';
 }
 
 /** The place that a question without an answer was about. */

@@ -1,19 +1,28 @@
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
+import { ErrorDetailSchema } from '../../gen/pepeseg/v1/errors_pb';
 import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { outcomeOf } from '../../app/training/job_states';
 
-// Its module listens to the page's network.
-Object.assign(globalThis, { window: new EventTarget() });
+// The session listens to the page's network. axe-core, which other tests of this process import,
+// takes a window for a browser's.
+test.beforeEach(() => {
+  Object.assign(globalThis, { window: new EventTarget() });
+});
+test.afterEach(() => {
+  Reflect.deleteProperty(globalThis, 'window');
+});
 
-const words =
-  'point 0 (12, 30): nothing with a feature is rendered there; click where the model shows an object';
+function refusal(reason: string): ConnectError {
+  const detail = { desc: ErrorDetailSchema, value: { reason } };
+  return new ConnectError('refused', Code.InvalidArgument, undefined, [detail]);
+}
 
 test('a click on nothing is told from other refusals', async () => {
   const { isMiss } = await import('../../app/scene/session');
   const { failureOf } = await import('../../app/api/failure');
-  expect(isMiss(failureOf(new ConnectError(words, Code.InvalidArgument)))).toBe(true);
-  expect(isMiss(failureOf(new ConnectError(words, Code.Internal)))).toBe(false);
+  expect(isMiss(failureOf(refusal('NOTHING_THERE')))).toBe(true);
+  expect(isMiss(failureOf(refusal('BAD_FIELD')))).toBe(false);
   expect(isMiss(failureOf(new ConnectError('a bad scale', Code.InvalidArgument)))).toBe(false);
 });
 
@@ -44,7 +53,7 @@ test('a click on nothing leaves the answer before it, and says where it was', as
   const before = session.state.get();
   session.addPoint(place, { x: 3, y: 2, negative: false });
   expect(session.state.get().answer).toBeUndefined();
-  inside.refused(sequence, new ConnectError(words, Code.InvalidArgument));
+  inside.refused(sequence, refusal('NOTHING_THERE'));
   const after = session.state.get();
   expect(after.miss).toEqual({ place, x: 3, y: 2 });
   expect(after.question).toEqual(before.question);
@@ -65,7 +74,7 @@ test('a first click on nothing leaves nothing', async () => {
   inside.socket = { ask: () => 1n, close: () => undefined };
   inside.askOtherViews = () => undefined;
   session.addPoint({ view: 'a.jpg' }, { x: 3, y: 2, negative: false });
-  inside.refused(1n, new ConnectError(words, Code.InvalidArgument));
+  inside.refused(1n, refusal('NOTHING_THERE'));
   const { question, answer, busy, failure, canUndo, miss } = session.state.get();
   expect([question, answer, busy, failure, canUndo]).toEqual([
     undefined,
