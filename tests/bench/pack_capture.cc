@@ -27,8 +27,9 @@ absl::Status PackCrowdedScene(const std::string& path) {
 
 struct PackOptions {
   ImportOptions import;
-  bool disparity = false;   // what depth/ holds
-  EmbeddedPriors embedded;  // in place of those of the dataset
+  bool disparity = false;      // what depth/ holds
+  EmbeddedPriors embedded;     // in place of those of the dataset
+  bool join_embedded = false;  // embedded masks next to those of the dataset
 };
 
 absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
@@ -37,6 +38,23 @@ absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
     if (what.depth) view.depth = {};
   }
   return EmbedPriors(what, 0, capture, [](int, int) { return absl::OkStatus(); });
+}
+
+// Adds the embedded masks that are no duplicates of the dataset's, as training on SAM's masks does.
+absl::Status JoinEmbedded(Capture& capture) {
+  constexpr double kDuplicateIou = 0.8;
+  std::vector<MaskSet> given;
+  for (View& view : capture.views) given.push_back(std::exchange(view.masks, {}));
+  RETURN_IF_ERROR(
+      EmbedPriors({.masks = true}, 0, capture, [](int, int) { return absl::OkStatus(); }));
+  for (size_t v = 0; v < given.size(); ++v) {
+    View& view = capture.views[v];
+    std::vector<BinaryMask> masks;
+    for (int k = 0; k < given[v].num_masks; ++k) masks.push_back(given[v].Extract(k));
+    for (int k = 0; k < view.masks.num_masks; ++k) masks.push_back(view.masks.Extract(k));
+    view.masks = BuildMaskSet(view.camera.width, view.camera.height, masks, kDuplicateIou);
+  }
+  return absl::OkStatus();
 }
 
 absl::Status PackDataset(const std::string& folder, const std::string& path,
@@ -48,6 +66,7 @@ absl::Status PackDataset(const std::string& folder, const std::string& path,
   CapturePack pack;
   ASSIGN_OR_RETURN(pack.capture, ImportCapture(files, options.import));
   RETURN_IF_ERROR(Embed(options.embedded, pack.capture));
+  if (options.join_embedded) RETURN_IF_ERROR(JoinEmbedded(pack.capture));
   for (const std::string& warning : pack.capture.warnings) std::cerr << warning << "\n";
   ASSIGN_OR_RETURN(pack.truth, ReadTruth(folder, pack.capture));
   for (const TruthLevel& level : pack.truth) std::cerr << "truth: " << level.name << "\n";
@@ -69,6 +88,7 @@ int main(int argc, char** argv) {
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_flag("--embedded-masks", options.embedded.masks, "in place of those of the dataset");
+  app.add_flag("--join-embedded-masks", options.join_embedded, "next to those of the dataset");
   app.add_flag("--embedded-depth", options.embedded.depth, "in place of that of the dataset");
   CLI11_PARSE(app, argc, argv);
   if (crowded_pack.empty() && pack.empty()) {
