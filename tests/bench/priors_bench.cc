@@ -1,12 +1,13 @@
-// How good embedded priors are, before anything is trained: of each entity that a capture's ground
-// truth names, in each labelled view, the best IoU with one mask; the rank correlation of the depth
-// with the capture's own; and the time that making them takes.
+// How good priors are, embedded ones and SAM's, before anything is trained: of each entity that a
+// capture's ground truth names, in each labelled view, the best IoU with one mask; the rank
+// correlation of the depth with the capture's own; and the time that making them takes.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -14,36 +15,15 @@
 
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
+#include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/normalize_depth.h"
+#include "tests/bench/answer_cache.h"
 #include "tests/bench/capture_pack.h"
+#include "tests/bench/mask_scores.h"
 
 namespace pepeseg {
 namespace {
-
-constexpr int64_t kMinPixels = 100;  // of an entity in a view, as in the one-click protocol
-
-// By entity: the best IoU and the pixels.
-std::map<uint16_t, std::pair<double, int64_t>> BestIous(const MaskSet& masks,
-                                                        const std::vector<uint16_t>& labels) {
-  std::map<uint16_t, std::pair<double, int64_t>> best;
-  for (const uint16_t label : labels) {
-    if (label != 0) ++best[label].second;
-  }
-  for (int k = 0; k < masks.num_masks; ++k) {
-    std::map<uint16_t, int64_t> inside;
-    const BinaryMask mask = masks.Extract(k);
-    for (size_t i = 0; i < labels.size(); ++i) {
-      if (mask.pixels[i] != 0) ++inside[labels[i]];
-    }
-    for (const auto& [label, both] : inside) {
-      if (label == 0) continue;
-      auto& [iou, num_pixels] = best[label];
-      const auto either = static_cast<double>(num_pixels + masks.mask_area[k] - both);
-      iou = std::max(iou, static_cast<double>(both) / either);
-    }
-  }
-  return best;
-}
 
 // Whether a mask crosses no entity: each it has of the one, or the other has of it, nearly all or
 // nearly nothing.
@@ -101,12 +81,51 @@ double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 
+// One way of asking SAM, in a comparison.
+struct SamVariant {
+  const char* name;
+  AutomaticMaskOptions options;
+};
+std::vector<SamVariant> SamVariants() {
+  const auto variant = [](int points_per_side, bool region_points, double settled_area) {
+    AutomaticMaskOptions options;
+    options.points_per_side = points_per_side;
+    options.region_points = region_points;
+    options.settled_area = settled_area;
+    return options;
+  };
+  std::vector<SamVariant> variants = {
+      {"grid 16", variant(16, false, 0)},
+      {"grid 12", variant(12, false, 0)},
+      {"grid 8", variant(8, false, 0)},
+      {"regions", variant(0, true, 0)},
+      {"regions, grid 16", variant(16, true, 0)},
+      {"regions, grid 12", variant(12, true, 0)},
+      {"regions, grid 8", variant(8, true, 0)},
+      {"regions, grid 16, settled 0.01", variant(16, true, 0.01)},
+      {"regions, grid 16, settled 0.02", variant(16, true, 0.02)},
+      {"regions, grid 16, settled 0.05", variant(16, true, 0.05)},
+      {"regions, grid 16, settled 0.1", variant(16, true, 0.1)},
+      {"regions, grid 16, settled 1", variant(16, true, 1)},
+      {"regions, grid 12, settled 0.02", variant(12, true, 0.02)},
+      {"grid 16, settled 0.02", variant(16, false, 0.02)},
+      {"grid 16, no remainders", variant(16, false, 0)},
+      {"grid 16, thresholds of SAM", variant(16, false, 0)},
+  };
+  variants[14].options.min_remainder_iou = 1;
+  variants[15].options.min_iou = variants[15].options.min_filler_iou = 0.88;
+  variants[15].options.min_stability = variants[15].options.min_filler_stability = 0.95;
+  return variants;
+}
+
 struct BenchOptions {
   std::string pack;
   int every = 1;  // only every n-th view
   bool given_masks = false;
   std::string depth = "given";  // that masks are made with: "given", "none", "embedded"
   EmbeddedMaskOptions masks;
+  std::string sam;      // folder of deploy/sam.sh; empty: masks are not made by SAM
+  int num_threads = 1;  // of SAM
 };
 
 // What the views looked at give, summed up.
@@ -156,21 +175,13 @@ class PriorsBench {
                IsWhole(mask, masks.mask_area[k], level.labels[index]);
       });
     }
-    for (const TruthLevel& level : pack_.truth) {
-      if (level.labels[index].empty()) continue;
-      for (const auto& [label, best] : BestIous(masks, level.labels[index])) {
-        if (best.second < kMinPixels) continue;
-        auto& [sum, count] = of_level_[level.name];
-        sum += best.first;
-        ++count;
-      }
-    }
+    scores_.Add(masks, pack_.truth, index);
   }
   void Print() const {
     std::printf("%d views, %.1f masks and %.3f s a view, %.3f of the masks cross no entity\n",
                 num_views_, num_masks_ / num_views_, mask_seconds_ / num_views_,
                 num_whole_ / num_masks_);
-    for (const auto& [name, sum] : of_level_) {
+    for (const auto& [name, sum] : scores_.of_level()) {
       std::printf("%-8s best IoU %.3f over %d\n", name.c_str(), sum.first / sum.second, sum.second);
     }
     if (num_depths_ == 0) return;
@@ -181,18 +192,109 @@ class PriorsBench {
 
   const BenchOptions& options_;
   CapturePack pack_;
-  std::map<std::string, std::pair<double, int>> of_level_;
+  MaskScores scores_;
   double num_masks_ = 0, num_whole_ = 0, mask_seconds_ = 0;
   double correlation_ = 0, known_ = 0, depth_seconds_ = 0;
   int num_views_ = 0, num_depths_ = 0;
 };
+
+// Compares ways of asking SAM. Each prompt is run once and its answer used by all variants; what a
+// variant costs is the embedding and its number of prompts at their mean processor time.
+class SamBench {
+ public:
+  SamBench(const BenchOptions& options, CapturePack pack,
+           std::unique_ptr<PromptedSegmenter> segmenter)
+      : options_(options), pack_(std::move(pack)), cache_(std::move(segmenter)) {
+    for (const SamVariant& variant : SamVariants()) {
+      for (const bool joined : {false, true}) rows_.push_back({variant, joined});
+    }
+  }
+
+  absl::Status Run() {
+    for (size_t i = 0; i < pack_.capture.views.size(); i += options_.every) {
+      View& view = pack_.capture.views[i];
+      given_.Add(view.masks, pack_.truth, i);
+      if (options_.depth == "none") view.depth = {};
+      if (options_.depth == "embedded") {
+        const std::vector<float> depth = EmbeddedDepth(view, pack_.capture.points);
+        view.depth = {DepthPrior::Kind::kDepth, NormalizeDepth(depth), true};
+      }
+      const MaskSet embedded = EmbeddedMasks(view, options_.masks).masks;
+      embedded_.Add(embedded, pack_.truth, i);
+      for (Row& row : rows_) {
+        row.variant.options.join_embedded = row.joined;
+        auto made = SegmentPhotograph(cache_, view, embedded, row.variant.options,
+                                      [] { return absl::OkStatus(); });
+        if (!made.ok()) return made.status();
+        row.num_prompts += made->num_prompts;
+        row.scores.Add(made->masks, pack_.truth, i);
+      }
+      ++num_views_;
+    }
+    Print();
+    return absl::OkStatus();
+  }
+
+ private:
+  struct Row {
+    SamVariant variant;
+    bool joined;  // with the embedded masks
+    MaskScores scores = {};
+    int num_prompts = 0;
+  };
+
+  void PrintRow(const char* name, const MaskScores& scores, double prompts, double seconds) const {
+    std::printf("| %s | %.0f | %.1f | %.0f |", name, prompts, seconds, scores.masks_per_view());
+    for (const auto& [level, sum] : scores.of_level()) {
+      std::printf(" %.3f |", sum.first / sum.second);
+    }
+    std::printf("\n");
+  }
+  void Print() const {
+    std::printf("%d views; embedding %.2f s, prompt %.4f s of processors\n\n", num_views_,
+                cache_.seconds_per_photograph(), cache_.seconds_per_prompt());
+    std::printf("| masks | prompts | processor s | masks a view |");
+    for (const auto& [level, sum] : given_.of_level()) std::printf(" %s |", level.c_str());
+    std::printf("\n");
+    PrintRow("the dataset's", given_, 0, 0);
+    PrintRow("embedded", embedded_, 0, 0);
+    for (const Row& row : rows_) {
+      const double prompts = double(row.num_prompts) / num_views_;
+      const double seconds =
+          cache_.seconds_per_photograph() + prompts * cache_.seconds_per_prompt();
+      const std::string name =
+          std::string(row.variant.name) + (row.joined ? ", with embedded" : "");
+      PrintRow(name.c_str(), row.scores, prompts, seconds);
+    }
+  }
+
+  const BenchOptions& options_;
+  CapturePack pack_;
+  AnswerCache cache_;
+  std::vector<Row> rows_;
+  MaskScores given_, embedded_;
+  int num_views_ = 0;
+};
+
+int RunBench(const BenchOptions& options) {
+  absl::StatusOr<CapturePack> pack = ReadCapturePack(options.pack);
+  absl::Status status = pack.status();
+  if (pack.ok() && options.sam.empty()) PriorsBench(options, *std::move(pack)).Run();
+  if (pack.ok() && !options.sam.empty()) {
+    auto sam = OpenSam(options.sam, options.num_threads);
+    status = sam.ok() ? SamBench(options, *std::move(pack), *std::move(sam)).Run() : sam.status();
+  }
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "%s\n", status.ToString().c_str());
+  return 1;
+}
 
 }  // namespace
 }  // namespace pepeseg
 
 // NOLINTNEXTLINE(bugprone-exception-escape): CLI11 throws only what CLI11_PARSE catches.
 int main(int argc, char** argv) {
-  CLI::App app("How good embedded priors of a capture pack are");
+  CLI::App app("How good priors of a capture pack are");
   pepeseg::BenchOptions options;
   app.add_option("pack", options.pack)->required();
   app.add_option("--every", options.every, "only every n-th view")->check(CLI::PositiveNumber);
@@ -200,12 +302,8 @@ int main(int argc, char** argv) {
   app.add_option("--depth", options.depth, "that masks are made with")
       ->check(CLI::IsMember({"given", "none", "embedded"}));
   app.add_flag("--given-masks", options.given_masks, "the capture's own, for comparison");
+  app.add_option("--sam", options.sam, "folder of deploy/sam.sh: compare ways of asking SAM");
+  app.add_option("--threads", options.num_threads, "of SAM");
   CLI11_PARSE(app, argc, argv);
-  absl::StatusOr<pepeseg::CapturePack> pack = pepeseg::ReadCapturePack(options.pack);
-  if (!pack.ok()) {
-    std::fprintf(stderr, "%s\n", pack.status().ToString().c_str());
-    return 1;
-  }
-  pepeseg::PriorsBench(options, *std::move(pack)).Run();
-  return 0;
+  return pepeseg::RunBench(options);
 }

@@ -1,0 +1,183 @@
+#include "core/priors/sam/sam_segmenter.h"
+
+#include <algorithm>
+#include <array>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/io/file_bytes.h"
+#include "core/priors/sam/onnx_graph.h"
+#include "core/priors/sam/onnx_runtime.h"
+#include "core/priors/sam/sam_files.h"
+#include "core/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
+constexpr int kFrame = 1024;  // pixels: the encoder's image, into which the photograph is scaled
+constexpr int kExtent = PromptAnswers::kExtent;
+constexpr int kMasks = PromptAnswers::kMasks;
+constexpr float kPadding = -1;  // label of a point that is not one
+
+// Tensors of the decoder's graph.
+constexpr char kAllMasks[] = "/Reshape_9_output_0";
+constexpr char kAllIous[] = "/iou_prediction_head/layers.2/Gemm_output_0";
+
+// The decoder as it is shipped answers one prompt a run by its best mask. Its four masks and their
+// IoUs become the outputs, and the number of prompts becomes free. The image is then not repeated
+// for each prompt: by broadcasting, the image side of the first attention layer is computed once a
+// run, which is exact and was measured to save a fifth. No mask is ever a prompt, so that branch
+// goes.
+OnnxGraphEdit DecoderEdit() {
+  OnnxGraphEdit edit;
+  edit.rewired = {
+      {"/Reshape_3_output_0", "image_embeddings"},       // embeddings, repeated
+      {"/Reshape_6_output_0", "/Unsqueeze_1_output_0"},  // their positions, repeated
+      {"/Gather_2_output_0", "/Gather_1_output_0"},      // batch size: the image's, the prompts'
+      {"/Add_6_output_0", "onnx::Mul_1919"},             // embedding of the mask, and of none
+  };
+  edit.inputs = {{"image_embeddings", {1, 256, 64, 64}},
+                 {"point_coords", {-1, -1, 2}},
+                 {"point_labels", {-1, -1}}};
+  edit.outputs = {{kAllMasks, {-1, kMasks, kExtent, kExtent}}, {kAllIous, {-1, kMasks}}};
+  return edit;
+}
+
+// Scaled into the frame, normalised as in training, then zeros to the right and below.
+// [3, kFrame, kFrame].
+std::vector<float> EncoderInput(const Image& photo) {
+  constexpr std::array<float, 3> kMean = {123.675F, 116.28F, 103.53F};
+  constexpr std::array<float, 3> kDeviation = {58.395F, 57.12F, 57.375F};
+  const double scale = double{kFrame} / std::max(photo.width, photo.height);
+  const cv::Mat from(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.pixels.data()));
+  cv::Mat to;
+  const cv::Size size(std::max(1, cvRound(photo.width * scale)),
+                      std::max(1, cvRound(photo.height * scale)));
+  cv::resize(from, to, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+  std::vector<float> planes(size_t{3} * kFrame * kFrame, 0);
+  for (int y = 0; y < to.rows; ++y) {
+    const auto* row = to.ptr<cv::Vec3b>(y);
+    for (int c = 0; c < 3; ++c) {
+      float* out = &planes[(static_cast<size_t>(c) * kFrame + y) * kFrame];
+      for (int x = 0; x < to.cols; ++x) out[x] = (row[x][c] - kMean[c]) / kDeviation[c];
+    }
+  }
+  return planes;
+}
+
+class SamSegmenter : public PromptedSegmenter {
+ public:
+  static absl::StatusOr<std::unique_ptr<PromptedSegmenter>> Open(
+      const std::filesystem::path& folder, int num_threads) {
+    RETURN_IF_ERROR(CheckSamFiles(folder));
+    auto sam = std::unique_ptr<SamSegmenter>(new SamSegmenter());
+    auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
+    if (!runtime.ok()) {
+      return absl::Status(runtime.status().code(),
+                          absl::StrCat("SAM: ", runtime.status().message()));
+    }
+    sam->runtime_ = *std::move(runtime);
+    ASSIGN_OR_RETURN(sam->encoder_, sam->OpenSession(folder / kSamEncoder, num_threads, nullptr));
+    const OnnxGraphEdit edit = DecoderEdit();
+    ASSIGN_OR_RETURN(sam->decoder_, sam->OpenSession(folder / kSamDecoder, num_threads, &edit));
+    return sam;
+  }
+
+  absl::Status SetPhotograph(const Image& photo) override {
+    grid_ = AnswerGrid(photo.width, photo.height);
+    const std::vector<float> planes = EncoderInput(photo);
+    const OnnxInput input = {"input", {1, 3, kFrame, kFrame}, planes};
+    constexpr std::array<const char*, 1> kOutputs = {"output"};
+    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, encoder_->Run({&input, 1}, kOutputs));
+    embedding_ = std::move(outputs[0]);
+    return CheckShape(embedding_, {1, 256, 64, 64}, kSamEncoder);
+  }
+
+  absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
+    const auto num_prompts = static_cast<int64_t>(prompts.size());
+    const auto num_points = static_cast<int64_t>(prompts[0].size()) + 1;
+    std::vector<float> points, labels;
+    for (const SegmenterPrompt& prompt : prompts) AppendPrompt(prompt, points, labels);
+    const std::array<OnnxInput, 3> inputs = {
+        OnnxInput{"image_embeddings", embedding_.shape, embedding_.values},
+        OnnxInput{"point_coords", {num_prompts, num_points, 2}, points},
+        OnnxInput{"point_labels", {num_prompts, num_points}, labels}};
+    constexpr std::array<const char*, 2> kOutputs = {kAllMasks, kAllIous};
+    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, decoder_->Run(inputs, kOutputs));
+    RETURN_IF_ERROR(CheckShape(outputs[0], {num_prompts, kMasks, kExtent, kExtent}, kSamDecoder));
+    RETURN_IF_ERROR(CheckShape(outputs[1], {num_prompts, kMasks}, kSamDecoder));
+    PromptAnswers answers = grid_;
+    answers.ious = std::move(outputs[1].values);
+    answers.logits = WithoutPadding(outputs[0].values);
+    return answers;
+  }
+
+ private:
+  SamSegmenter() = default;
+
+  absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const std::filesystem::path& file,
+                                                           int num_threads,
+                                                           const OnnxGraphEdit* edit) const {
+    const std::string name = absl::StrCat("SAM: ", file.string());
+    ASSIGN_OR_RETURN(std::string model, ReadFile(file, name, kMaxModelBytes));
+    if (edit != nullptr) {
+      auto edited = EditOnnxGraph(model, *edit, name);
+      if (!edited.ok()) return absl::FailedPreconditionError(edited.status().message());
+      model = *std::move(edited);
+    }
+    auto session = OnnxSession::Create(*runtime_, model, name, num_threads);
+    if (!absl::IsInvalidArgument(session.status())) return session;
+    return absl::FailedPreconditionError(session.status().message());
+  }
+
+  static absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& shape,
+                                 const char* model) {
+    if (tensor.shape == shape) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        absl::StrCat("SAM: ", model, ": not the expected model: an output has another shape"));
+  }
+
+  // In pixels of the frame, whose first pixel has its centre at 0. Without a box, one point that is
+  // not one ends the prompt.
+  void AppendPrompt(const SegmenterPrompt& prompt, std::vector<float>& points,
+                    std::vector<float>& labels) const {
+    const double scale = grid_.cells_per_pixel * kFrame / kExtent;
+    for (const PromptPoint& point : prompt) {
+      points.push_back(static_cast<float>(point.x * scale - 0.5));
+      points.push_back(static_cast<float>(point.y * scale - 0.5));
+      labels.push_back(point.positive ? 1.0F : 0.0F);
+    }
+    points.insert(points.end(), {0, 0});
+    labels.push_back(kPadding);
+  }
+
+  std::vector<float> WithoutPadding(std::span<const float> squares) const {
+    std::vector<float> cells;
+    cells.reserve(squares.size() / kExtent / kExtent * grid_.width * grid_.height);
+    for (size_t first = 0; first < squares.size(); first += size_t{kExtent} * kExtent) {
+      for (int y = 0; y < grid_.height; ++y) {
+        const auto row = squares.subspan(first + static_cast<size_t>(y) * kExtent, grid_.width);
+        cells.insert(cells.end(), row.begin(), row.end());
+      }
+    }
+    return cells;
+  }
+
+  std::unique_ptr<OnnxRuntime> runtime_;
+  std::unique_ptr<OnnxSession> encoder_, decoder_;
+  PromptAnswers grid_;  // without answers
+  OnnxTensor embedding_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PromptedSegmenter>> OpenSam(const std::filesystem::path& folder,
+                                                           int num_threads) {
+  return SamSegmenter::Open(folder, num_threads);
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,257 @@
+#include "core/priors/sam/automatic_masks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+
+// SegmentPhotograph with a network that knows a drawing instead of a photograph.
+namespace pepeseg {
+namespace {
+
+constexpr int kWidth = 64, kHeight = 48;
+
+// Whether a pixel is in a thing.
+using Thing = std::function<bool(double x, double y)>;
+Thing Disc(double x0, double y0, double radius) {
+  return [=](double x, double y) { return std::hypot(x - x0, y - y0) < radius; };
+}
+Thing Rest(const Thing& whole, const Thing& part) {
+  return [=](double x, double y) { return whole(x, y) && !part(x, y); };
+}
+
+struct DrawnThing {
+  Thing holds;
+  float iou = 0.95F;  // as the network estimates it
+  float logit = 8;    // inside; outside its negative
+};
+
+// Answers a point with the things that hold it, in their order. Several points: with the things
+// that hold the positive ones and not the negative ones.
+class DrawingSegmenter : public PromptedSegmenter {
+ public:
+  explicit DrawingSegmenter(std::vector<DrawnThing> things, std::vector<DrawnThing> hidden = {})
+      : things_(std::move(things)), hidden_(std::move(hidden)) {}
+
+  absl::Status SetPhotograph(const Image& photo) override {
+    grid_ = AnswerGrid(photo.width, photo.height);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) override {
+    PromptAnswers answers = grid_;
+    runs.push_back(prompts.size());
+    for (const SegmenterPrompt& prompt : prompts) {
+      if (prompt.size() == 1) points.push_back(prompt[0]);
+      num_several += prompt.size() > 1;
+      std::vector<const DrawnThing*> meant(1, nullptr);  // mask 0
+      for (const DrawnThing& thing : prompt.size() > 1 ? hidden_ : things_) {
+        const bool fits = std::all_of(prompt.begin(), prompt.end(), [&](const PromptPoint& point) {
+          return thing.holds(point.x, point.y) == point.positive;
+        });
+        if (fits) meant.push_back(&thing);
+      }
+      meant.resize(PromptAnswers::kMasks, nullptr);
+      for (const DrawnThing* thing : meant) Append(thing, answers);
+    }
+    return answers;
+  }
+
+  std::vector<PromptPoint> points;
+  std::vector<size_t> runs;
+  int num_several = 0;
+
+ private:
+  void Append(const DrawnThing* thing, PromptAnswers& answers) const {
+    answers.ious.push_back(thing == nullptr ? 0 : thing->iou);
+    for (int y = 0; y < grid_.height; ++y) {
+      for (int x = 0; x < grid_.width; ++x) {
+        const bool inside = thing != nullptr && thing->holds((x + 0.5) / grid_.cells_per_pixel,
+                                                             (y + 0.5) / grid_.cells_per_pixel);
+        answers.logits.push_back(thing == nullptr ? -1 : inside ? thing->logit : -thing->logit);
+      }
+    }
+  }
+
+  std::vector<DrawnThing> things_, hidden_;
+  PromptAnswers grid_;
+};
+
+View TestView() {
+  View view;
+  view.photo = {kWidth, kHeight, 3, std::vector<uint8_t>(kWidth * kHeight * 3)};
+  return view;
+}
+
+absl::Status Go() { return absl::OkStatus(); }
+
+AutomaticMasks Segment(DrawingSegmenter& segmenter, const AutomaticMaskOptions& options,
+                       const MaskSet& embedded = {}, const View& view = TestView()) {
+  auto made = SegmentPhotograph(segmenter, view, embedded, options, Go);
+  EXPECT_TRUE(made.ok()) << made.status();
+  return *std::move(made);
+}
+
+double IouWith(const MaskSet& masks, int k, const Thing& thing) {
+  const BinaryMask mask = masks.Extract(k);
+  double common = 0, united = 0;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    const bool inside = thing(i % kWidth + 0.5, i / kWidth + 0.5);
+    common += inside && mask.pixels[i] != 0;
+    united += inside || mask.pixels[i] != 0;
+  }
+  return common / united;
+}
+double BestIou(const MaskSet& masks, const Thing& thing) {
+  double best = 0;
+  for (int k = 0; k < masks.num_masks; ++k) best = std::max(best, IouWith(masks, k, thing));
+  return best;
+}
+
+MaskSet OneMask(const Thing& thing) {
+  BinaryMask mask;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    mask.pixels.push_back(thing(i % kWidth + 0.5, i / kWidth + 0.5) ? 1 : 0);
+  }
+  return BuildMaskSet(kWidth, kHeight, {&mask, 1});
+}
+
+const Thing kBig = Disc(32, 24, 18), kSmall = Disc(32, 24, 10), kFar = Disc(56, 8, 5);
+
+AutomaticMaskOptions Grid(int points_per_side) {
+  AutomaticMaskOptions options;
+  options.points_per_side = points_per_side;
+  return options;
+}
+
+TEST(SegmentPhotograph, AsksAtEachPointOfTheGridInRuns) {
+  DrawingSegmenter segmenter({});
+  AutomaticMaskOptions options = Grid(5);
+  options.prompts_per_run = 8;
+  const AutomaticMasks made = Segment(segmenter, options);
+  EXPECT_EQ(made.num_prompts, 25);
+  EXPECT_EQ(made.masks.num_masks, 0);
+  EXPECT_THAT(segmenter.runs, ::testing::ElementsAre(8, 8, 8, 1));
+  std::set<std::pair<float, float>> places;
+  for (const PromptPoint& point : segmenter.points) places.emplace(point.x, point.y);
+  EXPECT_EQ(places.size(), 25u);
+  EXPECT_TRUE(places.contains({0.1F * kWidth, 0.1F * kHeight}));
+  EXPECT_TRUE(places.contains({0.9F * kWidth, 0.5F * kHeight}));
+}
+
+TEST(SegmentPhotograph, KeepsEachThingOnce) {
+  DrawingSegmenter segmenter({{kSmall}, {kBig}, {kFar}});
+  const MaskSet masks = Segment(segmenter, Grid(12)).masks;
+  EXPECT_EQ(masks.num_masks, 3);
+  for (const Thing& thing : {kSmall, kBig, kFar}) EXPECT_GT(BestIou(masks, thing), 0.93);
+}
+
+// A ring has the box of its disc: both stay.
+TEST(SegmentPhotograph, SuppressesByMasksAndNotByBoxes) {
+  const Thing ring = Rest(kBig, Disc(32, 24, 14));
+  DrawingSegmenter segmenter({{kBig}, {ring}, {Disc(32.5, 24, 18), 0.9F}});
+  const MaskSet masks = Segment(segmenter, Grid(12)).masks;
+  EXPECT_EQ(masks.num_masks, 2);
+  EXPECT_GT(BestIou(masks, ring), 0.85);
+}
+
+TEST(SegmentPhotograph, TakesLessSureMasksOnlyWhereNoSureOneIs) {
+  DrawingSegmenter segmenter({{kBig}, {kSmall, 0.75F}, {kFar, 0.75F}});
+  const MaskSet masks = Segment(segmenter, Grid(12)).masks;
+  EXPECT_EQ(masks.num_masks, 2);
+  EXPECT_GT(BestIou(masks, kFar), 0.9);
+  EXPECT_LT(BestIou(masks, kSmall), 0.5);
+}
+
+TEST(SegmentPhotograph, DropsUnstableMasks) {
+  DrawingSegmenter segmenter({{kBig, 0.95F, 0.5F}});  // logits under the offset
+  EXPECT_EQ(Segment(segmenter, Grid(8)).masks.num_masks, 0);
+}
+
+TEST(SegmentPhotograph, AsksForTheRestOfWhatHoldsAnother) {
+  const Thing rest = Rest(kBig, kSmall);
+  DrawingSegmenter segmenter({{kBig}, {kSmall}}, {{rest}});
+  const AutomaticMasks made = Segment(segmenter, Grid(10));
+  EXPECT_EQ(segmenter.num_several, 1);
+  EXPECT_EQ(made.num_prompts, 101);
+  EXPECT_EQ(made.masks.num_masks, 3);
+  EXPECT_GT(BestIou(made.masks, rest), 0.9);
+  AutomaticMaskOptions options = Grid(10);
+  options.min_remainder_iou = 1;
+  EXPECT_EQ(Segment(segmenter, options).masks.num_masks, 2);
+}
+
+TEST(SegmentPhotograph, DropsAnAnswerThatIsNotTheRest) {
+  DrawingSegmenter segmenter({{kBig}, {kSmall}}, {{Rest(kFar, kSmall)}, {Disc(32, 40, 4)}});
+  EXPECT_EQ(Segment(segmenter, Grid(10)).masks.num_masks, 2);
+}
+
+TEST(SegmentPhotograph, PassesOverPointsThatASmallSureMaskHolds) {
+  DrawingSegmenter segmenter({{kBig}});
+  AutomaticMaskOptions options = Grid(16);
+  const int num_all = Segment(segmenter, options).num_prompts;
+  options.settled_area = 0.2;  // the disc has 0.33 of the photograph
+  EXPECT_EQ(Segment(segmenter, options).num_prompts, num_all);
+  options.settled_area = 0.5;
+  const AutomaticMasks made = Segment(segmenter, options);
+  EXPECT_LT(made.num_prompts, num_all - 60);
+  EXPECT_EQ(made.masks.num_masks, 1);
+}
+
+TEST(SegmentPhotograph, AsksAtTheDeepestPointsOfEmbeddedMasks) {
+  DrawingSegmenter segmenter({{kFar}});
+  AutomaticMaskOptions options = Grid(0);
+  options.region_points = true;
+  const AutomaticMasks made = Segment(segmenter, options, OneMask(kFar));
+  ASSERT_EQ(segmenter.points.size(), 1u);
+  EXPECT_NEAR(segmenter.points[0].x, 56, 1);
+  EXPECT_NEAR(segmenter.points[0].y, 8, 1);
+  EXPECT_EQ(made.masks.num_masks, 1);
+  options.region_points = false;
+  EXPECT_EQ(Segment(segmenter, options, OneMask(kFar)).num_prompts, 0);
+}
+
+TEST(SegmentPhotograph, JoinsEmbeddedMasksThatAreNoDuplicates) {
+  DrawingSegmenter segmenter({{kBig}});
+  AutomaticMaskOptions options = Grid(8);
+  EXPECT_EQ(Segment(segmenter, options, OneMask(kFar)).masks.num_masks, 2);
+  EXPECT_EQ(Segment(segmenter, options, OneMask(Disc(32, 24, 17.5))).masks.num_masks, 1);
+  options.join_embedded = false;
+  EXPECT_EQ(Segment(segmenter, options, OneMask(kFar)).masks.num_masks, 1);
+}
+
+TEST(SegmentPhotograph, LeavesOutIgnoredPixels) {
+  DrawingSegmenter segmenter({{kBig}});
+  View view = TestView();
+  view.ignore.assign(kWidth * kHeight, 0);
+  for (int i = 0; i < kWidth * 24; ++i) view.ignore[i] = 1;
+  const MaskSet masks = Segment(segmenter, Grid(8), OneMask(kFar), view).masks;
+  ASSERT_EQ(masks.num_masks, 1);  // of the embedded one nothing is left
+  EXPECT_FALSE(masks.Covers(0, 32, 20));
+  EXPECT_TRUE(masks.Covers(0, 32, 30));
+}
+
+TEST(SegmentPhotograph, EndsWithTheErrorOfItsProgress) {
+  DrawingSegmenter segmenter({{kBig}});
+  int calls = 0;
+  const auto made = SegmentPhotograph(segmenter, TestView(), {}, Grid(16), [&calls] {
+    return ++calls == 5 ? absl::CancelledError("stopped") : absl::OkStatus();
+  });
+  EXPECT_TRUE(absl::IsCancelled(made.status()));
+  EXPECT_EQ(segmenter.runs.size(), 3u);  // the first call comes before the photograph
+}
+
+TEST(SegmentPhotograph, AnswersTheSameEachTime) {
+  DrawingSegmenter segmenter({{kSmall}, {kBig}, {kFar}});
+  const MaskSet first = Segment(segmenter, Grid(12)).masks;
+  EXPECT_EQ(Segment(segmenter, Grid(12)).masks.pixel_patch, first.pixel_patch);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,153 @@
+#include "core/priors/sam/sam_segmenter.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "core/io/import.h"
+#include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/onnx_runtime.h"
+#include "core/priors/sam/sam_files.h"
+#include "tests/testing/fake_sam.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::MakeFakeSam;
+using testing::ReplaceSamFile;
+
+std::string Text(const absl::Status& status) { return std::string(status.message()); }
+
+struct SamFilesTest : ::testing::Test {
+  SamFilesTest() : sam(folder / "sam") { MakeFakeSam(sam); }
+  absl::Status Open() { return OpenSam(sam, 1).status(); }
+
+  testing::TempFolder folder;
+  const std::filesystem::path sam;
+};
+
+TEST_F(SamFilesTest, AreWhatTheirDigestsSay) {
+  EXPECT_TRUE(CheckSamFiles(sam).ok()) << CheckSamFiles(sam);
+  std::ofstream(sam / "encoder.onnx", std::ios::app) << "x";
+  const absl::Status status = CheckSamFiles(sam);
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_THAT(Text(status), AllOf(HasSubstr("encoder.onnx: its SHA-256 is "),
+                                  HasSubstr("deploy/sam.sh " + sam.string())));
+  EXPECT_EQ(Open(), status);
+}
+
+TEST_F(SamFilesTest, AreMissedByName) {
+  std::filesystem::remove(sam / "sam.onnx");
+  EXPECT_THAT(Text(CheckSamFiles(sam)), HasSubstr("sam.onnx"));
+  std::ofstream(sam / "SHA256SUMS") << "00  encoder.onnx\n";
+  EXPECT_TRUE(absl::IsFailedPrecondition(CheckSamFiles(sam)));
+  std::filesystem::remove(sam / "SHA256SUMS");
+  EXPECT_TRUE(absl::IsNotFound(CheckSamFiles(sam)));
+  EXPECT_THAT(Text(CheckSamFiles(folder / "none")), HasSubstr("deploy/sam.sh"));
+}
+
+TEST_F(SamFilesTest, AreRefusedWhereTheLibraryDoesNotLoad) {
+  ReplaceSamFile(sam, "libonnxruntime.so.1", "a text");
+  EXPECT_TRUE(absl::IsFailedPrecondition(Open()));
+  EXPECT_THAT(Text(Open()), HasSubstr("libonnxruntime.so.1: does not load: "));
+}
+
+TEST_F(SamFilesTest, AreRefusedWhereTheLibraryIsAnother) {
+  EXPECT_THAT(Text(OnnxRuntime::Load("libm.so.6").status()), HasSubstr("is not ONNX Runtime"));
+}
+
+TEST_F(SamFilesTest, AreRefusedWhereTheModelIsTruncated) {
+  const std::string decoder = testing::FakeDecoder();
+  ReplaceSamFile(sam, "sam.onnx", decoder.substr(0, decoder.size() / 2));
+  EXPECT_TRUE(absl::IsFailedPrecondition(Open()));
+  EXPECT_THAT(Text(Open()), HasSubstr("sam.onnx: not an ONNX model, or cut off"));
+}
+
+TEST_F(SamFilesTest, AreRefusedWhereTheModelIsAnother) {
+  ReplaceSamFile(sam, "sam.onnx", testing::ProtoBytes(7, testing::ProtoBytes(2, "a graph")));
+  EXPECT_THAT(Text(Open()), HasSubstr("sam.onnx: not the expected model: it has no tensor /"));
+}
+
+TEST_F(SamFilesTest, SayWhereMemoryIsShort) {
+  ReplaceSamFile(sam, "encoder.onnx", "out of memory");
+  EXPECT_TRUE(absl::IsResourceExhausted(Open())) << Open();
+}
+
+double BestIou(const MaskSet& masks, const BinaryMask& thing) {
+  double best = 0;
+  for (int k = 0; k < masks.num_masks; ++k) {
+    const BinaryMask mask = masks.Extract(k);
+    double common = 0, united = 0;
+    for (size_t i = 0; i < mask.pixels.size(); ++i) {
+      common += mask.pixels[i] & thing.pixels[i];
+      united += mask.pixels[i] | thing.pixels[i];
+    }
+    best = std::max(best, common / united);
+  }
+  return best;
+}
+
+// Left half red, right half blue, with a green square: the fake network tells colours apart, in
+// cells of 16 pixels of its frame, which is as large as this photograph.
+TEST_F(SamFilesTest, SegmentThroughTheLibrarysInterface) {
+  View view;
+  constexpr int kWidth = 1024, kHeight = 640;
+  view.photo = {kWidth, kHeight, 3, {}};
+  BinaryMask reds, greens, blues;
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    const int x = i % kWidth, y = i / kWidth;
+    const bool green = x >= 640 && x < 896 && y >= 160 && y < 416, red = x < 512,
+               blue = !red && !green;
+    reds.pixels.push_back(red ? 1 : 0);
+    greens.pixels.push_back(green ? 1 : 0);
+    blues.pixels.push_back(blue ? 1 : 0);
+    for (const bool lit : {red, green, blue}) view.photo.pixels.push_back(lit ? 250 : 0);
+  }
+  const auto segmenter = OpenSam(sam, 1);
+  ASSERT_TRUE(segmenter.ok()) << segmenter.status();
+  const auto made = SegmentPhotograph(**segmenter, view, {}, {}, [] { return absl::OkStatus(); });
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_EQ(made->num_prompts, 144);
+  EXPECT_EQ(made->masks.num_masks, 3);
+  for (const BinaryMask& thing : {reds, greens, blues}) {
+    EXPECT_GT(BestIou(made->masks, thing), 0.97);
+  }
+}
+
+// With the files that deploy/sam.sh installs: `make sam-test`.
+TEST(RealSam, FindsTheProductsOfTheShelf) {
+  const char* folder = std::getenv("PEPESEG_SAM");
+  if (folder == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
+  const auto files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf");
+  ASSERT_TRUE(files.ok()) << files.status();
+  auto capture = ImportCapture(*files, {});
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  const View& view = capture->views[0];
+  const auto segmenter = OpenSam(folder, 2);
+  ASSERT_TRUE(segmenter.ok()) << segmenter.status();
+  AutomaticMaskOptions options;
+  options.points_per_side = 8;
+  const auto made =
+      SegmentPhotograph(**segmenter, view, {}, options, [] { return absl::OkStatus(); });
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_GE(made->masks.num_masks, 15);
+  // The masks that come with the scene are of the same network, by another program.
+  int num_found = 0, num_large = 0;
+  for (int k = 0; k < view.masks.num_masks; ++k) {
+    if (view.masks.mask_area[k] < 4000) continue;
+    ++num_large;
+    num_found += BestIou(made->masks, view.masks.Extract(k)) > 0.85 ? 1 : 0;
+  }
+  EXPECT_GE(num_large, 10);
+  EXPECT_GE(num_found, num_large / 2) << num_found << " of " << num_large;
+}
+
+}  // namespace
+}  // namespace pepeseg

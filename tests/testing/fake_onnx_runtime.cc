@@ -1,0 +1,174 @@
+// A library in place of ONNX Runtime, with as much of its C interface as core/priors/sam uses. Its
+// two "models" segment by colour: the encoder answers with mean colours, the decoder with the cells
+// whose colour is like that of the first point. A model that has "out of memory" in it is refused
+// as the real library refuses one that does not fit.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace {
+
+constexpr int kCells = 64, kExtent = 256, kMasks = 4, kChannels = 256, kFrame = 1024;
+
+struct Failure {
+  std::string message;
+};
+struct Session {
+  bool decodes = false;
+};
+struct Value {
+  std::vector<int64_t> shape;
+  std::vector<float> owned;
+  float* data = nullptr;
+};
+
+Value* MakeValue(std::vector<int64_t> shape) {
+  size_t count = 1;
+  for (const int64_t size : shape) count *= static_cast<size_t>(size);
+  auto* value = new Value{std::move(shape), std::vector<float>(count), nullptr};
+  value->data = value->owned.data();
+  return value;
+}
+
+const char* GetErrorMessage(Failure* failure) { return failure->message.c_str(); }
+Failure* MakeObject(void** out) {
+  *out = new int(0);
+  return nullptr;
+}
+Failure* CreateEnv(int, const char*, void** out) { return MakeObject(out); }
+Failure* CreateCpuMemoryInfo(int, int, void** out) { return MakeObject(out); }
+Failure* SetIntraOpNumThreads(void*, int) { return nullptr; }
+Failure* AddSessionConfigEntry(void*, const char*, const char*) { return nullptr; }
+Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out) {
+  const std::string_view model(static_cast<const char*>(bytes), size);
+  if (model.find("out of memory") != model.npos) {
+    return new Failure{"Failed to allocate memory for requested buffer of size 1"};
+  }
+  *out = new Session{model.find("point_coords") != model.npos};
+  return nullptr;
+}
+Failure* CreateTensor(void*, void* data, size_t, const int64_t* shape, size_t rank, int,
+                      void** out) {
+  *out = new Value{std::vector<int64_t>(shape, shape + rank), {}, static_cast<float*>(data)};
+  return nullptr;
+}
+Failure* GetData(Value* value, void** out) {
+  *out = value->data;
+  return nullptr;
+}
+Failure* GetShape(Value* value, void** out) {
+  *out = new std::vector<int64_t>(value->shape);
+  return nullptr;
+}
+Failure* GetDimensionsCount(std::vector<int64_t>* shape, size_t* out) {
+  *out = shape->size();
+  return nullptr;
+}
+Failure* GetDimensions(std::vector<int64_t>* shape, int64_t* out, size_t count) {
+  std::copy_n(shape->begin(), count, out);
+  return nullptr;
+}
+
+Value* Encode(const Value& image) {
+  constexpr int kBlock = kFrame / kCells;
+  Value* colours = MakeValue({1, kChannels, kCells, kCells});
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < kFrame; ++y) {
+      for (int x = 0; x < kFrame; ++x) {
+        colours->data[(c * kCells + y / kBlock) * kCells + x / kBlock] +=
+            image.data[(static_cast<size_t>(c) * kFrame + y) * kFrame + x] / (kBlock * kBlock);
+      }
+    }
+  }
+  return colours;
+}
+
+void Decode(const Value& colours, const Value& points, Value& logits, Value& ious) {
+  constexpr float kTolerance[kMasks] = {0.3F, 0.2F, 0.4F, 0.8F},
+                  kIous[kMasks] = {0.9F, 0.95F, 0.9F, 0.85F};
+  const int64_t num_points = points.shape[1];
+  for (int64_t prompt = 0; prompt < points.shape[0]; ++prompt) {
+    const float* point = points.data + prompt * num_points * 2;
+    const auto cell = [](float at) {
+      return std::clamp(static_cast<int>(at / kFrame * kCells), 0, kCells - 1);
+    };
+    const int seed = cell(point[1]) * kCells + cell(point[0]);
+    for (int64_t i = 0; i < int64_t{kMasks} * kExtent * kExtent; ++i) {
+      const auto mask = i / (kExtent * kExtent);
+      const auto y = i / kExtent % kExtent, x = i % kExtent;
+      const auto at = y * kCells / kExtent * kCells + x * kCells / kExtent;
+      float distance = 0;
+      for (int c = 0; c < 3; ++c) {
+        const float* plane = colours.data + c * kCells * kCells;
+        distance = std::max(distance, std::abs(plane[at] - plane[seed]));
+      }
+      logits.data[prompt * kMasks * kExtent * kExtent + i] = distance < kTolerance[mask] ? 8 : -8;
+    }
+    std::copy_n(kIous, kMasks, ious.data + prompt * kMasks);
+  }
+}
+
+Failure* Run(Session* session, void*, const char* const*, Value* const* inputs, size_t,
+             const char* const*, size_t, void** outputs) {
+  if (!session->decodes) {
+    outputs[0] = Encode(*inputs[0]);
+    return nullptr;
+  }
+  const int64_t num_prompts = inputs[1]->shape[0];
+  Value* logits = MakeValue({num_prompts, kMasks, kExtent, kExtent});
+  Value* ious = MakeValue({num_prompts, kMasks});
+  Decode(*inputs[0], *inputs[1], *logits, *ious);
+  outputs[0] = logits;
+  outputs[1] = ious;
+  return nullptr;
+}
+
+template <typename T>
+void Release(T* object) {
+  delete object;
+}
+
+using Function = void (*)();
+const Function* GetApi(uint32_t version) {
+  static Function table[200] = {};
+  const auto set = [](int position, auto* function) {
+    table[position] = reinterpret_cast<Function>(function);
+  };
+  set(2, GetErrorMessage);
+  set(3, CreateEnv);
+  set(8, CreateSession);
+  set(9, Run);
+  set(10, MakeObject);
+  set(24, SetIntraOpNumThreads);
+  set(49, CreateTensor);
+  set(51, GetData);
+  set(61, GetDimensionsCount);
+  set(62, GetDimensions);
+  set(65, GetShape);
+  set(69, CreateCpuMemoryInfo);
+  for (const int position : {92, 94, 100}) set(position, Release<int>);
+  set(93, Release<Failure>);
+  set(95, Release<Session>);
+  set(96, Release<Value>);
+  set(99, Release<std::vector<int64_t>>);
+  set(130, AddSessionConfigEntry);
+  return version <= 17 ? table : nullptr;
+}
+
+const char* GetVersion() { return "1.17.0"; }
+
+struct ApiBase {
+  const Function* (*get_api)(uint32_t version);
+  const char* (*get_version)();
+};
+
+}  // namespace
+
+extern "C" __attribute__((visibility("default"))) const ApiBase* OrtGetApiBase() {
+  static const ApiBase base = {GetApi, GetVersion};
+  return &base;
+}
