@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace pepeseg {
 namespace {
@@ -25,6 +26,14 @@ std::filesystem::path DefaultData() {
   const char* home = std::getenv("HOME");
   if (home == nullptr || home[0] != '/') return {};
   return std::filesystem::path(home) / ".local" / "share" / "pepeseg";
+}
+
+// Where deploy/sam.sh puts SAM without a FOLDER, and where images and packages have it.
+std::vector<std::filesystem::path> DefaultSam() {
+  std::vector<std::filesystem::path> folders = {"/usr/share/pepeseg/sam"};
+  const std::filesystem::path data = DefaultData();
+  if (!data.empty()) folders.insert(folders.begin(), data / "sam");
+  return folders;
 }
 
 void AddListenerFlags(CLI::App& app, ServerOptions& server) {
@@ -109,6 +118,17 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
          "Program that makes masks and depth maps for datasets that have none, as README.md "
          "says; a name without '/' is looked for in PATH")
       ->type_name("PROGRAM");
+  server.default_sam = DefaultSam();
+  app.add_option_function<std::string>(
+         "--sam",
+         [&server](const std::string& folder) {
+           server.default_sam.clear();
+           server.launch.sam = folder == "off" ? "" : folder;
+         },
+         "Folder of a small SAM that deploy/sam.sh has installed, which makes masks for datasets "
+         "that have none; off: none is used. Without it sam in the default data directory, or "
+         "/usr/share/pepeseg/sam, where there is one")
+      ->type_name("FOLDER");
   app.add_option("--priors-seconds", server.priors_seconds, "Its time limit for one job")
       ->check(CLI::Range(1, 7 * 24 * 3600))
       ->capture_default_str();
@@ -214,6 +234,9 @@ void MakePathsAbsolute(Flags& flags) {
   }
   for (std::string& path : server.launch.sandbox_reads) {
     path = std::filesystem::absolute(path).string();
+  }
+  if (!server.launch.sam.empty()) {
+    server.launch.sam = std::filesystem::absolute(server.launch.sam).string();
   }
   // A name without a slash is looked for in PATH.
   if (server.colmap.find('/') != std::string::npos) {

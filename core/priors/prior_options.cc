@@ -1,15 +1,20 @@
 #include "core/priors/prior_options.h"
 
+#include <string_view>
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 
 namespace pepeseg {
 
 absl::Status Validate(const PriorOptions& options) {
   for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
-    if (maker >= PriorMaker::kAuto && maker <= PriorMaker::kCommand) continue;
-    return absl::InvalidArgumentError(
-        absl::StrCat(name, " is ", static_cast<int>(maker),
-                     ", it must be none, embedded or command, or left out"));
+    const bool masks = name == std::string_view("masks");
+    const PriorMaker last = masks ? PriorMaker::kSamAndEmbedded : PriorMaker::kCommand;
+    if (maker >= PriorMaker::kAuto && maker <= last) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        name, " is ", static_cast<int>(maker), ", it must be none, embedded",
+        masks ? ", command, sam or sam and embedded" : " or command", ", or left out"));
   }
   return absl::OkStatus();
 }

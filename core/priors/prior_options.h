@@ -6,10 +6,14 @@ namespace pepeseg {
 
 // What makes masks or depth maps where a dataset has none of them.
 enum class PriorMaker {
-  kAuto = 0,  // the command where there is one and it succeeds, else what is embedded
+  // The command where there is one and it succeeds; else, for masks and where SAM is installed,
+  // SAM and what is embedded; else what is embedded.
+  kAuto = 0,
   kNone = 1,
   kEmbedded = 2,
-  kCommand = 3,  // the operator's program, or the job fails
+  kCommand = 3,         // the operator's program, or the job fails
+  kSam = 4,             // masks only: a small SAM, see sam/sam_segmenter.h
+  kSamAndEmbedded = 5,  // masks only: both, without what is in both
 };
 
 struct PriorOptions {

@@ -27,7 +27,8 @@
 //                            result; checkpoints/: its state on the way there; frames/: of videos,
 //                            poses/: of the stage sfm, each whole once its own manifest is there
 //   work/priors/             the priors command's files, and how it ended
-//                            (worker_priors_command.h)
+//                            (worker_priors_command.h); sam/: SAM's masks of the photographs that
+//                            are done (worker_sam.h)
 //   work/tmp/                TMPDIR of the worker, and of the programs that it runs
 //   work/result-FENCE.json   how it ended
 namespace pepeseg {

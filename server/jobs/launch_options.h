@@ -18,6 +18,9 @@ struct LaunchOptions {
   bool sandbox = true;
   // Absolute paths of files and folders that they read and run besides what every job needs.
   std::vector<std::string> sandbox_reads;
+  // Folder of SAM's files, for masks (core/priors/sam/sam_files.h), which workers check before they
+  // use it; empty: none.
+  std::string sam;
   // Names of variables of the server's environment that they get besides JobEnvironment's.
   std::vector<std::string> pass_environment;
   // For workers that Slurm starts again: they take their next fence there. Store::Open's.

@@ -5,9 +5,10 @@
 namespace pepeseg {
 namespace {
 
-// What works today: see clients/python/pepeseg_priors/README.md.
+// What works today: deploy/sam.sh, and clients/python/pepeseg_priors/README.md.
 constexpr char kRemedy[] =
-    "For better masks, run pepeseg-priors (SAM, in clients/python/pepeseg_priors) on the "
+    "For better masks, have the server's operator install SAM (make sam, or deploy/sam.sh) and "
+    "start it again, or run pepeseg-priors (SAM, in clients/python/pepeseg_priors) on the "
     "photographs and upload its masks/ with them, or start the server with pepesegd "
     "--priors-command=pepeseg-priors; then train again.";
 
@@ -29,8 +30,8 @@ std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>&
   return {};
 }
 
-std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_priors_command) {
-  if (has_masks || has_priors_command) return {};
+std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_mask_maker) {
+  if (has_masks || has_mask_maker) return {};
   return {absl::StrCat(
       "No masks are among the files: a training makes them by the server's built-in method, which "
       "knows no objects, so segments may be poor. ",

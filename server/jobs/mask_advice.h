@@ -8,10 +8,11 @@
 namespace pepeseg {
 
 // Advice on a model, by JobResult::sources: masks made by the built-in method, or none. Empty where
-// masks were given or made by a command, and where `sources` does not say.
+// masks were given or made by SAM or a command, and where `sources` does not say.
 std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>& sources);
 
-// Advice on a dataset. Empty where it has masks, or the server has a priors command to make them.
-std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_priors_command);
+// Advice on a dataset. Empty where it has masks, or the server has SAM or a priors command to make
+// them.
+std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_mask_maker);
 
 }  // namespace pepeseg

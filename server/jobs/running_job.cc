@@ -122,6 +122,9 @@ WorkerCommand RunningJob::Command() const {
   if (!options.lpips_weights.empty()) {
     command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
   }
+  if (!options.launch.sam.empty()) {
+    command.arguments.push_back(absl::StrCat("--sam=", options.launch.sam));
+  }
   if (!options.priors_command.empty()) {
     command.arguments.push_back(absl::StrCat("--priors-command=", options.priors_command.string()));
     command.arguments.push_back(absl::StrCat("--priors-seconds=", options.priors_seconds));

@@ -12,6 +12,7 @@
 #include "server/jobs/worker_heic.h"
 #include "server/jobs/worker_plan.h"
 #include "server/jobs/worker_priors_command.h"
+#include "server/jobs/worker_sam.h"
 #include "server/jobs/worker_sfm.h"
 #include "server/jobs/worker_verify.h"
 
@@ -47,6 +48,7 @@ class InputStages {
   absl::Status MakePriorsByCommand(PriorWants asked);
   absl::Status TakeFromCommand(PriorWants wants);
   absl::Status MakeEmbeddedPriors(PriorWants asked);
+  absl::Status ImproveMasksBySam();
   absl::Status NoteMade(const std::vector<DatasetFile>& made, const char* what, PriorMaker maker);
   std::map<std::string, double> Counts() const;
 
@@ -199,20 +201,42 @@ absl::Status InputStages::MakeEmbeddedPriors(PriorWants asked) {
   const EmbeddedPriors made = {wants(asked.masks, "masks", settings_.priors.masks),
                                wants(asked.depth, "depth", settings_.priors.depth)};
   if (!made.masks && !made.depth) return absl::OkStatus();
+  const PriorMaker maker = settings_.priors.masks;
+  const bool by_sam = made.masks && UsesSam(job_, maker);
+  if (made.masks && job_.sam.empty() &&
+      (maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded)) {
+    stages_.Warn("SAM: this server has none any more. The job goes on with the built-in masks.");
+  }
   RETURN_IF_ERROR(
       EmbedPriors(made, job_.spec.num_threads, inputs_.capture, [&](int done, int num_views) {
-        return stages_.Step({.stage = "priors",
+        StepReport report = {.stage = "priors",
                              .step = done,
                              .num_steps = num_views,
                              .activity = MakingActivity(made.masks, made.depth),
-                             .unit = "photographs"});
+                             .unit = "photographs"};
+        if (by_sam) report.share = kShareBeforeSam * done / num_views;
+        return stages_.Step(report);
       }));
-  const std::map<std::string, double> counts = Counts();
-  if (made.masks && counts.at("num_masks") > 0) {
-    inputs_.sources["masks"] = "embedded";
+  if (made.depth && Counts().at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
+  if (!made.masks) return absl::OkStatus();
+  if (Counts().at("num_masks") > 0) inputs_.sources["masks"] = "embedded";
+  if (by_sam) RETURN_IF_ERROR(ImproveMasksBySam());
+  if (inputs_.sources["masks"] != "none") {
     for (const std::string& advice : AdviceOnModel(inputs_.sources)) stages_.Warn(advice);
   }
-  if (made.depth && counts.at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
+  return absl::OkStatus();
+}
+
+// Where SAM fails, the embedded masks stay.
+absl::Status InputStages::ImproveMasksBySam() {
+  const PriorMaker maker = settings_.priors.masks;
+  const absl::Status status = SegmentViews(job_, maker, stages_, inputs_.capture);
+  if (absl::IsCancelled(status)) return status;
+  if (!status.ok()) {
+    stages_.Warn(absl::StrCat(status.message(), ". The job goes on with the built-in masks."));
+    return absl::OkStatus();
+  }
+  inputs_.sources["masks"] = maker == PriorMaker::kSam ? "sam" : "sam and embedded";
   return absl::OkStatus();
 }
 

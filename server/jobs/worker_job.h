@@ -47,6 +47,8 @@ struct WorkerJob {
   PriorsCommand priors;
   // Gets the digests of inputs whose stored bytes are damaged; see VerifyInputs.
   std::vector<std::string>& damaged_inputs;
+  // Folder of SAM's files, see core/priors/sam/sam_files.h; empty: there is none.
+  std::filesystem::path sam = {};
 };
 
 // The stages of a training, one after the other: prepare -> sfm -> priors (worker_inputs.h) ->

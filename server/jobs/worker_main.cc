@@ -51,6 +51,7 @@ struct Arguments {
   std::string photograph;  // FormatPhotographTask's
   std::string lpips_weights;
   PriorsCommand priors;
+  std::string sam;
   std::string colmap = "colmap";
   int64_t fence = 0;
   pid_t parent = 0;
@@ -63,7 +64,8 @@ struct Arguments {
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] "
     "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N] [--log-format=text|json] [--sandbox=on|off] [--sandbox-read=PATH]... "
+    "[--priors-seconds=N] [--sam=FOLDER] [--log-format=text|json] [--sandbox=on|off] "
+    "[--sandbox-read=PATH]... "
     "[--pass-environment=NAME]...\n"
     "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER";
 
@@ -82,6 +84,7 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
     if (TakeFlag(word, "--job=", &arguments->folder) ||
         TakeFlag(word, "--photograph=", &arguments->photograph) ||
         TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
+        TakeFlag(word, "--sam=", &arguments->sam) ||
         TakeFlag(word, "--colmap=", &arguments->colmap)) {
       continue;
     }
@@ -136,7 +139,7 @@ WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments&
   if (log.ok()) {
     absl::StatusOr<JobResult> made =
         RunWithinMemory({folder, spec, **log, stop_switch, arguments.lpips_weights,
-                         arguments.colmap, arguments.priors, damaged});
+                         arguments.colmap, arguments.priors, damaged, arguments.sam});
     if (made.ok()) {
       result = *std::move(made);
     } else {
@@ -212,6 +215,7 @@ SandboxNeeds NeedsOf(const JobSpec& spec, const JobFolder& folder, const Argumen
   needs.writes = {folder.work()};
   for (const JobSpecFile& file : spec.files) needs.reads.emplace_back(file.path);
   if (!arguments.lpips_weights.empty()) needs.reads.emplace_back(arguments.lpips_weights);
+  if (!arguments.sam.empty()) needs.reads.emplace_back(arguments.sam);
   needs.runs_programs = RunsPrograms(spec, arguments.priors);
   needs.programs = {arguments.priors.program};
   const auto colmap = FindProgram(arguments.colmap);

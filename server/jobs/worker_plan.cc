@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/priors/sam/sam_needs.h"
 #include "core/sfm/sfm_work.h"
 
 namespace pepeseg {
@@ -23,6 +24,12 @@ constexpr double kIndex = 0.3;
 
 bool ByCommand(PriorMaker maker, const JobFacts& facts) {
   return maker == PriorMaker::kCommand || (maker == PriorMaker::kAuto && facts.has_priors_command);
+}
+
+bool BySam(PriorMaker maker, const JobFacts& facts) {
+  return facts.has_sam && !ByCommand(maker, facts) &&
+         (maker == PriorMaker::kAuto || maker == PriorMaker::kSam ||
+          maker == PriorMaker::kSamAndEmbedded);
 }
 
 class Planner {
@@ -68,7 +75,9 @@ class Planner {
     const bool depth = !facts_.has_depth && priors.depth != PriorMaker::kNone;
     if (!masks && !depth) return;
     const double pixels = photos_ * facts_.megapixels;
-    AddOnCores("priors", pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
+    const double sam = masks && BySam(priors.masks, facts_) ? photos_ * kSamCoreSeconds : 0;
+    AddOnCores("priors",
+               sam + pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
     const bool by_command =
         (masks && ByCommand(priors.masks, facts_)) || (depth && ByCommand(priors.depth, facts_));
     if (by_command) stages_.back().seconds.reset();
@@ -109,6 +118,7 @@ class Planner {
 JobFacts FactsOf(const WorkerJob& job, const TrainingSettings& settings) {
   JobFacts facts;
   facts.has_priors_command = !job.priors.program.empty();
+  facts.has_sam = !job.sam.empty();
   facts.on_device = job.spec.device != "cpu";
   facts.has_lpips = !job.lpips_weights.empty();
   const auto num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));

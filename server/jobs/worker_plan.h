@@ -14,6 +14,7 @@ struct JobFacts {
   bool has_poses = false, has_masks = false, has_depth = false, has_gaussians = false;
   bool is_video = false;            // no photographs but frames of videos
   bool has_priors_command = false;  // a program of unknown speed makes masks and depth
+  bool has_sam = false;             // SAM is installed
   bool on_device = false;           // a GPU computes, else the cores do
   bool has_lpips = false;
   int num_threads = 1;

@@ -115,7 +115,8 @@ absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* 
   *dataset = ToProto(row);
   ASSIGN_OR_RETURN(const bool has_masks,
                    context_.store->HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
-  for (std::string& advice : AdviceOnDataset(has_masks, context_.has_priors_command)) {
+  const bool has_mask_maker = context_.has_priors_command || context_.has_sam;
+  for (std::string& advice : AdviceOnDataset(has_masks, has_mask_maker)) {
     dataset->add_advice(std::move(advice));
   }
   return absl::OkStatus();

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/features/estimate_features.h"
+#include "core/priors/sam/sam_needs.h"
 #include "core/reconstruct/estimate.h"
 #include "core/sfm/estimate_poses.h"
 #include "core/status_macros.h"
@@ -68,6 +69,23 @@ double StepShare(int wanted, int measured) {
   return static_cast<double>(wanted) / std::max(1, measured);
 }
 
+// Whether SAM makes the masks. Where a priors command fails it does, too: that is not expected.
+bool MasksBySam(const ServiceContext& context, const PriorOptions& priors, bool has_masks) {
+  if (!context.has_sam || has_masks) return false;
+  return (priors.masks == PriorMaker::kAuto && !context.has_priors_command) ||
+         priors.masks == PriorMaker::kSam || priors.masks == PriorMaker::kSamAndEmbedded;
+}
+
+// Other means are not timed before they have run.
+void AddSam(const ServiceContext& context, const TrainingSize& size,
+            v1::EstimateTrainingResponse& response) {
+  Stage& priors = *response.add_stages();
+  priors.set_stage("priors");
+  priors.set_host_bytes(CaptureBytes(size) + kSamHostBytes);
+  const double seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
+  *priors.mutable_duration() = ToProto(absl::Seconds(seconds / context.num_threads));
+}
+
 void AddStages(const ServiceContext& context, const TrainingSettings& settings,
                const DatasetSize& dataset, v1::EstimateTrainingResponse& response) {
   const TrainingSize& size = dataset.training;
@@ -80,6 +98,9 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
     sfm.set_stage("sfm");
     sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0));
   }
+
+  if (MasksBySam(context, settings.priors, response.num_mask_files() > 0))
+    AddSam(context, size, response);
 
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(*context.backend, size, settings.reconstruct);

@@ -42,7 +42,14 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
 }
 
 // What only a program can do that the server was not given.
-absl::Status CheckPriors(const PriorOptions& priors, bool has_command) {
+absl::Status CheckPriors(const PriorOptions& priors, bool has_command, bool has_sam) {
+  const bool by_sam =
+      priors.masks == PriorMaker::kSam || priors.masks == PriorMaker::kSamAndEmbedded;
+  if (by_sam && !has_sam) {
+    return absl::FailedPreconditionError(
+        "options.priors.masks asks for SAM, and this server has none: its operator installs it by "
+        "deploy/sam.sh, or names its folder by pepesegd --sam");
+  }
   for (const auto& [name, maker] : {std::pair{"masks", priors.masks}, {"depth", priors.depth}}) {
     if (has_command || maker != PriorMaker::kCommand) continue;
     return absl::FailedPreconditionError(
@@ -88,7 +95,8 @@ absl::Status JobServiceRpc::Train(const v1::TrainSceneRequest& request, const Un
   ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(request));
   ASSIGN_OR_RETURN(JobRow wanted, JobFromRequest(request, training));
   wanted.traceparent = TraceparentOf(*call.context);
-  RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
+  RETURN_IF_ERROR(
+      CheckPriors(training.settings.priors, context_.has_priors_command, context_.has_sam));
   RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
   RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
   ASSIGN_OR_RETURN(const WorkerShare share,
@@ -181,7 +189,8 @@ grpc::ServerUnaryReactor* JobServiceRpc::EstimateTraining(
     v1::EstimateTrainingResponse* response) {
   return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall& unary) {
     ASSIGN_OR_RETURN(const WantedTraining training, WantedFromRequest(*request));
-    RETURN_IF_ERROR(CheckPriors(training.settings.priors, context_.has_priors_command));
+    RETURN_IF_ERROR(
+        CheckPriors(training.settings.priors, context_.has_priors_command, context_.has_sam));
     RETURN_IF_ERROR(CheckSealed(training.scene, training.dataset));
     RETURN_IF_ERROR(CheckFilesStored(context_, training.scene, training.dataset));
     auto estimate =

@@ -73,6 +73,7 @@ struct Server::Parts {
   MapCounts map_counts;
   std::unique_ptr<ModelCache> models;
   ServerMetrics metrics;
+  std::filesystem::path sam;  // its folder; empty: none
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
@@ -140,6 +141,8 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
 
 absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   SupervisorOptions job_options = JobOptions(options, device);
+  ASSIGN_OR_RETURN(sam, FindSam(options));
+  job_options.launch.sam = sam.string();
   ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
   job_options.file_path = [of = blobs.get()](const std::string& project,
                                              const DatasetFileRow& file) {
@@ -172,6 +175,8 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
           quotas.get(),
           device_memory,
           !options.priors_command.empty(),
+          !sam.empty(),
+          options.num_threads > 0 ? options.num_threads : NumCores(),
           &map_counts};
 }
 

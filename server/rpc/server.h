@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -49,8 +50,11 @@ struct ServerOptions {
   // (server/jobs/worker_priors_command.h), as FindProgram takes it; empty: none.
   std::string priors_command;
   int64_t priors_seconds = 3600;  // its time limit
-  std::string device = "auto";    // of jobs and queries, see OpenDevice
-  int num_threads = 0;            // of a job and of a query; 0: as many as the machine has
+  // Folders of SAM's files (core/priors/sam/sam_files.h). `launch.sam`, where it is given, must be
+  // good; else the first of these that has any is used if it is good.
+  std::vector<std::filesystem::path> default_sam;
+  std::string device = "auto";  // of jobs and queries, see OpenDevice
+  int num_threads = 0;          // of a job and of a query; 0: as many as the machine has
   // Of the device, for a training, bytes; 0: what is free of it when the server starts. On a device
   // that is the host no more than WorkerMemory (server_parts.h).
   int64_t device_memory = 0;
@@ -68,7 +72,8 @@ class Server {
   // FAILED_PRECONDITION: a listener beyond this machine without TLS or without keys, and without
   // `insecure`; certificates that cannot be read or do not fit (the file is named); a data
   // directory that another server uses, a worker or priors command that is no program, a device
-  // that cannot be had. INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
+  // that cannot be had, files of SAM that are missing or differ from their digests.
+  // INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
   // Shutdown without grace, unless it was called.
   ~Server();

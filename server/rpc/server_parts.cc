@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "core/child_process.h"
+#include "core/priors/sam/sam_files.h"
 #include "core/status_macros.h"
 #include "kernels/host_memory.h"
 #include "server/jobs/holder_name.h"
@@ -55,6 +57,28 @@ absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name)
   return absl::FailedPreconditionError(
       absl::StrCat("priors command: ", found.status().message(), ", or cannot be run"));
 }
+
+absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options) {
+  if (!options.launch.sam.empty()) {
+    RETURN_IF_ERROR(CheckSamFiles(options.launch.sam));
+    spdlog::info("masks are made by SAM, in {}", options.launch.sam);
+    return options.launch.sam;
+  }
+  for (const std::filesystem::path& folder : options.default_sam) {
+    const absl::Status status = CheckSamFiles(folder);
+    if (absl::IsNotFound(status)) continue;
+    if (status.ok()) {
+      spdlog::info("masks are made by SAM, found in {}", folder.string());
+      return folder;
+    }
+    spdlog::warn("SAM is not used: {}", std::string(status.message()));
+    return std::filesystem::path();
+  }
+  spdlog::info("SAM is not installed (deploy/sam.sh): masks are made by the built-in method");
+  return std::filesystem::path();
+}
+
+int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
   const std::string url = DatabaseUrl(options);

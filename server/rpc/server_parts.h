@@ -37,5 +37,9 @@ int64_t TrainingMemory(const ServerOptions& options, const Backend& backend);
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
 // Of the program, as FindProgram takes it; empty: there is none.
 absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name);
+// The folder of SAM that workers get; empty: none. Logs which. FAILED_PRECONDITION, NOT_FOUND: the
+// one that is named is not good, see CheckSamFiles.
+absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options);
+int NumCores();
 
 }  // namespace pepeseg

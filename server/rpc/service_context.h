@@ -34,6 +34,8 @@ struct ServiceContext {
   ProjectQuotas* quotas;
   int64_t device_memory;    // that a training may take of the device's memory, bytes
   bool has_priors_command;  // a program that makes masks and depth maps
+  bool has_sam;             // a small SAM, which makes masks
+  int num_threads;          // of a job
   MapCounts* map_counts;    // of all models
 };
 

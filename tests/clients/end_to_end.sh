@@ -14,7 +14,7 @@ stop() {
 trap stop EXIT
 fail() { echo "FAILED: $*" >&2; cat "$work/server.log" >&2; exit 1; }
 
-"$programs/pepesegd" --listen 127.0.0.1:0 --data "$work/data" --port-file "$work/port" \
+"$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
   >"$work/server.log" 2>&1 &
 server=$!
 for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done

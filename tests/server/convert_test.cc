@@ -137,10 +137,21 @@ TEST(TrainingOptions, RefusesAMakerOfPriorsThatIsNone) {
   ASSERT_TRUE(good.ok()) << good.status();
   EXPECT_EQ(good->priors.depth, PriorMaker::kCommand);
   EXPECT_EQ(good->priors.masks, PriorMaker::kAuto);
-  options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(4));
+  options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
+  EXPECT_EQ(TrainingSettingsFromProto(options)->priors.masks, PriorMaker::kSamAndEmbedded);
+  options.mutable_priors()->set_masks(static_cast<v1::PriorMaker>(6));
   const auto refused = TrainingSettingsFromProto(options).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_EQ(refused.message().find("options.priors: masks is 4"), 0u) << refused;
+  EXPECT_EQ(refused.message().find("options.priors: masks is 6"), 0u) << refused;
+}
+
+TEST(TrainingOptions, RefusesSamAsAMakerOfDepth) {
+  v1::TrainingOptions options;
+  options.mutable_priors()->set_depth(v1::PRIOR_MAKER_SAM);
+  const auto refused = TrainingSettingsFromProto(options).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+  EXPECT_EQ(refused.message(),
+            "options.priors: depth is 4, it must be none, embedded or command, or left out");
 }
 
 v1::Viewpoint::FreeCamera GoodCamera() {

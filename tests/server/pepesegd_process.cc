@@ -27,6 +27,7 @@ PepesegdProcess::PepesegdProcess(const std::filesystem::path& data, const Pepese
   std::filesystem::remove(port_file);
   std::vector<std::string> arguments = {
       absl::StrCat("--data=", data.string()),
+      "--sam=off",
       "--listen=" + options.listen,
       "--threads=2",
       "--grace=5",

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/priors/sam/sam_needs.h"
+
 namespace pepeseg {
 namespace {
 
@@ -49,6 +51,22 @@ TEST(PlanStages, DoesNotKnowHowLongACommandTakes) {
   EXPECT_FALSE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
   settings.priors.masks = settings.priors.depth = PriorMaker::kEmbedded;
   EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+}
+
+TEST(PlanStages, ExpectsSamToTakeItsTime) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  const double embedded = *Find(PlanStages(facts, settings), "priors").seconds;
+  facts.has_sam = true;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   embedded + 20 * kSamCoreSeconds);
+  settings.priors.masks = PriorMaker::kEmbedded;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, embedded);
+  settings.priors.masks = PriorMaker::kSam;
+  facts.num_threads = 4;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   (embedded + 20 * kSamCoreSeconds) / 4);
 }
 
 TEST(PlanStages, ExpectsCoarseStepsToCostLess) {

@@ -7,11 +7,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/io/digest.h"
+#include "core/priors/sam/sam_needs.h"
 #include "server/layout.h"
 #include "server/rpc/dataset_size.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/server/png_bytes.h"
 #include "tests/server/rpc/running_server.h"
+#include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -97,6 +99,24 @@ TEST_F(EstimateTrainingTest, SmallerPhotographsAndFewerGaussiansTakeLess) {
   options.mutable_reconstruct()->set_max_gaussians(1000);
   ASSERT_TRUE(Estimate(dataset, options).ok());
   EXPECT_LT(estimate.need_bytes(), small);
+}
+
+TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  testing::MakeFakeSam(running.folder / "sam");
+  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.num_threads = 2;
+  running.Restart();
+  ASSERT_TRUE(Estimate(dataset).ok());
+  ASSERT_EQ(estimate.stages_size(), 4);
+  EXPECT_EQ(estimate.stages(1).stage(), "priors");
+  EXPECT_GT(estimate.stages(1).host_bytes(), int64_t{523} << 20);
+  EXPECT_GE(estimate.need_bytes(), estimate.stages(1).host_bytes());
+  EXPECT_EQ(estimate.stages(1).duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
+  v1::TrainingOptions options;
+  options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_EQ(estimate.stages_size(), 3);
 }
 
 TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {

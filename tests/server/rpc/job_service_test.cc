@@ -7,6 +7,7 @@
 #include "server/jobs/job_folder.h"
 #include "server/rpc/server_parts.h"
 #include "tests/server/rpc/running_server.h"
+#include "tests/testing/fake_sam.h"
 
 namespace pepeseg {
 namespace {
@@ -178,6 +179,20 @@ TEST_F(JobServiceTest, RefusesACommandThatItDoesNotHave) {
   EXPECT_NE(refused.error_message().find("options.priors.masks"), std::string::npos);
   EXPECT_NE(refused.error_message().find("--priors-command"), std::string::npos);
   running.options.priors_command = "true";
+  running.Restart();
+  EXPECT_TRUE(Train(request).ok());
+}
+
+TEST_F(JobServiceTest, RefusesSamThatItDoesNotHave) {
+  auto request = Request("fine");
+  for (const v1::PriorMaker maker : {v1::PRIOR_MAKER_SAM, v1::PRIOR_MAKER_SAM_AND_EMBEDDED}) {
+    request.mutable_options()->mutable_priors()->set_masks(maker);
+    const grpc::Status refused = Train(request);
+    EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
+    EXPECT_NE(refused.error_message().find("deploy/sam.sh"), std::string::npos);
+  }
+  testing::MakeFakeSam(running.folder / "sam");
+  running.options.launch.sam = (running.folder / "sam").string();
   running.Restart();
   EXPECT_TRUE(Train(request).ok());
 }

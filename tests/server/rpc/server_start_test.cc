@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "server/rpc/server_parts.h"
 #include "tests/server/rpc/running_server.h"
+#include "tests/testing/fake_sam.h"
 
 namespace pepeseg {
 namespace {
@@ -77,6 +79,32 @@ TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
     EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
     EXPECT_NE(refused.status().message().find("priors command: "), std::string::npos);
   }
+}
+
+TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.launch.sam = (folder / "sam").string();
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
+  testing::MakeFakeSam(folder / "sam");
+  EXPECT_TRUE(Server::Start(options).ok());
+  std::ofstream(folder / "sam" / "sam.onnx") << "another model";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("sam.onnx: its SHA-256 is "), std::string::npos);
+}
+
+// The default folder holds nothing up.
+TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.default_sam = {folder / "none", folder / "sam"};
+  EXPECT_EQ(FindSam(options).value_or("?"), "");
+  testing::MakeFakeSam(folder / "sam");
+  EXPECT_EQ(FindSam(options).value_or("?"), folder / "sam");
+  std::ofstream(folder / "sam" / "sam.onnx") << "another model";
+  EXPECT_EQ(FindSam(options).value_or("?"), "");
+  EXPECT_TRUE(Server::Start(options).ok());
 }
 
 TEST(ServerStart, RefusesATakenPort) {
