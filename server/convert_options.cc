@@ -54,6 +54,8 @@
   FIELD(num_pixels) \
   FIELD(mask_share) \
   FIELD(sure_views) \
+  FIELD(min_mask_agreement) \
+  FIELD(complete_masks) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(scale_mapping) \

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "clients/cli/shell.h"
 
 namespace pepeseg::client::cli {
@@ -22,6 +23,13 @@ std::string SourcesText(const v1::Model& model) {
   }
   for (const auto& [what, source] : rest) append(what, source);
   return text;
+}
+
+std::string MaskQualityText(const v1::Model& model) {
+  const auto quality = model.metrics().find("mask_quality");
+  if (quality == model.metrics().end()) return "";
+  return absl::StrFormat("mask quality %.2f: how far the masks of different views agree, 0 to 1",
+                         quality->second);
 }
 
 void PrintAdvice(const v1::Model& model) {

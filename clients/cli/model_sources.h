@@ -8,6 +8,9 @@ namespace pepeseg::client::cli {
 
 // "poses given, masks embedded, depth none"; empty when the server does not tell.
 std::string SourcesText(const v1::Model& model);
+// "mask quality 0.79: how far the masks of different views agree, 0 to 1"; empty where it was not
+// measured.
+std::string MaskQualityText(const v1::Model& model);
 // What may make the model's answers poor and what would better them, a line each.
 void PrintAdvice(const v1::Model& model);
 

@@ -60,6 +60,7 @@ absl::Status DescribeModel(const Shell& shell, const Client& client, const std::
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }
+  if (const std::string quality = MaskQualityText(model); !quality.empty()) Print("  " + quality);
   PrintAdvice(model);
   return absl::OkStatus();
 }

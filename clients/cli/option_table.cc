@@ -73,6 +73,8 @@ constexpr OptionRow kRows[] = {
     {"features.closing_share", "0.5", "0 to 1"},
     {"features.mask_share", "0.25", "0 to 1"},
     {"features.sure_views", "8", "0 to 64"},
+    {"features.min_mask_agreement", "0", "0 to 1"},
+    {"features.complete_masks", "true", "true or false"},
     {"sfm.matching", "unspecified", ""},
     {"sfm.max_features", "3000", "128 to 32768"},
     {"sfm.sequential_overlap", "10", "1 to 100"},

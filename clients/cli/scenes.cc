@@ -83,6 +83,7 @@ absl::Status DescribeScene(const Shell& shell, const Client& client, const std::
   for (const auto& [metric, value] : model.metrics()) {
     Print(absl::StrFormat("  %s %.4g", metric, value));
   }
+  if (const std::string quality = MaskQualityText(model); !quality.empty()) Print("  " + quality);
   PrintAdvice(model);
   for (const v1::View& view : views) {
     Print(absl::StrFormat("  %s  %dx%d%s", view.view(), view.camera().width(),

@@ -1,5 +1,6 @@
 #include "clients/cli/trained_model.h"
 
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -13,6 +14,7 @@ namespace pepeseg::client::cli {
 absl::Status PrintTrained(const Shell& shell, const Client& client, const std::string& model) {
   ASSIGN_OR_RETURN(const v1::Model answer, client.GetModel(model));
   if (answer.sources_size() > 0) Print("trained on: " + SourcesText(answer));
+  if (const std::string quality = MaskQualityText(answer); !quality.empty()) Print(quality);
   PrintAdvice(answer);
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(model));
   for (const std::string& row : ScoreTable(views)) Print(row);

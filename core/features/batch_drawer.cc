@@ -44,36 +44,39 @@ std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mas
 
 }  // namespace
 
+std::vector<const MaskSet*> OwnMasks(const Capture& capture) {
+  std::vector<const MaskSet*> masks;
+  for (const View& view : capture.views) masks.push_back(&view.masks);
+  return masks;
+}
+
 std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
+                                            std::span<const MaskSet* const> masks,
                                             std::span<const std::vector<float>> mask_scales) {
   std::vector<DrawableView> views;
   for (size_t i = 0; i < capture.views.size(); ++i) {
     const View& view = capture.views[i];
     if (!IsTrained(view)) continue;
     DrawableView drawable = {
-        static_cast<int>(i), mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
+        static_cast<int>(i), masks[i], mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
     std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
     std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
-    drawable.patch_weight = PatchWeights(view.masks, mask_scales[i]);
-    for (size_t pixel = 0; pixel < view.masks.pixel_patch.size(); ++pixel) {
-      if (drawable.patch_weight[view.masks.pixel_patch[pixel]] <= 0) continue;
+    drawable.patch_weight = PatchWeights(*masks[i], mask_scales[i]);
+    for (size_t pixel = 0; pixel < masks[i]->pixel_patch.size(); ++pixel) {
+      if (drawable.patch_weight[masks[i]->pixel_patch[pixel]] <= 0) continue;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
       drawable.pixels.push_back(static_cast<int32_t>(pixel));
     }
     if (drawable.pixels.empty()) continue;
-    drawable.pixels_by_mask = PixelsByMask(view.masks, mask_scales[i], drawable.pixels);
+    drawable.pixels_by_mask = PixelsByMask(*masks[i], mask_scales[i], drawable.pixels);
     views.push_back(std::move(drawable));
   }
   return views;
 }
 
-BatchDrawer::BatchDrawer(const Capture& capture, const FeatureField& field,
-                         std::vector<DrawableView> views, const FeatureOptions& options)
-    : capture_(capture),
-      field_(field),
-      views_(std::move(views)),
-      options_(options),
-      random_(options.seed) {}
+BatchDrawer::BatchDrawer(const FeatureField& field, std::vector<DrawableView> views,
+                         const FeatureOptions& options)
+    : field_(field), views_(std::move(views)), options_(options), random_(options.seed) {}
 
 BatchDrawer::Draft BatchDrawer::Next() {
   if (views_left_.empty()) {
@@ -124,7 +127,7 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, Random& ran
 
 std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
                                               Random& random) const {
-  const MaskSet& masks = capture_.views[view.view].masks;
+  const MaskSet& masks = *view.masks;
   std::unordered_map<uint32_t, int32_t> number;
   std::vector<uint32_t> patches;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
@@ -146,7 +149,7 @@ std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBat
 void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch,
                                  Random& random) const {
   if (view.background.empty() || options_.num_background_pixels == 0) return;
-  const MaskSet& masks = capture_.views[view.view].masks;
+  const MaskSet& masks = *view.masks;
   const float weight = 1 / (static_cast<float>(masks.width) * static_cast<float>(masks.height));
   for (int i = 0; i < options_.num_background_pixels; ++i) {
     batch.pixels.push_back(view.background[DrawIndex(view.background.size(), random)]);
@@ -166,7 +169,7 @@ void BatchDrawer::DrawUnlabelled(const DrawableView& view, PixelBatch& batch,
 
 void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> patches,
                         PixelBatch& batch) const {
-  const MaskSet& masks = capture_.views[view.view].masks;
+  const MaskSet& masks = *view.masks;
   const auto words = static_cast<size_t>(masks.words);
   const bool has_background = static_cast<size_t>(batch.num_patches) > patches.size();
   // Behind the masks' bits stands that of the background.

@@ -43,6 +43,7 @@ struct PixelBatch {
 // A training view as the drawer sees it.
 struct DrawableView {
   int view = 0;
+  const MaskSet* masks = nullptr;        // that it learns from
   std::vector<float> mask_scales;        // [num_masks] scene units, or kNoScale
   std::vector<float> sorted_scales;      // those over 0, ascending
   std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored
@@ -52,16 +53,20 @@ struct DrawableView {
   std::vector<int32_t> unlabelled = {};
 };
 
-// Views without a pixel to draw are left out.
+// masks: that each view of the capture learns from; they must outlive what comes out. Views without
+// a pixel to draw are left out.
 std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
+                                            std::span<const MaskSet* const> masks,
                                             std::span<const std::vector<float>> mask_scales);
+// The views' own masks, by view of the capture, which must outlive them.
+std::vector<const MaskSet*> OwnMasks(const Capture& capture);
 
 // Draws batches, view after view shuffled without replacement, all from one seed. Which view and
 // which random numbers a batch has is drawn one after the other; its content from these alone.
 class BatchDrawer {
  public:
-  // The capture, the views and the field (for its quantiles) must outlive it.
-  BatchDrawer(const Capture& capture, const FeatureField& field, std::vector<DrawableView> views,
+  // The views' masks and the field (for its quantiles) must outlive it.
+  BatchDrawer(const FeatureField& field, std::vector<DrawableView> views,
               const FeatureOptions& options);
 
   struct Draft {
@@ -88,7 +93,6 @@ class BatchDrawer {
   void DrawUnlabelled(const DrawableView& view, PixelBatch& batch, Random& random) const;
   void Label(const DrawableView& view, std::span<const uint32_t> patches, PixelBatch& batch) const;
 
-  const Capture& capture_;
   const FeatureField& field_;
   std::vector<DrawableView> views_;
   FeatureOptions options_;

@@ -128,7 +128,7 @@ absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<c
     // At the upper scale a pixel has all its masks, at the lower one only the finest.
     const float label_scale = level.upper ? std::numeric_limits<float>::infinity() : 0.0f;
     const Clusters clusters =
-        KeepAgreeing(found, capture_.views[view.view].masks, pixels, view.mask_scales, label_scale);
+        KeepAgreeing(found, *view.masks, pixels, view.mask_scales, label_scale);
     level.bank.Merge(ClusterMeans(units, clusters));
     UploadBank(level);
   }

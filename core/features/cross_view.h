@@ -6,23 +6,20 @@
 #include <vector>
 
 #include "core/features/batch_drawer.h"
-#include "core/scene/capture.h"
+#include "core/features/reprojection.h"
 
 namespace pepeseg {
 
-// What the masks of other views say of pixels of one view. The geometry is frozen, so where a pixel
-// is seen from elsewhere is known.
+// What the masks of other views say of pixels of one view.
 class CrossView {
  public:
-  static constexpr int kNearViews = 8;
+  static constexpr int kNearViews = Reprojection::kNearViews;
 
-  // depths: of each view of the capture that is drawn, as FrozenScene::Depth gives them. Capture
-  // and views must outlive it.
-  CrossView(const Capture& capture, const std::vector<DrawableView>& views,
-            std::span<const std::vector<float>> depths);
+  // views: those that are drawn, all of them in the reprojection; both must outlive it.
+  CrossView(const Reprojection& reprojection, const std::vector<DrawableView>& views);
 
   // The patch in which the pixel lies in each of the nearest other views; kUnknown where it is
-  // hidden or outside.
+  // hidden or outside, or where the other view is not drawn.
   static constexpr int32_t kUnknown = -1;
   using Sight = std::array<int32_t, kNearViews>;
   Sight Look(int view, int32_t pixel) const;  // view: of the capture
@@ -41,20 +38,15 @@ class CrossView {
     float scale;
   };
   struct Seen {
-    int stride = 1;            // of the depths that are kept
-    std::vector<float> depth;  // [ceil(height / stride), ceil(width / stride)]
-    std::vector<int> near;     // views of the capture, the nearest first; at most kNearViews
+    const MaskSet* masks = nullptr;                // null: not drawn
     std::vector<std::vector<MaskAt>> patch_masks;  // [num_patches] with a scale, ascending by it
   };
 
-  static float DepthAt(const Seen& seen, const View& view, int x, int y);
-  int32_t PatchAt(int view, const Eigen::Vector3d& point) const;
-  void FindNear(const std::vector<DrawableView>& views);
   static uint32_t Agreements(std::span<const MaskAt> a, std::span<const MaskAt> b,
                              std::span<const float> scales);
 
-  const Capture& capture_;
-  std::vector<Seen> seen_;  // by view of the capture; empty where it is not drawn
+  const Reprojection& reprojection_;
+  std::vector<Seen> seen_;  // by view of the capture, up to the last that is drawn
 };
 
 }  // namespace pepeseg

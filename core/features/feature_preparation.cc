@@ -9,6 +9,8 @@
 #include "core/features/feature_confidence.h"
 #include "core/features/feature_trainer.h"
 #include "core/features/is_trained.h"
+#include "core/features/mask_agreement.h"
+#include "core/features/mask_completion.h"
 #include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
 #include "core/features/neighbor_graph.h"
@@ -36,41 +38,70 @@ std::vector<float> ScaleKnots(const std::vector<std::vector<float>>& scales, Sca
   return mapping == ScaleMapping::kQuantiles ? ScaleQuantiles(all) : EvenScales(all);
 }
 
-// By view of the capture, none where a view is not trained on.
-struct MeasuredViews {
-  std::vector<std::vector<float>> mask_scales;  // of all masks
-  std::vector<std::vector<float>> depths;       // see FrozenScene
-};
-
-// A block of views at a time: their depths are rendered, then their masks measured side by side.
-MeasuredViews MeasureViews(const Capture& capture, FrozenScene& scene, bool keep_depths) {
-  constexpr size_t kBlock = 16;
-  MeasuredViews measured = {std::vector<std::vector<float>>(capture.views.size()),
-                            std::vector<std::vector<float>>(capture.views.size())};
-  std::vector<size_t> trained;
+std::vector<int> TrainedViews(const Capture& capture) {
+  std::vector<int> trained;
   for (size_t i = 0; i < capture.views.size(); ++i) {
-    if (IsTrained(capture.views[i])) trained.push_back(i);
+    if (IsTrained(capture.views[i])) trained.push_back(static_cast<int>(i));
   }
-  ThreadPool pool(0);
-  for (size_t first = 0; first < trained.size(); first += kBlock) {
-    const std::span<const size_t> block(trained.data() + first,
-                                        std::min(kBlock, trained.size() - first));
-    for (const size_t view : block) measured.depths[view] = scene.Depth(capture.views[view]);
-    pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
-      const size_t view = block[i];
-      measured.mask_scales[view] = MaskScales(capture.views[view], measured.depths[view]);
-    });
-    if (keep_depths) continue;
-    for (const size_t view : block) measured.depths[view] = {};
-  }
-  return measured;
+  return trained;
 }
 
-void AddUncovered(const Capture& capture, FrozenScene& scene, const FeatureOptions& options,
-                  std::vector<DrawableView>& views) {
+// The scales of all masks, by view of the capture; none where a view is not trained on. Keeps the
+// depths in the reprojection. A block of views at a time: their depths are rendered, then their
+// masks measured in parallel.
+std::vector<std::vector<float>> MeasureViews(const Capture& capture, FrozenScene& scene,
+                                             Reprojection& reprojection) {
+  constexpr size_t kBlock = 16;
+  const std::span<const int> trained = reprojection.views();
+  std::vector<std::vector<float>> mask_scales(capture.views.size());
+  ThreadPool pool(0);
+  for (size_t first = 0; first < trained.size(); first += kBlock) {
+    const std::span<const int> block =
+        trained.subspan(first, std::min(kBlock, trained.size() - first));
+    std::vector<std::vector<float>> depths;
+    for (const int view : block) depths.push_back(scene.Depth(capture.views[view]));
+    pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
+      mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i]);
+      reprojection.KeepDepth(block[i], depths[i]);
+    });
+  }
+  return mask_scales;
+}
+
+// Compares the masks of the views. Takes the scales of masks that stand alone, and adds to each
+// view the masks that it lacks, with their scales. Returns the masks that each view learns from.
+std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const FeatureOptions& options,
+                                           std::vector<std::vector<float>>& mask_scales,
+                                           PreparedFeatures& prepared) {
+  const Reprojection& reprojection = *prepared.reprojection;
+  const MaskAgreements agreements = MeasureMaskAgreement(capture, reprojection);
+  prepared.mask_quality = MaskQuality(capture, agreements);
+  for (const int view : reprojection.views()) {
+    for (size_t mask = 0; mask < agreements[view].size(); ++mask) {
+      if (!StandsAlone(agreements[view][mask], options.min_mask_agreement)) continue;
+      mask_scales[view][mask] = kNoScale;
+    }
+  }
+  std::vector<const MaskSet*> masks = OwnMasks(capture);
+  prepared.completed_masks.resize(capture.views.size());
+  if (!options.complete_masks || prepared.mask_quality.value_or(1) >= kCompleteBelow) return masks;
+  std::vector<CompletedMasks> completed =
+      CompleteMasks(capture, reprojection, agreements, mask_scales);
+  for (const int view : reprojection.views()) {
+    const std::vector<float>& added = completed[view].added_scales;
+    if (added.empty()) continue;
+    mask_scales[view].insert(mask_scales[view].end(), added.begin(), added.end());
+    prepared.completed_masks[view] = std::move(completed[view].masks);
+    masks[view] = &prepared.completed_masks[view];
+  }
+  return masks;
+}
+
+void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks, FrozenScene& scene,
+                  const FeatureOptions& options, std::vector<DrawableView>& views) {
   const bool with_background = options.num_background_pixels > 0;
   if (!with_background && !WantsPerception(capture, options)) return;
-  std::vector<UncoveredPixels> uncovered = FindUncovered(capture, scene);
+  std::vector<UncoveredPixels> uncovered = FindUncovered(capture, masks, scene);
   for (DrawableView& view : views) {
     UncoveredPixels& of_view = uncovered[view.view];
     view.unlabelled = std::move(of_view.covered_elsewhere);
@@ -129,10 +160,13 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
     return FeatureTrainer::InitialFeatures(gaussians.count, options);
   });
   const bool wants_perception = WantsPerception(capture, options);
-  const MeasuredViews measured = MeasureViews(capture, scene, wants_perception);
   PreparedFeatures prepared;
-  prepared.scale_quantiles = ScaleKnots(measured.mask_scales, options.scale_mapping);
-  prepared.views = MakeDrawableViews(capture, measured.mask_scales);
+  prepared.reprojection = std::make_unique<Reprojection>(capture, TrainedViews(capture));
+  std::vector<std::vector<float>> mask_scales =
+      MeasureViews(capture, scene, *prepared.reprojection);
+  const std::vector<const MaskSet*> masks = ReconcileMasks(capture, options, mask_scales, prepared);
+  prepared.scale_quantiles = ScaleKnots(mask_scales, options.scale_mapping);
+  prepared.views = MakeDrawableViews(capture, masks, mask_scales);
   if (prepared.views.empty()) {
     return absl::FailedPreconditionError(
         "features: no training view has a mask of at least 8 pixels on which something is "
@@ -141,11 +175,11 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const G
   if (options.sure_views > 0) {
     prepared.confidence = FeatureConfidence(capture, scene, options.sure_views);
   }
-  AddUncovered(capture, scene, options, prepared.views);
+  AddUncovered(capture, masks, scene, options, prepared.views);
   std::vector<std::vector<uint8_t>> edges =
       KeepAwayFromEdges(capture, wants_perception, prepared.views);
   if (Any(prepared.views, [](const auto& view) { return !view.unlabelled.empty(); })) {
-    prepared.cross_view = std::make_unique<CrossView>(capture, prepared.views, measured.depths);
+    prepared.cross_view = std::make_unique<CrossView>(*prepared.reprojection, prepared.views);
     prepared.cues = std::make_unique<PerceptionCues>(capture, *prepared.cross_view, prepared.views,
                                                      std::move(edges), options);
   }

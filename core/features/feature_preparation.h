@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -9,6 +10,7 @@
 #include "core/features/cross_view.h"
 #include "core/features/frozen_scene.h"
 #include "core/features/perception_cues.h"
+#include "core/features/reprojection.h"
 #include "core/features/train_features.h"
 #include "core/progress.h"
 #include "core/scene/capture.h"
@@ -18,12 +20,15 @@ namespace pepeseg {
 
 // What stage two knows before its first step.
 struct PreparedFeatures {
+  std::vector<MaskSet> completed_masks;  // by view of the capture; empty where none was added
+  std::optional<double> mask_quality;    // see MaskQuality
   std::vector<DrawableView> views;
   std::vector<float> scale_quantiles;  // of the field, as the next
   std::vector<float> confidence;       // none where all count alike
   std::vector<int32_t> neighbors;      // of the graph
   std::vector<float> features;         // to begin with
-  // Null where the perception loss is left out. The cues look at the other one.
+  std::unique_ptr<Reprojection> reprojection;
+  // Null where the perception loss is left out. Both look at the reprojection.
   std::unique_ptr<CrossView> cross_view;
   std::unique_ptr<PerceptionCues> cues;
   std::vector<SkippedTerm> skipped;

@@ -73,11 +73,14 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
   skipped_ = std::move(prepared.skipped);
   field_.scale_quantiles = std::move(prepared.scale_quantiles);
   field_.confidence = std::move(prepared.confidence);
+  mask_quality_ = prepared.mask_quality;
+  completed_masks_ = std::move(prepared.completed_masks);
+  reprojection_ = std::move(prepared.reprojection);
   cross_view_ = std::move(prepared.cross_view);
   cues_ = std::move(prepared.cues);
   neighbors_ = Buffer<int32_t>(backend_, std::span<const int32_t>(prepared.neighbors));
   graph_ = {neighbors_.span(), options_.num_neighbors};
-  drawer_.emplace(capture_, field_, std::move(prepared.views), options_);
+  drawer_.emplace(field_, std::move(prepared.views), options_);
   window_ = Convergence::Window(static_cast<int>(drawer_->views().size()));
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
   trainer_.emplace(backend_, prepared.features, graph_, *centroids_, options_);

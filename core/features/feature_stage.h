@@ -40,6 +40,8 @@ class FeatureStage {
   // does not know what was decided before.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
   bool done() const { return step_ == num_steps(); }
+  // How far the capture's masks agree across views, see MaskQuality.
+  std::optional<double> mask_quality() const { return mask_quality_; }
 
   // As many steps as are queued before the host waits: one where calls are done when they return.
   // Their reports. INTERNAL: the device failed, or a loss is not finite.
@@ -68,6 +70,9 @@ class FeatureStage {
   Buffer<int32_t> neighbors_;
   NeighborGraph graph_;
   std::optional<BatchDrawer> drawer_;
+  std::optional<double> mask_quality_;
+  std::vector<MaskSet> completed_masks_;  // before what refers to them
+  std::unique_ptr<Reprojection> reprojection_;
   std::unique_ptr<CrossView> cross_view_;
   std::unique_ptr<PerceptionCues> cues_;  // null: the perception loss is left out
   std::optional<CentroidTerm> centroids_;

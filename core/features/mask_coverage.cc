@@ -14,7 +14,7 @@ constexpr double kMaxCellsOfView = 16'384;  // of a view
 constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
 constexpr double kMinAlpha = 0.5;           // where less is blended nothing is known
 
-bool IsCovered(const View& view, int32_t pixel) { return view.masks.pixel_patch[pixel] != 0; }
+bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_patch[pixel] != 0; }
 
 // How much of what was seen of a Gaussian lay under a mask.
 class Coverage {
@@ -22,9 +22,9 @@ class Coverage {
   explicit Coverage(int64_t num_gaussians)
       : covered_(static_cast<size_t>(num_gaussians)), seen_(static_cast<size_t>(num_gaussians)) {}
 
-  void Add(const View& view, std::span<const int32_t> pixels, const HostRows& rows) {
+  void Add(const MaskSet& masks, std::span<const int32_t> pixels, const HostRows& rows) {
     for (size_t i = 0; i < rows.num_rows(); ++i) {
-      const bool covered = IsCovered(view, pixels[i]);
+      const bool covered = IsCovered(masks, pixels[i]);
       for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
         seen_[rows.gaussian[e]] += rows.weight[e];
         if (covered) covered_[rows.gaussian[e]] += rows.weight[e];
@@ -52,16 +52,18 @@ class Coverage {
 
 }  // namespace
 
-std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& scene) {
+std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
+                                           std::span<const MaskSet* const> masks,
+                                           FrozenScene& scene) {
   Coverage coverage(scene.num_gaussians());
   std::vector<std::vector<int32_t>> uncovered(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
     const std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
-    coverage.Add(view, pixels, HostRows(scene.Capture(view, pixels)));
+    coverage.Add(*masks[v], pixels, HostRows(scene.Capture(view, pixels)));
     std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
-                 [&](int32_t pixel) { return !IsCovered(view, pixel); });
+                 [&](int32_t pixel) { return !IsCovered(*masks[v], pixel); });
   }
   std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {

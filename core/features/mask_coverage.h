@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/features/frozen_scene.h"
@@ -16,7 +17,9 @@ struct UncoveredPixels {
   std::vector<int32_t> background;         // hardly any mask covers what they show in any view
   std::vector<int32_t> covered_elsewhere;  // the others
 };
-// Of each view; none of held-out views and views without masks.
-std::vector<UncoveredPixels> FindUncovered(const Capture& capture, FrozenScene& scene);
+// Of each view, by the masks that it learns from; none of held-out views and views without masks.
+std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
+                                           std::span<const MaskSet* const> masks,
+                                           FrozenScene& scene);
 
 }  // namespace pepeseg

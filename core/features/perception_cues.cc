@@ -102,7 +102,7 @@ PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_vi
       ask_other_views_(options.perception_cross_view) {
   for (const DrawableView& drawn : views) {
     std::vector<std::pair<float, float>>& sides = mask_sides_[drawn.view];
-    const std::vector<int64_t>& areas = capture.views[drawn.view].masks.mask_area;
+    const std::vector<int64_t>& areas = drawn.masks->mask_area;
     for (size_t mask = 0; mask < areas.size(); ++mask) {
       if (drawn.mask_scales[mask] <= kNoScale) continue;
       sides.emplace_back(drawn.mask_scales[mask], std::sqrt(static_cast<float>(areas[mask])));

@@ -35,6 +35,7 @@ absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckRange("num_perception_pixels", options.num_perception_pixels, 1, 16'384));
   RETURN_IF_ERROR(
       CheckRange("perception_threshold", static_cast<int>(options.perception_threshold), 1, 2));
+  RETURN_IF_ERROR(CheckRange("min_mask_agreement", options.min_mask_agreement, 0.0, 1.0));
   RETURN_IF_ERROR(CheckRange("num_neighbors", options.num_neighbors, 1, kMaxNeighbors));
   RETURN_IF_ERROR(
       CheckRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors));

@@ -58,6 +58,14 @@ struct FeatureOptions {
   int num_perception_pixels = 128;  // further samples a step
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
   bool perception_cross_view = true;  // whether other views' masks overrule what it sees
+  // A mask that at least three near views see, and whose mean IoU with their masks is less than
+  // this, stands alone and is not trained on. 0: all are. See MaskAgreement.
+  // Off: it loses (tests/bench/results/mask_agreement.md).
+  double min_mask_agreement = 0;  // [0, 1]
+  // Whether a view gets the masks that it lacks and the near views agree on, see CompleteMasks.
+  // Only where the MaskQuality of the capture is under kCompleteBelow: there is little to add to
+  // masks that agree.
+  bool complete_masks = true;
   // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, 1 to
   // 3 MB a step.
   int steps_per_chunk = 750;

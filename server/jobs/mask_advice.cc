@@ -1,6 +1,7 @@
 #include "server/jobs/mask_advice.h"
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 
 namespace pepeseg {
 namespace {
@@ -28,6 +29,15 @@ std::vector<std::string> AdviceOnModel(const std::map<std::string, std::string>&
         absl::StrCat("Trained without masks: the model can be rendered, not segmented. ", kRemedy)};
   }
   return {};
+}
+
+std::vector<std::string> AdviceOnMaskQuality(const std::map<std::string, std::string>& sources,
+                                             double mask_quality) {
+  if (mask_quality >= kGoodMaskQuality || !AdviceOnModel(sources).empty()) return {};
+  return {absl::StrFormat(
+      "The masks of different views disagree: their mask quality is %.2f, and under %.1f segments "
+      "may be poor. %s",
+      mask_quality, kGoodMaskQuality, kRemedy)};
 }
 
 std::vector<std::string> AdviceOnDataset(bool has_masks, bool has_mask_maker) {

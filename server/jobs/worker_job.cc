@@ -201,7 +201,9 @@ absl::Status Training::TrainSceneFeatures() {
   RETURN_IF_ERROR(field.status());
   RETURN_IF_ERROR(CheckDevice());
   model_.field = *std::move(field);
-  return stages_.End({});
+  std::map<std::string, double> metrics;
+  if (stage->mask_quality()) metrics["mask_quality"] = *stage->mask_quality();
+  return stages_.End(metrics);
 }
 
 void Training::DescribeModel() {

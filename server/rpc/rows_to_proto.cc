@@ -63,6 +63,11 @@ v1::Model ToProto(const ModelRow& row) {
   const std::map<std::string, std::string> sources = SourcesOf(row);
   proto.mutable_sources()->insert(sources.begin(), sources.end());
   for (std::string& advice : AdviceOnModel(sources)) proto.add_advice(std::move(advice));
+  if (const auto quality = proto.metrics().find("mask_quality"); quality != proto.metrics().end()) {
+    for (std::string& advice : AdviceOnMaskQuality(sources, quality->second)) {
+      proto.add_advice(std::move(advice));
+    }
+  }
   return proto;
 }
 

@@ -49,7 +49,9 @@ row '+ background' pepe "${centroids[@]}" --perception-weight 0
 row '+ perception' pepe "${centroids[@]}"
 row '+ centroids: all' pepe
 row 'all, perception without other views' pepe --no-cross-view
+row 'all, masks not completed' pepe --complete-masks 0
 row '1/4 of the views, masks only' plain4 --keep-views 0.25 "${plain[@]}" "${masks[@]}"
 row '1/4 of the views, all' pepe4 --keep-views 0.25
 row '30 % fewer masks, masks only' plain --keep-masks 0.7 "${plain[@]}" "${masks[@]}"
 row '30 % fewer masks, all' pepe_fewer --keep-masks 0.7
+row '30 % fewer masks, not completed' pepe_fewer --keep-masks 0.7 --complete-masks 0

@@ -9,6 +9,7 @@
 
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
+#include "core/features/feature_stage.h"
 #include "core/features/train_features.h"
 #include "core/io/feature_file.h"
 #include "core/io/gaussian_ply.h"
@@ -84,8 +85,10 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
   if (!options.field.empty() && std::filesystem::exists(options.field)) {
     return ReadFeatureFile(options.field, options.field);
   }
-  ASSIGN_OR_RETURN(FeatureField field,
-                   TrainFeatures(backend, capture, geometry.gaussians, stage, CountTo(num_steps)));
+  ASSIGN_OR_RETURN(const auto training,
+                   FeatureStage::Create(backend, capture, geometry.gaussians, stage));
+  ASSIGN_OR_RETURN(FeatureField field, FinishFeatures(*training, CountTo(num_steps)));
+  if (training->mask_quality()) std::printf("# mask quality %.4f\n", *training->mask_quality());
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
 }

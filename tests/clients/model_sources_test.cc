@@ -15,5 +15,13 @@ TEST(SourcesText, ComesInTheOrderOfMaking) {
   EXPECT_EQ(SourcesText(model), "poses COLMAP 3.8, masks command sam, depth none, colours new");
 }
 
+TEST(MaskQualityText, SaysWhatTheNumberMeans) {
+  v1::Model model;
+  EXPECT_EQ(MaskQualityText(model), "");
+  (*model.mutable_metrics())["mask_quality"] = 0.789;
+  EXPECT_EQ(MaskQualityText(model),
+            "mask quality 0.79: how far the masks of different views agree, 0 to 1");
+}
+
 }  // namespace
 }  // namespace pepeseg::client::cli

@@ -25,7 +25,7 @@ struct Drawn {
     field.scale_quantiles = ScaleQuantiles(all);
     capture.views[3].ignore.assign(capture.views[3].masks.pixel_patch.size(), 0);
     for (size_t i = 0; i < 3000; ++i) capture.views[3].ignore[i] = 1;
-    drawer.emplace(capture, field, MakeDrawableViews(capture, scales), options);
+    drawer.emplace(field, MakeDrawableViews(capture, OwnMasks(capture), scales), options);
   }
   Capture capture;
   std::vector<std::vector<float>> scales;
@@ -132,7 +132,7 @@ TEST(MakeDrawableViews, LeavesOutViewsWithoutAScaledMask) {
   const Capture capture = testing::MakeSyntheticScene().capture;
   std::vector<std::vector<float>> scales;
   for (const View& view : capture.views) scales.emplace_back(view.masks.num_masks, kNoScale);
-  EXPECT_TRUE(MakeDrawableViews(capture, scales).empty());
+  EXPECT_TRUE(MakeDrawableViews(capture, OwnMasks(capture), scales).empty());
 }
 
 }  // namespace

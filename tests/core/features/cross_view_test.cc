@@ -32,7 +32,7 @@ std::vector<int32_t> Inside(const testing::PerceptionScene& scene, int view, int
 class CrossViewTest : public ::testing::Test {
  protected:
   testing::PerceptionScene scene_;
-  CrossView cross_view_ = CrossView(scene_.scene.capture, scene_.views, scene_.depths);
+  CrossView cross_view_ = CrossView(scene_.reprojection, scene_.views);
   int view_ = scene_.views[3].view;
 };
 
@@ -88,7 +88,7 @@ TEST_F(CrossViewTest, KeepsAnObjectApartFromWhatNoMaskCoversAndThatFromNothing) 
 
 TEST_F(CrossViewTest, OneViewHasNoOthers) {
   scene_.views.resize(1);
-  const CrossView alone(scene_.scene.capture, scene_.views, scene_.depths);
+  const CrossView alone(scene_.reprojection, scene_.views);
   const CrossView::Sight sight = alone.Look(scene_.views[0].view, scene_.views[0].pixels[0]);
   for (const int32_t patch : sight) EXPECT_EQ(patch, CrossView::kUnknown);
 }

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "core/priors/depth_edges.h"
@@ -38,19 +39,28 @@ Capture TwoHalves() {
   return capture;
 }
 
+std::vector<int> AllViews(const Capture& capture) {
+  std::vector<int> all(capture.views.size());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
 // With masks of these scales, 1 away from the camera.
 struct Prepared {
   Prepared(Capture of, const std::vector<std::vector<float>>& mask_scales)
       : capture(std::move(of)),
-        depths(capture.views.size(), std::vector<float>(kWidth * kHeight, 1.0f)),
-        views(MakeDrawableViews(capture, mask_scales)),
-        cross_view(capture, views, depths),
-        edges(DepthEdges(capture.views[0])) {}
+        reprojection(capture, AllViews(capture)),
+        views(MakeDrawableViews(capture, OwnMasks(capture), mask_scales)),
+        cross_view(reprojection, views),
+        edges(DepthEdges(capture.views[0])) {
+    const std::vector<float> depth(kWidth * kHeight, 1.0f);
+    for (const int view : reprojection.views()) reprojection.KeepDepth(view, depth);
+  }
   Prepared(const Prepared&) = delete;
   Prepared& operator=(const Prepared&) = delete;
 
   Capture capture;
-  std::vector<std::vector<float>> depths;
+  Reprojection reprojection;
   std::vector<DrawableView> views;
   CrossView cross_view;
   std::vector<uint8_t> edges;

@@ -1,21 +1,31 @@
 #include "tests/core/features/perception_scene.h"
 
 #include "core/features/frozen_scene.h"
+#include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
 #include "tests/core/query/point_gaussians.h"
 
 namespace pepeseg::testing {
 
-PerceptionScene::PerceptionScene(SyntheticOptions options) : scene(MakeSyntheticScene(options)) {
+PerceptionScene::PerceptionScene(SyntheticOptions options)
+    : scene(MakeSyntheticScene(options)), reprojection(scene.capture, TrainedViews()) {
   const auto backend = MakeCpuBackend(2);
   gaussians = PointGaussians(scene.capture, 0.04f);
   FrozenScene frozen(*backend, gaussians, SceneRadius(scene.capture));
-  std::vector<std::vector<float>> mask_scales;
-  for (const View& view : scene.capture.views) {
-    depths.push_back(frozen.Depth(view));
-    mask_scales.push_back(MaskScales(view, depths.back()));
+  for (size_t view = 0; view < scene.capture.views.size(); ++view) {
+    const std::vector<float> depth = frozen.Depth(scene.capture.views[view]);
+    mask_scales.push_back(MaskScales(scene.capture.views[view], depth));
+    reprojection.KeepDepth(static_cast<int>(view), depth);
   }
-  views = MakeDrawableViews(scene.capture, mask_scales);
+  views = MakeDrawableViews(scene.capture, OwnMasks(scene.capture), mask_scales);
+}
+
+std::vector<int> PerceptionScene::TrainedViews() const {
+  std::vector<int> trained;
+  for (size_t view = 0; view < scene.capture.views.size(); ++view) {
+    if (IsTrained(scene.capture.views[view])) trained.push_back(static_cast<int>(view));
+  }
+  return trained;
 }
 
 void DropMasks(Capture& capture) {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/features/batch_drawer.h"
+#include "core/features/reprojection.h"
 #include "core/scene/gaussians.h"
 #include "kernels/backend.h"
 #include "tests/testing/synthetic_capture.h"
@@ -17,8 +18,12 @@ struct PerceptionScene {
 
   SyntheticScene scene;
   Gaussians gaussians;
-  std::vector<std::vector<float>> depths;  // of the views that are drawn
+  Reprojection reprojection;                    // of the trained views
+  std::vector<std::vector<float>> mask_scales;  // by view
   std::vector<DrawableView> views;
+
+ private:
+  std::vector<int> TrainedViews() const;
 };
 
 // Without its first mask in every other view.

@@ -217,6 +217,8 @@ TEST(Validate, FeatureOptionsNameTheField) {
                 "num_steps is 0");
   EXPECT_STATUS(Validate(FeatureOptions{.sure_views = -1}), absl::StatusCode::kInvalidArgument,
                 "sure_views is -1, must be in [0, 64]");
+  EXPECT_STATUS(Validate(FeatureOptions{.min_mask_agreement = 1.5}),
+                absl::StatusCode::kInvalidArgument, "min_mask_agreement");
   EXPECT_STATUS(Validate(FeatureOptions{.mask_share = 1.5}), absl::StatusCode::kInvalidArgument,
                 "mask_share");
   EXPECT_STATUS(Validate(FeatureOptions{.num_pixels = 1}), absl::StatusCode::kInvalidArgument,

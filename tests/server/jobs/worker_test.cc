@@ -31,6 +31,8 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   EXPECT_GT(model->metrics.at("seconds_reconstruct"), 0);
   EXPECT_GT(model->metrics.at("core_seconds_reconstruct"), 0);
   EXPECT_GT(model->metrics.at("num_masks"), 0);
+  EXPECT_GT(model->metrics.at("mask_quality"), 0);
+  EXPECT_LE(model->metrics.at("mask_quality"), 1);
   EXPECT_THAT(model->facts.at("device"), HasSubstr("cpu (2 threads"));
   EXPECT_THAT(model->facts.at("options"), HasSubstr("\"numSteps\":60"));
   EXPECT_FALSE(std::filesystem::exists(job_.reconstruction(1)));
@@ -41,11 +43,15 @@ TEST_F(WorkerTest, TellsOfEveryStage) {
   std::vector<std::string> stages;
   std::map<std::string, int64_t> last_steps;
   double psnr = 0;
+  std::string stage_of_quality;
   for (const v1::JobEvent& event : Events()) {
     if (event.has_stage_started()) stages.push_back(event.stage_started().stage());
     if (event.has_progress()) last_steps[event.progress().stage()] = event.progress().step();
     if (event.has_stage_ended() && event.stage_ended().metrics().contains("psnr")) {
       psnr = event.stage_ended().metrics().at("psnr");
+    }
+    if (event.has_stage_ended() && event.stage_ended().metrics().contains("mask_quality")) {
+      stage_of_quality = event.stage_ended().stage();
     }
   }
   EXPECT_THAT(stages, ::testing::ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate",
@@ -53,6 +59,7 @@ TEST_F(WorkerTest, TellsOfEveryStage) {
   EXPECT_EQ(last_steps["reconstruct"], 60);
   EXPECT_EQ(last_steps["features"], 20);
   EXPECT_GT(psnr, 5);
+  EXPECT_EQ(stage_of_quality, "features");
 }
 
 TEST_F(WorkerTest, StopsAtTheNextStepWhenToldTo) {

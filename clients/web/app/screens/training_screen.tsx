@@ -87,6 +87,7 @@ function Outcome({
   if (job.state === JobState.SUCCEEDED) {
     const psnr = metrics.get('psnr');
     const ssim = metrics.get('ssim');
+    const maskQuality = metrics.get('mask_quality');
     return (
       <div class="note good" role="status">
         <Icon name="check" />
@@ -96,6 +97,12 @@ function Outcome({
             <p>
               Held-out views: PSNR {psnr.toFixed(2)} dB
               {ssim !== undefined && `, SSIM ${ssim.toFixed(3)}`}
+            </p>
+          )}
+          {maskQuality !== undefined && (
+            <p>
+              Mask quality {maskQuality.toFixed(2)}: how far the masks of different views agree,
+              from 0 to 1. Under 0.5 segments may be poor.
             </p>
           )}
         </div>

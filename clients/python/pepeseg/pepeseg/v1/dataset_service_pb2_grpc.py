@@ -118,7 +118,7 @@ class DatasetServiceServicer(object):
         as asked (by a sandboxed process, never by the server itself). Header, then chunks.
         NOT_FOUND: the dataset has no such photograph (a frame of a video is none). INVALID_ARGUMENT: the
         file cannot be decoded, PIXEL_FRAME_VIEW without a model that has the view, max_side out of
-        range. DATA_LOSS: the stored file is damaged.
+        range. DATA_LOSS: the stored file is damaged and was set aside; upload it again.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

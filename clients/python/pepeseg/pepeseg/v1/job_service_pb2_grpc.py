@@ -97,9 +97,9 @@ class JobServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def WatchJob(self, request, context):
-        """First a snapshot, then increments as they come; ends with OK after the event, or the snapshot,
-        that tells the job's end.
-        UNAVAILABLE when the server stops: watch again, with the last sequence seen.
+        """First a snapshot, then increments; ends with OK after the event or snapshot that reports the
+        job's end. UNAVAILABLE when the server stops, or cannot write the job's start or end (reason
+        DISK_FULL where its disk is full): watch again after `retry_after`, from the last sequence.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -36,17 +36,19 @@ TRAINING_PRESET_STANDARD: TrainingPreset
 TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
-    __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk", "sure_views"]
+    __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk", "sure_views"]
     CENTROID_EVERY_FIELD_NUMBER: _ClassVar[int]
     CENTROID_FROM_FIELD_NUMBER: _ClassVar[int]
     CENTROID_PIXELS_FIELD_NUMBER: _ClassVar[int]
     CENTROID_WEIGHT_LOWER_FIELD_NUMBER: _ClassVar[int]
     CENTROID_WEIGHT_UPPER_FIELD_NUMBER: _ClassVar[int]
     CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
+    COMPLETE_MASKS_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FINAL_FIELD_NUMBER: _ClassVar[int]
     MASK_SHARE_FIELD_NUMBER: _ClassVar[int]
     MIN_LOSS_FALL_FIELD_NUMBER: _ClassVar[int]
+    MIN_MASK_AGREEMENT_FIELD_NUMBER: _ClassVar[int]
     NUM_BACKGROUND_PIXELS_FIELD_NUMBER: _ClassVar[int]
     NUM_DRAWN_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
     NUM_NEIGHBORS_FIELD_NUMBER: _ClassVar[int]
@@ -67,10 +69,12 @@ class FeatureOptions(_message.Message):
     centroid_weight_lower: float
     centroid_weight_upper: float
     closing_share: float
+    complete_masks: bool
     learning_rate: float
     learning_rate_final: float
     mask_share: float
     min_loss_fall: float
+    min_mask_agreement: float
     num_background_pixels: int
     num_drawn_neighbors: int
     num_neighbors: int
@@ -85,7 +89,7 @@ class FeatureOptions(_message.Message):
     seed: int
     steps_per_chunk: int
     sure_views: int
-    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ...) -> None: ...
 
 class ImportOptions(_message.Message):
     __slots__ = ["held_out_every", "image_scale"]

@@ -1,0 +1,137 @@
+#include "core/features/mask_agreement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <span>
+
+#include "core/features/masks_of_patch.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMinSeen = 0.5;  // of a mask's cells: a view sees the mask
+constexpr int kMinSeenCells = 6;  // and at least as many
+constexpr int kMinJudgingViews = 3;
+
+// Counts grid cells under the masks of a view and of one near view, of the cells that both see.
+class Overlaps {
+ public:
+  Overlaps(int num_own, int num_near)
+      : num_near_(num_near),
+        shared_(static_cast<size_t>(num_own) * num_near),
+        own_(num_own),
+        near_(num_near) {}
+
+  void Add(std::span<const uint64_t> own, std::span<const uint64_t> near) {
+    ForEachMaskIn(near, [&](int mask) { ++near_[mask]; });
+    ForEachMaskIn(own, [&](int mask) {
+      ++own_[mask];
+      int* row = shared_.data() + static_cast<size_t>(mask) * num_near_;
+      ForEachMaskIn(near, [&](int other) { ++row[other]; });
+    });
+  }
+
+  int num_seen(int own) const { return own_[own]; }
+  float BestIou(int own) const {
+    float best = 0;
+    for (int other = 0; other < num_near_; ++other) {
+      const int shared = shared_[static_cast<size_t>(own) * num_near_ + other];
+      if (shared == 0) continue;
+      const int all = own_[own] + near_[other] - shared;
+      best = std::max(best, static_cast<float>(shared) / static_cast<float>(all));
+    }
+    return best;
+  }
+
+ private:
+  int num_near_;
+  std::vector<int> shared_;  // [own masks, near masks]
+  std::vector<int> own_, near_;
+};
+
+// Of one view: its overlaps with each near view, and the cells under each of its masks.
+struct CountedView {
+  std::vector<Overlaps> overlaps;
+  std::vector<int> num_cells;
+};
+
+CountedView Count(const Capture& capture, int number, const Reprojection& reprojection) {
+  const View& view = capture.views[number];
+  const MaskSet& masks = view.masks;
+  const std::span<const int> near = reprojection.near(number);
+  CountedView counted;
+  for (const int other : near) {
+    counted.overlaps.emplace_back(masks.num_masks, capture.views[other].masks.num_masks);
+  }
+  counted.num_cells.resize(masks.num_masks);
+  const int stride = reprojection.stride(number);
+  for (int y = 0; y < masks.height; y += stride) {
+    for (int x = 0; x < masks.width; x += stride) {
+      const int32_t pixel = y * masks.width + x;
+      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
+      const std::span<const uint64_t> own = PatchBits(masks, masks.pixel_patch[pixel]);
+      ForEachMaskIn(own, [&](int mask) { ++counted.num_cells[mask]; });
+      const Reprojection::Sight sight = reprojection.Look(number, pixel);
+      for (size_t i = 0; i < near.size(); ++i) {
+        if (sight[i] == Reprojection::kUnknown) continue;
+        const MaskSet& others = capture.views[near[i]].masks;
+        counted.overlaps[i].Add(own, PatchBits(others, others.pixel_patch[sight[i]]));
+      }
+    }
+  }
+  return counted;
+}
+
+MaskAgreement Agreement(const CountedView& counted, int mask) {
+  MaskAgreement agreement;
+  double sum = 0, weight = 0;
+  for (const Overlaps& overlap : counted.overlaps) {
+    const int seen = overlap.num_seen(mask);
+    if (seen < kMinSeenCells || seen < kMinSeen * counted.num_cells[mask]) continue;
+    const float iou = overlap.BestIou(mask);
+    ++agreement.num_seen;
+    agreement.num_same += iou >= kSameMask ? 1 : 0;
+    sum += double{iou} * seen;
+    weight += seen;
+  }
+  if (weight > 0) agreement.iou = static_cast<float>(sum / weight);
+  return agreement;
+}
+
+}  // namespace
+
+MaskAgreements MeasureMaskAgreement(const Capture& capture, const Reprojection& reprojection) {
+  const std::span<const int> views = reprojection.views();
+  MaskAgreements agreements(capture.views.size());
+  ThreadPool pool(0);
+  pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int) {
+    const CountedView counted = Count(capture, views[i], reprojection);
+    for (int mask = 0; mask < capture.views[views[i]].masks.num_masks; ++mask) {
+      agreements[views[i]].push_back(Agreement(counted, mask));
+    }
+  });
+  return agreements;
+}
+
+bool StandsAlone(const MaskAgreement& agreement, double min_agreement) {
+  return agreement.num_seen >= kMinJudgingViews && double{agreement.iou} < min_agreement;
+}
+
+std::optional<double> MaskQuality(const Capture& capture, const MaskAgreements& agreements) {
+  double sum = 0, weight = 0;
+  for (size_t view = 0; view < agreements.size(); ++view) {
+    for (size_t mask = 0; mask < agreements[view].size(); ++mask) {
+      const MaskAgreement& agreement = agreements[view][mask];
+      if (agreement.num_seen == 0) continue;
+      const double side = std::sqrt(static_cast<double>(capture.views[view].masks.mask_area[mask]));
+      sum += side * double{agreement.iou};
+      weight += side;
+    }
+  }
+  if (weight == 0) return std::nullopt;
+  return sum / weight;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,133 @@
+#include "core/features/mask_completion.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include "core/features/mask_candidates.h"
+#include "core/features/masks_of_patch.h"
+#include "kernels/cpu/parallel_for.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMinPixels = 8;  // of an added mask, as of one that has a scale
+
+// Pixels by mask of a view.
+std::vector<std::vector<uint32_t>> PixelsOf(const MaskSet& masks) {
+  std::vector<std::vector<uint32_t>> pixels(masks.num_masks);
+  for (size_t pixel = 0; pixel < masks.pixel_patch.size(); ++pixel) {
+    ForEachMaskIn(PatchBits(masks, masks.pixel_patch[pixel]),
+                  [&](int mask) { pixels[mask].push_back(static_cast<uint32_t>(pixel)); });
+  }
+  return pixels;
+}
+
+// A mask of a near view that has a vote.
+struct Voter {
+  int near;
+  const MaskSet* masks;
+  int mask;
+
+  bool HasUnderMask(int32_t pixel) const {
+    const std::span<const uint64_t> bits = PatchBits(*masks, masks->pixel_patch[pixel]);
+    return (bits[mask / 64] >> (mask % 64) & 1) != 0;
+  }
+};
+
+bool IsIn(std::span<const Voter> voters, const Reprojection::Sight& sight) {
+  int num_known = 0, num_in = 0;
+  for (const Voter& voter : voters) {
+    const int32_t pixel = sight[voter.near];
+    if (pixel == Reprojection::kUnknown) continue;
+    ++num_known;
+    num_in += voter.HasUnderMask(pixel) ? 1 : 0;
+  }
+  return 2 * num_in > num_known;
+}
+
+// Pixels of the view by group of voters.
+std::vector<std::vector<uint32_t>> Vote(const View& view, int number,
+                                        const Reprojection& reprojection,
+                                        std::span<const std::vector<Voter>> groups) {
+  std::vector<std::vector<uint32_t>> pixels(groups.size());
+  const auto num_pixels = static_cast<int32_t>(view.masks.pixel_patch.size());
+  for (int32_t pixel = 0; pixel < num_pixels; ++pixel) {
+    const Reprojection::Sight sight = reprojection.Look(number, pixel);
+    for (size_t group = 0; group < groups.size(); ++group) {
+      if (IsIn(groups[group], sight)) pixels[group].push_back(static_cast<uint32_t>(pixel));
+    }
+  }
+  return pixels;
+}
+
+// A mask that no pixel is left of could not be added, and would move the numbers of the others.
+bool AllHavePixels(const std::vector<std::vector<uint32_t>>& masks) {
+  return std::ranges::none_of(masks, [](const auto& pixels) { return pixels.empty(); });
+}
+
+float Median(std::vector<float> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+struct Ballot {
+  std::vector<std::vector<Voter>> groups;
+  std::vector<float> scales;  // by group
+};
+
+Ballot MakeBallot(const Capture& capture, int number, const Reprojection& reprojection,
+                  const MaskAgreements& agreements,
+                  std::span<const std::vector<float>> mask_scales) {
+  const std::span<const int> near = reprojection.near(number);
+  const MaskCandidates candidates(capture, number, reprojection, agreements, mask_scales);
+  Ballot ballot;
+  for (const std::vector<int>& group : candidates.Groups()) {
+    std::vector<Voter> voters;
+    std::vector<float> scales;
+    for (const int candidate : group) {
+      const MaskCandidate& at = candidates.at(candidate);
+      voters.push_back({at.near, &capture.views[near[at.near]].masks, at.mask});
+      scales.push_back(mask_scales[near[at.near]][at.mask]);
+    }
+    ballot.groups.push_back(std::move(voters));
+    ballot.scales.push_back(Median(std::move(scales)));
+  }
+  return ballot;
+}
+
+CompletedMasks Complete(const Capture& capture, int number, const Reprojection& reprojection,
+                        const MaskAgreements& agreements,
+                        std::span<const std::vector<float>> mask_scales) {
+  const View& view = capture.views[number];
+  const Ballot ballot = MakeBallot(capture, number, reprojection, agreements, mask_scales);
+  const std::vector<std::vector<uint32_t>> own = PixelsOf(view.masks);
+  if (ballot.groups.empty() || !AllHavePixels(own)) return {};
+  constexpr double kKeepDuplicates = 1;  // so that own masks keep their numbers
+  MaskSetBuilder builder(view.masks.width, view.masks.height, kKeepDuplicates);
+  for (const std::vector<uint32_t>& pixels : own) builder.Add(pixels);
+  const auto added = Vote(view, number, reprojection, ballot.groups);
+  CompletedMasks completed;
+  for (size_t group = 0; group < added.size(); ++group) {
+    if (added[group].size() < kMinPixels) continue;
+    if (builder.Add(added[group])) completed.added_scales.push_back(ballot.scales[group]);
+  }
+  if (!completed.added_scales.empty()) completed.masks = std::move(builder).Build();
+  return completed;
+}
+
+}  // namespace
+
+std::vector<CompletedMasks> CompleteMasks(const Capture& capture, const Reprojection& reprojection,
+                                          const MaskAgreements& agreements,
+                                          std::span<const std::vector<float>> mask_scales) {
+  const std::span<const int> views = reprojection.views();
+  std::vector<CompletedMasks> completed(capture.views.size());
+  ThreadPool pool(0);
+  pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int) {
+    completed[views[i]] = Complete(capture, views[i], reprojection, agreements, mask_scales);
+  });
+  return completed;
+}
+
+}  // namespace pepeseg

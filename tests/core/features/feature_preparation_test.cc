@@ -1,0 +1,99 @@
+#include "core/features/feature_preparation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "core/features/mask_completion.h"
+#include "core/features/mask_scales.h"
+#include "tests/core/features/perception_scene.h"
+
+namespace pepeseg {
+namespace {
+
+class PrepareFeaturesTest : public ::testing::Test {
+ protected:
+  PreparedFeatures Prepare(const FeatureOptions& options) {
+    FrozenScene frozen(*backend_, scene_.gaussians, SceneRadius(capture()));
+    auto prepared = PrepareFeatures(capture(), scene_.gaussians, frozen, options);
+    EXPECT_TRUE(prepared.ok()) << prepared.status();
+    return *std::move(prepared);
+  }
+
+  // Takes another mask of each of two views in three, so that most views still have each mask.
+  void TakeMasks() {
+    for (const int view : scene_.reprojection.views()) {
+      const MaskSet masks = capture().views[view].masks;
+      std::vector<BinaryMask> kept;
+      for (int mask = 0; mask < masks.num_masks; ++mask) {
+        if (mask != view % 3) kept.push_back(masks.Extract(mask));
+      }
+      capture().views[view].masks = BuildMaskSet(masks.width, masks.height, kept);
+    }
+  }
+
+  static int NumCompleted(const PreparedFeatures& prepared) {
+    return static_cast<int>(std::ranges::count_if(
+        prepared.completed_masks, [](const MaskSet& masks) { return !masks.empty(); }));
+  }
+
+  Capture& capture() { return scene_.scene.capture; }
+
+  testing::PerceptionScene scene_;
+  std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+};
+
+TEST_F(PrepareFeaturesTest, LeavesMasksThatAgreeAsTheyAre) {
+  const PreparedFeatures prepared = Prepare({});
+  EXPECT_GE(prepared.mask_quality.value(), kCompleteBelow);
+  EXPECT_EQ(NumCompleted(prepared), 0);
+  for (const DrawableView& view : prepared.views) {
+    EXPECT_EQ(view.masks, &capture().views[view.view].masks);
+    EXPECT_EQ(view.mask_scales, scene_.mask_scales[view.view]);
+  }
+}
+
+TEST_F(PrepareFeaturesTest, CompletesMasksThatSomeViewsLack) {
+  TakeMasks();
+  const PreparedFeatures prepared = Prepare({});
+  EXPECT_LT(prepared.mask_quality.value(), kCompleteBelow);
+  EXPECT_GT(NumCompleted(prepared), 0);
+  for (const DrawableView& view : prepared.views) {
+    ASSERT_EQ(view.mask_scales.size(), static_cast<size_t>(view.masks->num_masks));
+    EXPECT_GE(view.masks->num_masks, capture().views[view.view].masks.num_masks);
+  }
+}
+
+TEST_F(PrepareFeaturesTest, CompletesNothingWhenTurnedOff) {
+  TakeMasks();
+  const PreparedFeatures prepared = Prepare({.complete_masks = false});
+  EXPECT_LT(prepared.mask_quality.value(), kCompleteBelow) << "measured all the same";
+  EXPECT_EQ(NumCompleted(prepared), 0);
+}
+
+TEST_F(PrepareFeaturesTest, LeavesOutMasksThatStandAloneWhenAsked) {
+  const int view = scene_.reprojection.views()[1];
+  const MaskSet own = capture().views[view].masks;
+  std::vector<BinaryMask> masks;
+  for (int mask = 0; mask < own.num_masks; ++mask) masks.push_back(own.Extract(mask));
+  BinaryMask stray = {std::vector<uint8_t>(own.pixel_patch.size())};
+  for (int y = own.height / 2; y < own.height; ++y) {
+    for (int x = own.width / 2 - 6; x < own.width / 2 + 6; ++x) {
+      stray.pixels[static_cast<size_t>(y) * own.width + x] = 1;
+    }
+  }
+  masks.push_back(stray);
+  capture().views[view].masks = BuildMaskSet(own.width, own.height, masks);
+  const auto last_scale = [&](double min_agreement) {
+    const PreparedFeatures prepared = Prepare({.min_mask_agreement = min_agreement});
+    for (const DrawableView& drawn : prepared.views) {
+      if (drawn.view == view) return drawn.mask_scales[masks.size() - 1];
+    }
+    return -1.0f;
+  };
+  EXPECT_GT(last_scale(0), kNoScale);
+  EXPECT_EQ(last_scale(0.5), kNoScale);
+}
+
+}  // namespace
+}  // namespace pepeseg

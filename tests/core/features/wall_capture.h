@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "core/features/reprojection.h"
+#include "core/scene/capture.h"
+
+namespace pepeseg::testing {
+
+// A rectangle on the wall, world units: [x0, x1) x [y0, y1).
+struct WallPatch {
+  double x0, y0, x1, y1;
+};
+
+// Views of a wall at z = 2 by cameras that stand side by side, all of which see [-1, 1] x [-1, 1].
+// A pixel is 0.05 wide on the wall. patches: the masks of each view.
+struct WallCapture {
+  explicit WallCapture(const std::vector<std::vector<WallPatch>>& patches);
+  WallCapture(const WallCapture&) = delete;
+  WallCapture& operator=(const WallCapture&) = delete;
+
+  // Of the masks, as each view has them.
+  std::vector<std::vector<float>> EqualScales(float scale) const;
+  // The mask that a view would have of a patch.
+  BinaryMask MaskOf(int view, const WallPatch& patch) const;
+
+  Capture capture;
+  Reprojection reprojection;
+};
+
+}  // namespace pepeseg::testing
