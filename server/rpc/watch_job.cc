@@ -67,6 +67,9 @@ absl::Status WatchJobStream::Start() {
     const int64_t after = request_.after_sequence();
     if (after < 0) return BadField("after_sequence", absl::StrCat(after), "is negative");
     if (after > snapshot.sequence) {
+      ASSIGN_OR_RETURN(snapshot.sequence, FindNewestInLog(snapshot.sequence));
+    }
+    if (after > snapshot.sequence) {
       v1::ErrorDetail detail;
       detail.set_reason("NO_SUCH_EVENT");
       detail.set_field("after_sequence");
@@ -87,6 +90,15 @@ absl::Status WatchJobStream::Start() {
   *event.mutable_snapshot() = std::move(snapshot.job);
   pending_.push_back(std::move(event));
   return absl::OkStatus();
+}
+
+absl::StatusOr<int64_t> WatchJobStream::FindNewestInLog(int64_t seen) const {
+  EventLogReader reader = context_.supervisor->ReadEvents(id_, seen);
+  while (true) {
+    ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, reader.Read());
+    if (events.empty()) return seen;
+    seen = events.back().sequence();
+  }
 }
 
 absl::Status WatchJobStream::ReadMore() {

@@ -38,6 +38,9 @@ class WatchJobStream final : public WriteStream<v1::JobEvent> {
   void OnClosed() override { watch_.reset(); }
 
   absl::Status Start();
+  // Returns the sequence of the newest event in the log, of which the supervisor has seen those up
+  // to `seen`: a watcher of an end may ask again before the supervisor has read it.
+  absl::StatusOr<int64_t> FindNewestInLog(int64_t seen) const;
   absl::Status ReadMore();
   Step Send(v1::JobEvent event);
   Step SendHeartbeatWhenDue();
