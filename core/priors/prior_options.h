@@ -7,7 +7,7 @@ namespace pepeseg {
 // What makes masks or depth maps where a dataset has none of them.
 enum class PriorMaker {
   // The command where there is one and it succeeds; else, for masks and where SAM is installed,
-  // SAM and what is embedded; else what is embedded.
+  // SAM; else what is embedded.
   kAuto = 0,
   kNone = 1,
   kEmbedded = 2,

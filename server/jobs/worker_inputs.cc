@@ -236,7 +236,7 @@ absl::Status InputStages::ImproveMasksBySam() {
     stages_.Warn(absl::StrCat(status.message(), ". The job goes on with the built-in masks."));
     return absl::OkStatus();
   }
-  inputs_.sources["masks"] = maker == PriorMaker::kSam ? "sam" : "sam and embedded";
+  inputs_.sources["masks"] = maker == PriorMaker::kSamAndEmbedded ? "sam and embedded" : "sam";
   return absl::OkStatus();
 }
 

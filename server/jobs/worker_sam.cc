@@ -138,7 +138,7 @@ absl::Status SegmentViews(const WorkerJob& job, PriorMaker masks, StageLog& stag
                           Capture& capture) {
   const absl::Status status = [&] {
     try {
-      return ViewSegmentation(job, masks != PriorMaker::kSam, capture).Run(stages);
+      return ViewSegmentation(job, masks == PriorMaker::kSamAndEmbedded, capture).Run(stages);
     } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
       return absl::ResourceExhaustedError("out of memory");
     }

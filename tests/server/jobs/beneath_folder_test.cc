@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -110,7 +111,9 @@ TEST_F(BeneathFolderTest, StaysInsideWhileEntriesAreSwapped) {
   });
   const BeneathFolder folder = Folder();
   int num_read = 0;
-  for (int i = 0; i < 5000; ++i) {
+  // The other thread may not get a turn for a while.
+  const absl::Time give_up = absl::Now() + absl::Seconds(30);
+  for (int i = 0; i < 5000 || (num_read == 0 && absl::Now() < give_up); ++i) {
     const Descriptor file(
         OpenBeneath(folder.descriptor(), "sub/secret", O_RDONLY, /*by_kernel=*/i % 2 == 0));
     char bytes[8] = "";

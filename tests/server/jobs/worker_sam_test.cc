@@ -69,7 +69,7 @@ class WorkerSamTest : public WorkerTest {
 
 TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(), AllOf(Contains(Pair("masks", "sam and embedded")),
+  EXPECT_THAT(Sources(), AllOf(Contains(Pair("masks", "sam")),
                                Contains(Pair("depth", "embedded"))));
   EXPECT_THAT(Warnings(), IsEmpty());
   std::vector<int64_t> steps;
@@ -83,10 +83,10 @@ TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
 }
 
-TEST_F(WorkerSamTest, MakesItsMasksAlone) {
-  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM);
+TEST_F(WorkerSamTest, JoinsItsMasksWithEmbeddedOnesWhereAsked) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
 }
 
 TEST_F(WorkerSamTest, IsMissedWhereItWasAskedFor) {
@@ -153,7 +153,7 @@ TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
     }
   }
   ExpectExit(WaitFor(*second), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
   EXPECT_THAT(Warnings(), IsEmpty());
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
               HasSubstr("were segmented by an earlier attempt"));
@@ -169,7 +169,7 @@ TEST_F(WorkerSamTest, RunsTheRealOne) {
     return file.kind == v1::FILE_KIND_IMAGE && ++num_photos > 3;
   });
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
   const std::string log = ReadFileTail(job_.worker_log(), 100000);
   EXPECT_EQ(log.find("error"), log.npos) << log;
 }
