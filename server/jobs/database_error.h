@@ -16,8 +16,8 @@ int SystemErrorOf(soci::session& sql);
 
 // ABORTED: a broken constraint; RESOURCE_EXHAUSTED: a full disk; DATA_LOSS: damaged files;
 // UNAVAILABLE: a lost connection or a collision; else INTERNAL. All are PrivateError.
-// `system_error`: SystemErrorOf the session, as SQLite reports a full disk that only a sync finds as
-// an input or output error.
+// `system_error`: SystemErrorOf the session, as SQLite reports a full disk that only a sync finds
+// as an input or output error.
 absl::Status DatabaseError(const soci::soci_error& error, int system_error = 0);
 
 }  // namespace pepeseg

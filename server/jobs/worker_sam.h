@@ -16,8 +16,8 @@ bool UsesSam(const WorkerJob& job, PriorMaker masks);
 
 // Replaces the masks of the views that are trained on by SAM's, and joins them with those that they
 // have if `masks` is kSamAndEmbedded. The masks that the views have, embedded ones, may also say
-// where SAM is asked. What is done for a photograph is kept in the job's folder, so that a further attempt need
-// not do it again.
+// where SAM is asked. What is done for a photograph is kept in the job's folder, so that a further
+// attempt need not do it again.
 //
 // CANCELLED: the job was told to stop. Any other error, of OpenSam or because there is not enough
 // memory, leaves all views with the masks that they had.

@@ -69,8 +69,8 @@ class WorkerSamTest : public WorkerTest {
 
 TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Sources(), AllOf(Contains(Pair("masks", "sam")),
-                               Contains(Pair("depth", "embedded"))));
+  EXPECT_THAT(Sources(),
+              AllOf(Contains(Pair("masks", "sam")), Contains(Pair("depth", "embedded"))));
   EXPECT_THAT(Warnings(), IsEmpty());
   std::vector<int64_t> steps;
   for (const v1::JobEvent& event : Events()) {
