@@ -136,7 +136,7 @@ bool UsesSam(const WorkerJob& job, PriorMaker masks) {
 
 absl::Status SegmentViews(const WorkerJob& job, PriorMaker masks, StageLog& stages,
                           Capture& capture) {
-  const absl::Status status = [&] {
+  absl::Status status = [&] {
     try {
       return ViewSegmentation(job, masks == PriorMaker::kSamAndEmbedded, capture).Run(stages);
     } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
