@@ -10,6 +10,7 @@
 #include "core/io/selection_file.h"
 #include "core/query/gaussian_sets.h"
 #include "core/status_macros.h"
+#include "server/jobs/private_error.h"
 #include "server/layout.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
@@ -86,8 +87,11 @@ absl::StatusOr<SelectionRow> RecordSelection(const ServiceContext& context,
   RETURN_IF_ERROR(WriteMembers(path, set));
   ASSIGN_OR_RETURN(row.num_bytes, FileSize(path, row.file));
   auto made = context.store->CreateSelection(row);
-  // Where nobody knows whether the row was committed, the collector finds out.
-  const bool unknown = absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
+  // Where nobody knows whether the row was committed, the collector finds out: a commit whose sync
+  // failed for lack of space may be there after a restart. A quota's refusal is not private.
+  const bool full_disk = absl::IsResourceExhausted(made.status()) && IsPrivate(made.status());
+  const bool unknown =
+      full_disk || absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
   if (!unknown && (!made.ok() || made->number != row.number)) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
