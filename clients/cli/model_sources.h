@@ -11,7 +11,7 @@ std::string SourcesText(const v1::Model& model);
 // "mask quality 0.79: how far the masks of different views agree, 0 to 1"; empty where it was not
 // measured.
 std::string MaskQualityText(const v1::Model& model);
-// What may make the model's answers poor and what would better them, a line each.
+// Prints the server's advice on the model, one line for each reason why answers may be poor.
 void PrintAdvice(const v1::Model& model);
 
 }  // namespace pepeseg::client::cli

@@ -12,8 +12,8 @@ namespace pepeseg::client::cli {
 // --server where this call had one that the environment does not name, words quoted.
 std::string CommandText(const Shell& shell, const std::vector<std::string>& words);
 
-// What to try with a model that was just trained: a click in the middle of one of its views or,
-// where it has no features, its export.
+// Returns a command to try on a new model: a click in the middle of one of its views, or its export
+// if it has no features.
 std::string FirstQuestion(const Shell& shell, const v1::Model& model,
                           const std::vector<v1::View>& views);
 

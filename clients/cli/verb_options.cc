@@ -34,7 +34,7 @@ std::vector<std::string> LongNamesOf(const CLI::App& verb) {
 bool TakesValue(const CLI::Option& option) { return option.get_type_size_max() > 0; }
 
 std::vector<std::string> ChoicesOf(const CLI::Option& option) {
-  // Of a check that names its members, as in "TEXT:{depth,disparity}".
+  // CLI::IsMember appends its members to the type's name: "TEXT:{depth,disparity}".
   const std::string type = option.get_type_name();
   const size_t begin = type.find('{'), end = type.find('}');
   if (begin == std::string::npos || end == std::string::npos || end < begin) return {};

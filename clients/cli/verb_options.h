@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-// What a parser knows of its verbs and options, for completions and suggestions.
+// The verbs and options of the command line's parser, for completions and suggestions.
 namespace pepeseg::client::cli {
 
 std::vector<const CLI::App*> VerbsOf(const CLI::App& app);

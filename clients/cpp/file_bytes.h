@@ -26,8 +26,8 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path);
 // Makes the folders above `file`. LocalFileError names the folder.
 absl::Status MakeParentFolder(const std::filesystem::path& file);
 
-// Makes the folder too; written beside and renamed, so that nobody reads half of it. LocalFileError
-// names the file.
+// Writes a temporary file in the same folder, which it makes if needed, and renames it, so that no
+// reader sees half of it. LocalFileError names the file.
 absl::Status WriteFile(const std::filesystem::path& path, absl::string_view bytes);
 
 // A file that is written piece by piece, and takes its place only when it is whole. Not thread

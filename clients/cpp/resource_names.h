@@ -4,9 +4,10 @@
 
 namespace pepeseg::client {
 
-// "shelf" or "scenes/shelf" -> "scenes/shelf"; likewise jobs. "projects/lab/scenes/shelf", which
-// names a project's scene to operators and to servers without keys, stays as it is.
+// "shelf" or "scenes/shelf" -> "scenes/shelf". "projects/lab/scenes/shelf" stays as it is:
+// operators, and callers of servers without keys, name a project's scene so.
 std::string SceneName(const std::string& scene);
+// "j1" or "jobs/j1" -> "jobs/j1".
 std::string JobName(const std::string& job);
 // Of a scene's id or name; `model` is a number, or "live" for the newest.
 std::string ModelName(const std::string& scene, const std::string& model = "live");

@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// What the masks of other views say of pixels of one view.
+// Looks up the masks of near views at the pixels of one view.
 class CrossView {
  public:
   static constexpr int kNearViews = Reprojection::kNearViews;

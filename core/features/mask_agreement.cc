@@ -51,7 +51,7 @@ class Overlaps {
   std::vector<int> own_, near_;
 };
 
-// Of one view: its overlaps with each near view, and the cells under each of its masks.
+// The overlaps of a view with each near view, and the number of cells under each of its masks.
 struct CountedView {
   std::vector<Overlaps> overlaps;
   std::vector<int> num_cells;

@@ -34,7 +34,7 @@ class MaskCandidates {
   const MaskCandidate& at(int candidate) const { return candidates_[candidate]; }
 
  private:
-  // What the view's grid shows at one cell.
+  // One cell of the view's grid: the patch of its own masks, and the pixels in near views.
   struct Cell {
     uint32_t own_patch = 0;
     Reprojection::Sight sight;

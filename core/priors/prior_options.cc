@@ -7,6 +7,10 @@
 
 namespace pepeseg {
 
+bool AsksForSam(PriorMaker maker) {
+  return maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded;
+}
+
 absl::Status Validate(const PriorOptions& options) {
   for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
     const bool masks = name == std::string_view("masks");

@@ -16,6 +16,9 @@ enum class PriorMaker {
   kSamAndEmbedded = 5,  // masks only: both, without what is in both
 };
 
+// Whether SAM is asked for by name, alone or with what is embedded.
+bool AsksForSam(PriorMaker maker);
+
 struct PriorOptions {
   PriorMaker masks = PriorMaker::kAuto;
   PriorMaker depth = PriorMaker::kAuto;

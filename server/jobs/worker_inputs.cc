@@ -203,8 +203,7 @@ absl::Status InputStages::MakeEmbeddedPriors(PriorWants asked) {
   if (!made.masks && !made.depth) return absl::OkStatus();
   const PriorMaker maker = settings_.priors.masks;
   const bool by_sam = made.masks && UsesSam(job_, maker);
-  if (made.masks && job_.sam.empty() &&
-      (maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded)) {
+  if (made.masks && job_.sam.empty() && AsksForSam(maker)) {
     stages_.Warn("SAM: this server has none any more. The job goes on with the built-in masks.");
   }
   RETURN_IF_ERROR(

@@ -28,8 +28,7 @@ bool ByCommand(PriorMaker maker, const JobFacts& facts) {
 
 bool BySam(PriorMaker maker, const JobFacts& facts) {
   return facts.has_sam && !ByCommand(maker, facts) &&
-         (maker == PriorMaker::kAuto || maker == PriorMaker::kSam ||
-          maker == PriorMaker::kSamAndEmbedded);
+         (maker == PriorMaker::kAuto || AsksForSam(maker));
 }
 
 class Planner {

@@ -119,8 +119,9 @@ absl::Status ViewSegmentation::Run(StageLog& stages) {
                                  .unit = "photographs",
                                  .share = kShareBeforeSam + (1 - kShareBeforeSam) * done}));
   }
-  if (num_kept > 0)
+  if (num_kept > 0) {
     spdlog::info("SAM: {} photographs were segmented by an earlier attempt", num_kept);
+  }
   for (size_t i = 0; i < trained.size(); ++i) {
     capture_.views[trained[i]].masks = std::move(made[i]);
   }
@@ -130,8 +131,7 @@ absl::Status ViewSegmentation::Run(StageLog& stages) {
 }  // namespace
 
 bool UsesSam(const WorkerJob& job, PriorMaker masks) {
-  return !job.sam.empty() && (masks == PriorMaker::kAuto || masks == PriorMaker::kSam ||
-                              masks == PriorMaker::kSamAndEmbedded);
+  return !job.sam.empty() && (masks == PriorMaker::kAuto || AsksForSam(masks));
 }
 
 absl::Status SegmentViews(const WorkerJob& job, PriorMaker masks, StageLog& stages,

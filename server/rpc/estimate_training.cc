@@ -73,7 +73,7 @@ double StepShare(int wanted, int measured) {
 bool MasksBySam(const ServiceContext& context, const PriorOptions& priors, bool has_masks) {
   if (!context.has_sam || has_masks) return false;
   return (priors.masks == PriorMaker::kAuto && !context.has_priors_command) ||
-         priors.masks == PriorMaker::kSam || priors.masks == PriorMaker::kSamAndEmbedded;
+         AsksForSam(priors.masks);
 }
 
 // Other means are not timed before they have run.
@@ -99,8 +99,9 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
     sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0));
   }
 
-  if (MasksBySam(context, settings.priors, response.num_mask_files() > 0))
+  if (MasksBySam(context, settings.priors, response.num_mask_files() > 0)) {
     AddSam(context, size, response);
+  }
 
   if (dataset.num_given_gaussians == 0) {
     const MemoryNeed need = EstimateReconstruct(*context.backend, size, settings.reconstruct);

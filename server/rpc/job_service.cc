@@ -43,9 +43,7 @@ absl::StatusOr<JobRow> JobFromRequest(const v1::TrainSceneRequest& request,
 
 // What only a program can do that the server was not given.
 absl::Status CheckPriors(const PriorOptions& priors, bool has_command, bool has_sam) {
-  const bool by_sam =
-      priors.masks == PriorMaker::kSam || priors.masks == PriorMaker::kSamAndEmbedded;
-  if (by_sam && !has_sam) {
+  if (AsksForSam(priors.masks) && !has_sam) {
     return absl::FailedPreconditionError(
         "options.priors.masks asks for SAM, and this server has none: its operator installs it by "
         "deploy/sam.sh, or names its folder by pepesegd --sam");
