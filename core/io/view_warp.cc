@@ -238,9 +238,11 @@ std::vector<uint8_t> ViewWarp::Ignore(const std::vector<uint8_t>& ignore) const 
 }
 
 MaskSet ViewWarp::Masks(const MaskSet& masks) const {
-  if (source_.empty() && camera_.width == photo_width_ && camera_.height == photo_height_) {
+  if (source_.empty() && camera_.width == masks.width && camera_.height == masks.height) {
     return masks;
   }
+  const float scale_x = static_cast<float>(masks.width) / static_cast<float>(photo_width_);
+  const float scale_y = static_cast<float>(masks.height) / static_cast<float>(photo_height_);
   std::vector<int32_t> source_pixel;
   source_pixel.reserve(static_cast<size_t>(camera_.width) * camera_.height);
   for (int y = 0; y < camera_.height; ++y) {
@@ -248,9 +250,12 @@ MaskSet ViewWarp::Masks(const MaskSet& masks) const {
     for (int x = 0; x < camera_.width; ++x) {
       const int full_x = static_cast<int>((int64_t{2 * x + 1} * full_width_) / (2 * camera_.width));
       const size_t full = static_cast<size_t>(full_y) * full_width_ + full_x;
-      const int from_x = source_.empty() ? full_x : Nearest(source_[2 * full], photo_width_);
-      const int from_y = source_.empty() ? full_y : Nearest(source_[2 * full + 1], photo_height_);
-      source_pixel.push_back(from_y * photo_width_ + from_x);
+      const float place_x = source_.empty() ? static_cast<float>(full_x) + 0.5F : source_[2 * full];
+      const float place_y =
+          source_.empty() ? static_cast<float>(full_y) + 0.5F : source_[2 * full + 1];
+      const int from_x = Nearest(place_x * scale_x, masks.width);
+      const int from_y = Nearest(place_y * scale_y, masks.height);
+      source_pixel.push_back(from_y * masks.width + from_x);
     }
   }
   return ResampleMaskSet(masks, camera_.width, camera_.height, source_pixel);

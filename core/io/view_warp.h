@@ -34,7 +34,7 @@ class ViewWarp {
   Image Photo(const Image& photo) const;
   // Nearest; a pixel of the result is ignored if any of it is.
   std::vector<uint8_t> Ignore(const std::vector<uint8_t>& ignore) const;
-  // Nearest.
+  // Nearest. The masks may have any size and stand for the whole photograph.
   MaskSet Masks(const MaskSet& masks) const;
   // [height, width] of camera(). The map may have any size and stands for the whole photograph.
   // Bilinear over what is known; a pixel is unknown (NaN) where the nearest value is, so that what

@@ -1,6 +1,9 @@
 #include "server/jobs/worker_inputs.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -47,8 +50,9 @@ class InputStages {
   std::vector<DatasetFile> PosedPhotos() const;
   absl::Status MakePriorsByCommand(PriorWants asked);
   absl::Status TakeFromCommand(PriorWants wants);
-  absl::Status MakeEmbeddedPriors(PriorWants asked);
-  absl::Status ImproveMasksBySam();
+  absl::Status MakeOtherPriors(PriorWants asked);
+  absl::Status Embed(EmbeddedPriors what, double share);
+  absl::Status TakeMasksOfSam();
   absl::Status NoteMade(const std::vector<DatasetFile>& made, const char* what, PriorMaker maker);
   std::map<std::string, double> Counts() const;
 
@@ -60,6 +64,7 @@ class InputStages {
   std::set<std::string> told_;              // warnings of the import
   std::vector<SfmPhotograph> photographs_;  // where poses are not given
   SceneInputs inputs_;
+  std::optional<PhotographSegmentation> segmentation_;  // absent: SAM is not asked, or not yet
 };
 
 absl::Status InputStages::ListFiles() {
@@ -115,6 +120,11 @@ absl::Status InputStages::EstimatePoses() {
   if (HasKind(files_, FileKind::kPoses)) {
     inputs_.sources["poses"] = "given";
     return stages_.Skip("sfm", "given");
+  }
+  // What the command is expected to make is not made twice.
+  const bool by_command = settings_.priors.masks == PriorMaker::kAuto && facts_.has_priors_command;
+  if (!facts_.has_masks && !by_command && UsesSam(job_, settings_.priors.masks)) {
+    segmentation_.emplace(job_, settings_.import, files_, /*poses_are_wanted=*/true);
   }
   RETURN_IF_ERROR(stages_.Start("sfm"));
   ASSIGN_OR_RETURN(PosesMade made, AppendPoses(job_, settings_.sfm, stages_, photographs_, files_));
@@ -194,49 +204,61 @@ absl::Status InputStages::MakePriorsByCommand(PriorWants asked) {
 }
 
 // What the command did not make.
-absl::Status InputStages::MakeEmbeddedPriors(PriorWants asked) {
+absl::Status InputStages::MakeOtherPriors(PriorWants asked) {
   const auto wants = [this](bool asked_for, const char* what, PriorMaker maker) {
     return asked_for && maker != PriorMaker::kCommand && inputs_.sources[what] == "none";
   };
-  const EmbeddedPriors made = {wants(asked.masks, "masks", settings_.priors.masks),
-                               wants(asked.depth, "depth", settings_.priors.depth)};
-  if (!made.masks && !made.depth) return absl::OkStatus();
   const PriorMaker maker = settings_.priors.masks;
-  const bool by_sam = made.masks && UsesSam(job_, maker);
-  if (made.masks && job_.sam.empty() && AsksForSam(maker)) {
+  const bool masks = wants(asked.masks, "masks", maker);
+  const bool depth = wants(asked.depth, "depth", settings_.priors.depth);
+  const bool by_sam = masks && UsesSam(job_, maker);
+  if (masks && job_.sam.empty() && AsksForSam(maker)) {
     stages_.Warn("SAM: this server has none any more. The job goes on with the built-in masks.");
   }
-  RETURN_IF_ERROR(
-      EmbedPriors(made, job_.spec.num_threads, inputs_.capture, [&](int done, int num_views) {
-        StepReport report = {.stage = "priors",
-                             .step = done,
-                             .num_steps = num_views,
-                             .activity = MakingActivity(made.masks, made.depth),
-                             .unit = "photographs"};
-        if (by_sam) report.share = kShareBeforeSam * done / num_views;
-        return stages_.Step(report);
-      }));
-  if (made.depth && Counts().at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
-  if (!made.masks) return absl::OkStatus();
-  if (Counts().at("num_masks") > 0) inputs_.sources["masks"] = "embedded";
-  if (by_sam) RETURN_IF_ERROR(ImproveMasksBySam());
+  if (by_sam && !segmentation_) {
+    segmentation_.emplace(job_, settings_.import, files_, /*poses_are_wanted=*/false);
+  }
+  // SAM's masks replace embedded ones: those are made to be joined with them, or where SAM fails.
+  const bool embedded = masks && (!by_sam || maker == PriorMaker::kSamAndEmbedded);
+  RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1));
+  if (depth && Counts().at("num_depth_maps") > 0) inputs_.sources["depth"] = "embedded";
+  if (!masks) return absl::OkStatus();
+  if (by_sam) RETURN_IF_ERROR(TakeMasksOfSam());
+  if (inputs_.sources["masks"] == "none" && Counts().at("num_masks") > 0) {
+    inputs_.sources["masks"] = "embedded";
+  }
   if (inputs_.sources["masks"] != "none") {
     for (const std::string& advice : AdviceOnModel(inputs_.sources)) stages_.Warn(advice);
   }
   return absl::OkStatus();
 }
 
-// Where SAM fails, the embedded masks stay.
-absl::Status InputStages::ImproveMasksBySam() {
-  const PriorMaker maker = settings_.priors.masks;
-  const absl::Status status = SegmentViews(job_, maker, stages_, inputs_.capture);
+// `share`: of the stage's work, that this is.
+absl::Status InputStages::Embed(EmbeddedPriors what, double share) {
+  if (!what.masks && !what.depth) return absl::OkStatus();
+  return EmbedPriors(what, job_.spec.num_threads, inputs_.capture, [&](int done, int num_views) {
+    StepReport report = {.stage = "priors",
+                         .step = done,
+                         .num_steps = num_views,
+                         .activity = MakingActivity(what.masks, what.depth),
+                         .unit = "photographs"};
+    if (share < 1) report.share = share * done / num_views;
+    return stages_.Step(report);
+  });
+}
+
+// Where SAM fails, masks are embedded ones.
+absl::Status InputStages::TakeMasksOfSam() {
+  const bool join = settings_.priors.masks == PriorMaker::kSamAndEmbedded;
+  const absl::Status status = segmentation_->GiveMasks(stages_, join, inputs_.capture);
+  segmentation_.reset();
   if (absl::IsCancelled(status)) return status;
-  if (!status.ok()) {
-    stages_.Warn(absl::StrCat(status.message(), ". The job goes on with the built-in masks."));
+  if (status.ok()) {
+    inputs_.sources["masks"] = join ? "sam and embedded" : "sam";
     return absl::OkStatus();
   }
-  inputs_.sources["masks"] = maker == PriorMaker::kSamAndEmbedded ? "sam and embedded" : "sam";
-  return absl::OkStatus();
+  stages_.Warn(absl::StrCat(status.message(), ". The job goes on with the built-in masks."));
+  return Embed({.masks = true}, 1);
 }
 
 absl::Status InputStages::MakePriors() {
@@ -248,9 +270,14 @@ absl::Status InputStages::MakePriors() {
   const PriorWants asked = {!has_masks && settings_.priors.masks != PriorMaker::kNone,
                             !has_depth && settings_.priors.depth != PriorMaker::kNone};
   if (!asked.any()) return stages_.Skip("priors", "left out");
+  if (segmentation_) {
+    facts_.num_to_segment = segmentation_->NumLeft(inputs_.capture);
+    spdlog::info("SAM: {} photographs are left when their poses are known", *facts_.num_to_segment);
+    stages_.Plan(PlanStages(facts_, settings_));
+  }
   RETURN_IF_ERROR(stages_.Start("priors"));
   RETURN_IF_ERROR(MakePriorsByCommand(asked));
-  RETURN_IF_ERROR(MakeEmbeddedPriors(asked));
+  RETURN_IF_ERROR(MakeOtherPriors(asked));
   const std::map<std::string, double> counts = Counts();
   return stages_.End(
       {{"num_masks", counts.at("num_masks")}, {"num_depth_maps", counts.at("num_depth_maps")}});

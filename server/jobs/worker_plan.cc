@@ -74,7 +74,9 @@ class Planner {
     const bool depth = !facts_.has_depth && priors.depth != PriorMaker::kNone;
     if (!masks && !depth) return;
     const double pixels = photos_ * facts_.megapixels;
-    const double sam = masks && BySam(priors.masks, facts_) ? photos_ * kSamCoreSeconds : 0;
+    const double to_segment =
+        facts_.num_to_segment ? static_cast<double>(*facts_.num_to_segment) : photos_;
+    const double sam = masks && BySam(priors.masks, facts_) ? to_segment * kSamCoreSeconds : 0;
     AddOnCores("priors",
                sam + pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
     const bool by_command =

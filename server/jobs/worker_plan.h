@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "server/convert.h"
@@ -19,7 +20,8 @@ struct JobFacts {
   bool has_lpips = false;
   int num_threads = 1;
   int64_t num_photographs = 0;
-  double megapixels = 1;  // of a view that is trained on
+  std::optional<int64_t> num_to_segment;  // photographs that SAM has still to segment; absent: all
+  double megapixels = 1;                  // of a view that is trained on
 };
 
 // Before any file is read: a view is taken to have a megapixel.

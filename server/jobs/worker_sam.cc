@@ -1,131 +1,39 @@
 #include "server/jobs/worker_sam.h"
 
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <memory>
 #include <new>
-#include <nlohmann/json.hpp>
-#include <optional>
-#include <string>
-#include <system_error>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "core/io/atomic_file.h"
-#include "core/io/mask_files.h"
-#include "core/io/rle.h"
+#include "core/io/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/sam_needs.h"
-#include "core/priors/sam/sam_segmenter.h"
 #include "core/status_macros.h"
-#include "server/jobs/file_error.h"
 #include "server/jobs/worker_limits.h"
 
 namespace pepeseg {
 namespace {
 
-namespace fs = std::filesystem;
+// Of nice(2): a thread gets about a tenth of what one of COLMAP's gets where both want a core.
+constexpr int kNicer = 10;
 
-// As SAM's automatic mask generator writes them, which mask_files.h reads.
-std::string ToSamJson(const MaskSet& masks) {
-  nlohmann::json list = nlohmann::json::array();
-  for (int k = 0; k < masks.num_masks; ++k) {
-    const std::string counts = EncodeCocoRle(masks.Extract(k), masks.width, masks.height);
-    list.push_back({{"segmentation", {{"size", {masks.height, masks.width}}, {"counts", counts}}}});
-  }
-  return list.dump();
+int NumThreads(const WorkerJob& job) {
+  if (job.spec.num_threads > 0) return job.spec.num_threads;
+  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
-class ViewSegmentation {
- public:
-  ViewSegmentation(const WorkerJob& job, bool join, Capture& capture)
-      : job_(job), capture_(capture), folder_(job.folder.priors() / "sam") {
-    options_.join_embedded = join;
-  }
+// Of this thread and of those that it starts. Where it is refused, they run as they do.
+void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
 
-  absl::Status Run(StageLog& stages);
-
- private:
-  fs::path File(size_t view) const { return folder_ / absl::StrFormat("%06d.json", view + 1); }
-  std::optional<MaskSet> Kept(size_t view) const;
-  absl::StatusOr<MaskSet> Segment(size_t view);
-  absl::Status OpenSegmenter();
-
-  const WorkerJob& job_;
-  Capture& capture_;
-  const fs::path folder_;
-  AutomaticMaskOptions options_;
-  std::unique_ptr<PromptedSegmenter> segmenter_;  // null until the first photograph needs it
-};
-
-// The masks that an earlier attempt has made. A damaged file is as none.
-std::optional<MaskSet> ViewSegmentation::Kept(size_t view) const {
-  std::error_code ignored;
-  if (!fs::is_regular_file(fs::symlink_status(File(view), ignored))) return std::nullopt;
-  const Image& photo = capture_.views[view].photo;
-  auto masks = ReadMasks(File(view), File(view).filename().string(),
-                         {capture_.views[view].name, photo.width, photo.height});
-  if (!masks.ok()) return std::nullopt;
-  return *std::move(masks);
-}
-
-absl::Status ViewSegmentation::OpenSegmenter() {
-  if (segmenter_ != nullptr) return absl::OkStatus();
-  const int num_threads = job_.spec.num_threads > 0
-                              ? job_.spec.num_threads
-                              : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  ASSIGN_OR_RETURN(segmenter_, OpenSam(job_.sam, num_threads));
-  std::error_code error;
-  fs::create_directories(folder_, error);
-  return error ? FileError(folder_, "create", error.value()) : absl::OkStatus();
-}
-
-absl::StatusOr<MaskSet> ViewSegmentation::Segment(size_t index) {
-  RETURN_IF_ERROR(OpenSegmenter());
-  const View& view = capture_.views[index];
-  const auto poll = [this] {
-    return job_.stop.stop ? absl::CancelledError("stopped while SAM ran") : absl::OkStatus();
-  };
-  ASSIGN_OR_RETURN(AutomaticMasks made,
-                   SegmentPhotograph(*segmenter_, view, view.masks, options_, poll));
-  RETURN_IF_ERROR(WriteFileAtomically(File(index), ToSamJson(made.masks)));
-  return std::move(made.masks);
-}
-
-absl::Status ViewSegmentation::Run(StageLog& stages) {
-  std::vector<size_t> trained;
-  for (size_t i = 0; i < capture_.views.size(); ++i) {
-    if (!capture_.views[i].held_out) trained.push_back(i);
-  }
-  std::vector<MaskSet> made;
-  int64_t num_kept = 0;
-  for (const size_t view : trained) {
-    if (std::optional<MaskSet> kept = Kept(view)) {
-      made.push_back(*std::move(kept));
-      ++num_kept;
-      continue;
-    }
-    ASSIGN_OR_RETURN(MaskSet masks, Segment(view));
-    made.push_back(std::move(masks));
-    const auto done = static_cast<double>(made.size()) / static_cast<double>(trained.size());
-    RETURN_IF_ERROR(stages.Step({.stage = "priors",
-                                 .step = static_cast<int64_t>(made.size()),
-                                 .num_steps = static_cast<int64_t>(trained.size()),
-                                 .activity = "segmenting",
-                                 .unit = "photographs",
-                                 .share = kShareBeforeSam + (1 - kShareBeforeSam) * done}));
-  }
-  if (num_kept > 0) {
-    spdlog::info("SAM: {} photographs were segmented by an earlier attempt", num_kept);
-  }
-  for (size_t i = 0; i < trained.size(); ++i) {
-    capture_.views[trained[i]].masks = std::move(made[i]);
-  }
-  return absl::OkStatus();
+absl::Status OutOfMemory(int num_threads) {
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "SAM: out of memory: it needs about ", SamHostBytes(num_threads) >> 20,
+      " MiB besides the photographs, and the job may take ", MemoryLimit() >> 20, " MiB"));
 }
 
 }  // namespace
@@ -134,19 +42,205 @@ bool UsesSam(const WorkerJob& job, PriorMaker masks) {
   return !job.sam.empty() && (masks == PriorMaker::kAuto || AsksForSam(masks));
 }
 
-absl::Status SegmentViews(const WorkerJob& job, PriorMaker masks, StageLog& stages,
-                          Capture& capture) {
-  absl::Status status = [&] {
+PhotographSegmentation::PhotographSegmentation(const WorkerJob& job, const ImportOptions& import,
+                                               const std::vector<DatasetFile>& files,
+                                               bool poses_are_wanted)
+    : job_(job),
+      masks_(job.folder.priors() / "sam", import.image_scale),
+      num_threads_(NumThreads(job)),
+      first_priority_(poses_are_wanted ? Priority::kLow : Priority::kOfJob) {
+  std::map<std::string, const DatasetFile*> sorted;
+  for (const DatasetFile& file : files) {
+    if (file.kind == FileKind::kImage) sorted[PhotoKey(file.name)] = &file;
+  }
+  for (const auto& [key, file] : sorted) {
+    const size_t task = tasks_.size();
+    by_key_[key] = task;
+    tasks_.push_back({*file});
+    const bool held_out =
+        import.held_out_every > 0 && task % static_cast<size_t>(import.held_out_every) == 0;
+    if (poses_are_wanted && !held_out) queue_.push_back(task);
+  }
+  StartThreads(first_priority_);
+}
+
+PhotographSegmentation::~PhotographSegmentation() { Stop(); }
+
+void PhotographSegmentation::StartThreads(Priority priority) {
+  for (int i = 0; i < SamPhotographsAtOnce(num_threads_); ++i) {
+    const bool opens = threads_.empty();
+    threads_.emplace_back([this, priority, opens] {
+      try {
+        if (priority == Priority::kLow) LowerPriority();
+        if (opens) OpenModel();
+        Work(priority);
+      } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
+        Fail(absl::ResourceExhaustedError("out of memory"));
+      }
+    });
+  }
+}
+
+void PhotographSegmentation::Stop() {
+  stop_.request_stop();
+  {
+    const std::lock_guard lock(mutex_);
+    if (model_ != nullptr) model_->Interrupt();
+  }
+  threads_.clear();
+  model_.reset();
+}
+
+void PhotographSegmentation::OpenModel() {
+  if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
+  auto model = SamModel::Open(job_.sam, {num_threads_, SamPhotographsAtOnce(num_threads_)});
+  if (!model.ok()) return Fail(model.status());
+  const std::lock_guard lock(mutex_);
+  model_ = *std::move(model);
+  changed_.notify_all();
+}
+
+void PhotographSegmentation::Work(Priority priority) {
+  std::unique_ptr<PromptedSegmenter> segmenter;
+  while (const std::optional<size_t> task = Next(priority)) {
+    if (segmenter == nullptr) segmenter = model_->MakeSegmenter();
+    const absl::Status status = Segment(*task, *segmenter);
+    if (!status.ok()) return Fail(status);
+  }
+}
+
+// Waits for a photograph to segment. None: there is none for a thread of this priority.
+std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
+  std::unique_lock lock(mutex_);
+  const auto ends = [&] {
+    return !status_.ok() || (closed_ && (queue_.empty() || priority == Priority::kLow));
+  };
+  const auto may_begin = [&] {
+    return model_ != nullptr && !queue_.empty() &&
+           num_running_ < SamPhotographsAtOnce(num_threads_);
+  };
+  changed_.wait(lock, stop_.get_token(), [&] { return ends() || may_begin(); });
+  if (stop_.stop_requested() || ends()) return std::nullopt;
+  const size_t task = queue_.front();
+  queue_.pop_front();
+  tasks_[task].state = Task::kRuns;
+  ++num_running_;
+  return task;
+}
+
+absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& segmenter) {
+  const DatasetFile& photograph = tasks_[task].photograph;
+  const bool kept = masks_.Has(task, photograph);
+  if (!kept) RETURN_IF_ERROR(masks_.Make(task, photograph, segmenter));
+  const std::lock_guard lock(mutex_);
+  tasks_[task].state = Task::kDone;
+  num_kept_ += kept ? 1 : 0;
+  --num_running_;
+  changed_.notify_all();
+  return absl::OkStatus();
+}
+
+void PhotographSegmentation::Fail(const absl::Status& status) {
+  const std::lock_guard lock(mutex_);
+  if (status_.ok()) status_ = status;
+  changed_.notify_all();
+}
+
+std::vector<size_t> PhotographSegmentation::Trained(const Capture& capture) const {
+  std::vector<size_t> photographs;
+  for (const View& view : capture.views) {
+    if (!view.held_out) photographs.push_back(by_key_.at(view.name));
+  }
+  return photographs;
+}
+
+int64_t PhotographSegmentation::NumDone(const std::vector<size_t>& tasks) const {
+  return std::count_if(tasks.begin(), tasks.end(),
+                       [this](size_t task) { return tasks_[task].state == Task::kDone; });
+}
+
+int64_t PhotographSegmentation::NumLeft(const Capture& capture) const {
+  const std::vector<size_t> trained = Trained(capture);
+  const std::lock_guard lock(mutex_);
+  return static_cast<int64_t>(trained.size()) - NumDone(trained);
+}
+
+// Leaves these in the queue, and returns how many of them are done.
+int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
+  const std::lock_guard lock(mutex_);
+  queue_.clear();
+  for (const size_t task : tasks) {
+    if (tasks_[task].state == Task::kOpen) queue_.push_back(task);
+  }
+  closed_ = true;
+  changed_.notify_all();
+  return NumDone(tasks);
+}
+
+absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, StageLog& stages) {
+  const auto num_photographs = static_cast<int64_t>(tasks.size());
+  const int64_t num_before = CloseQueue(tasks);
+  if (first_priority_ == Priority::kLow) StartThreads(Priority::kOfJob);
+  for (int64_t num_done = 0; num_done < num_photographs;) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return !status_.ok() || NumDone(tasks) > num_done; });
+      RETURN_IF_ERROR(status_);
+      num_done = NumDone(tasks);
+    }
+    const double left = std::max<double>(1, static_cast<double>(num_photographs - num_before));
+    const double share = 1 - static_cast<double>(num_photographs - num_done) / left;
+    RETURN_IF_ERROR(stages.Step({.stage = "priors",
+                                 .step = num_done,
+                                 .num_steps = num_photographs,
+                                 .activity = "segmenting",
+                                 .unit = "photographs",
+                                 .share = kShareBeforeSam + (1 - kShareBeforeSam) * share}));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
+    bool join, const Capture& capture) const {
+  const double duplicate_iou = AutomaticMaskOptions().duplicate_iou;
+  MaskWarp warp;
+  std::vector<MaskSet> made;
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const Lens lens = view.photograph
+                          ? view.photograph->lens
+                          : Lens{.width = view.photo.width, .height = view.photo.height};
+    ASSIGN_OR_RETURN(const MaskSet masks,
+                     masks_.Read(by_key_.at(view.name), lens.width, lens.height));
+    made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore,
+                             duplicate_iou));
+  }
+  return made;
+}
+
+absl::Status PhotographSegmentation::TakeMasks(StageLog& stages, bool join, Capture& capture) {
+  RETURN_IF_ERROR(WaitFor(Trained(capture), stages));
+  Stop();
+  if (num_kept_ > 0) {
+    spdlog::info("SAM: {} photographs were segmented by an earlier attempt", num_kept_);
+  }
+  ASSIGN_OR_RETURN(std::vector<MaskSet> made, MasksOfViews(join, capture));
+  size_t next = 0;
+  for (View& view : capture.views) {
+    if (!view.held_out) view.masks = std::move(made[next++]);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PhotographSegmentation::GiveMasks(StageLog& stages, bool join, Capture& capture) {
+  const absl::Status status = [&] {
     try {
-      return ViewSegmentation(job, masks == PriorMaker::kSamAndEmbedded, capture).Run(stages);
-    } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
+      return TakeMasks(stages, join, capture);
+    } catch (const std::bad_alloc&) {  // of the standard library
       return absl::ResourceExhaustedError("out of memory");
     }
   }();
-  if (!absl::IsResourceExhausted(status)) return status;
-  return absl::ResourceExhaustedError(absl::StrCat(
-      "SAM: out of memory: it needs about ", kSamHostBytes >> 20,
-      " MiB besides the photographs, and the job may take ", MemoryLimit() >> 20, " MiB"));
+  return absl::IsResourceExhausted(status) ? OutOfMemory(num_threads_) : status;
 }
 
 }  // namespace pepeseg

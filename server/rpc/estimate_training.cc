@@ -81,7 +81,7 @@ void AddSam(const ServiceContext& context, const TrainingSize& size,
             v1::EstimateTrainingResponse& response) {
   Stage& priors = *response.add_stages();
   priors.set_stage("priors");
-  priors.set_host_bytes(CaptureBytes(size) + kSamHostBytes);
+  priors.set_host_bytes(CaptureBytes(size) + SamHostBytes(context.num_threads));
   const double seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
   *priors.mutable_duration() = ToProto(absl::Seconds(seconds / context.num_threads));
 }
@@ -93,13 +93,16 @@ void AddStages(const ServiceContext& context, const TrainingSettings& settings,
   prepare.set_stage("prepare");
   prepare.set_host_bytes(CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels);
 
+  const bool by_sam = MasksBySam(context, settings.priors, response.num_mask_files() > 0);
   if (!dataset.has_poses) {
     Stage& sfm = *response.add_stages();
     sfm.set_stage("sfm");
-    sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0));
+    // SAM runs next to COLMAP.
+    sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) +
+                       (by_sam ? SamHostBytes(context.num_threads) : 0));
   }
 
-  if (MasksBySam(context, settings.priors, response.num_mask_files() > 0)) {
+  if (by_sam) {
     AddSam(context, size, response);
   }
 

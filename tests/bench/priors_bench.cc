@@ -281,8 +281,9 @@ int RunBench(const BenchOptions& options) {
   absl::Status status = pack.status();
   if (pack.ok() && options.sam.empty()) PriorsBench(options, *std::move(pack)).Run();
   if (pack.ok() && !options.sam.empty()) {
-    auto sam = OpenSam(options.sam, options.num_threads);
-    status = sam.ok() ? SamBench(options, *std::move(pack), *std::move(sam)).Run() : sam.status();
+    const auto sam = SamModel::Open(options.sam, {options.num_threads});
+    status = sam.status();
+    if (sam.ok()) status = SamBench(options, *std::move(pack), (*sam)->MakeSegmenter()).Run();
   }
   if (status.ok()) return 0;
   std::fprintf(stderr, "%s\n", status.ToString().c_str());

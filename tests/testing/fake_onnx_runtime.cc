@@ -1,8 +1,10 @@
 // A library in place of ONNX Runtime, with as much of its C interface as core/priors/sam uses. Its
 // two "models" segment by colour: the encoder answers with mean colours, the decoder with the cells
 // whose colour is like that of the first point. A model that has "out of memory" in it is refused
-// as the real library refuses one that does not fit.
+// as the real library refuses one that does not fit, and one that has "endless" in it runs until it
+// is told to end.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -18,7 +20,7 @@ struct Failure {
   std::string message;
 };
 struct Session {
-  bool decodes = false;
+  bool decodes = false, endless = false;
 };
 struct Value {
   std::vector<int64_t> shape;
@@ -41,6 +43,7 @@ Failure* MakeObject(void** out) {
 }
 Failure* CreateEnv(int, const char*, void** out) { return MakeObject(out); }
 Failure* CreateCpuMemoryInfo(int, int, void** out) { return MakeObject(out); }
+Failure* DisableMemPattern(void*) { return nullptr; }
 Failure* SetIntraOpNumThreads(void*, int) { return nullptr; }
 Failure* AddSessionConfigEntry(void*, const char*, const char*) { return nullptr; }
 Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out) {
@@ -48,7 +51,7 @@ Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out)
   if (model.find("out of memory") != model.npos) {
     return new Failure{"Failed to allocate memory for requested buffer of size 1"};
   }
-  *out = new Session{model.find("point_coords") != model.npos};
+  *out = new Session{model.find("point_coords") != model.npos, model.find("endless") != model.npos};
   return nullptr;
 }
 Failure* CreateTensor(void*, void* data, size_t, const int64_t* shape, size_t rank, int,
@@ -112,8 +115,19 @@ void Decode(const Value& colours, const Value& points, Value& logits, Value& iou
   }
 }
 
-Failure* Run(Session* session, void*, const char* const*, Value* const* inputs, size_t,
-             const char* const*, size_t, void** outputs) {
+Failure* CreateRunOptions(std::atomic<bool>** out) {
+  *out = new std::atomic<bool>(false);
+  return nullptr;
+}
+Failure* SetTerminate(std::atomic<bool>* terminate) {
+  *terminate = true;
+  terminate->notify_all();
+  return nullptr;
+}
+Failure* Run(Session* session, std::atomic<bool>* terminate, const char* const*,
+             Value* const* inputs, size_t, const char* const*, size_t, void** outputs) {
+  if (session->endless) terminate->wait(false);
+  if (*terminate) return new Failure{"Exiting due to terminate flag being set to true."};
   if (!session->decodes) {
     outputs[0] = Encode(*inputs[0]);
     return nullptr;
@@ -143,7 +157,10 @@ const Function* GetApi(uint32_t version) {
   set(8, CreateSession);
   set(9, Run);
   set(10, MakeObject);
+  set(17, DisableMemPattern);
   set(24, SetIntraOpNumThreads);
+  set(39, CreateRunOptions);
+  set(46, SetTerminate);
   set(49, CreateTensor);
   set(51, GetData);
   set(61, GetDimensionsCount);
@@ -154,6 +171,7 @@ const Function* GetApi(uint32_t version) {
   set(93, Release<Failure>);
   set(95, Release<Session>);
   set(96, Release<Value>);
+  set(97, Release<std::atomic<bool>>);
   set(99, Release<std::vector<int64_t>>);
   set(130, AddSessionConfigEntry);
   return version <= 17 ? table : nullptr;

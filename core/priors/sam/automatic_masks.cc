@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/priors/sam/grid_mask.h"
+#include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/prompt_points.h"
 #include "core/status_macros.h"
 
@@ -276,13 +277,9 @@ std::vector<uint32_t> PhotographSegmenter::PixelsOf(const Candidate& candidate) 
 AutomaticMasks PhotographSegmenter::Take(const MaskSet* embedded) const {
   MaskSetBuilder builder(view_.photo.width, view_.photo.height, options_.duplicate_iou);
   for (const Candidate& candidate : kept_) builder.Add(PixelsOf(candidate));
-  for (int k = 0; embedded != nullptr && k < embedded->num_masks; ++k) {
-    const BinaryMask mask = embedded->Extract(k);
-    builder.Add(Pixels(
-        cv::Mat(embedded->height, embedded->width, CV_8U, const_cast<uint8_t*>(mask.pixels.data())),
-        view_));
-  }
-  return {std::move(builder).Build(), num_prompts_};
+  MaskSet masks = std::move(builder).Build();
+  if (embedded == nullptr) return {std::move(masks), num_prompts_};
+  return {JoinMasks(masks, *embedded, view_.ignore, options_.duplicate_iou), num_prompts_};
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 
+#include <atomic>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -21,7 +22,10 @@ enum Position {
   kCreateSessionFromArray = 8,
   kRun = 9,
   kCreateSessionOptions = 10,
+  kDisableMemPattern = 17,
   kSetIntraOpNumThreads = 24,
+  kCreateRunOptions = 39,
+  kRunOptionsSetTerminate = 46,
   kCreateTensorWithData = 49,
   kGetTensorMutableData = 51,
   kGetDimensionsCount = 61,
@@ -33,6 +37,7 @@ enum Position {
   kReleaseMemoryInfo = 94,
   kReleaseSession = 95,
   kReleaseValue = 96,
+  kReleaseRunOptions = 97,
   kReleaseTensorTypeAndShape = 99,
   kReleaseSessionOptions = 100,
   kAddSessionConfigEntry = 130,
@@ -140,7 +145,10 @@ absl::StatusOr<std::unique_ptr<OnnxRuntime>> OnnxRuntime::Load(
 
 struct OnnxSession::State {
   State(const OnnxRuntime::Calls& runtime, std::string model_name)
-      : calls(runtime), session(runtime.table, kReleaseSession), name(std::move(model_name)) {}
+      : calls(runtime),
+        session(runtime.table, kReleaseSession),
+        run_options(runtime.table, kReleaseRunOptions),
+        name(std::move(model_name)) {}
 
   absl::Status Named(const absl::Status& status) const {
     return absl::Status(status.code(), absl::StrCat(name, ": ", status.message()));
@@ -149,6 +157,8 @@ struct OnnxSession::State {
 
   const OnnxRuntime::Calls& calls;
   Owned session;
+  Owned run_options;  // of all runs: they end together
+  std::atomic<bool> interrupted = false;
   std::string name;
 };
 
@@ -162,9 +172,13 @@ absl::StatusOr<std::unique_ptr<OnnxSession>> OnnxSession::Create(const OnnxRunti
   const OnnxRuntime::Calls& calls = *runtime.calls_;
   auto state = std::make_unique<State>(calls, std::move(name));
   const absl::Status created = [&]() -> absl::Status {
+    RETURN_IF_ERROR(calls.Call(kCreateRunOptions, state->run_options.address()));
     Owned options(calls.table, kReleaseSessionOptions);
     RETURN_IF_ERROR(calls.Call(kCreateSessionOptions, options.address()));
     RETURN_IF_ERROR(calls.Call(kSetIntraOpNumThreads, options.get(), num_threads));
+    // A pattern takes the most memory of any run at once, for each run: it was measured to take
+    // twice the memory, and no less time.
+    RETURN_IF_ERROR(calls.Call(kDisableMemPattern, options.get()));
     // Threads that wait would take processors from whoever else is on the machine.
     RETURN_IF_ERROR(
         calls.Call(kAddSessionConfigEntry, options.get(), "session.intra_op.allow_spinning", "0"));
@@ -208,11 +222,12 @@ absl::StatusOr<std::vector<OnnxTensor>> OnnxSession::Run(
     values.push_back(value.get());
   }
   const absl::Status ran =
-      calls.Call(kRun, state_->session.get(), Object{nullptr}, names.data(), values.data(),
-                 values.size(), outputs.data(), outputs.size(), made.data());
+      calls.Call(kRun, state_->session.get(), state_->run_options.get(), names.data(),
+                 values.data(), values.size(), outputs.data(), outputs.size(), made.data());
   for (const Object value : made) {
     *owned.emplace_back(calls.table, kReleaseValue).address() = value;
   }
+  if (!ran.ok() && state_->interrupted) return absl::CancelledError(state_->name + ": interrupted");
   if (!ran.ok()) return state_->Named(ran);
   std::vector<OnnxTensor> tensors;
   for (const Object value : made) {
@@ -220,6 +235,12 @@ absl::StatusOr<std::vector<OnnxTensor>> OnnxSession::Run(
     tensors.push_back(std::move(tensor));
   }
   return tensors;
+}
+
+void OnnxSession::Interrupt() const {
+  state_->interrupted = true;
+  // Fails only without options, which every session has.
+  state_->calls.Call(kRunOptionsSetTerminate, state_->run_options.get()).IgnoreError();
 }
 
 }  // namespace pepeseg

@@ -41,7 +41,7 @@ struct OnnxInput {
   std::span<const float> values;  // as many as the shape says
 };
 
-// A model that is ready to run on the CPU. One thread at a time may call it.
+// A model that is ready to run. Any number of threads may call it at the same time.
 class OnnxSession {
  public:
   // `model`: the bytes, which need not stay; `name` stands for them in errors. `runtime` must
@@ -52,9 +52,12 @@ class OnnxSession {
                                                              std::string name, int num_threads);
   ~OnnxSession();
 
-  // The outputs of those names, in their order.
+  // The outputs of those names, in their order. CANCELLED: after Interrupt.
   absl::StatusOr<std::vector<OnnxTensor>> Run(std::span<const OnnxInput> inputs,
                                               std::span<const char* const> outputs) const;
+
+  // Ends the runs in progress, each before its next operator, and refuses later ones.
+  void Interrupt() const;
 
  private:
   struct State;

@@ -69,30 +69,33 @@ std::vector<float> EncoderInput(const Image& photo) {
   return planes;
 }
 
+absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runtime,
+                                                         const std::filesystem::path& file,
+                                                         int num_threads,
+                                                         const OnnxGraphEdit* edit) {
+  const std::string name = absl::StrCat("SAM: ", file.string());
+  ASSIGN_OR_RETURN(std::string model, ReadFile(file, name, kMaxModelBytes));
+  if (edit != nullptr) {
+    auto edited = EditOnnxGraph(model, *edit, name);
+    if (!edited.ok()) return absl::FailedPreconditionError(edited.status().message());
+    model = *std::move(edited);
+  }
+  auto session = OnnxSession::Create(runtime, model, name, num_threads);
+  if (!absl::IsInvalidArgument(session.status())) return session;
+  return absl::FailedPreconditionError(session.status().message());
+}
+
 class SamSegmenter : public PromptedSegmenter {
  public:
-  static absl::StatusOr<std::unique_ptr<PromptedSegmenter>> Open(
-      const std::filesystem::path& folder, int num_threads) {
-    RETURN_IF_ERROR(CheckSamFiles(folder));
-    auto sam = std::unique_ptr<SamSegmenter>(new SamSegmenter());
-    auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
-    if (!runtime.ok()) {
-      return absl::Status(runtime.status().code(),
-                          absl::StrCat("SAM: ", runtime.status().message()));
-    }
-    sam->runtime_ = *std::move(runtime);
-    ASSIGN_OR_RETURN(sam->encoder_, sam->OpenSession(folder / kSamEncoder, num_threads, nullptr));
-    const OnnxGraphEdit edit = DecoderEdit();
-    ASSIGN_OR_RETURN(sam->decoder_, sam->OpenSession(folder / kSamDecoder, num_threads, &edit));
-    return sam;
-  }
+  SamSegmenter(const OnnxSession& encoder, const OnnxSession& decoder)
+      : encoder_(encoder), decoder_(decoder) {}
 
   absl::Status SetPhotograph(const Image& photo) override {
     grid_ = AnswerGrid(photo.width, photo.height);
     const std::vector<float> planes = EncoderInput(photo);
     const OnnxInput input = {"input", {1, 3, kFrame, kFrame}, planes};
     constexpr std::array<const char*, 1> kOutputs = {"output"};
-    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, encoder_->Run({&input, 1}, kOutputs));
+    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, encoder_.Run({&input, 1}, kOutputs));
     embedding_ = std::move(outputs[0]);
     return CheckShape(embedding_, {1, 256, 64, 64}, kSamEncoder);
   }
@@ -107,7 +110,7 @@ class SamSegmenter : public PromptedSegmenter {
         OnnxInput{"point_coords", {num_prompts, num_points, 2}, points},
         OnnxInput{"point_labels", {num_prompts, num_points}, labels}};
     constexpr std::array<const char*, 2> kOutputs = {kAllMasks, kAllIous};
-    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, decoder_->Run(inputs, kOutputs));
+    ASSIGN_OR_RETURN(std::vector<OnnxTensor> outputs, decoder_.Run(inputs, kOutputs));
     RETURN_IF_ERROR(CheckShape(outputs[0], {num_prompts, kMasks, kExtent, kExtent}, kSamDecoder));
     RETURN_IF_ERROR(CheckShape(outputs[1], {num_prompts, kMasks}, kSamDecoder));
     PromptAnswers answers = grid_;
@@ -117,23 +120,6 @@ class SamSegmenter : public PromptedSegmenter {
   }
 
  private:
-  SamSegmenter() = default;
-
-  absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const std::filesystem::path& file,
-                                                           int num_threads,
-                                                           const OnnxGraphEdit* edit) const {
-    const std::string name = absl::StrCat("SAM: ", file.string());
-    ASSIGN_OR_RETURN(std::string model, ReadFile(file, name, kMaxModelBytes));
-    if (edit != nullptr) {
-      auto edited = EditOnnxGraph(model, *edit, name);
-      if (!edited.ok()) return absl::FailedPreconditionError(edited.status().message());
-      model = *std::move(edited);
-    }
-    auto session = OnnxSession::Create(*runtime_, model, name, num_threads);
-    if (!absl::IsInvalidArgument(session.status())) return session;
-    return absl::FailedPreconditionError(session.status().message());
-  }
-
   static absl::Status CheckShape(const OnnxTensor& tensor, const std::vector<int64_t>& shape,
                                  const char* model) {
     if (tensor.shape == shape) return absl::OkStatus();
@@ -167,17 +153,48 @@ class SamSegmenter : public PromptedSegmenter {
     return cells;
   }
 
-  std::unique_ptr<OnnxRuntime> runtime_;
-  std::unique_ptr<OnnxSession> encoder_, decoder_;
+  const OnnxSession& encoder_;
+  const OnnxSession& decoder_;
   PromptAnswers grid_;  // without answers
   OnnxTensor embedding_;
 };
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<PromptedSegmenter>> OpenSam(const std::filesystem::path& folder,
-                                                           int num_threads) {
-  return SamSegmenter::Open(folder, num_threads);
+struct SamModel::Networks {
+  std::unique_ptr<OnnxRuntime> runtime;
+  std::unique_ptr<OnnxSession> encoder, decoder;
+};
+
+SamModel::SamModel(std::unique_ptr<const Networks> networks) : networks_(std::move(networks)) {}
+SamModel::~SamModel() = default;
+
+absl::StatusOr<std::unique_ptr<SamModel>> SamModel::Open(const std::filesystem::path& folder,
+                                                         const SamThreads& threads) {
+  RETURN_IF_ERROR(CheckSamFiles(folder));
+  auto networks = std::make_unique<Networks>();
+  auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
+  if (!runtime.ok()) {
+    return absl::Status(runtime.status().code(), absl::StrCat("SAM: ", runtime.status().message()));
+  }
+  networks->runtime = *std::move(runtime);
+  // A session computes on the thread that calls it, and on one less than this of its own.
+  const int per_session = std::max(1, threads.num_threads - threads.photographs_at_once + 1);
+  ASSIGN_OR_RETURN(networks->encoder,
+                   OpenSession(*networks->runtime, folder / kSamEncoder, per_session, nullptr));
+  const OnnxGraphEdit edit = DecoderEdit();
+  ASSIGN_OR_RETURN(networks->decoder,
+                   OpenSession(*networks->runtime, folder / kSamDecoder, per_session, &edit));
+  return std::unique_ptr<SamModel>(new SamModel(std::move(networks)));
+}
+
+std::unique_ptr<PromptedSegmenter> SamModel::MakeSegmenter() const {
+  return std::make_unique<SamSegmenter>(*networks_->encoder, *networks_->decoder);
+}
+
+void SamModel::Interrupt() const {
+  networks_->encoder->Interrupt();
+  networks_->decoder->Interrupt();
 }
 
 }  // namespace pepeseg

@@ -114,6 +114,32 @@ TEST(ViewWarp, TakesMasksAndIgnoreMaskTheSameWay) {
   }
 }
 
+TEST(ViewWarp, TakesMasksOfAnotherSizeThanThePhotographs) {
+  constexpr int kFiner = 2;
+  const Lens lens = DistortingLenses()[0].MakeLens();
+  const auto inside = [](const Vector2d& ray) { return ray.x() > -0.2 && ray.y() > 0.1; };
+  BinaryMask mask;
+  for (int y = 0; y < kHeight * kFiner; ++y) {
+    for (int x = 0; x < kWidth * kFiner; ++x) {
+      const Vector2d pixel((x + 0.5) / kFiner, (y + 0.5) / kFiner);
+      mask.pixels.push_back(inside(RayThrough(lens, pixel)) ? 1 : 0);
+    }
+  }
+  ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1.0));
+  const MaskSet masks =
+      warp.Masks(BuildMaskSet(kWidth * kFiner, kHeight * kFiner, std::vector{mask}));
+  ASSERT_EQ(masks.num_masks, 1);
+  int wrong = 0;
+  for (int y = 0; y < warp.camera().height; ++y) {
+    for (int x = 0; x < warp.camera().width; ++x) {
+      const Vector2d ray = PinholeRay(warp.camera(), x, y);
+      const bool near_border = std::abs(ray.x() + 0.2) < 0.01 || std::abs(ray.y() - 0.1) < 0.01;
+      wrong += !near_border && masks.Covers(0, x, y) != inside(ray) ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+}
+
 TEST(ViewWarp, ShrinksAnUndistortedPhotograph) {
   const Lens lens = DistortingLenses()[2].MakeLens();
   ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 0.3));

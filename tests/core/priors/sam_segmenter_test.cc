@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "core/io/import.h"
 #include "core/priors/sam/automatic_masks.h"
@@ -27,7 +28,7 @@ std::string Text(const absl::Status& status) { return std::string(status.message
 
 struct SamFilesTest : ::testing::Test {
   SamFilesTest() : sam(folder / "sam") { MakeFakeSam(sam); }
-  absl::Status Open() { return OpenSam(sam, 1).status(); }
+  absl::Status Open() { return SamModel::Open(sam, {}).status(); }
 
   testing::TempFolder folder;
   const std::filesystem::path sam;
@@ -110,15 +111,62 @@ TEST_F(SamFilesTest, SegmentThroughTheLibrarysInterface) {
     blues.pixels.push_back(blue ? 1 : 0);
     for (const bool lit : {red, green, blue}) view.photo.pixels.push_back(lit ? 250 : 0);
   }
-  const auto segmenter = OpenSam(sam, 1);
-  ASSERT_TRUE(segmenter.ok()) << segmenter.status();
-  const auto made = SegmentPhotograph(**segmenter, view, {}, {}, [] { return absl::OkStatus(); });
+  const auto model = SamModel::Open(sam, {});
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto segmenter = (*model)->MakeSegmenter();
+  const auto made = SegmentPhotograph(*segmenter, view, {}, {}, [] { return absl::OkStatus(); });
   ASSERT_TRUE(made.ok()) << made.status();
   EXPECT_EQ(made->num_prompts, 144);
   EXPECT_EQ(made->masks.num_masks, 3);
   for (const BinaryMask& thing : {reds, greens, blues}) {
     EXPECT_GT(BestIou(made->masks, thing), 0.97);
   }
+}
+
+Image Stripes(int stripe) {
+  Image photo{256, 192, 3, {}};
+  for (int i = 0; i < photo.width * photo.height; ++i) {
+    photo.pixels.insert(photo.pixels.end(), 3, i % photo.width / stripe % 2 == 0 ? 20 : 220);
+  }
+  return photo;
+}
+
+TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
+  const auto model = SamModel::Open(sam, {.num_threads = 2, .photographs_at_once = 2});
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto segment = [&model](int stripe) {
+    View view;
+    view.photo = Stripes(stripe);
+    const auto segmenter = (*model)->MakeSegmenter();
+    auto made = SegmentPhotograph(*segmenter, view, {}, {}, [] { return absl::OkStatus(); });
+    return made.ok() ? made->masks : MaskSet();
+  };
+  const MaskSet alone[] = {segment(64), segment(128)};
+  MaskSet beside[2];
+  {
+    const std::jthread other([&] { beside[0] = segment(64); });
+    beside[1] = segment(128);
+  }
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_GT(alone[i].num_masks, 0);
+    EXPECT_EQ(alone[i].mask_area, beside[i].mask_area);
+    EXPECT_EQ(alone[i].pixel_patch, beside[i].pixel_patch);
+  }
+  EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
+}
+
+TEST_F(SamFilesTest, EndCallsThatAreInterrupted) {
+  ReplaceSamFile(sam, "encoder.onnx", "endless");
+  const auto model = SamModel::Open(sam, {});
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto segmenter = (*model)->MakeSegmenter();
+  absl::Status status;
+  {
+    const std::jthread call([&] { status = segmenter->SetPhotograph(Stripes(64)); });
+    (*model)->Interrupt();
+  }
+  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+  EXPECT_TRUE(absl::IsCancelled(segmenter->SetPhotograph(Stripes(64))));
 }
 
 // With the files that deploy/sam.sh installs: `make sam-test`.
@@ -130,12 +178,13 @@ TEST(RealSam, FindsTheProductsOfTheShelf) {
   auto capture = ImportCapture(*files, {});
   ASSERT_TRUE(capture.ok()) << capture.status();
   const View& view = capture->views[0];
-  const auto segmenter = OpenSam(folder, 2);
-  ASSERT_TRUE(segmenter.ok()) << segmenter.status();
+  const auto model = SamModel::Open(folder, {.num_threads = 2});
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto segmenter = (*model)->MakeSegmenter();
   AutomaticMaskOptions options;
   options.points_per_side = 8;
   const auto made =
-      SegmentPhotograph(**segmenter, view, {}, options, [] { return absl::OkStatus(); });
+      SegmentPhotograph(*segmenter, view, {}, options, [] { return absl::OkStatus(); });
   ASSERT_TRUE(made.ok()) << made.status();
   EXPECT_GE(made->masks.num_masks, 15);
   // The masks that come with the scene are of the same network, by another program.

@@ -69,6 +69,17 @@ TEST(PlanStages, ExpectsSamToTakeItsTime) {
                    (embedded + 20 * kSamCoreSeconds) / 4);
 }
 
+TEST(PlanStages, ExpectsOnlyThePhotographsThatAreLeftToTakeSamsTime) {
+  JobFacts facts;
+  facts.num_photographs = 20;
+  facts.has_sam = true;
+  const TrainingSettings settings;
+  const double all = *Find(PlanStages(facts, settings), "priors").seconds;
+  facts.num_to_segment = 7;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   all - 13 * kSamCoreSeconds);
+}
+
 TEST(PlanStages, ExpectsCoarseStepsToCostLess) {
   JobFacts facts;
   facts.num_photographs = 20;

@@ -4,7 +4,7 @@
 
 #include "absl/time/time.h"
 #include "core/io/model_file.h"
-#include "tests/server/jobs/worker_fixture.h"
+#include "tests/server/jobs/worker_sfm_fixture.h"
 #include "tests/testing/fake_sam.h"
 
 // The stage "priors" with SAM, through a library in place of ONNX Runtime.
@@ -16,15 +16,20 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::Pair;
 using testing::ReplaceSamFile;
 
-class WorkerSamTest : public WorkerTest {
+template <class Test>
+class WithSam : public Test {
  protected:
-  WorkerSamTest() : sam_(folder_.path() / "sam") {
-    std::erase_if(spec_.files, [](const JobSpecFile& file) {
-      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
-    });
+  using Test::Events;
+  using Test::flags_;
+  using Test::folder_;
+  using Test::job_;
+  using Test::spec_;
+
+  WithSam() : sam_(folder_.path() / "sam") {
     spec_.options.mutable_reconstruct()->set_num_steps(5);
     spec_.options.mutable_features()->set_num_steps(5);
     spec_.options.mutable_features()->set_steps_per_chunk(5);
@@ -51,6 +56,21 @@ class WorkerSamTest : public WorkerTest {
     }
     return count;
   }
+  std::filesystem::path MasksOf(const std::string& photograph) const {
+    return job_.priors() / "sam" / ("photograph" + photograph + ".json");
+  }
+
+  const std::filesystem::path sam_;
+};
+
+class WorkerSamTest : public WithSam<WorkerTest> {
+ protected:
+  WorkerSamTest() {
+    std::erase_if(spec_.files, [](const JobSpecFile& file) {
+      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
+    });
+  }
+
   void ExpectEmbeddedBecause(const std::string& why) {
     ExpectExit(Run(), WorkerExit::kSucceeded);
     EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
@@ -63,8 +83,6 @@ class WorkerSamTest : public WorkerTest {
     EXPECT_EQ(model->facts.at("masks"), "embedded");
     EXPECT_FALSE(model->field.features.empty());
   }
-
-  const std::filesystem::path sam_;
 };
 
 TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
@@ -136,11 +154,13 @@ TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
   first->Signal(SIGTERM);
   const WorkerEnd end = WaitFor(*first);
   EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
-  const auto kept = job_.priors() / "sam" / "000002.json";  // the first view is held out
+  // The first view is held out, and the next two are segmented at the same time.
+  const bool has_second = std::filesystem::exists(MasksOf("000002"));
+  const auto kept = MasksOf(has_second ? "000002" : "000003");
   ASSERT_TRUE(std::filesystem::exists(kept));
   const auto written = std::filesystem::last_write_time(kept);
   // A damaged file is made again.
-  std::ofstream(job_.priors() / "sam" / "000003.json") << "[{";
+  std::ofstream(MasksOf("000015")) << "[{";
 
   const int before = NumSegmentingSteps();
   spec_.options.mutable_reconstruct()->set_num_steps(5);
@@ -157,6 +177,112 @@ TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
   EXPECT_THAT(Warnings(), IsEmpty());
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
               HasSubstr("were segmented by an earlier attempt"));
+}
+
+// Photographs whose poses COLMAP, or a program in its place, is to find.
+class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
+ protected:
+  // `commands`: of a shell, run for each of COLMAP's commands.
+  void UseColmap(const std::string& commands) {
+    colmap_ = PathOf("colmap");
+    std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
+                           << commands << "\n";
+    std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
+  }
+  static std::string WaitingFor(const std::filesystem::path& file) {
+    return absl::StrCat("n=0; until [ -e ", file.string(),
+                        " ] || [ $n = 600 ]; do n=$((n+1)); sleep 0.1; done");
+  }
+};
+
+TEST_F(WorkerSamWithoutPosesTest, SegmentsPhotographsWhileColmapRuns) {
+  AddPlace(4, 1);
+  UseColmap(WaitingFor(MasksOf("000002")) + "; exit 1");
+  ExpectExit(Run(), WorkerExit::kFailed);
+  EXPECT_TRUE(std::filesystem::exists(MasksOf("000002")));
+  // It would be held out.
+  EXPECT_FALSE(std::filesystem::exists(MasksOf("000001")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
+  AddPlace(6, 1);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(Warnings(), IsEmpty());
+  v1::JobProgress last;
+  for (const v1::JobEvent& event : Events()) {
+    if (event.progress().activity() == "segmenting") last = event.progress();
+  }
+  EXPECT_EQ(last.step(), 5);  // the first of 6 is held out
+  EXPECT_EQ(last.num_steps(), 5);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_GE(model->metrics.at("num_masks"), 5);
+}
+
+// The first photograph gets no pose, so that the second is held out in its place, and the ninth,
+// which would have been, is trained on.
+TEST_F(WorkerSamWithoutPosesTest, SegmentsWhatIsTrainedOnInPlaceOfAPhotographThatIsLeftOut) {
+  AddPlace(1, 7);
+  AddPlace(9, 1);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), 9u);
+  EXPECT_EQ(model->views[0].name, "1.jpg");
+  EXPECT_TRUE(model->views[0].held_out);
+  EXPECT_EQ(model->views[7].name, "8.jpg");
+  EXPECT_FALSE(model->views[7].held_out);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceWhereColmapFails) {
+  AddPlace(4, 1);
+  ReplaceSamFile(sam_, "encoder.onnx", "endless");
+  UseColmap("sleep 1; exit 1");
+  const auto worker = Launch(getpid());
+  ExpectExit(WaitFor(*worker), WorkerExit::kFailed);
+  EXPECT_FALSE(std::filesystem::exists(MasksOf("000002")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, StopsBothWithinASecond) {
+  AddPlace(4, 1);
+  ReplaceSamFile(sam_, "encoder.onnx", "endless");
+  UseEndlessColmap();
+  const auto worker = Launch(getpid());
+  ASSERT_GT(WaitForColmap(), 0);
+  const absl::Time start = absl::Now();
+  worker->Signal(SIGTERM);
+  ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
+  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
+  AddPlace(6, 1);
+  UseEndlessColmap();
+  const auto first = Launch(getpid());
+  for (int i = 0; i < 6000 && !std::filesystem::exists(MasksOf("000006")); ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  first->Signal(SIGKILL);
+  WaitFor(*first);
+  ASSERT_TRUE(std::filesystem::exists(MasksOf("000006")));
+  spec_.fence = 2;
+  colmap_ = "colmap";
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
+              HasSubstr("5 photographs were segmented by an earlier attempt"));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
+  AddPlace(6, 1);
+  ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+  EXPECT_THAT(Warnings(), Contains(AllOf(HasSubstr("does not load"),
+                                         HasSubstr("goes on with the built-in masks."))));
 }
 
 // With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
