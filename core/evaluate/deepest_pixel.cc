@@ -64,10 +64,10 @@ class RowDistances {
 
 }  // namespace
 
-PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height) {
+DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height) {
   assert(mask.size() == static_cast<size_t>(width) * height);
   const Bounds bounds = BoundsOf(mask, width, height);
-  assert(bounds.right >= 0);
+  if (bounds.right < 0) return {};
   // What is around the bounding box is not in the mask: one pixel of it on each side will do.
   const int columns = bounds.right - bounds.left + 3, rows = bounds.bottom - bounds.top + 3;
   std::vector<int> distance(static_cast<size_t>(columns) * rows);  // to the outside in the column
@@ -83,17 +83,23 @@ PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height) {
       row_of(y)[x] = std::min(row_of(y)[x], row_of(y + 1)[x] + 1);
     }
   }
-  PixelIndex deepest;
-  int64_t most = 0;
+  DeepPixel deepest;
   RowDistances distances(columns);
   for (int y = 1; y + 1 < rows; ++y) {
     const auto squared = distances.Compute({row_of(y), static_cast<size_t>(columns)});
     const auto found = std::max_element(squared.begin(), squared.end());
-    if (*found <= most) continue;
-    most = *found;
-    deepest = {bounds.left + static_cast<int>(found - squared.begin()) - 1, bounds.top + y - 1};
+    if (*found <= deepest.squared_depth) continue;
+    deepest.squared_depth = *found;
+    deepest.pixel = {bounds.left + static_cast<int>(found - squared.begin()) - 1,
+                     bounds.top + y - 1};
   }
   return deepest;
+}
+
+PixelIndex DeepestPixel(std::span<const uint8_t> mask, int width, int height) {
+  const DeepPixel deepest = FindDeepest(mask, width, height);
+  assert(deepest.squared_depth > 0);
+  return deepest.pixel;
 }
 
 }  // namespace pepeseg

@@ -6,7 +6,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/evaluate/boundary_iou.h"
-#include "core/evaluate/deepest_pixel.h"
 #include "core/evaluate/threshold_iou.h"
 #include "core/status_macros.h"
 #include "kernels/ops.h"
@@ -109,12 +108,10 @@ class Evaluation {
 };
 
 absl::Status Evaluation::Find() {
-  shown_ = FindEntities(views_, options_.min_pixels);
+  ASSIGN_OR_RETURN(ScoredEntities found, FindScoredEntities(views_, options_.min_pixels));
+  scores_.left_out = std::move(found.left_out);
+  shown_ = std::move(found.entities);
   for (const ShownEntity& entity : shown_) {
-    if (entity.views.size() < kMinViews) {
-      scores_.left_out.push_back(entity.id);
-      continue;
-    }
     asked_.push_back({&entity, {}, {}});
     EntityScore& score = scores_.entities.emplace_back();
     score.id = entity.id;
@@ -122,14 +119,7 @@ absl::Status Evaluation::Find() {
       score.views.push_back({entity.views[v]->view.name, entity.num_pixels[v], 0, 0, {}});
     }
   }
-  if (asked_.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("no entity shows at least ", options_.min_pixels,
-                                                   " pixels in at least ", kMinViews, " of the ",
-                                                   views_.size(), " labelled views"));
-  }
-  if (asked_.size() <= kMaxEntities) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("the labels have ", asked_.size(), " entities, must be at most ", kMaxEntities));
+  return absl::OkStatus();
 }
 
 // A prompt that is refused is a missing prediction, not an error.
@@ -138,10 +128,7 @@ absl::Status Evaluation::Click(size_t index) {
   Asked& asked = asked_[index];
   EntityScore& score = scores_.entities[index];
   const LabeledView& reference = *asked.entity->views[0];
-  const Camera& camera = reference.view.camera;
-  const PixelIndex pixel =
-      DeepestPixel(reference.MaskOf(asked.entity->id), camera.width, camera.height);
-  score.click = {pixel.x + 0.5, pixel.y + 0.5, true};
+  score.click = FirstClick(*asked.entity);
   auto feature = segmenter_.PointFeatures(reference.view, {&score.click, 1});
   score.missing = absl::IsInvalidArgument(feature.status());
   if (!score.missing) RETURN_IF_ERROR(feature.status());
@@ -285,7 +272,6 @@ absl::StatusOr<OneClickScores> EvaluateOneClick(const Segmenter& segmenter,
                                                 const OneClickOptions& options,
                                                 absl::FunctionRef<absl::Status()> go_on) {
   RETURN_IF_ERROR(Validate(options));
-  RETURN_IF_ERROR(CheckLabeledViews(views));
   return Evaluation(segmenter, views, options, go_on).Run();
 }
 

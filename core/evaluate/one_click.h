@@ -9,13 +9,13 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/evaluate/labeled_view.h"
+#include "core/evaluate/scored_entities.h"
 #include "core/query/segmenter.h"
 
 namespace pepeseg {
 
-// The one-click protocol (method.md section 5). An entity counts when at least kMinViews views show
-// min_pixels of it; the first of these by name is its reference. The prompt is the pixel deepest
-// inside it there; scale and threshold are chosen on the reference and scored on the others.
+// The one-click protocol (method.md section 5) on the entities of FindScoredEntities. The prompt is
+// FirstClick on the reference; scale and threshold are chosen there and scored on the other views.
 struct OneClickOptions {
   // What is chosen from: quantile scales in [0, 1], and cosines in [-1, 1]. Ascending.
   std::vector<double> scales = {0.01, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0};
@@ -26,9 +26,6 @@ struct OneClickOptions {
   int64_t min_pixels = 100;  // for a view to show an entity
 };
 absl::Status Validate(const OneClickOptions& options);
-
-inline constexpr size_t kMinViews = 2;
-inline constexpr size_t kMaxEntities = 1000;
 
 // A scale and a threshold for one entity, and what they score.
 struct OneClickChoice {

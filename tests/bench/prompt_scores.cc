@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/evaluate/metrics.h"
-#include "core/query/propose_scales.h"
+#include "core/evaluate/scored_entities.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
 #include "core/status_macros.h"
@@ -20,54 +20,33 @@ const LabeledView& Named(std::span<const LabeledView> views, const std::string& 
                                [&](const LabeledView& view) { return view.view.name == name; });
 }
 
-struct QueryScore {
-  double reference = 0, scored = 0;  // on the reference view, and the mean over the others
-};
-
 class EntityScorer {
  public:
   EntityScorer(const Segmenter& segmenter, std::span<const std::vector<LabeledView>> levels,
                size_t level, const EntityScore& entity)
       : segmenter_(segmenter), levels_(levels), views_(levels[level]), entity_(entity) {}
 
-  absl::Status AddProposals(PromptScores& sum) const {
-    ASSIGN_OR_RETURN(ScaleProposals proposed,
-                     ProposeScales(segmenter_, reference(), {&entity_.click, 1}));
-    std::vector<ScaleProposal>& proposals = proposed.ladder;  // the one with the most support first
-    std::stable_sort(proposals.begin(), proposals.end(),
-                     [](const auto& a, const auto& b) { return a.support > b.support; });
+  absl::Status AddFirstProposal(const ProposalScore& first, PromptScores& sum) const {
+    const Prompt prompt = {reference(), std::vector{entity_.click}};
     const auto start = std::chrono::steady_clock::now();
-    RETURN_IF_ERROR(
-        ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}}, {}).status());
+    RETURN_IF_ERROR(ResolvePrompt(segmenter_, prompt, {}).status());
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
     sum.choosing_ms += took.count();
-    QueryScore best;
-    for (size_t i = 0; i < proposals.size(); ++i) {
-      const SegmentResult& result = proposals[i].result;
-      ASSIGN_OR_RETURN(const Query query,
-                       ResolvePrompt(segmenter_, {reference(), std::vector{entity_.click}},
-                                     {result.scale, result.threshold}));
-      ASSIGN_OR_RETURN(const QueryScore score, Score(query));
-      if (i == 0) {
-        sum.first_iou += score.scored;
-        ASSIGN_OR_RETURN(const double thing, ScoreAsAnyThing(query));
-        sum.first_thing_iou += thing;
-      }
-      if (score.reference > best.reference) best = score;
-      if (i + 1 == std::min<size_t>(3, proposals.size())) sum.best_of_three_iou += best.scored;
-    }
-    sum.best_iou += best.scored;
+    ASSIGN_OR_RETURN(const Query query,
+                     ResolvePrompt(segmenter_, prompt, {first.scale, first.threshold}));
+    ASSIGN_OR_RETURN(const double thing, ScoreAsAnyThing(query));
+    sum.first_thing_iou += thing;
     return absl::OkStatus();
   }
 
   absl::Status AddMaskAndBox(PromptScores& sum) const {
     const BinaryMask mask = {Truth(Named(views_, entity_.views[0].view))};
     ASSIGN_OR_RETURN(const Query of_mask, ResolvePrompt(segmenter_, {reference(), mask}, {}));
-    ASSIGN_OR_RETURN(const QueryScore mask_score, Score(of_mask));
-    sum.mask_iou += mask_score.scored;
+    ASSIGN_OR_RETURN(const double mask_iou, Score(of_mask));
+    sum.mask_iou += mask_iou;
     ASSIGN_OR_RETURN(const Query of_box, ResolvePrompt(segmenter_, {reference(), BoxOf(mask)}, {}));
-    ASSIGN_OR_RETURN(const QueryScore box_score, Score(of_box));
-    sum.box_iou += box_score.scored;
+    ASSIGN_OR_RETURN(const double box_iou, Score(of_box));
+    sum.box_iou += box_iou;
     return AddSelection({{reference(), mask}, of_mask}, sum);
   }
 
@@ -89,16 +68,16 @@ class EntityScorer {
     return {double(x0), double(y0), double(x1 - x0), double(y1 - y0)};
   }
 
-  absl::StatusOr<QueryScore> Score(const Query& query) const {
-    QueryScore score;
-    for (size_t i = 0; i < entity_.views.size(); ++i) {
-      const LabeledView& view = Named(views_, entity_.views[i].view);
-      ASSIGN_OR_RETURN(const auto results, segmenter_.Segment(query, {&view.view, 1}));
-      const double iou = Iou(results[0].mask.pixels, Truth(view), view.ignore);
-      (i == 0 ? score.reference : score.scored) += iou;
+  // Mean over the scored views.
+  absl::StatusOr<double> Score(const Query& query) const {
+    double sum = 0;
+    for (size_t i = 1; i < entity_.views.size(); ++i) {
+      ASSIGN_OR_RETURN(const double iou,
+                       IouInView(segmenter_, query, Named(views_, entity_.views[i].view),
+                                 static_cast<uint16_t>(entity_.id)));
+      sum += iou;
     }
-    score.scored /= static_cast<double>(entity_.views.size() - 1);
-    return score;
+    return sum / static_cast<double>(entity_.views.size() - 1);
   }
 
   // The best over the levels of what lies under the click there, in the entity's scored views.
@@ -147,16 +126,17 @@ class EntityScorer {
 
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
                                           std::span<const std::vector<LabeledView>> levels,
-                                          size_t level, std::span<const EntityScore> entities) {
+                                          size_t level, std::span<const EntityScore> entities,
+                                          const ProposalScores& proposals) {
   PromptScores sum;
-  for (const EntityScore& entity : entities) {
-    const EntityScorer scorer(segmenter, levels, level, entity);
-    if (!entity.missing) RETURN_IF_ERROR(scorer.AddProposals(sum));
+  for (size_t i = 0; i < entities.size(); ++i) {
+    const EntityScorer scorer(segmenter, levels, level, entities[i]);
+    const std::vector<ProposalScore>& clicked = proposals.entities[i].proposals;
+    if (!clicked.empty()) RETURN_IF_ERROR(scorer.AddFirstProposal(clicked[0], sum));
     RETURN_IF_ERROR(scorer.AddMaskAndBox(sum));
   }
   const auto count = static_cast<double>(entities.size());
-  for (double* value : {&sum.choosing_ms, &sum.first_iou, &sum.first_thing_iou,
-                        &sum.best_of_three_iou, &sum.best_iou, &sum.mask_iou, &sum.box_iou,
+  for (double* value : {&sum.choosing_ms, &sum.first_thing_iou, &sum.mask_iou, &sum.box_iou,
                         &sum.selection_iou, &sum.selection_against_masks}) {
     *value /= count;
   }

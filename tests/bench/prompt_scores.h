@@ -5,6 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/evaluate/one_click.h"
+#include "core/evaluate/proposal_scores.h"
 #include "core/query/segmenter.h"
 
 namespace pepeseg {
@@ -12,9 +13,6 @@ namespace pepeseg {
 // What a person who gives no scale and no threshold gets: IoU over an entity's scored views, mean
 // over entities. No answer scores 0.
 struct PromptScores {
-  // A click: the first proposal, and the one of three, and of kDefaultProposals, that suits the
-  // reference view best.
-  double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
   // The first proposal against whichever of the truth's levels it suits: is it a thing at all?
   double first_thing_iou = 0;
   // The mask of the reference view, as a label has it, and the box around it.
@@ -25,9 +23,11 @@ struct PromptScores {
   // What choosing a click's scale and threshold takes, on a view whose feature maps are there.
   double choosing_ms = 0;
 };
-// levels: the labels of every level of the truth, of the same views; `level`: the entities'.
+// levels: the labels of every level of the truth, of the same views; `level`: the entities', of
+// which `proposals` are.
 absl::StatusOr<PromptScores> ScorePrompts(const Segmenter& segmenter,
                                           std::span<const std::vector<LabeledView>> levels,
-                                          size_t level, std::span<const EntityScore> entities);
+                                          size_t level, std::span<const EntityScore> entities,
+                                          const ProposalScores& proposals);
 
 }  // namespace pepeseg

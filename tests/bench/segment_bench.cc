@@ -7,8 +7,10 @@
 #include <memory>
 #include <string>
 
+#include "core/evaluate/click_count.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
+#include "core/evaluate/proposal_scores.h"
 #include "core/features/feature_stage.h"
 #include "core/features/train_features.h"
 #include "core/io/feature_file.h"
@@ -42,12 +44,16 @@ struct BenchOptions {
   bool kernels = false;
   bool granularity = false;
   bool prompts = false;
+  bool clicks = false;
   bool decompose = false;
   bool rows_only = false;
   ReconstructOptions reconstruct;
   FeatureOptions features;
   OneClickOptions protocol;
+  ClickOptions click_protocol;
 };
+
+absl::Status GoOn() { return absl::OkStatus(); }
 
 // Counts the steps of a stage.
 auto CountTo(int64_t& num_steps) {
@@ -106,19 +112,21 @@ absl::Status PrintGranularity(Backend& backend, const Capture& capture, const Mo
 
 // As a comment.
 absl::Status PrintPrompts(const Segmenter& segmenter, const CapturePack& pack,
-                          const SegmentRow& row) {
+                          const SegmentRow& row, int64_t min_pixels) {
   std::vector<std::vector<LabeledView>> levels;
   for (const TruthLevel& level : pack.truth) levels.push_back(LabeledViews(pack.capture, level));
   const auto level = static_cast<size_t>(row.level - pack.truth.data());
+  ASSIGN_OR_RETURN(const ProposalScores proposals,
+                   EvaluateProposals(segmenter, levels[level], min_pixels, GoOn));
   ASSIGN_OR_RETURN(const PromptScores scores,
-                   ScorePrompts(segmenter, levels, level, row.scores.entities));
+                   ScorePrompts(segmenter, levels, level, row.scores.entities, proposals));
   std::printf(
       "# %s: chosen %.4f; first proposal %.4f (as whatever level it suits %.4f), best of three "
       "%.4f, of %d %.4f; mask %.4f, box %.4f; selection %.4f, against the masks %.4f; a click's "
       "scale and threshold take %.2f ms\n",
-      row.level->name.c_str(), row.scores.chosen.iou, scores.first_iou, scores.first_thing_iou,
-      scores.best_of_three_iou, kDefaultProposals, scores.best_iou, scores.mask_iou, scores.box_iou,
-      scores.selection_iou, scores.selection_against_masks, scores.choosing_ms);
+      row.level->name.c_str(), row.scores.chosen.iou, proposals.first_iou, scores.first_thing_iou,
+      proposals.best_of_three_iou, kDefaultProposals, proposals.best_iou, scores.mask_iou,
+      scores.box_iou, scores.selection_iou, scores.selection_against_masks, scores.choosing_ms);
   return absl::OkStatus();
 }
 
@@ -145,9 +153,9 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
   if (options.decompose) RETURN_IF_ERROR(PrintDecomposition(*segmenter, pack));
   for (const TruthLevel& level : pack.truth) {
     const double evaluate_start = Now();
-    ASSIGN_OR_RETURN(OneClickScores scores,
-                     EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level),
-                                      options.protocol, [] { return absl::OkStatus(); }));
+    ASSIGN_OR_RETURN(
+        OneClickScores scores,
+        EvaluateOneClick(*segmenter, LabeledViews(pack.capture, level), options.protocol, GoOn));
     const SegmentRow row = {stage.seed,
                             &level,
                             &geometry,
@@ -160,7 +168,13 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
     PrintRow(options.name, row);
     if (options.entities) PrintEntities(row);
     if (options.prompts) {
-      RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row));
+      RETURN_IF_ERROR(PrintPrompts(*segmenter, pack, row, options.protocol.min_pixels));
+    }
+    if (options.clicks) {
+      ASSIGN_OR_RETURN(const ClickScores clicks,
+                       EvaluateClicks(*segmenter, LabeledViews(pack.capture, level),
+                                      options.click_protocol, GoOn));
+      PrintClicks(row, options.click_protocol, clicks, options.entities);
     }
     if (!options.dump.empty()) {
       RETURN_IF_ERROR(DumpMasks(*segmenter, LabeledViews(pack.capture, level), row, options.dump));
@@ -235,6 +249,10 @@ int main(int argc, char** argv) {
                "clusters by scale on the held-out views, too");
   app.add_flag("--prompts", options.prompts,
                "what is got without a scale, by a mask, a box and in 3D, too");
+  app.add_flag(
+      "--clicks", options.clicks,
+      "clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks, too; with --entities by entity");
+  app.add_option("--max-clicks", options.click_protocol.max_clicks);
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");
   app.add_flag("--rows-only", options.rows_only, "no heading of the table");

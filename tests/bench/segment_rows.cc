@@ -9,6 +9,14 @@
 #include "core/status_macros.h"
 
 namespace pepeseg {
+namespace {
+
+std::string NameOf(const SegmentRow& row, int entity) {
+  const auto id = static_cast<size_t>(entity);
+  return id < row.level->entities.size() ? row.level->entities[id] : "";
+}
+
+}  // namespace
 
 void PrintHeader(const OneClickOptions& protocol) {
   std::string head =
@@ -47,8 +55,7 @@ void PrintRow(const std::string& name, const SegmentRow& row) {
 
 void PrintEntities(const SegmentRow& row) {
   for (const EntityScore& score : row.scores.entities) {
-    const auto id = static_cast<size_t>(score.id);
-    const std::string name = id < row.level->entities.size() ? row.level->entities[id] : "";
+    const std::string name = NameOf(row, score.id);
     std::printf(
         "# %d %s %3d %-16s %2d views, click %s (%.1f, %.1f)%s: %.3f / %.3f at %.2f, %.2f; oracle "
         "%.3f / %.3f at %.2f, %.2f\n",
@@ -57,6 +64,27 @@ void PrintEntities(const SegmentRow& row) {
         score.click.y, score.missing ? " on nothing" : "", score.chosen.iou,
         score.chosen.boundary_iou, score.chosen.scale, score.chosen.threshold, score.oracle.iou,
         score.oracle.boundary_iou, score.oracle.scale, score.oracle.threshold);
+  }
+}
+
+void PrintClicks(const SegmentRow& row, const ClickOptions& options, const ClickScores& scores,
+                 bool by_entity) {
+  std::printf(
+      "# %d %s: NoC@%.0f %.2f of at most %d, %.1f %% reached; IoU after 1, 2, 3 clicks %.4f %.4f "
+      "%.4f\n",
+      static_cast<int>(row.seed), row.level->name.c_str(), 100 * options.min_iou, scores.num_clicks,
+      options.max_clicks, 100 * scores.reached, scores.iou_after[0], scores.iou_after[1],
+      scores.iou_after[2]);
+  if (!by_entity) return;
+  for (const EntityClicks& score : scores.entities) {
+    std::printf("# %d %s %3d %-16s %2d clicks%s:", static_cast<int>(row.seed),
+                row.level->name.c_str(), score.id, NameOf(row, score.id).c_str(), score.num_clicks,
+                score.reached ? "" : ", not reached");
+    for (const ClickAnswer& answer : score.answers) {
+      std::printf(" %c(%.0f, %.0f)%s %.3f/%.3f", answer.click.positive ? '+' : '-', answer.click.x,
+                  answer.click.y, answer.on_nothing ? "!" : "", answer.reference_iou, answer.iou);
+    }
+    std::printf("\n");
   }
 }
 

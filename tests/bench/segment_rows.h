@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "core/evaluate/click_count.h"
 #include "core/evaluate/labeled_view.h"
 #include "core/evaluate/one_click.h"
 #include "core/query/segmenter.h"
@@ -38,6 +39,9 @@ void PrintHeader(const OneClickOptions& protocol);
 void PrintRow(const std::string& name, const SegmentRow& row);
 // A line for each entity: as comments, so that the table's rows can be cut out.
 void PrintEntities(const SegmentRow& row);
+// A comment with the means, and with `by_entity` one for each entity with its answers.
+void PrintClicks(const SegmentRow& row, const ClickOptions& options, const ClickScores& scores,
+                 bool by_entity);
 // A PPM an entity and view: white where it is right, red where it says too much, blue too little.
 absl::Status DumpMasks(const Segmenter& segmenter, const std::vector<LabeledView>& views,
                        const SegmentRow& row, const std::string& folder);

@@ -69,5 +69,16 @@ TEST(DeepestPixel, OfEquallyDeepOnesIsTheFirstByRowThenColumn) {
   EXPECT_EQ(deepest.y, 3);
 }
 
+TEST(FindDeepest, MeasuresTheSquaredDistanceToTheOutside) {
+  EXPECT_EQ(FindDeepest(std::vector<uint8_t>(7 * 7), 7, 7).squared_depth, 0);
+  EXPECT_EQ(FindDeepest(std::vector<uint8_t>(7 * 7, 1), 7, 7).squared_depth, 16);
+  std::vector<uint8_t> pixel(7 * 7);
+  pixel[3 * 7 + 2] = 1;
+  const DeepPixel deepest = FindDeepest(pixel, 7, 7);
+  EXPECT_EQ(deepest.squared_depth, 1);
+  EXPECT_EQ(deepest.pixel.x, 2);
+  EXPECT_EQ(deepest.pixel.y, 3);
+}
+
 }  // namespace
 }  // namespace pepeseg

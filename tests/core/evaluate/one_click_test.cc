@@ -7,49 +7,21 @@
 
 #include "core/evaluate/boundary_iou.h"
 #include "core/evaluate/metrics.h"
-#include "core/query/resolve_prompt.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/core/evaluate/two_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kSize = 96;
+constexpr int kSize = testing::kTwoBlobsSize;
 constexpr uint16_t kLeft = 3, kRight = 8;
-
-// Two blobs in front of three held-out views. The gate hides what tells their features apart at
-// large scales: their cosine is (0.25 - p^2) / (0.25 + p^2) with p = sigmoid(10 - 20 s), under -0.5
-// up to scale 0.4, 0 at 0.5, 0.89 at 0.6, 0.999 at 0.7.
-Model TwoBlobs() {
-  Capture capture;
-  capture.points.push_back({Eigen::Vector3f(-0.6f, 0, 3), {255, 0, 0}});
-  capture.points.push_back({Eigen::Vector3f(0.6f, 0, 3), {0, 0, 255}});
-  Model model;
-  model.gaussians = testing::PointGaussians(capture, 0.2f);
-  model.field.features.assign(2 * 32, 0.0f);
-  const float half = std::sqrt(0.5f);
-  model.field.features[0] = model.field.features[1] = model.field.features[32] = half;
-  model.field.features[32 + 1] = -half;
-  model.field.gate[1] = -20;
-  model.field.gate[32 + 1] = 10;
-  model.field.scale_quantiles = {1, 3};
-  for (const char* name : {"a", "b", "c"}) {
-    ModelView view;
-    view.name = name;
-    view.camera = {kSize, kSize, 80, 80, 48, 48};
-    view.cam_from_world.translation.y() = 0.1 * static_cast<double>(model.views.size());
-    view.held_out = true;
-    model.views.push_back(view);
-  }
-  return model;
-}
 
 absl::Status GoOn() { return absl::OkStatus(); }
 
 class OneClickTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, TwoBlobs()));
+    ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, testing::TwoBlobs()));
     for (const ModelView& view : segmenter_->model().views) {
       LabeledView& labeled = views_.emplace_back();
       labeled.view = view;
@@ -57,16 +29,8 @@ class OneClickTest : public ::testing::Test {
     }
   }
 
-  // What a click on a blob selects at a small scale.
   std::vector<uint8_t> Blob(int view, bool left) const {
-    const ModelView& at = segmenter_->model().views[view];
-    const double y = 48 + 80 * at.cam_from_world.translation.y() / 3;
-    const std::vector<PointPrompt> click = {{left ? 32.5 : 64.5, y, true}};
-    const auto query = ResolvePrompt(*segmenter_, {at, click}, {0, 0.75});
-    EXPECT_OK(query);
-    const auto results = segmenter_->Segment(query.value_or(Query()), {&at, 1});
-    EXPECT_OK(results);
-    return results.ok() ? (*results)[0].mask.pixels : std::vector<uint8_t>(kSize * kSize);
+    return testing::MaskOfBlob(*segmenter_, view, left);
   }
   // Gives the pixels of a mask to an entity; returns how many there are.
   static double Paint(LabeledView& view, const std::vector<uint8_t>& mask, uint16_t id) {

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/statusor.h"
+#include "core/evaluate/labeled_view.h"
+#include "core/query/segmenter.h"
+
+namespace pepeseg {
+
+// A proposal for an entity's click and its IoU.
+struct ProposalScore {
+  double scale = 0;          // quantile, [0, 1]
+  double threshold = 0;      // cosine
+  double support = 0;        // see ScaleProposal
+  double reference_iou = 0;  // on the clicked view
+  double iou = 0;            // mean over the scored views
+};
+
+struct EntityProposals {
+  int id = 0;
+  PointPrompt click;                     // on the reference
+  std::vector<ProposalScore> proposals;  // most support first; empty: nothing is under the click
+  // IoU, mean over the scored views; 0 without proposals. Of the first proposal; of the one with
+  // the best IoU on the reference among the first three; among all.
+  double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
+};
+
+struct ProposalScores {
+  std::vector<EntityProposals> entities;  // by id
+  // Means over the entities.
+  double first_iou = 0, best_of_three_iou = 0, best_iou = 0;
+};
+
+// The best-of-three protocol: a person clicks once, looks at the masks of ProposeScales and takes
+// the one that fits, as SAM's three masks for a click are scored (Kirillov et al. 2023, section
+// 7.1). Entities, references and clicks are those of FindScoredEntities and FirstClick. `go_on` is
+// called before each entity; its error ends the evaluation. INVALID_ARGUMENT: FindScoredEntities.
+absl::StatusOr<ProposalScores> EvaluateProposals(const Segmenter& segmenter,
+                                                 std::span<const LabeledView> views,
+                                                 int64_t min_pixels,
+                                                 absl::FunctionRef<absl::Status()> go_on);
+
+}  // namespace pepeseg
