@@ -25,6 +25,7 @@ struct SceneInputs {
 
 // The stages before the first: prepare (files to views) -> sfm (poses, where none are given) ->
 // priors (masks and depth, where none are given). Each is skipped when its result was uploaded.
+// Where SAM makes the masks, it begins with sfm.
 // INVALID_ARGUMENT names the file of the dataset that is wrong; DATA_LOSS one whose stored bytes
 // are damaged; FAILED_PRECONDITION: the photographs do not give poses, and what to do; CANCELLED:
 // the job was told to stop.

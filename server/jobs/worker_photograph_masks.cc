@@ -76,7 +76,6 @@ absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
 }
 
 MaskSet MaskWarp::ToView(const MaskSet& masks, const View& view) {
-  if (!view.photograph) return masks;
   if (!warp_ || photograph_ != *view.photograph || warp_->camera() != view.camera) {
     photograph_ = *view.photograph;
     warp_ = ViewWarp::Restore(photograph_, view.camera);

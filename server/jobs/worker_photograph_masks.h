@@ -40,7 +40,8 @@ class PhotographMasks {
   double image_scale_;
 };
 
-// Takes masks of photographs to their views, most of which have one lens.
+// Takes masks of photographs to their views, which an import has made and most of which have one
+// lens.
 class MaskWarp {
  public:
   MaskSet ToView(const MaskSet& masks, const View& view);

@@ -8,6 +8,7 @@
 #include <new>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/io/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
@@ -25,6 +26,13 @@ constexpr int kNicer = 10;
 int NumThreads(const WorkerJob& job) {
   if (job.spec.num_threads > 0) return job.spec.num_threads;
   return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
+// Of "cuda:1", which server/device.h describes; none of "cpu".
+std::optional<int> CudaDevice(const std::string& device) {
+  int number = 0;
+  if (!device.starts_with("cuda")) return std::nullopt;
+  return absl::SimpleAtoi(device.substr(std::min(device.size(), size_t{5})), &number) ? number : 0;
 }
 
 // Of this thread and of those that it starts. Where it is refused, they run as they do.
@@ -93,8 +101,11 @@ void PhotographSegmentation::Stop() {
 
 void PhotographSegmentation::OpenModel() {
   if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
-  auto model = SamModel::Open(job_.sam, {num_threads_, SamPhotographsAtOnce(num_threads_)});
+  auto model = SamModel::Open(job_.sam, {.num_threads = num_threads_,
+                                         .photographs_at_once = SamPhotographsAtOnce(num_threads_),
+                                         .cuda_device = CudaDevice(job_.spec.device)});
   if (!model.ok()) return Fail(model.status());
+  spdlog::info("SAM: computes on {}", (*model)->processor());
   const std::lock_guard lock(mutex_);
   model_ = *std::move(model);
   changed_.notify_all();
@@ -207,9 +218,7 @@ absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
   std::vector<MaskSet> made;
   for (const View& view : capture.views) {
     if (view.held_out) continue;
-    const Lens lens = view.photograph
-                          ? view.photograph->lens
-                          : Lens{.width = view.photo.width, .height = view.photo.height};
+    const Lens& lens = view.photograph->lens;  // every imported view has one
     ASSIGN_OR_RETURN(const MaskSet masks,
                      masks_.Read(by_key_.at(view.name), lens.width, lens.height));
     made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore,

@@ -41,7 +41,8 @@ class StageLog {
   void WarnOf(std::span<const std::string> messages);
 
   const std::string& stage() const { return stage_; }
-  // Of all stages so far, and "seconds_STAGE" and "core_seconds_STAGE" of each.
+  // Of all stages so far, and "seconds_STAGE" and "core_seconds_STAGE" of each: the latter of all
+  // that the job did meanwhile, such as SAM next to COLMAP.
   const std::map<std::string, double>& metrics() const { return metrics_; }
 
  private:

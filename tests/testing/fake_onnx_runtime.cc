@@ -2,8 +2,9 @@
 // two "models" segment by colour: the encoder answers with mean colours, the decoder with the cells
 // whose colour is like that of the first point. A model that has "out of memory" in it is refused
 // as the real library refuses one that does not fit, and one that has "endless" in it runs until it
-// is told to end.
+// is told to end. Of GPUs it knows number 0.
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -21,6 +22,9 @@ struct Failure {
 };
 struct Session {
   bool decodes = false, endless = false;
+};
+struct CudaOptions {
+  std::string device;
 };
 struct Value {
   std::vector<int64_t> shape;
@@ -46,6 +50,21 @@ Failure* CreateCpuMemoryInfo(int, int, void** out) { return MakeObject(out); }
 Failure* DisableMemPattern(void*) { return nullptr; }
 Failure* SetIntraOpNumThreads(void*, int) { return nullptr; }
 Failure* AddSessionConfigEntry(void*, const char*, const char*) { return nullptr; }
+Failure* CreateCudaOptions(CudaOptions** out) {
+  *out = new CudaOptions;
+  return nullptr;
+}
+Failure* UpdateCudaOptions(CudaOptions* options, const char* const* keys, const char* const* values,
+                           size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    if (std::string_view(keys[i]) == "device_id") options->device = values[i];
+  }
+  return nullptr;
+}
+Failure* AppendCuda(void*, const CudaOptions* options) {
+  if (options->device == "0") return nullptr;
+  return new Failure{"there is no GPU " + options->device};
+}
 Failure* CreateSession(void*, const void* bytes, size_t size, void*, void** out) {
   const std::string_view model(static_cast<const char*>(bytes), size);
   if (model.find("out of memory") != model.npos) {
@@ -100,16 +119,21 @@ void Decode(const Value& colours, const Value& points, Value& logits, Value& iou
       return std::clamp(static_cast<int>(at / kFrame * kCells), 0, kCells - 1);
     };
     const int seed = cell(point[1]) * kCells + cell(point[0]);
-    for (int64_t i = 0; i < int64_t{kMasks} * kExtent * kExtent; ++i) {
-      const auto mask = i / (kExtent * kExtent);
-      const auto y = i / kExtent % kExtent, x = i % kExtent;
-      const auto at = y * kCells / kExtent * kCells + x * kCells / kExtent;
-      float distance = 0;
-      for (int c = 0; c < 3; ++c) {
-        const float* plane = colours.data + c * kCells * kCells;
-        distance = std::max(distance, std::abs(plane[at] - plane[seed]));
+    std::array<float, kCells * kCells> distances{};
+    for (int c = 0; c < 3; ++c) {
+      const float* plane = colours.data + c * kCells * kCells;
+      for (int i = 0; i < kCells * kCells; ++i) {
+        distances[i] = std::max(distances[i], std::abs(plane[i] - plane[seed]));
       }
-      logits.data[prompt * kMasks * kExtent * kExtent + i] = distance < kTolerance[mask] ? 8 : -8;
+    }
+    float* logit = logits.data + prompt * kMasks * kExtent * kExtent;
+    for (const float tolerance : kTolerance) {
+      for (int y = 0; y < kExtent; ++y) {
+        const float* row = &distances[y * kCells / kExtent * kCells];
+        for (int x = 0; x < kExtent; ++x) {
+          *logit++ = row[x * kCells / kExtent] < tolerance ? 8.0F : -8.0F;
+        }
+      }
     }
     std::copy_n(kIous, kMasks, ious.data + prompt * kMasks);
   }
@@ -148,7 +172,7 @@ void Release(T* object) {
 
 using Function = void (*)();
 const Function* GetApi(uint32_t version) {
-  static Function table[200] = {};
+  static Function table[250] = {};
   const auto set = [](int position, auto* function) {
     table[position] = reinterpret_cast<Function>(function);
   };
@@ -174,6 +198,10 @@ const Function* GetApi(uint32_t version) {
   set(97, Release<std::atomic<bool>>);
   set(99, Release<std::vector<int64_t>>);
   set(130, AddSessionConfigEntry);
+  set(204, AppendCuda);
+  set(205, CreateCudaOptions);
+  set(206, UpdateCudaOptions);
+  set(208, Release<CudaOptions>);
   return version <= 17 ? table : nullptr;
 }
 

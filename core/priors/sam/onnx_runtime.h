@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -41,15 +42,22 @@ struct OnnxInput {
   std::span<const float> values;  // as many as the shape says
 };
 
+struct OnnxSessionOptions {
+  int num_threads = 1;
+  // Number of the GPU that computes what it can, by the library's CUDA provider. Absent: none does.
+  std::optional<int> cuda_device = std::nullopt;
+};
+
 // A model that is ready to run. Any number of threads may call it at the same time.
 class OnnxSession {
  public:
   // `model`: the bytes, which need not stay; `name` stands for them in errors. `runtime` must
-  // outlive the session. INVALID_ARGUMENT: not a model that the library can run;
-  // RESOURCE_EXHAUSTED: out of memory.
+  // outlive the session. INVALID_ARGUMENT: not a model that the library can run, or it has no CUDA
+  // provider that works; RESOURCE_EXHAUSTED: out of memory.
   static absl::StatusOr<std::unique_ptr<OnnxSession>> Create(const OnnxRuntime& runtime,
                                                              std::string_view model,
-                                                             std::string name, int num_threads);
+                                                             std::string name,
+                                                             const OnnxSessionOptions& options);
   ~OnnxSession();
 
   // The outputs of those names, in their order. CANCELLED: after Interrupt.

@@ -4,6 +4,7 @@
 #include <array>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -71,7 +72,7 @@ std::vector<float> EncoderInput(const Image& photo) {
 
 absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runtime,
                                                          const std::filesystem::path& file,
-                                                         int num_threads,
+                                                         const OnnxSessionOptions& options,
                                                          const OnnxGraphEdit* edit) {
   const std::string name = absl::StrCat("SAM: ", file.string());
   ASSIGN_OR_RETURN(std::string model, ReadFile(file, name, kMaxModelBytes));
@@ -80,7 +81,7 @@ absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runt
     if (!edited.ok()) return absl::FailedPreconditionError(edited.status().message());
     model = *std::move(edited);
   }
-  auto session = OnnxSession::Create(runtime, model, name, num_threads);
+  auto session = OnnxSession::Create(runtime, model, name, options);
   if (!absl::IsInvalidArgument(session.status())) return session;
   return absl::FailedPreconditionError(session.status().message());
 }
@@ -164,13 +165,24 @@ class SamSegmenter : public PromptedSegmenter {
 struct SamModel::Networks {
   std::unique_ptr<OnnxRuntime> runtime;
   std::unique_ptr<OnnxSession> encoder, decoder;
+  std::string processor = "the CPU";
+
+  absl::Status OpenSessions(const std::filesystem::path& folder, const OnnxSessionOptions& options);
 };
+
+absl::Status SamModel::Networks::OpenSessions(const std::filesystem::path& folder,
+                                              const OnnxSessionOptions& options) {
+  ASSIGN_OR_RETURN(encoder, OpenSession(*runtime, folder / kSamEncoder, options, nullptr));
+  const OnnxGraphEdit edit = DecoderEdit();
+  ASSIGN_OR_RETURN(decoder, OpenSession(*runtime, folder / kSamDecoder, options, &edit));
+  return absl::OkStatus();
+}
 
 SamModel::SamModel(std::unique_ptr<const Networks> networks) : networks_(std::move(networks)) {}
 SamModel::~SamModel() = default;
 
 absl::StatusOr<std::unique_ptr<SamModel>> SamModel::Open(const std::filesystem::path& folder,
-                                                         const SamThreads& threads) {
+                                                         const SamOptions& options) {
   RETURN_IF_ERROR(CheckSamFiles(folder));
   auto networks = std::make_unique<Networks>();
   auto runtime = OnnxRuntime::Load(folder / kSamRuntime);
@@ -179,14 +191,21 @@ absl::StatusOr<std::unique_ptr<SamModel>> SamModel::Open(const std::filesystem::
   }
   networks->runtime = *std::move(runtime);
   // A session computes on the thread that calls it, and on one less than this of its own.
-  const int per_session = std::max(1, threads.num_threads - threads.photographs_at_once + 1);
-  ASSIGN_OR_RETURN(networks->encoder,
-                   OpenSession(*networks->runtime, folder / kSamEncoder, per_session, nullptr));
-  const OnnxGraphEdit edit = DecoderEdit();
-  ASSIGN_OR_RETURN(networks->decoder,
-                   OpenSession(*networks->runtime, folder / kSamDecoder, per_session, &edit));
+  const int per_session = std::max(1, options.num_threads - options.photographs_at_once + 1);
+  std::error_code ignored;
+  if (options.cuda_device && std::filesystem::exists(folder / kSamCudaProvider, ignored)) {
+    const absl::Status opened = networks->OpenSessions(folder, {per_session, *options.cuda_device});
+    if (opened.ok()) {
+      networks->processor = absl::StrCat("CUDA device ", *options.cuda_device);
+      return std::unique_ptr<SamModel>(new SamModel(std::move(networks)));
+    }
+    networks->processor = absl::StrCat("the CPU, since CUDA failed: ", opened.message());
+  }
+  RETURN_IF_ERROR(networks->OpenSessions(folder, {per_session}));
   return std::unique_ptr<SamModel>(new SamModel(std::move(networks)));
 }
+
+const std::string& SamModel::processor() const { return networks_->processor; }
 
 std::unique_ptr<PromptedSegmenter> SamModel::MakeSegmenter() const {
   return std::make_unique<SamSegmenter>(*networks_->encoder, *networks_->decoder);

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <thread>
 
 #include "core/io/import.h"
@@ -153,6 +154,20 @@ TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
     EXPECT_EQ(alone[i].pixel_patch, beside[i].pixel_patch);
   }
   EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
+}
+
+// No GPU computes here: a library in place of ONNX Runtime is asked for it.
+TEST_F(SamFilesTest, AskForCudaWhereItsProviderIs) {
+  const auto processor = [this](std::optional<int> device) {
+    const auto model = SamModel::Open(sam, {.cuda_device = device});
+    return model.ok() ? (*model)->processor() : model.status().ToString();
+  };
+  EXPECT_EQ(processor(0), "the CPU");
+  std::ofstream(sam / "libonnxruntime_providers_cuda.so") << "a library";
+  EXPECT_EQ(processor(0), "CUDA device 0");
+  EXPECT_EQ(processor(std::nullopt), "the CPU");
+  EXPECT_THAT(processor(7), AllOf(HasSubstr("the CPU, since CUDA failed: "),
+                                  HasSubstr("encoder.onnx: there is no GPU 7")));
 }
 
 TEST_F(SamFilesTest, EndCallsThatAreInterrupted) {

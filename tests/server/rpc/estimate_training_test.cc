@@ -119,6 +119,22 @@ TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   EXPECT_EQ(estimate.stages_size(), 3);
 }
 
+// They run at the same time, in two processes.
+TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
+  std::vector<TestFile> files = Photos();
+  files.pop_back();
+  const std::string dataset = running.UploadAndSeal("shelf", files);
+  ASSERT_TRUE(Estimate(dataset).ok());
+  ASSERT_EQ(estimate.stages(1).stage(), "sfm");
+  const int64_t without_sam = estimate.stages(1).host_bytes();
+  testing::MakeFakeSam(running.folder / "sam");
+  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.num_threads = 2;
+  running.Restart();
+  ASSERT_TRUE(Estimate(dataset).ok());
+  EXPECT_EQ(estimate.stages(1).host_bytes(), without_sam + SamHostBytes(2));
+}
+
 TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {
   std::vector<TestFile> files = Photos();
   files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
