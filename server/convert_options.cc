@@ -56,6 +56,7 @@
   FIELD(sure_views) \
   FIELD(min_mask_agreement) \
   FIELD(complete_masks) \
+  FIELD(fine_first) \
   FIELD(num_background_pixels) \
   FIELD(num_scales) \
   FIELD(scale_mapping) \

@@ -75,6 +75,7 @@ constexpr OptionRow kRows[] = {
     {"features.sure_views", "8", "0 to 64"},
     {"features.min_mask_agreement", "0", "0 to 1"},
     {"features.complete_masks", "true", "true or false"},
+    {"features.fine_first", "0.3", "0 to 0.9"},
     {"sfm.matching", "unspecified", ""},
     {"sfm.max_features", "3000", "128 to 32768"},
     {"sfm.sequential_overlap", "10", "1 to 100"},

@@ -42,6 +42,15 @@ std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mas
   return weights;
 }
 
+// How many of a view's masks, from the finest on, give scales at a step. See fine_first.
+size_t NumMasksAt(int step, const FeatureOptions& options, size_t num_masks) {
+  constexpr double kFirstShare = 0.3;
+  const double end = options.fine_first * options.num_steps;
+  if (step >= end) return num_masks;
+  const double share = std::lerp(kFirstShare, 1.0, step / end);
+  return static_cast<size_t>(std::ceil(share * static_cast<double>(num_masks)));
+}
+
 }  // namespace
 
 std::vector<const MaskSet*> OwnMasks(const Capture& capture) {
@@ -86,7 +95,7 @@ BatchDrawer::Draft BatchDrawer::Next() {
   std::swap(views_left_[DrawIndex(views_left_.size(), random_)], views_left_.back());
   const int next = views_left_.back();
   views_left_.pop_back();
-  return {next, random_()};
+  return {next, random_(), step_++};
 }
 
 PixelBatch BatchDrawer::Draw(const Draft& draft) const {
@@ -94,7 +103,7 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
   Random random(draft.seed);
   PixelBatch batch;
   batch.view = view.view;
-  batch.scene_scales = DrawScales(view, random);
+  batch.scene_scales = DrawScales(view, draft.step, random);
   const std::vector<uint32_t> patches = DrawPixels(view, batch, random);
   DrawBackground(view, batch, random);
   batch.num_labelled = static_cast<int>(batch.pixels.size());
@@ -109,9 +118,13 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
 }
 
 // Scene units: masks at random, each jittered down towards the next smaller one; one scale at which
-// only the largest mask may still hold things apart; one below the smallest.
-std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, Random& random) const {
-  const std::vector<float>& sorted = view.sorted_scales;
+// only the largest mask may still hold things apart; one below the smallest. While fine masks go
+// first, all of them are below the largest mask that takes part.
+std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
+                                           Random& random) const {
+  const size_t num_masks = NumMasksAt(step, options_, view.sorted_scales.size());
+  const std::span<const float> sorted(view.sorted_scales.data(), num_masks);
+  const bool all = num_masks == view.sorted_scales.size();
   std::vector<float> scales;
   for (int k = 0; k + 2 < options_.num_scales; ++k) {
     const size_t mask = DrawIndex(sorted.size(), random);
@@ -119,7 +132,8 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, Random& ran
   }
   if (options_.num_scales >= 2) {
     const float second = sorted.size() < 2 ? 0 : sorted[sorted.size() - 2];
-    scales.push_back(DrawBetween(second, 2 * field_.scale_quantiles.back(), random));
+    const float largest = all ? 2 * field_.scale_quantiles.back() : sorted.back();
+    scales.push_back(DrawBetween(second, largest, random));
   }
   scales.push_back(DrawBetween(0, sorted.front(), random));
   return scales;
@@ -192,12 +206,13 @@ DrawerState BatchDrawer::Save() const {
   return {StateOf(random_), {views_left_.begin(), views_left_.end()}};
 }
 
-absl::Status BatchDrawer::Restore(const DrawerState& state) {
+absl::Status BatchDrawer::Restore(const DrawerState& state, int step) {
   for (const int32_t view : state.views_left) {
     if (view >= 0 && view < static_cast<int32_t>(views_.size())) continue;
     return absl::DataLossError(
         absl::StrCat("views_left has view ", view, " of ", views_.size(), " that are drawn"));
   }
+  step_ = step;
   views_left_.assign(state.views_left.begin(), state.views_left.end());
   return SetState(state.random, random_);
 }

@@ -72,20 +72,21 @@ class BatchDrawer {
   struct Draft {
     int view = 0;  // index into views()
     uint64_t seed = 0;
+    int step = 0;  // of the training, from 0 on
   };
   Draft Next();
   PixelBatch Draw(const Draft& draft) const;  // thread safe
 
   DrawerState Save() const;
-  // DATA_LOSS: what it holds is no state of a drawer of these views.
-  absl::Status Restore(const DrawerState& state);
+  // step: of the next draft. DATA_LOSS: what it holds is no state of a drawer of these views.
+  absl::Status Restore(const DrawerState& state, int step);
 
   const std::vector<DrawableView>& views() const { return views_; }
 
  private:
   using Random = std::mt19937_64;
 
-  std::vector<float> DrawScales(const DrawableView& view, Random& random) const;
+  std::vector<float> DrawScales(const DrawableView& view, int step, Random& random) const;
   // The patches of the view that the batch has, by their number in it.
   std::vector<uint32_t> DrawPixels(const DrawableView& view, PixelBatch& batch,
                                    Random& random) const;
@@ -97,6 +98,7 @@ class BatchDrawer {
   std::vector<DrawableView> views_;
   FeatureOptions options_;
   Random random_;
+  int step_ = 0;                 // of the next draft
   std::vector<int> views_left_;  // of this round
 };
 

@@ -98,7 +98,7 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
 absl::Status FeatureStage::Restore(const FeatureCheckpoint& checkpoint) {
   step_ = static_cast<int>(checkpoint.counters.step);
   steps_of_chunk_ = static_cast<int>(checkpoint.counters.steps_of_chunk);
-  RETURN_IF_ERROR(drawer_->Restore(checkpoint.drawer));
+  RETURN_IF_ERROR(drawer_->Restore(checkpoint.drawer, step_ - steps_of_chunk_));
   RETURN_IF_ERROR(centroids_->Restore(checkpoint.centroids));
   trainer_->Restore(checkpoint.rows, step_);
   num_left_out_ = static_cast<int>(checkpoint.counters.num_left_out);
@@ -135,9 +135,12 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
 }
 
 // Of the steps up to this one. When they have stopped falling, only the schedule's end is left.
+// Windows in which fine masks went first are not compared: their losses are of other scales.
 void FeatureStage::ReviewLosses(std::span<const double> losses) {
   for (const double loss : losses) losses_.Add(loss);
-  if (step_ % window_ != 0 || !losses_.StoppedFalling()) return;
+  if (step_ % window_ != 0) return;
+  if (step_ - window_ < options_.fine_first * options_.num_steps) return losses_.Restore({});
+  if (!losses_.StoppedFalling()) return;
   const long closing = std::lround(options_.closing_share * options_.num_steps);
   const int num_saved = num_steps() - step_ - static_cast<int>(closing);
   if (num_saved <= 0) return;

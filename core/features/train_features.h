@@ -36,6 +36,12 @@ struct FeatureOptions {
   // Further samples of what no mask covers in any view, as one thing apart from all others.
   int num_background_pixels = 200;
   int num_scales = 10;  // a step, 1..kMaxScales; two of them beyond the masks' own
+  // During this share of the steps the largest masks give no scales: those of the finest 30 % of a
+  // view's masks are drawn first, then those of ever larger ones. Things that touch must come apart
+  // before they are pulled together at a larger scale: the gradient that separates two features is
+  // zero where they are equal. 0: all scales from the first step (method.md section 3).
+  // tests/bench/results/fine_first.md.
+  double fine_first = 0.3;  // [0, 0.9]
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
   float learning_rate = 1e-2f;  // of Adam, at the start; falls exponentially to
   float learning_rate_final = 1e-4f;

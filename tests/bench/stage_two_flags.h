@@ -28,6 +28,7 @@ inline void AddStageTwoFlags(CLI::App& app, FeatureOptions& stage) {
                "what the perception loss sees is not checked against other views' masks");
   app.add_option("--min-mask-agreement", stage.min_mask_agreement);
   app.add_option("--complete-masks", stage.complete_masks);
+  app.add_option("--fine-first", stage.fine_first);
   app.add_flag_callback("--perception-gradients",
                         [&stage] { stage.perception_threshold = PerceptionThreshold::kGradients; });
   app.add_option("--neighbors", stage.num_neighbors);

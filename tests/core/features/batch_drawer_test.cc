@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "core/features/mask_scales.h"
+#include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 
 namespace pepeseg {
@@ -110,6 +111,37 @@ TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
     EXPECT_LE(batch.scales.back(), smallest + 1e-6);
     EXPECT_EQ(batch.labels.size(),
               size_t{10} * batch.num_patches * static_cast<size_t>(batch.label_words));
+  }
+}
+
+TEST(BatchDrawer, DrawsTheScalesOfFineMasksFirst) {
+  Drawn drawn({.num_steps = 100, .num_pixels = 4, .fine_first = 0.5});
+  const auto largest = [&](const PixelBatch& batch) { return drawn.scales[batch.view].back(); };
+  int num_beyond = 0;
+  for (int step = 0; step < 100; ++step) {
+    const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
+    const float highest = *std::ranges::max_element(batch.scene_scales);
+    if (step < 50) {
+      EXPECT_LE(highest, largest(batch)) << step;
+    }
+    if (step == 0) {  // of three masks one, of four two
+      const size_t num_masks = drawn.scales[batch.view].size();
+      EXPECT_LE(highest, drawn.scales[batch.view][(3 * num_masks + 9) / 10 - 1]);
+    }
+    num_beyond += highest > largest(batch) ? 1 : 0;
+  }
+  EXPECT_GT(num_beyond,
+            25);  // one scale of each later step is drawn from beyond the second largest
+}
+
+TEST(BatchDrawer, RestoredAmongFineMasksDrawsTheSame) {
+  const FeatureOptions options = {.num_steps = 40, .num_pixels = 4, .fine_first = 0.9};
+  Drawn unbroken(options), resumed(options);
+  for (int step = 0; step < 20; ++step) unbroken.drawer->Next();
+  ASSERT_OK(resumed.drawer->Restore(unbroken.drawer->Save(), 20));
+  for (int step = 20; step < 40; ++step) {
+    EXPECT_EQ(unbroken.drawer->Draw(unbroken.drawer->Next()).scene_scales,
+              resumed.drawer->Draw(resumed.drawer->Next()).scene_scales);
   }
 }
 
