@@ -36,7 +36,7 @@ TRAINING_PRESET_STANDARD: TrainingPreset
 TRAINING_PRESET_UNSPECIFIED: TrainingPreset
 
 class FeatureOptions(_message.Message):
-    __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk", "sure_views"]
+    __slots__ = ["centroid_every", "centroid_from", "centroid_pixels", "centroid_weight_lower", "centroid_weight_upper", "closing_share", "complete_masks", "fine_first", "learning_rate", "learning_rate_final", "mask_share", "min_loss_fall", "min_mask_agreement", "num_background_pixels", "num_drawn_neighbors", "num_neighbors", "num_perception_pixels", "num_pixels", "num_scales", "num_steps", "perception_cross_view", "perception_threshold", "perception_weight", "scale_mapping", "seed", "steps_per_chunk", "sure_views"]
     CENTROID_EVERY_FIELD_NUMBER: _ClassVar[int]
     CENTROID_FROM_FIELD_NUMBER: _ClassVar[int]
     CENTROID_PIXELS_FIELD_NUMBER: _ClassVar[int]
@@ -44,6 +44,7 @@ class FeatureOptions(_message.Message):
     CENTROID_WEIGHT_UPPER_FIELD_NUMBER: _ClassVar[int]
     CLOSING_SHARE_FIELD_NUMBER: _ClassVar[int]
     COMPLETE_MASKS_FIELD_NUMBER: _ClassVar[int]
+    FINE_FIRST_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FIELD_NUMBER: _ClassVar[int]
     LEARNING_RATE_FINAL_FIELD_NUMBER: _ClassVar[int]
     MASK_SHARE_FIELD_NUMBER: _ClassVar[int]
@@ -70,6 +71,7 @@ class FeatureOptions(_message.Message):
     centroid_weight_upper: float
     closing_share: float
     complete_masks: bool
+    fine_first: float
     learning_rate: float
     learning_rate_final: float
     mask_share: float
@@ -89,7 +91,7 @@ class FeatureOptions(_message.Message):
     seed: int
     steps_per_chunk: int
     sure_views: int
-    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ...) -> None: ...
+    def __init__(self, num_steps: _Optional[int] = ..., num_pixels: _Optional[int] = ..., num_scales: _Optional[int] = ..., learning_rate: _Optional[float] = ..., steps_per_chunk: _Optional[int] = ..., seed: _Optional[int] = ..., num_neighbors: _Optional[int] = ..., num_drawn_neighbors: _Optional[int] = ..., learning_rate_final: _Optional[float] = ..., centroid_from: _Optional[float] = ..., centroid_every: _Optional[int] = ..., centroid_pixels: _Optional[int] = ..., centroid_weight_upper: _Optional[float] = ..., centroid_weight_lower: _Optional[float] = ..., num_background_pixels: _Optional[int] = ..., perception_weight: _Optional[float] = ..., num_perception_pixels: _Optional[int] = ..., perception_threshold: _Optional[_Union[PerceptionThreshold, str]] = ..., perception_cross_view: bool = ..., scale_mapping: _Optional[_Union[ScaleMapping, str]] = ..., min_loss_fall: _Optional[float] = ..., closing_share: _Optional[float] = ..., mask_share: _Optional[float] = ..., sure_views: _Optional[int] = ..., min_mask_agreement: _Optional[float] = ..., complete_masks: bool = ..., fine_first: _Optional[float] = ...) -> None: ...
 
 class ImportOptions(_message.Message):
     __slots__ = ["held_out_every", "image_scale"]
