@@ -116,22 +116,18 @@ TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
 
 TEST(BatchDrawer, DrawsTheScalesOfFineMasksFirst) {
   Drawn drawn({.num_steps = 100, .num_pixels = 4, .fine_first = 0.5});
-  const auto largest = [&](const PixelBatch& batch) { return drawn.scales[batch.view].back(); };
   int num_beyond = 0;
   for (int step = 0; step < 100; ++step) {
     const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
+    const std::vector<float>& scales = drawn.scales[batch.view];
     const float highest = *std::ranges::max_element(batch.scene_scales);
-    if (step < 50) {
-      EXPECT_LE(highest, largest(batch)) << step;
+    // At a third of the way 53 % of the masks take part, rounded up: not yet the largest.
+    if (step < 17) {
+      EXPECT_LE(highest, scales[scales.size() - 2]) << step;
     }
-    if (step == 0) {  // of three masks one, of four two
-      const size_t num_masks = drawn.scales[batch.view].size();
-      EXPECT_LE(highest, drawn.scales[batch.view][(3 * num_masks + 9) / 10 - 1]);
-    }
-    num_beyond += highest > largest(batch) ? 1 : 0;
+    if (step >= 50) num_beyond += highest > scales.back() ? 1 : 0;
   }
-  EXPECT_GT(num_beyond,
-            25);  // one scale of each later step is drawn from beyond the second largest
+  EXPECT_GT(num_beyond, 25);  // one scale of each is drawn from beyond the second largest mask
 }
 
 TEST(BatchDrawer, RestoredAmongFineMasksDrawsTheSame) {

@@ -83,6 +83,7 @@ constexpr FeatureOptions kConverging = {.num_steps = 2000,
                                         .num_pixels = 12,
                                         .num_background_pixels = 4,
                                         .num_scales = 2,
+                                        .fine_first = 0,
                                         .centroid_weight_upper = 0,
                                         .steps_per_chunk = 300,
                                         .min_loss_fall = 1,
@@ -116,6 +117,23 @@ TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
   }
+}
+
+// Windows of 500 steps: fine masks go first in the first two of them, and the next is the first to
+// compare with.
+TEST(FeatureStage, LossesOfFineMasksSayNothingOfConvergence) {
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kConverging;
+  options.num_steps = 2800;
+  options.fine_first = 0.25;
+  options.closing_share = 0.2;
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureStage::Create(*backend, Synthetic(), Points(), options));
+  ASSERT_OK(FinishFeatures(*stage, Go));
+  const SkippedTerm& steps = stage->skipped().back();
+  EXPECT_EQ(steps.term, "steps");
+  EXPECT_EQ(steps.step, 2000);
+  EXPECT_EQ(steps.saved_steps, 240);
 }
 
 TEST(FeatureStage, WithoutAShareAllStepsAreDone) {
