@@ -7,7 +7,7 @@
 #include "kernels/buffer.h"
 #include "kernels/ops.h"
 
-// Arguments of the steps of stage two (method.md section 3) and of queries (section 4). Geometry
+// Arguments of the steps of stage two (METHOD.md section 3) and of queries (section 4). Geometry
 // is frozen: a sampled pixel is its row of (Gaussian, weight), see CaptureRowsArgs.
 
 namespace pepeseg {

@@ -20,7 +20,7 @@ struct PinholeView {
   float cam_from_world[12] = {};         // row-major [3, 4], a rigid transform
 };
 
-// kernels/math/blend.h holds the constants of rasterisation (method.md section 1).
+// kernels/math/blend.h holds the constants of rasterisation (METHOD.md section 1).
 struct RenderArgs {
   ConstGaussianPlanes gaussians;
   PinholeView view;

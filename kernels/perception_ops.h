@@ -4,7 +4,7 @@
 
 #include "kernels/feature_ops.h"
 
-// Arguments of the perception loss of stage two (method.md section 3).
+// Arguments of the perception loss of stage two (METHOD.md section 3).
 
 namespace pepeseg {
 

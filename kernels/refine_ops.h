@@ -6,7 +6,7 @@
 #include "kernels/gaussian_planes.h"
 #include "kernels/ops.h"
 
-// Arguments of the Gaussian refinement of stage one (method.md section 1).
+// Arguments of the Gaussian refinement of stage one (METHOD.md section 1).
 
 namespace pepeseg {
 

@@ -5,7 +5,7 @@
 
 #include "kernels/feature_ops.h"
 
-// Features smoothed over the nearest neighbours (method.md section 3, "Smoothing"):
+// Features smoothed over the nearest neighbours (METHOD.md section 3, "Smoothing"):
 //   fbar_i = normalize(sum over the drawn neighbours j of i of normalize(f_j)).
 // Which Gaussians a batch reads is known before any feature is: the neighbours are drawn and listed
 // ahead (NeighborRows, TransposeRows), for many batches at once.

@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// HDBSCAN of points of 32 numbers under the Euclidean distance (method.md sections 3 and 4).
+// HDBSCAN of points of 32 numbers under the Euclidean distance (METHOD.md sections 3 and 4).
 struct HdbscanOptions {
   int min_cluster_size = 20;  // points, at least 2
   // 1..kMaxMinSamples: a point's core distance is that to its min_samples-th nearest, itself

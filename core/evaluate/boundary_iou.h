@@ -7,7 +7,7 @@
 namespace pepeseg {
 
 // How far inside a mask its boundary reaches on an image of this size, pixels:
-// max(1, round(0.02 * diagonal)) (method.md section 5).
+// max(1, round(0.02 * diagonal)) (METHOD.md section 5).
 int BoundaryWidth(int width, int height);
 
 // The mask [height, width] without what is left of it, padded by one pixel of 0, after `distance`

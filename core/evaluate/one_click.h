@@ -14,7 +14,7 @@
 
 namespace pepeseg {
 
-// The one-click protocol (method.md section 5) on the entities of FindScoredEntities. The prompt is
+// The one-click protocol (METHOD.md section 5) on the entities of FindScoredEntities. The prompt is
 // FirstClick on the reference; scale and threshold are chosen there and scored on the other views.
 struct OneClickOptions {
   // What is chosen from: quantile scales in [0, 1], and cosines in [-1, 1]. Ascending.

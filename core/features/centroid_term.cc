@@ -57,7 +57,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
       max_pixels_(options.centroid_pixels),
       random_(options.seed ^ kCentroidStream) {
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
-  // Of what is pulled. 0.9 (method.md) at the lower scale pulls parts that touch onto one another.
+  // Of what is pulled. 0.9 (METHOD.md) at the lower scale pulls parts that touch onto one another.
   constexpr float kUpperCosine = 0.9f, kLowerCosine = 0.97f;
   if (options.centroid_weight_upper > 0) {
     levels_.push_back({true,

@@ -28,7 +28,7 @@ class CentroidBank {
   std::vector<float> centroids_;
 };
 
-// The centroid loss L_c (method.md section 3): late in training, now and then, the masked pixels of
+// The centroid loss L_c (METHOD.md section 3): late in training, now and then, the masked pixels of
 // a view are clustered at a large and at a small scale; pixels near a centroid are pulled onto it.
 class CentroidTerm {
  public:

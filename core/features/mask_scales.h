@@ -10,7 +10,7 @@ namespace pepeseg {
 inline constexpr float kNoScale = 0;
 inline constexpr int kNumScaleKnots = 1000;
 
-// The size of each mask of a view in space (GARField, eq. 2; method.md section 2), scene units:
+// The size of each mask of a view in space (GARField, eq. 2; METHOD.md section 2), scene units:
 // 2 sqrt(var X + var Y + var Z) of its pixels, back-projected with `depth` [height, width] (0: none
 // known), after a 3x3 majority filter. kNoScale where fewer than 8 pixels are left. Pixels under
 // the view's ignore mask are left out.

@@ -13,7 +13,7 @@
 
 namespace pepeseg {
 
-// What colour and depth say of pixels that masks leave open (method.md section 3, "Perception
+// What colour and depth say of pixels that masks leave open (METHOD.md section 3, "Perception
 // loss"). At scale s, two pixels count that are within r(s) of each other, away from the edges of
 // the depth prior, one of them under no mask in this view. They are similar where both their depth
 // and their colour differ less than is usual about them, dissimilar where both differ at least so.

@@ -24,14 +24,14 @@ enum class PerceptionThreshold {
   kGradients = 2,    // between neighbours about each of them
 };
 
-// Stage two (method.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
+// Stage two (METHOD.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
 // gate from the scale-aware loss, the perception loss and the centroid loss on sparse rows, and the
 // norms of pixels and Gaussians.
 struct FeatureOptions {
   int num_steps = 10000;  // one view each
   int num_pixels = 1000;  // samples a step, each under a mask that has a scale
   // The share of them drawn mask by mask, each as likely as any other: so that small parts are
-  // seen, too. The rest is drawn pixel by pixel (method.md section 3 draws all so).
+  // seen, too. The rest is drawn pixel by pixel (METHOD.md section 3 draws all so).
   double mask_share = 0.25;  // [0, 1]
   // Further samples of what no mask covers in any view, as one thing apart from all others.
   int num_background_pixels = 200;
@@ -39,7 +39,7 @@ struct FeatureOptions {
   // During this share of the steps the largest masks give no scales: those of the finest 30 % of a
   // view's masks are drawn first, then those of ever larger ones. Things that touch must come apart
   // before they are pulled together at a larger scale: the gradient that separates two features is
-  // zero where they are equal. 0: all scales from the first step (method.md section 3).
+  // zero where they are equal. 0: all scales from the first step (METHOD.md section 3).
   // tests/bench/results/fine_first.md.
   double fine_first = 0.3;  // [0, 0.9]
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;

@@ -7,7 +7,7 @@
 
 namespace pepeseg {
 
-// Where the view's depth prior jumps (method.md section 3, "boundary map"): Canny's edges of it,
+// Where the view's depth prior jumps (METHOD.md section 3, "boundary map"): Canny's edges of it,
 // dilated by 5x5. [height, width], 1 there and where the prior knows nothing, else 0. The view must
 // have a prior.
 std::vector<uint8_t> DepthEdges(const View& view);

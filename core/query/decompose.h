@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// Takes a model apart (method.md section 4, "Decomposition"). HDBSCAN over the gated unit features,
+// Takes a model apart (METHOD.md section 4, "Decomposition"). HDBSCAN over the gated unit features,
 // at the finest scale, of 16,384 Gaussians that the views show gives the smallest pieces; every
 // Gaussian goes to the nearest of their means, or to none where that is not alike. A level's
 // segments are those of the level before, the first one's the pieces, joined while the means of two

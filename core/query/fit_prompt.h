@@ -7,7 +7,7 @@
 namespace pepeseg {
 
 // The question whose mask in the view is most like `mask`, by IoU: features under it as one to four
-// clusters, a scale and a threshold (method.md section 4, "Mask"). INVALID_ARGUMENT: a mask that is
+// clusters, a scale and a threshold (METHOD.md section 4, "Mask"). INVALID_ARGUMENT: a mask that is
 // empty or not of the view's size, nothing with a feature is rendered under it.
 absl::StatusOr<Query> FitMask(const Segmenter& segmenter, const ModelView& view,
                               const BinaryMask& mask, const Granularity& granularity);

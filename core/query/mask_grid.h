@@ -15,7 +15,7 @@ struct LevelCounts {
 
 // The masks of one prompt at several scales and thresholds, and which of them are stable: a mask
 // that hardly changes when scale and threshold do is a thing, one that changes with every step is
-// an accident (method.md section 4, "Scale proposals").
+// an accident (METHOD.md section 4, "Scale proposals").
 class MaskGrid {
  public:
   explicit MaskGrid(LevelCounts counts);

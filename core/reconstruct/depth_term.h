@@ -25,7 +25,7 @@ struct DepthImages {
   DeviceSpan<float> alpha_grad, depth_grad;  // for RenderBackward
 };
 
-// The depth loss of stage one (method.md section 1): rendered depth against the monocular prior of
+// The depth loss of stage one (METHOD.md section 1): rendered depth against the monocular prior of
 // the view. One thread at a time; the backend must outlive it.
 class DepthTerm {
  public:

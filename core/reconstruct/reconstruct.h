@@ -12,7 +12,7 @@
 
 namespace pepeseg {
 
-// What refinement does to a Gaussian that crosses the border of a mask (method.md section 1).
+// What refinement does to a Gaussian that crosses the border of a mask (METHOD.md section 1).
 enum class RefineKeep {
   kNone = 1,          // nothing
   kShrink = 2,        // it becomes its part inside the mask
@@ -35,7 +35,7 @@ struct ReconstructOptions {
   // Coarse to fine: photographs at a quarter of their size for the first half of this share of
   // num_steps, at half of it for the second half. 0: full size throughout.
   double coarse_until = 0;
-  // Depth loss, on views with a depth prior (method.md section 1).
+  // Depth loss, on views with a depth prior (METHOD.md section 1).
   float depth_weight = -1;  // at the start. -1: 0.05 on an orbit, 0.1 where views face forward
   // At the end, at most depth_weight; reversed sigmoid between. The paper keeps 0.01 to 0.02: a
   // prior's own error then stays in the model (tests/bench/results/h200_desk.md).

@@ -173,7 +173,7 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
   results_.Push(input, loss_sums_.span(), scratch_.counters.span());
 }
 
-// Forward, loss, backward and Adam on one view: method.md section 1.
+// Forward, loss, backward and Adam on one view: METHOD.md section 1.
 void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
   const TrainingView& view = views_.At(input.view, input.shrink);
   const int sh_degree = std::min(schedule_.ShDegreeAt(place_), state_.sh_degree());
@@ -285,7 +285,7 @@ void Reconstructor::LeaveOutWhatIsNotNeeded() {
   }
 }
 
-// Of the scene's radius (method.md section 1).
+// Of the scene's radius (METHOD.md section 1).
 float Reconstructor::NearPlane() const { return static_cast<float>(0.01 * scene_radius_); }
 
 absl::Status Reconstructor::Refine(const StepInput& input) {

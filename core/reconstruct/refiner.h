@@ -12,7 +12,7 @@
 
 namespace pepeseg {
 
-// Gaussian refinement (method.md section 1): in a short window of steps, Gaussians on a surface
+// Gaussian refinement (METHOD.md section 1): in a short window of steps, Gaussians on a surface
 // that cross the border of a mask are shortened to one side of it. Only those that existed when
 // the window opened, each refined once; one that was looked at and crossed nothing in that view may
 // be refined by a later one.

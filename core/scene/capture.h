@@ -21,7 +21,7 @@ struct Image {
 };
 
 // What a monocular network, a sensor or a sparse model says of a view's depth, up to scale and
-// shift (method.md section 0).
+// shift (METHOD.md section 0).
 struct DepthPrior {
   enum class Kind {
     kDisparity,  // near is large, as 1 / z

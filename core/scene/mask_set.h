@@ -12,7 +12,7 @@ struct BinaryMask {
 };
 
 // The overlapping masks of one view as a patch map: pixels that the same set of masks covers share
-// a patch, and each patch has the bitset of its masks (method.md section 0). Patch 0 is covered by
+// a patch, and each patch has the bitset of its masks (METHOD.md section 0). Patch 0 is covered by
 // no mask.
 struct MaskSet {
   int width = 0;

@@ -3,7 +3,7 @@
 #include "kernels/math/hd.h"
 
 // Rendered depth x against a prior d that is known up to scale and shift (MiDaS alignment;
-// method.md section 1).
+// METHOD.md section 1).
 
 namespace pepeseg {
 

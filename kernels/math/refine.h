@@ -4,7 +4,7 @@
 
 #include "kernels/math/projection.h"
 
-// Gaussian refinement of one Gaussian in one view (method.md section 1), in scalars.
+// Gaussian refinement of one Gaussian in one view (METHOD.md section 1), in scalars.
 
 namespace pepeseg {
 

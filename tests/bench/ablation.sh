@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What each term of both stages is worth on a capture pack (method.md section 6, "Ablations"), and
+# What each term of both stages is worth on a capture pack (the ablations of the paper), and
 # with a quarter of the views or 30 % fewer masks: one table, means over the seeds of stage two.
 #   ablation.sh BENCH PACK [FLAG]...       FLAGs go to every run: --device cuda, --seeds 3
 set -euo pipefail
