@@ -8,14 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "kernels/cluster_ops.h"
-#include "kernels/density_ops.h"
-#include "kernels/depth_ops.h"
-#include "kernels/feature_ops.h"
-#include "kernels/ops.h"
-#include "kernels/perception_ops.h"
-#include "kernels/refine_ops.h"
-#include "kernels/smooth_ops.h"
+#include "kernels/ops/cluster.h"
+#include "kernels/ops/density.h"
+#include "kernels/ops/depth.h"
+#include "kernels/ops/feature.h"
+#include "kernels/ops/perception.h"
+#include "kernels/ops/refine.h"
+#include "kernels/ops/render.h"
+#include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 

@@ -3,7 +3,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/cluster_ops.h"
+#include "kernels/ops/cluster.h"
 
 namespace pepeseg {
 

@@ -8,7 +8,7 @@
 #include "core/evaluate/boundary_iou.h"
 #include "core/evaluate/threshold_iou.h"
 #include "core/status_macros.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

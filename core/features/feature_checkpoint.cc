@@ -3,7 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/io/checkpoint_sections.h"
 #include "core/status_macros.h"
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 namespace {

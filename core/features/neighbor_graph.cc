@@ -5,7 +5,7 @@
 #include <span>
 
 #include "kernels/cpu/parallel_for.h"
-#include "kernels/smooth_ops.h"
+#include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/features/cross_view.h"
 #include "core/features/train_features.h"
 #include "core/scene/capture.h"
-#include "kernels/perception_ops.h"
+#include "kernels/ops/perception.h"
 
 namespace pepeseg {
 

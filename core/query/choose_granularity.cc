@@ -7,7 +7,7 @@
 #include "core/query/ladder.h"
 #include "core/query/mask_grid.h"
 #include "core/status_macros.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -7,7 +7,7 @@
 #include "core/scene/capture.h"
 #include "core/scene/model.h"
 #include "kernels/buffer.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -10,7 +10,7 @@
 #include "core/query/fit_prompt.h"
 #include "core/query/levels.h"
 #include "core/status_macros.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

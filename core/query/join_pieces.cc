@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <numeric>
 
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

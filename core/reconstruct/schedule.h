@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "core/reconstruct/reconstruct.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -2,7 +2,7 @@
 
 #include "kernels/math/gate.h"
 #include "kernels/math/pair.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

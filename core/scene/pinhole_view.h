@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/scene/camera.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

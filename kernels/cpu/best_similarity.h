@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "kernels/cpu/simd_kernels.h"
-#include "kernels/feature_ops.h"
 #include "kernels/math/pair.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 

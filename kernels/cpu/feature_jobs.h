@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "kernels/feature_ops.h"
-#include "kernels/perception_ops.h"
+#include "kernels/ops/feature.h"
+#include "kernels/ops/perception.h"
 
 // What the inner loops of stage two work on (kernels/cpu/simd/features.cc, pairs.cc).
 

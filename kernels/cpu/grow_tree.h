@@ -1,9 +1,9 @@
 #pragma once
 
-#include "kernels/cluster_ops.h"
 #include "kernels/cpu/near_forest.h"
 #include "kernels/cpu/parallel_for.h"
 #include "kernels/cpu/simd_kernels.h"
+#include "kernels/ops/cluster.h"
 
 namespace pepeseg {
 

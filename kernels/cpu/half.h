@@ -3,7 +3,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "kernels/math/ssim.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/cluster_ops.h"
 #include "kernels/cpu/tree_jobs.h"
+#include "kernels/ops/cluster.h"
 
 namespace pepeseg {
 

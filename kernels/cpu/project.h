@@ -1,7 +1,7 @@
 #pragma once
 
 #include "kernels/cpu/parallel_for.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 

@@ -6,8 +6,8 @@
 #include "kernels/cpu/feature_jobs.h"
 #include "kernels/cpu/image_loss_band.h"
 #include "kernels/cpu/tree_jobs.h"
-#include "kernels/ops.h"
-#include "kernels/smooth_ops.h"
+#include "kernels/ops/render.h"
+#include "kernels/ops/smooth.h"
 
 namespace pepeseg {
 

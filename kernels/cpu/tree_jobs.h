@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 // What the inner loops of SpanningTree work on (kernels/cpu/simd/spanning_tree.cc). Points stand as
 // columns in groups of kTreeColumns, channel by channel: [groups, 32, kTreeColumns].

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "kernels/feature_ops.h"
 #include "kernels/math/pair.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "kernels/cuda/arena.h"
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "kernels/cluster_ops.h"
+#include "kernels/ops/cluster.h"
 
 // The passes of SpanningTree over pairs of points (tree_distances.cu).
 

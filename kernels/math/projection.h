@@ -19,7 +19,7 @@ struct ProjectionCamera {
   T min_x, max_x, min_y, max_y;
 };
 
-// `view` is a PinholeView of kernels/ops.h.
+// `view` is a PinholeView of kernels/ops/render.h.
 template <class T, class View>
 PEPESEG_HD ProjectionCamera<T> MakeProjectionCamera(const View& view) {
   const auto* m = view.cam_from_world;

@@ -2,7 +2,7 @@
 
 #include "kernels/math/hd.h"
 
-// Distances of clustering (kernels/cluster_ops.h). All backends add the channels one by one in
+// Distances of clustering (kernels/ops/cluster.h). All backends add the channels one by one in
 // their order, so that where they have a fused multiply-add they find the same bits.
 
 namespace pepeseg {

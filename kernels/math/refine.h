@@ -16,7 +16,7 @@ inline constexpr float kMinCarriedAxis = 0.8f;      // of the axis on screen, by
 inline constexpr float kAllAxesShrink = 0.8f;       // times the share, where all axes are scaled
 inline constexpr float kMinRefinementAlpha = 0.5f;  // fainter pixels have no depth
 
-// The masks of a view as the formulas read them; see PatchMap of kernels/refine_ops.h.
+// The masks of a view as the formulas read them; see PatchMap of kernels/ops/refine.h.
 struct PatchMapView {
   int width, height;
   int words, num_masks;

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/depth_ops.h"
+#include "kernels/ops/depth.h"
 
 namespace pepeseg {
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 

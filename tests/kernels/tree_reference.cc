@@ -7,7 +7,7 @@
 #include <random>
 #include <tuple>
 
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "kernels/cluster_ops.h"
+#include "kernels/ops/cluster.h"
 
 namespace pepeseg {
 

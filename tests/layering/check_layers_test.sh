@@ -28,7 +28,7 @@ expect_allowed() {
 
 expect_found core/scene/view.h '<grpcpp/grpcpp.h>'
 expect_found core/io/wire.cc '"pepeseg/v1/scene.pb.h"'
-expect_found kernels/ops.h '"proto/pepeseg/v1/job.pb.h"'
+expect_found kernels/ops/render.h '"proto/pepeseg/v1/job.pb.h"'
 expect_found kernels/cpu/render.cc '"core/scene/camera.h"'
 expect_found kernels/math/vec.h '<Eigen/Core>'
 expect_found kernels/cpu/update.cc '<spdlog/spdlog.h>'

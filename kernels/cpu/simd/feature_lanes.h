@@ -1,8 +1,8 @@
 #pragma once
 
 #include "kernels/cpu/simd/lanes.h"
-#include "kernels/feature_ops.h"
 #include "kernels/math/pair.h"
+#include "kernels/ops/feature.h"
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {

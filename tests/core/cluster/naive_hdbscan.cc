@@ -5,7 +5,7 @@
 #include <functional>
 #include <memory>
 
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "kernels/buffer.h"
 #include "kernels/gaussian_planes.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 // Arguments of the Gaussian refinement of stage one (METHOD.md section 1).
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "kernels/buffer.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 // Arguments of the steps of stage two (METHOD.md section 3) and of queries (section 4). Geometry
 // is frozen: a sampled pixel is its row of (Gaussian, weight), see CaptureRowsArgs.

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 // Features smoothed over the nearest neighbours (METHOD.md section 3, "Smoothing"):
 //   fbar_i = normalize(sum over the drawn neighbours j of i of normalize(f_j)).

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "kernels/feature_ops.h"
+#include "kernels/ops/feature.h"
 
 // Arguments of the perception loss of stage two (METHOD.md section 3).
 

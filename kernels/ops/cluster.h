@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "kernels/buffer.h"
-#include "kernels/ops.h"
+#include "kernels/ops/render.h"
 
 // Arguments of the step that clustering asks of a device (HDBSCAN: Campello, Moulavi and Sander
 // 2013). What follows it is small and stands in core/cluster.
