@@ -9,7 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/access/audit_log.h"
 #include "server/jobs/store.h"

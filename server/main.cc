@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "absl/time/clock.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
 #include "server/flags.h"
 #include "server/keys_command.h"
 #include "server/log.h"

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "core/backend_turn.h"
-#include "core/status_macros.h"
+#include "core/base/backend_turn.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 

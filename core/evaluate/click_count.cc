@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/evaluate/deepest_pixel.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/query/check_prompt.h"
 #include "core/query/resolve_prompt.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

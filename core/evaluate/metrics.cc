@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/scene/pinhole_view.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

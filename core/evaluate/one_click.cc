@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/evaluate/boundary_iou.h"
 #include "core/evaluate/threshold_iou.h"
-#include "core/status_macros.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/query/check_prompt.h"
 #include "core/query/propose_scales.h"
 #include "core/query/resolve_prompt.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

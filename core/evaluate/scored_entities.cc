@@ -3,9 +3,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/evaluate/deepest_pixel.h"
 #include "core/evaluate/metrics.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 

@@ -5,10 +5,10 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/features/cluster_agreement.h"
 #include "core/features/random_draws.h"
 #include "core/scene/gated_units.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

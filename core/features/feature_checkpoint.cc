@@ -1,8 +1,8 @@
 #include "core/features/feature_checkpoint.h"
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/checkpoint_sections.h"
-#include "core/status_macros.h"
 #include "kernels/ops/feature.h"
 
 namespace pepeseg {

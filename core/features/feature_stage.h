@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/convergence.h"
+#include "core/base/convergence.h"
 #include "core/features/batches_ahead.h"
 #include "core/features/centroid_term.h"
 #include "core/features/feature_checkpoint.h"

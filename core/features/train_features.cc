@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/features/feature_stage.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/progress.h"
+#include "core/base/progress.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 #include "core/scene/model.h"

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap_records.h"
-#include "core/io/file_bytes.h"
-#include "core/io/file_name.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

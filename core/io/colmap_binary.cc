@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/byte_reader.h"
+#include "core/base/byte_reader.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap_records.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 // COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
 namespace pepeseg {

@@ -6,9 +6,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap_records.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 // COLMAP's text files: a record a line (two for an image), '#' before comments.
 namespace pepeseg {

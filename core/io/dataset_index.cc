@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/file_name.h"
-#include "core/status_macros.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -3,10 +3,10 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/file_bytes.h"
+#include "core/base/file_bytes.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/image_header.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 #include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
 

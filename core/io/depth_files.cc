@@ -4,13 +4,13 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
-#include "core/io/file_bytes.h"
-#include "core/io/file_name.h"
 #include "core/io/npy.h"
 #include "core/io/pfm.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

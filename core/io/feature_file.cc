@@ -6,12 +6,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/io/byte_reader.h"
-#include "core/io/file_bytes.h"
+#include "core/base/atomic_file.h"
+#include "core/base/byte_reader.h"
+#include "core/base/file_bytes.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/half.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

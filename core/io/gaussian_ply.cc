@@ -9,9 +9,9 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
+#include "core/base/status_macros.h"
 #include "core/io/ply.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

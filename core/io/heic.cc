@@ -6,11 +6,11 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/encode_png.h"
 #include "core/io/exif.h"
 #include "core/io/image_header.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/heic_header.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

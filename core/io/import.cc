@@ -10,20 +10,20 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap.h"
 #include "core/io/dataset_index.h"
 #include "core/io/decode_image.h"
 #include "core/io/depth_files.h"
 #include "core/io/exif.h"
-#include "core/io/file_bytes.h"
-#include "core/io/file_name.h"
 #include "core/io/mask_files.h"
 #include "core/io/photo_poses.h"
 #include "core/io/ply_points.h"
 #include "core/io/view_warp.h"
 #include "core/scene/normalize_depth.h"
 #include "core/scene/origin.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/file_bytes.h"
-#include "core/status_macros.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "opencv2/dnn.hpp"
 
 namespace pepeseg {

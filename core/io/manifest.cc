@@ -5,11 +5,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/atomic_file.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/file_json.h"
-#include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -4,12 +4,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
-#include "core/io/file_bytes.h"
-#include "core/io/file_name.h"
-#include "core/io/refused.h"
 #include "core/io/sam_masks.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/file_json.h"
-#include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/feature_file.h"
-#include "core/io/file_bytes.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/manifest.h"
 #include "core/io/model_facts.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

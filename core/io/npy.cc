@@ -8,11 +8,11 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "core/io/byte_reader.h"
+#include "core/base/byte_reader.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/half.h"
 #include "core/io/image_header.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -8,9 +8,9 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/image_header.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

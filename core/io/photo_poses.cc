@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap.h"
 #include "core/io/poses_bounds.h"
 #include "core/io/transforms_json.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -11,9 +11,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "core/io/file_bytes.h"
-#include "core/io/refused.h"
-#include "core/status_macros.h"
+#include "core/base/file_bytes.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

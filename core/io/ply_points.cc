@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap.h"
 #include "core/io/ply.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 

@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap.h"
-#include "core/io/file_bytes.h"
 #include "core/io/npy.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

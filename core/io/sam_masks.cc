@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/refused.h"
+#include "core/base/refused.h"
+#include "core/base/status_macros.h"
 #include "core/io/rle.h"
-#include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -10,13 +10,13 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
 #include "core/io/colmap.h"
 #include "core/io/decode_image.h"
-#include "core/io/file_bytes.h"
 #include "core/io/file_json.h"
-#include "core/io/file_name.h"
 #include "core/io/image_header.h"
-#include "core/status_macros.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

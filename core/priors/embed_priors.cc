@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
 #include "core/scene/normalize_depth.h"
-#include "core/status_macros.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "core/base/status_macros.h"
 #include "core/query/ladder.h"
 #include "core/query/mask_grid.h"
-#include "core/status_macros.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include "core/backend_turn.h"
+#include "core/base/backend_turn.h"
+#include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/query/join_pieces.h"
 #include "core/query/visible_weights.h"
 #include "core/scene/gated_units.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

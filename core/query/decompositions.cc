@@ -4,7 +4,7 @@
 #include <iterator>
 #include <utility>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/scene/pinhole_view.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

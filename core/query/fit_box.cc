@@ -3,13 +3,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/query/check_prompt.h"
 #include "core/query/choose_granularity.h"
 #include "core/query/feature_clusters.h"
 #include "core/query/feature_norm.h"
 #include "core/query/fit_prompt.h"
 #include "core/query/levels.h"
-#include "core/status_macros.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

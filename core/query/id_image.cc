@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

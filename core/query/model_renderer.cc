@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "core/backend_turn.h"
+#include "core/base/backend_turn.h"
+#include "core/base/status_macros.h"
 #include "core/scene/pinhole_view.h"
-#include "core/status_macros.h"
 #include "kernels/scratch_bytes.h"
 
 namespace pepeseg {

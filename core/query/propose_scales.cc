@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/choose_granularity.h"
 #include "core/query/ladder.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -3,10 +3,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/check_prompt.h"
 #include "core/query/feature_norm.h"
 #include "core/query/segmenter_state.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

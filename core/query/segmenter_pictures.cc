@@ -1,11 +1,11 @@
 // What Segmenter shows of a model, rather than asks it.
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/check_prompt.h"
 #include "core/query/feature_palette.h"
 #include "core/query/id_image.h"
 #include "core/query/segmenter.h"
 #include "core/query/segmenter_state.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/feature_norm.h"
 #include "core/query/mask_box.h"
-#include "core/status_macros.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
 

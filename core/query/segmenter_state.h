@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/backend_turn.h"
+#include "core/base/backend_turn.h"
 #include "core/query/decompositions.h"
 #include "core/query/feature_maps.h"
 #include "core/query/segmenter.h"

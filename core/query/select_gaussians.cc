@@ -5,13 +5,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/connected_parts.h"
 #include "core/query/gaussian_sets.h"
 #include "core/query/gaussian_votes.h"
 #include "core/query/mean_tree.h"
 #include "core/query/prompted_pixels.h"
 #include "core/query/voting_views.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

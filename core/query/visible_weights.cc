@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "core/base/status_macros.h"
 #include "core/scene/pixel_grid.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

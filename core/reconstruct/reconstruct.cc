@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/reconstruct/reconstructor.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -1,9 +1,9 @@
 #include "core/reconstruct/reconstruct_checkpoint.h"
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/checkpoint_sections.h"
 #include "core/reconstruct/scene_needs.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

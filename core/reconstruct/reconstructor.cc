@@ -6,10 +6,10 @@
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/reconstruct/earned_bands.h"
 #include "core/reconstruct/pixel_span.h"
 #include "core/reconstruct/trainable.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "absl/status/statusor.h"
-#include "core/progress.h"
+#include "core/base/progress.h"
 #include "core/reconstruct/densifier.h"
 #include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/entry_rooms.h"

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/convergence.h"
+#include "core/base/convergence.h"
 #include "core/reconstruct/depth_agreement.h"
 #include "core/reconstruct/reconstruct.h"
 

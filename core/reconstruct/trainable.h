@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/progress.h"
+#include "core/base/progress.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/capture.h"
 

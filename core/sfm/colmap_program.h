@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "core/child_process.h"
+#include "core/base/child_process.h"
 
 namespace pepeseg {
 

@@ -10,14 +10,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/atomic_file.h"
-#include "core/io/file_bytes.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/manifest.h"
 #include "core/sfm/colmap_program.h"
 #include "core/sfm/colmap_progress.h"
 #include "core/sfm/sfm_model.h"
 #include "core/sfm/sfm_verdict.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/progress.h"
+#include "core/base/progress.h"
 #include "core/sfm/sfm_options.h"
 #include "core/sfm/sfm_photographs.h"
 

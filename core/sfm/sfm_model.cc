@@ -6,10 +6,10 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/io/byte_reader.h"
-#include "core/io/file_bytes.h"
-#include "core/status_macros.h"
+#include "core/base/atomic_file.h"
+#include "core/base/byte_reader.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 
 // COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
 namespace pepeseg {

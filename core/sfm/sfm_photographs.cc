@@ -9,15 +9,15 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
 #include "core/io/dataset_index.h"
 #include "core/io/decode_image.h"
-#include "core/io/digest.h"
 #include "core/io/encode_png.h"
-#include "core/io/file_bytes.h"
-#include "core/io/file_name.h"
 #include "core/io/mask_files.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -13,7 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 
 namespace pepeseg {
 namespace {

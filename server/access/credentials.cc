@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -8,8 +8,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "core/status_macros.h"
+#include "core/base/digest.h"
+#include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
 

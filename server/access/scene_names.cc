@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
 #include "server/jobs/id_rules.h"

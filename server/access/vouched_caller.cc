@@ -9,7 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/jobs/id_rules.h"
 

@@ -4,7 +4,7 @@
 #include <system_error>
 
 #include "absl/strings/match.h"
-#include "server/jobs/beneath_folder.h"
+#include "core/base/beneath_folder.h"
 #include "server/layout.h"
 
 namespace pepeseg {

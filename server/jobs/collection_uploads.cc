@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/numbers.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/locked_file.h"
 #include "server/layout.h"
 

@@ -4,7 +4,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/collection_folders.h"
 #include "server/jobs/collection_uploads.h"
 #include "server/jobs/job_folder.h"

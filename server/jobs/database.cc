@@ -13,9 +13,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/database_error.h"
-#include "server/jobs/private_error.h"
 #include "server/jobs/schema.h"
 #include "server/jobs/sqlite_log.h"
 

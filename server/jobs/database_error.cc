@@ -5,7 +5,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/private_error.h"
+#include "core/base/private_error.h"
 
 namespace pepeseg {
 namespace {

@@ -12,10 +12,10 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/crc32c.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/client_text.h"
-#include "server/jobs/crc32c.h"
-#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {

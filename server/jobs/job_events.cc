@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/scene_key.h"

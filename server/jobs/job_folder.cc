@@ -12,14 +12,14 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/io/file_bytes.h"
+#include "core/base/atomic_file.h"
+#include "core/base/beneath_folder.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "core/io/manifest.h"
-#include "core/status_macros.h"
-#include "server/jobs/beneath_folder.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/event_log.h"
-#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {

@@ -8,8 +8,8 @@
 #include <cerrno>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -13,8 +13,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/process.h"
 

@@ -1,6 +1,6 @@
 #include "server/jobs/quota_sql.h"
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/quota_error.h"
 
 namespace pepeseg {

@@ -18,10 +18,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "core/child_process.h"
-#include "core/io/atomic_file.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/atomic_file.h"
+#include "core/base/child_process.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/job_environment.h"
 
 namespace pepeseg {

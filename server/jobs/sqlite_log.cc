@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/file_bytes.h"
-#include "core/status_macros.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -1,6 +1,6 @@
 #include "server/jobs/store.h"
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/database.h"
 
 namespace pepeseg {

@@ -1,6 +1,6 @@
 // What the store tells of what nothing refers to any more, and of what a project takes.
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/batch_statement.h"
 #include "server/jobs/database.h"
 #include "server/jobs/quota_sql.h"

@@ -1,5 +1,5 @@
 // What the store tells of itself, for those who watch it.
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/database.h"
 #include "server/jobs/store.h"
 

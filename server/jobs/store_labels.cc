@@ -1,6 +1,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/database.h"
 #include "server/jobs/id_rules.h"
 #include "server/jobs/store.h"

@@ -2,7 +2,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/database.h"
 #include "server/jobs/store.h"
 #include "server/jobs/store_sql.h"

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/landlock_version.h"
 #include "server/jobs/supervisor_loop.h"
 

@@ -6,7 +6,7 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/holder_name.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/slurm.h"

@@ -9,9 +9,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/io/digest.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/digest.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

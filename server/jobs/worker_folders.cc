@@ -2,7 +2,7 @@
 
 #include <system_error>
 
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
 
 namespace pepeseg {
 

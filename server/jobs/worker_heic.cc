@@ -7,14 +7,14 @@
 #include <system_error>
 
 #include "absl/strings/str_format.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
-#include "core/io/file_bytes.h"
 #include "core/io/heic.h"
 #include "core/io/heic_header.h"
 #include "core/io/manifest.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
 #include "server/jobs/worker_folders.h"
 
 namespace pepeseg {

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/dataset_index.h"
 #include "core/priors/embed_priors.h"
-#include "core/status_macros.h"
 #include "server/jobs/mask_advice.h"
 #include "server/jobs/worker_heic.h"
 #include "server/jobs/worker_plan.h"

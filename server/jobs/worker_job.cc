@@ -10,14 +10,14 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/io/gaussian_ply.h"
 #include "core/io/model_file.h"
-#include "core/status_macros.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
 #include "server/device.h"
-#include "server/jobs/file_error.h"
 #include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_folders.h"
 #include "server/jobs/worker_inputs.h"

@@ -11,7 +11,7 @@
 #include <string>
 #include <system_error>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "kernels/host_memory.h"
 #include "server/jobs/sanitizers.h"
 

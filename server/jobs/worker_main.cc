@@ -20,9 +20,9 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/child_process.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/child_process.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/pulse.h"
 #include "server/jobs/store.h"

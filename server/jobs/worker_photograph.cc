@@ -11,8 +11,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
-#include "core/io/digest.h"
 #include "core/io/encode_png.h"
 #include "core/io/exif.h"
 #include "core/io/heic.h"
@@ -20,7 +21,6 @@
 #include "core/io/model_facts.h"
 #include "core/io/picture.h"
 #include "core/io/view_warp.h"
-#include "core/status_macros.h"
 #include "server/jobs/photograph_task.h"
 #include "server/jobs/worker_limits.h"
 #include "server/jobs/worker_sandbox.h"

@@ -6,14 +6,14 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
 #include "core/io/image_header.h"
 #include "core/io/mask_files.h"
 #include "core/io/rle.h"
 #include "core/priors/sam/automatic_masks.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {

@@ -10,11 +10,11 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/sam_needs.h"
-#include "core/status_macros.h"
 #include "server/jobs/worker_limits.h"
 
 namespace pepeseg {

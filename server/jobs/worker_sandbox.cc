@@ -17,7 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/sanitizers.h"
 #include "server/jobs/worker_landlock.h"
 #include "server/jobs/worker_system_calls.h"

@@ -9,12 +9,12 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/file_name.h"
+#include "core/base/file_error.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
 #include "core/io/manifest.h"
 #include "core/io/video_frames.h"
 #include "core/sfm/estimate_poses.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
 
 namespace pepeseg {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/progress.h"
+#include "core/base/progress.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_progress.h"

@@ -1,6 +1,6 @@
 #include "server/jobs/worker_stages.h"
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 

@@ -11,8 +11,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "core/status_macros.h"
+#include "core/base/digest.h"
+#include "core/base/status_macros.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {

@@ -12,10 +12,10 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/io/digest.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/atomic_file.h"
+#include "core/base/digest.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/rows.h"
 
 namespace pepeseg {

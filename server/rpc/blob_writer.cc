@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/atomic_file.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/layout.h"
 
 namespace pepeseg {

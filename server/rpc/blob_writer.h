@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "server/jobs/locked_file.h"
 
 namespace pepeseg {

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "core/io/atomic_file.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/mask_advice.h"
 #include "server/layout.h"
 #include "server/rpc/resource_name.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/rows_to_proto.h"

@@ -9,8 +9,8 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 #include "server/layout.h"
 
 namespace pepeseg {

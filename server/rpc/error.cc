@@ -5,9 +5,9 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/private_error.h"
 #include "core/query/check_prompt.h"
 #include "server/jobs/client_text.h"
-#include "server/jobs/private_error.h"
 #include "server/jobs/scene_key.h"
 
 namespace pepeseg {

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/features/estimate_features.h"
 #include "core/priors/sam/sam_needs.h"
 #include "core/reconstruct/estimate.h"
 #include "core/sfm/estimate_poses.h"
-#include "core/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/rows_to_proto.h"
 

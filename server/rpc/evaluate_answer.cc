@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/pixel_frame.h"
 #include "server/rpc/read_mask.h"

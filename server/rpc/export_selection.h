@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "core/io/gaussian_ply.h"
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/segmentation_service.pb.h"

@@ -8,9 +8,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "core/base/status_macros.h"
 #include "core/io/image_header.h"
 #include "core/io/ply.h"
-#include "core/status_macros.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/jobs/photograph_process.h"

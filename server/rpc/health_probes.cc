@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/atomic_file.h"
-#include "core/status_macros.h"
+#include "core/base/atomic_file.h"
+#include "core/base/status_macros.h"
 #include "server/metrics/process_use.h"
 
 namespace pepeseg {

@@ -1,7 +1,7 @@
 #include "server/rpc/job_service.h"
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/estimate_training.h"
 #include "server/rpc/resource_name.h"

@@ -9,7 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"

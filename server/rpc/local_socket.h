@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "absl/status/statusor.h"
-#include "server/jobs/beneath_folder.h"
+#include "core/base/beneath_folder.h"
 
 namespace pepeseg {
 

@@ -3,10 +3,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
 #include "core/io/model_file.h"
-#include "core/status_macros.h"
 #include "server/jobs/job_folder.h"
-#include "server/jobs/private_error.h"
 #include "server/jobs/quota_error.h"
 #include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"

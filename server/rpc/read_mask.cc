@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
 #include "core/io/image_header.h"
 #include "core/io/rle.h"
-#include "core/status_macros.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {

@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/rle.h"
 #include "core/scene/origin.h"
-#include "core/status_macros.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"
 #include "server/rpc/pixel_frame.h"

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/encode_png.h"
 #include "core/query/photograph_images.h"
 #include "core/query/view_places.h"
-#include "core/status_macros.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"

@@ -5,10 +5,10 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/beneath_folder.h"
+#include "core/base/status_macros.h"
 #include "core/scene/origin.h"
-#include "core/status_macros.h"
 #include "server/convert.h"
-#include "server/jobs/beneath_folder.h"
 #include "server/layout.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"

@@ -3,9 +3,9 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/query/propose_scales.h"
 #include "core/query/resolve_prompt.h"
-#include "core/status_macros.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/encode_mask.h"
 #include "server/rpc/model_lookup.h"

@@ -1,7 +1,7 @@
 #include "server/rpc/segment_lookup.h"
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/propose_scales.h"
-#include "core/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/read_prompt.h"
 

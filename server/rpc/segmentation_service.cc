@@ -1,6 +1,6 @@
 #include "server/rpc/segmentation_service.h"
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/decompose_answer.h"
 #include "server/rpc/evaluate_answer.h"

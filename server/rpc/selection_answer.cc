@@ -4,10 +4,10 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/gaussian_sets.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
-#include "core/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/read_prompt.h"

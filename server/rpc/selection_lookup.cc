@@ -1,8 +1,8 @@
 #include "server/rpc/selection_lookup.h"
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/selection_file.h"
-#include "core/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 

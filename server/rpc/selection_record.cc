@@ -5,12 +5,12 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
 #include "core/io/selection_file.h"
 #include "core/query/gaussian_sets.h"
-#include "core/status_macros.h"
-#include "server/jobs/private_error.h"
 #include "server/layout.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"

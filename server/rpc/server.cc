@@ -10,8 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/status_macros.h"
 #include "core/io/lpips.h"
-#include "core/status_macros.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorizer.h"
 #include "server/access/credentials.h"

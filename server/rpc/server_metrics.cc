@@ -1,6 +1,6 @@
 #include "server/rpc/server_metrics.h"
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"

@@ -7,9 +7,9 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "core/child_process.h"
+#include "core/base/child_process.h"
+#include "core/base/status_macros.h"
 #include "core/priors/sam/sam_files.h"
-#include "core/status_macros.h"
 #include "kernels/host_memory.h"
 #include "server/jobs/holder_name.h"
 #include "server/layout.h"

@@ -8,7 +8,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/access/authorizer.h"
 #include "server/rpc/error.h"
 #include "server/rpc/stream.h"

@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
-#include "server/jobs/crc32c.h"
+#include "core/base/crc32c.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 

@@ -11,10 +11,10 @@
 #include <set>
 #include <utility>
 
-#include "core/io/atomic_file.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
-#include "server/jobs/private_error.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
 #include "server/rpc/error.h"
 #include "server/rpc/file_header.h"
 
@@ -74,7 +74,8 @@ absl::Status OfFile(const std::string& path, const absl::Status& status) {
 }
 
 bool WriteGroup::due() const {
-  return files_.size() >= kMaxGroupFiles || num_bytes_ >= kMaxBytes || absl::Now() - since_ > kMaxAge;
+  return files_.size() >= kMaxGroupFiles || num_bytes_ >= kMaxBytes ||
+         absl::Now() - since_ > kMaxAge;
 }
 
 bool WriteGroup::Holds(const std::string& sha256, int64_t size) const {

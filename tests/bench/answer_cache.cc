@@ -5,7 +5,7 @@
 #include <ctime>
 #include <utility>
 
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -6,9 +6,9 @@
 #include <memory>
 #include <string>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/reconstruct/reconstructor.h"
-#include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/adjusted_rand.h"
-#include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/labeled_views.h"
 

@@ -13,6 +13,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/features/train_features.h"
 #include "core/io/decode_image.h"
@@ -22,7 +23,6 @@
 #include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/features/frozen_scene.h"
 #include "core/scene/gated_units.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

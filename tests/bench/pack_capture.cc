@@ -5,9 +5,9 @@
 #include <string>
 #include <utility>
 
+#include "core/base/status_macros.h"
 #include "core/io/import.h"
 #include "core/priors/embed_priors.h"
-#include "core/status_macros.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"
 #include "tests/testing/crowded_capture.h"

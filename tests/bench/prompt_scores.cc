@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

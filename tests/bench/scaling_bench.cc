@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/features/feature_stage.h"
 #include "core/reconstruct/reconstructor.h"
-#include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/testing/crowded_capture.h"
 

@@ -10,13 +10,13 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/io/encode_png.h"
 #include "core/io/import.h"
 #include "core/io/lpips.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/pinhole_view.h"
-#include "core/status_macros.h"
 #include "tests/bench/stage_one_flags.h"
 
 namespace pepeseg {

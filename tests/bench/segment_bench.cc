@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/click_count.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
@@ -17,7 +18,6 @@
 #include "core/io/gaussian_ply.h"
 #include "core/query/propose_scales.h"
 #include "core/reconstruct/reconstruct.h"
-#include "core/status_macros.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"

@@ -5,8 +5,8 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/query/resolve_prompt.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

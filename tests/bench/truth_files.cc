@@ -7,8 +7,8 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

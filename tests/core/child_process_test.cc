@@ -1,4 +1,4 @@
-#include "core/child_process.h"
+#include "core/base/child_process.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "core/convergence.h"
+#include "core/base/convergence.h"
 
 #include <gtest/gtest.h>
 

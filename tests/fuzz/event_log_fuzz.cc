@@ -2,7 +2,7 @@
 #include <fstream>
 #include <string>
 
-#include "server/jobs/crc32c.h"
+#include "core/base/crc32c.h"
 #include "server/jobs/event_log.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"

@@ -1,4 +1,4 @@
-#include "core/io/file_name.h"
+#include "core/base/file_name.h"
 #include "core/io/import.h"
 #include "server/access/api_key.h"
 #include "server/jobs/scene_key.h"

@@ -1,5 +1,5 @@
 #include "absl/strings/str_cat.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "core/io/selection_file.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"

@@ -1,4 +1,4 @@
-#include "core/io/file_name.h"
+#include "core/base/file_name.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/upload_rules.h"

@@ -6,9 +6,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
-#include "server/jobs/crc32c.h"
 #include "tests/gateway/fleet.h"
 #include "tests/gateway/from_environment.h"
 #include "tests/gateway/steady_load.h"

@@ -8,11 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/import.h"
-#include "core/status_macros.h"
-#include "server/jobs/crc32c.h"
 #include "tests/server/file_kind.h"
 
 namespace pepeseg::testing {

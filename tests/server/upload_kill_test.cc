@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "server/layout.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"

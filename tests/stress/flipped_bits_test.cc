@@ -8,8 +8,8 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
 #include "core/io/checkpoint.h"
-#include "core/io/file_bytes.h"
 #include "core/io/model_file.h"
 #include "core/io/selection_file.h"
 #include "server/jobs/event_log.h"

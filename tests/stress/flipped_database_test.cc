@@ -11,9 +11,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
-#include "core/status_macros.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/store.h"
 #include "tests/stress/full_stress.h"
 #include "tests/testing/status_testing.h"

@@ -4,7 +4,7 @@
 #include <random>
 #include <set>
 
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
 #include "core/io/gaussian_ply.h"
 #include "server/layout.h"
 #include "tests/server/jobs/worker_fixture.h"

@@ -5,9 +5,9 @@
 #include <functional>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/digest.h"
-#include "core/status_macros.h"
-#include "server/jobs/crc32c.h"
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <set>
 
 #include "absl/strings/match.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "tests/server/jobs/worker_fixture.h"
 #include "tests/stress/full_stress.h"
 #include "tests/stress/io_fault_lives.h"

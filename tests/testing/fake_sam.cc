@@ -2,7 +2,7 @@
 
 #include <fstream>
 
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 
 namespace pepeseg::testing {
 

@@ -5,10 +5,10 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "core/base/status_macros.h"
 #include "core/priors/sam/grid_mask.h"
 #include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/prompt_points.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

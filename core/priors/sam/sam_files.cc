@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
 
 namespace pepeseg {
 namespace {

@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/file_bytes.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/priors/sam/onnx_graph.h"
 #include "core/priors/sam/onnx_runtime.h"
 #include "core/priors/sam/sam_files.h"
-#include "core/status_macros.h"
 
 namespace pepeseg {
 namespace {

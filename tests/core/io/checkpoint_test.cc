@@ -2,8 +2,8 @@
 
 #include <fstream>
 
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

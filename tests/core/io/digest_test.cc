@@ -1,8 +1,8 @@
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 
 #include <gtest/gtest.h>
 
-#include "core/io/atomic_file.h"
+#include "core/base/atomic_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

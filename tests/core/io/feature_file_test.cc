@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "core/io/atomic_file.h"
-#include "core/io/file_bytes.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

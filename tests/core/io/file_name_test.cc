@@ -1,4 +1,4 @@
-#include "core/io/file_name.h"
+#include "core/base/file_name.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <iterator>
 
+#include "core/base/status_macros.h"
 #include "core/io/encode_png.h"
-#include "core/status_macros.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/query/choose_granularity.h"
-#include "core/status_macros.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 

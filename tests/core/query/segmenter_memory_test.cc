@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/status_macros.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
-#include "core/status_macros.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <thread>
 
+#include "core/base/status_macros.h"
 #include "core/query/resolve_prompt.h"
-#include "core/status_macros.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"

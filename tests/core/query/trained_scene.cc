@@ -2,9 +2,9 @@
 
 #include <utility>
 
+#include "core/base/status_macros.h"
 #include "core/features/train_features.h"
 #include "core/reconstruct/reconstruct.h"
-#include "core/status_macros.h"
 
 namespace pepeseg::testing {
 

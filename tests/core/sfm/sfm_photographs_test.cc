@@ -2,9 +2,9 @@
 
 #include <fstream>
 
+#include "core/base/file_bytes.h"
 #include "core/io/decode_image.h"
 #include "core/io/encode_png.h"
-#include "core/io/file_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -1,4 +1,4 @@
-#include "server/jobs/beneath_folder.h"
+#include "core/base/beneath_folder.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

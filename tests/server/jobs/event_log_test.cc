@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "server/jobs/crc32c.h"
+#include "core/base/crc32c.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <string>
 
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 #include "server/jobs/pulse.h"

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/jobs/store.h"
 #include "tests/server/jobs/test_database.h"

@@ -13,8 +13,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "core/io/file_bytes.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
 #include "core/io/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/jobs/event_log.h"

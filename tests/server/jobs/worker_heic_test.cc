@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
 #include "core/io/decode_image.h"
 #include "core/io/exif.h"
-#include "core/io/file_bytes.h"
-#include "core/status_macros.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

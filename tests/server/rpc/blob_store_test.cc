@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

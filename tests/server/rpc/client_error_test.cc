@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/jobs/private_error.h"
+#include "core/base/private_error.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {

@@ -4,7 +4,7 @@
 
 #include <fstream>
 
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "server/layout.h"
 #include "tests/server/rpc/running_server.h"
 

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/digest.h"
+#include "core/base/digest.h"
 #include "core/priors/sam/sam_needs.h"
 #include "server/layout.h"
 #include "server/rpc/dataset_size.h"

@@ -2,9 +2,9 @@
 
 #include <fstream>
 
-#include "core/io/digest.h"
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "core/io/gaussian_ply.h"
-#include "server/jobs/crc32c.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

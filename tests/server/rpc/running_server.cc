@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "absl/time/clock.h"
-#include "core/io/digest.h"
-#include "server/jobs/crc32c.h"
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "server/layout.h"
 
 namespace pepeseg {

@@ -4,10 +4,10 @@
 #include <fstream>
 #include <limits>
 
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
 #include "core/io/decode_image.h"
-#include "core/io/digest.h"
 #include "core/io/rle.h"
-#include "server/jobs/crc32c.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

@@ -5,12 +5,12 @@
 #include <numeric>
 #include <random>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/one_click.h"
 #include "core/features/feature_stage.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"
-#include "core/status_macros.h"
 
 namespace pepeseg::testing {
 namespace {

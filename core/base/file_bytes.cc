@@ -1,10 +1,10 @@
-#include "core/io/file_bytes.h"
+#include "core/base/file_bytes.h"
 
 #include <fstream>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/private_error.h"
+#include "core/base/private_error.h"
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"

@@ -1,10 +1,10 @@
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
 
 #include <cerrno>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/private_error.h"
+#include "core/base/private_error.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/beneath_folder.h"
+#include "core/base/beneath_folder.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -12,8 +12,8 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
-#include "core/status_macros.h"
-#include "server/jobs/file_error.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
 
 namespace pepeseg {
 namespace {
