@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/io/float_image.h"
 #include "core/io/mask_files.h"
 #include "core/scene/capture.h"
+#include "core/scene/float_image.h"
 
 namespace pepeseg {
 

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/io/float_image.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
+#include "core/scene/float_image.h"
 #include "core/scene/lens.h"
 #include "core/scene/mask_set.h"
 #include "core/scene/photograph.h"

@@ -3,7 +3,7 @@
 #include <span>
 #include <string>
 
-#include "core/io/float_image.h"
+#include "core/scene/float_image.h"
 
 namespace pepeseg::testing {
 
