@@ -8,9 +8,9 @@
 #include "core/base/file_name.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/decode_image.h"
-#include "core/io/npy.h"
-#include "core/io/pfm.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/npy.h"
+#include "core/formats/pfm.h"
 
 namespace pepeseg {
 namespace {

@@ -11,7 +11,7 @@
 #include "core/base/file_bytes.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/half.h"
+#include "core/formats/half.h"
 
 namespace pepeseg {
 namespace {

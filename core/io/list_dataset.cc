@@ -6,7 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 #include "core/io/import.h"
 
 namespace pepeseg {

@@ -9,7 +9,7 @@
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "core/io/file_json.h"
+#include "core/formats/file_json.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -8,7 +8,7 @@
 #include "core/base/file_name.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/decode_image.h"
+#include "core/formats/decode_image.h"
 #include "core/io/sam_masks.h"
 
 namespace pepeseg {

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/file_json.h"
+#include "core/formats/file_json.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

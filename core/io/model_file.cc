@@ -8,8 +8,8 @@
 #include "core/base/atomic_file.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/io/feature_file.h"
-#include "core/io/gaussian_ply.h"
 #include "core/io/manifest.h"
 #include "core/io/model_facts.h"
 

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 #include "core/io/poses_bounds.h"
 #include "core/io/transforms_json.h"
 

@@ -5,8 +5,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap.h"
-#include "core/io/npy.h"
+#include "core/formats/colmap.h"
+#include "core/formats/npy.h"
 
 namespace pepeseg {
 namespace {

@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -13,10 +13,10 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap.h"
-#include "core/io/decode_image.h"
-#include "core/io/file_json.h"
-#include "core/io/image_header.h"
+#include "core/formats/colmap.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/file_json.h"
+#include "core/formats/image_header.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {

@@ -7,8 +7,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/exif.h"
-#include "core/io/image_header.h"
+#include "core/formats/exif.h"
+#include "core/formats/image_header.h"
 #include "core/io/import.h"
 
 namespace pepeseg {

@@ -11,9 +11,9 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "core/io/decode_image.h"
-#include "core/io/heic.h"
-#include "core/io/heic_header.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/heic.h"
+#include "core/formats/heic_header.h"
 #include "core/io/manifest.h"
 #include "server/jobs/worker_folders.h"
 

@@ -13,7 +13,7 @@
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/io/model_file.h"
 #include "kernels/backend.h"
 #include "server/convert.h"

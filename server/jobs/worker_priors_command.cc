@@ -18,8 +18,8 @@
 #include "core/base/file_error.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
-#include "core/io/decode_image.h"
-#include "core/io/image_header.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/image_header.h"
 #include "server/jobs/process.h"
 
 namespace pepeseg {

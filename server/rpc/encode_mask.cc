@@ -1,8 +1,8 @@
 #include "server/rpc/encode_mask.h"
 
 #include "core/base/status_macros.h"
-#include "core/io/encode_png.h"
-#include "core/io/rle.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
 #include "server/convert.h"
 
 namespace pepeseg {

@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/base/digest.h"
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
 #include "server/rpc/model_lookup.h"

@@ -9,8 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "core/io/image_header.h"
-#include "core/io/ply.h"
+#include "core/formats/image_header.h"
+#include "core/formats/ply.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg {

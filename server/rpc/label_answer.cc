@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/pixel_frame.h"

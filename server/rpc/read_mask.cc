@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/decode_image.h"
-#include "core/io/image_header.h"
-#include "core/io/rle.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/image_header.h"
+#include "core/formats/rle.h"
 #include "server/rpc/error.h"
 
 namespace pepeseg {

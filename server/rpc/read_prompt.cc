@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "core/scene/origin.h"
 #include "server/convert.h"
 #include "server/rpc/error.h"

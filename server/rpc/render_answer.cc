@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/encode_png.h"
+#include "core/formats/encode_png.h"
 #include "core/query/photograph_images.h"
 #include "core/query/view_places.h"
 #include "server/rpc/answer_size.h"

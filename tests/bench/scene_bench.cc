@@ -12,7 +12,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
-#include "core/io/encode_png.h"
+#include "core/formats/encode_png.h"
 #include "core/io/import.h"
 #include "core/io/lpips.h"
 #include "core/reconstruct/reconstruct.h"

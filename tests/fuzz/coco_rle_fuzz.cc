@@ -1,4 +1,4 @@
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "tests/fuzz/fuzz_target.h"
 
 // The first two bytes: width and height.

@@ -1,4 +1,4 @@
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

@@ -1,5 +1,5 @@
-#include "core/io/decode_image.h"
-#include "core/io/image_header.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/image_header.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

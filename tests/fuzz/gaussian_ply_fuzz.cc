@@ -1,4 +1,4 @@
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

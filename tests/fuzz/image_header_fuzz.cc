@@ -1,5 +1,5 @@
-#include "core/io/exif.h"
-#include "core/io/image_header.h"
+#include "core/formats/exif.h"
+#include "core/formats/image_header.h"
 #include "tests/fuzz/fuzz_target.h"
 
 PEPESEG_FUZZ_TARGET(image_header) {

@@ -1,4 +1,4 @@
-#include "core/io/ply_points.h"
+#include "core/formats/ply_points.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/fuzz/fuzz_target.h"
 

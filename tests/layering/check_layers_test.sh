@@ -8,7 +8,7 @@ failures=0
 
 plant() {  # plant FILE INCLUDE
   rm -rf "${tree:?}"/*
-  mkdir -p "$tree"/{core/io,kernels/cuda,kernels/cpu,server/rpc,clients/cli,clients/cpp} "$tree/$(dirname "$1")"
+  mkdir -p "$tree"/{core/formats,kernels/cuda,kernels/cpu,server/rpc,clients/cli,clients/cpp} "$tree/$(dirname "$1")"
   printf '#pragma once\n#include %s\n' "$2" >"$tree/$1"
 }
 expect_found() {
@@ -27,7 +27,7 @@ expect_allowed() {
 }
 
 expect_found core/scene/view.h '<grpcpp/grpcpp.h>'
-expect_found core/io/wire.cc '"pepeseg/v1/scene.pb.h"'
+expect_found core/formats/wire.cc '"pepeseg/v1/scene.pb.h"'
 expect_found kernels/ops/render.h '"proto/pepeseg/v1/job.pb.h"'
 expect_found kernels/cpu/render.cc '"core/scene/camera.h"'
 expect_found kernels/math/vec.h '<Eigen/Core>'
@@ -43,7 +43,7 @@ expect_found clients/cli/main.cc '"core/io/import.h"'
 expect_found clients/cli/main.cc '"server/store.h"'
 expect_found server/main.cc '  "clients/cli/picture.h"'
 expect_found clients/cpp/client.cc '"clients/cli/shell.h"'
-expect_allowed core/io/image.cc '<opencv2/imgcodecs.hpp>'
+expect_allowed core/formats/image.cc '<opencv2/imgcodecs.hpp>'
 expect_allowed core/priors/edges.cc '<opencv2/imgproc.hpp>'
 expect_allowed kernels/cuda/render.cu '<cuda_runtime.h>'
 expect_allowed server/convert.cc '"core/scene/camera.h"'

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "core/base/atomic_file.h"
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "server/layout.h"
 #include "tests/server/jobs/worker_fixture.h"
 #include "tests/server/pepesegd_process.h"

@@ -1,4 +1,4 @@
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 
 #include <gtest/gtest.h>
 

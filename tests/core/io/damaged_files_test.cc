@@ -3,11 +3,11 @@
 #include <functional>
 #include <random>
 
-#include "core/io/colmap.h"
-#include "core/io/decode_image.h"
+#include "core/formats/colmap.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/io/depth_files.h"
 #include "core/io/feature_file.h"
-#include "core/io/gaussian_ply.h"
 #include "core/io/mask_files.h"
 #include "tests/core/io/colmap_files.h"
 #include "tests/core/io/float_files.h"

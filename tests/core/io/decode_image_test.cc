@@ -1,4 +1,4 @@
-#include "core/io/decode_image.h"
+#include "core/formats/decode_image.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <ctime>
 
-#include "core/io/encode_png.h"
-#include "core/io/image_header.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/image_header.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

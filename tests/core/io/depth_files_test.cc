@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/io/npy.h"
-#include "core/io/pfm.h"
+#include "core/formats/npy.h"
+#include "core/formats/pfm.h"
 #include "tests/core/io/float_files.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
@@ -154,7 +154,8 @@ TEST(DepthMap, ThatDoesNotFitIsRefusedByName) {
   EXPECT_OK(Read("a.npy", good, kDepth, {"images/a.jpg", 1500, 1009}));
   EXPECT_STATUS(Read("a.npy", good, kDepth, {"images/a.jpg", 1500, 1020}), kInvalidArgument,
                 "not of one shape");
-  EXPECT_STATUS(Read("a.png", good), kInvalidArgument, "depth/a.png: not a JPEG, PNG, WebP or HEIC");
+  EXPECT_STATUS(Read("a.png", good), kInvalidArgument,
+                "depth/a.png: not a JPEG, PNG, WebP or HEIC");
   EXPECT_STATUS(Read("a.png", testing::Png(testing::Picture(3, 2))), kInvalidArgument,
                 "depth/a.png: has colours");
   EXPECT_STATUS(Read("a.png", testing::Jpeg(testing::Picture(3, 2))), kInvalidArgument,

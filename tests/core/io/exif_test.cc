@@ -1,4 +1,4 @@
-#include "core/io/exif.h"
+#include "core/formats/exif.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/io/file_json.h"
+#include "core/formats/file_json.h"
 
 #include <gtest/gtest.h>
 

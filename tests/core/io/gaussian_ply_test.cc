@@ -1,4 +1,4 @@
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 
 #include <gtest/gtest.h>
 

@@ -1,16 +1,16 @@
 // Both files show red 40 + 2 x, green 40 + 3 y, blue 90 in 96x64 stored pixels (heif-enc -q 60).
 // gradient_turned.heic has EXIF data of a phone, in which the orientation is 6, and turns its
 // pixels clockwise by 90 degrees itself, as iPhones' files do.
-#include "core/io/heic.h"
+#include "core/formats/heic.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "core/io/decode_image.h"
-#include "core/io/exif.h"
-#include "core/io/heic_header.h"
-#include "core/io/image_header.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/exif.h"
+#include "core/formats/heic_header.h"
+#include "core/formats/image_header.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/strings/match.h"
-#include "core/io/image_header.h"
+#include "core/formats/image_header.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

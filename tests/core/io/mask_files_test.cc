@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

@@ -10,7 +10,7 @@
 #include <new>
 #include <string>
 
-#include "core/io/file_json.h"
+#include "core/formats/file_json.h"
 #include "core/io/sam_masks.h"
 #include "nlohmann/json.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/io/picture.h"
+#include "core/formats/picture.h"
 
 #include <gtest/gtest.h>
 

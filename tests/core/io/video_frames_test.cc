@@ -2,7 +2,7 @@
 
 #include <fstream>
 
-#include "core/io/decode_image.h"
+#include "core/formats/decode_image.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/test_video.h"

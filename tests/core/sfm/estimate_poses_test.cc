@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "core/io/colmap.h"
-#include "core/io/encode_png.h"
+#include "core/formats/colmap.h"
+#include "core/formats/encode_png.h"
 #include "tests/testing/align_centers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

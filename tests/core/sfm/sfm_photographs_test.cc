@@ -3,8 +3,8 @@
 #include <fstream>
 
 #include "core/base/file_bytes.h"
-#include "core/io/decode_image.h"
-#include "core/io/encode_png.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/encode_png.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

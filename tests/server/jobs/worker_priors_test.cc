@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "absl/time/time.h"
-#include "core/io/encode_png.h"
+#include "core/formats/encode_png.h"
 #include "core/io/model_file.h"
 #include "core/scene/capture.h"
 #include "tests/server/jobs/worker_fixture.h"

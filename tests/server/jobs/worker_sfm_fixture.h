@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/encode_png.h"
+#include "core/formats/encode_png.h"
 #include "tests/server/jobs/worker_fixture.h"
 #include "tests/testing/test_video.h"
 #include "tests/testing/textured_place.h"

@@ -5,8 +5,8 @@
 #include <thread>
 
 #include "core/evaluate/one_click.h"
-#include "core/io/encode_png.h"
-#include "core/io/rle.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
 #include "server/rpc/evaluate_answer.h"
 #include "tests/server/png_bytes.h"
 #include "tests/server/rpc/shelf_model.h"

@@ -4,7 +4,7 @@
 
 #include "core/base/crc32c.h"
 #include "core/base/digest.h"
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

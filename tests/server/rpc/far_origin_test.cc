@@ -3,7 +3,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 #include "tests/server/rpc/running_server.h"
 
 // A model whose coordinates are counted from a place far from zero: callers see the world of the

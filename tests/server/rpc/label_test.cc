@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "core/io/encode_png.h"
-#include "core/io/rle.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

@@ -5,9 +5,9 @@
 #include <fstream>
 #include <utility>
 
-#include "core/io/decode_image.h"
-#include "core/io/encode_png.h"
-#include "core/io/rle.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
 #include "tests/server/rpc/running_server.h"
 
 // Requests in pixels of the photograph, 192x128, and of the view, 96x64, at half its size.

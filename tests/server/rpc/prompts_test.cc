@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

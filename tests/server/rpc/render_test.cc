@@ -4,9 +4,9 @@
 #include <fstream>
 #include <limits>
 
-#include "core/io/decode_image.h"
-#include "core/io/encode_png.h"
-#include "core/io/rle.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

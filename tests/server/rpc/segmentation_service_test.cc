@@ -6,8 +6,8 @@
 
 #include "core/base/crc32c.h"
 #include "core/base/digest.h"
-#include "core/io/decode_image.h"
-#include "core/io/rle.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/rle.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "core/io/decode_image.h"
+#include "core/formats/decode_image.h"
 
 #include <string>
 
@@ -6,7 +6,7 @@
 #include "core/base/file_bytes.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/image_header.h"
+#include "core/formats/image_header.h"
 #include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/io/image_header.h"
+#include "core/formats/image_header.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/heic_header.h"
+#include "core/formats/heic_header.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/heic.h"
+#include "core/formats/heic.h"
 
 #include <libheif/heif.h>
 
@@ -8,9 +8,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/encode_png.h"
-#include "core/io/exif.h"
-#include "core/io/image_header.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/exif.h"
+#include "core/formats/image_header.h"
 
 namespace pepeseg {
 namespace {

@@ -7,7 +7,7 @@
 #include "core/base/byte_reader.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap_records.h"
+#include "core/formats/colmap_records.h"
 
 // COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "core/io/heic_header.h"
+#include "core/formats/heic_header.h"
 
 #include <algorithm>
 #include <array>

@@ -1,12 +1,12 @@
-#include "core/io/ply_points.h"
+#include "core/formats/ply_points.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap.h"
-#include "core/io/ply.h"
+#include "core/formats/colmap.h"
+#include "core/formats/ply.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "core/io/npy.h"
+#include "core/formats/npy.h"
 
 #include <cstdint>
 #include <optional>
@@ -11,8 +11,8 @@
 #include "core/base/byte_reader.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/half.h"
-#include "core/io/image_header.h"
+#include "core/formats/half.h"
+#include "core/formats/image_header.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/pfm.h"
+#include "core/formats/pfm.h"
 
 #include <bit>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/image_header.h"
+#include "core/formats/image_header.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/encode_png.h"
+#include "core/formats/encode_png.h"
 
 #include <vector>
 

@@ -8,7 +8,7 @@
 #include "absl/strings/strip.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap_records.h"
+#include "core/formats/colmap_records.h"
 
 // COLMAP's text files: a record a line (two for an image), '#' before comments.
 namespace pepeseg {

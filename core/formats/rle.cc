@@ -1,4 +1,4 @@
-#include "core/io/rle.h"
+#include "core/formats/rle.h"
 
 #include <algorithm>
 #include <cassert>

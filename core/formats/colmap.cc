@@ -1,4 +1,4 @@
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include "core/base/file_name.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
-#include "core/io/colmap_records.h"
+#include "core/formats/colmap_records.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/ply.h"
+#include "core/formats/ply.h"
 
 #include <algorithm>
 #include <array>

@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
-#include "core/io/colmap.h"
+#include "core/formats/colmap.h"
 
 namespace pepeseg {
 

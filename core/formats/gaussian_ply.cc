@@ -1,4 +1,4 @@
-#include "core/io/gaussian_ply.h"
+#include "core/formats/gaussian_ply.h"
 
 #include <algorithm>
 #include <cassert>
@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/atomic_file.h"
 #include "core/base/status_macros.h"
-#include "core/io/ply.h"
+#include "core/formats/ply.h"
 
 namespace pepeseg {
 namespace {
