@@ -21,7 +21,7 @@
 //                             how many of their bytes are committed
 //   scratch/                  pictures on their way to a client; no file in it has a name for long
 //   datasets/SCENE/N.json     manifest of a sealed dataset
-//   selections/SCENE/N        members of a selection (core/io/selection_file.h)
+//   selections/SCENE/N        members of a selection (core/model_files/selection_file.h)
 //   jobs/JOB/...              of server/jobs
 namespace pepeseg {
 

@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 
 namespace pepeseg {
 

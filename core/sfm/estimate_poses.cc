@@ -13,7 +13,7 @@
 #include "core/base/atomic_file.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 #include "core/sfm/colmap_program.h"
 #include "core/sfm/colmap_progress.h"
 #include "core/sfm/sfm_model.h"

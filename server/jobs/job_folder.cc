@@ -17,7 +17,7 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 #include "server/jobs/client_text.h"
 #include "server/jobs/event_log.h"
 

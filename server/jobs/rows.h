@@ -133,7 +133,7 @@ struct ModelRow {
   std::string job;
   int64_t dataset = 0;  // number of the dataset that the job was trained on; 0: not known
   std::string device;   // JobRow's, of the attempt that made it
-  std::string folder;   // below the data directory: for core/io/model_file.h
+  std::string folder;   // below the data directory: for core/model_files/model_file.h
   std::string metrics;  // JSON object of numbers: Model::metrics
   std::string sources;  // JSON object of texts: JobResult::sources; empty in old rows
   int64_t num_gaussians = 0;
@@ -163,8 +163,8 @@ struct SelectionRow {
   int64_t num_gaussians = 0;           // that are selected
   std::array<double, 3> min{}, max{};  // of their means, scene units; zeros when there are none
   int64_t base = 0;                    // number of the selection that it was made from; 0: none
-  std::string file;                    // below the data directory: for core/io/selection_file.h
-  int64_t num_bytes = 0;               // of that file
+  std::string file;       // below the data directory: for core/model_files/selection_file.h
+  int64_t num_bytes = 0;  // of that file
   std::string request_id;
   std::string request_digest;  // of what was asked for with the request_id
   absl::Time create_time;

@@ -10,7 +10,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 #include "server/jobs/job_folder.h"
 
 namespace pepeseg {

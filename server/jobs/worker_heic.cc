@@ -14,7 +14,7 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 #include "server/jobs/worker_folders.h"
 
 namespace pepeseg {

@@ -14,7 +14,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
 #include "server/device.h"

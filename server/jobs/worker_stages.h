@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/features/feature_stage.h"
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 #include "core/reconstruct/reconstructor.h"
 #include "server/jobs/worker_checkpoints.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "kernels/backend.h"
 #include "server/residency/memory_budget.h"
 

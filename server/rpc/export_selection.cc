@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/crc32c.h"
 #include "core/base/status_macros.h"
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 #include "server/jobs/job_folder.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"

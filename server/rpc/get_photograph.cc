@@ -12,7 +12,7 @@
 #include "core/base/status_macros.h"
 #include "core/formats/heic_header.h"
 #include "core/io/dataset_index.h"
-#include "core/io/model_facts.h"
+#include "core/model_files/model_facts.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"

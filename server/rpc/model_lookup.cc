@@ -5,7 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "server/jobs/job_folder.h"
 #include "server/jobs/quota_error.h"
 #include "server/residency/model_bytes.h"

@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/selection_file.h"
+#include "core/model_files/selection_file.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 

@@ -9,7 +9,7 @@
 #include "core/base/file_bytes.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "core/io/selection_file.h"
+#include "core/model_files/selection_file.h"
 #include "core/query/gaussian_sets.h"
 #include "server/layout.h"
 #include "server/rpc/error.h"

@@ -1,7 +1,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/features/feature_checkpoint.h"
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"

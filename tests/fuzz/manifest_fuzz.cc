@@ -1,6 +1,6 @@
 #include <fstream>
 
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"
 

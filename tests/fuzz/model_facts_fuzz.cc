@@ -1,4 +1,4 @@
-#include "core/io/model_facts.h"
+#include "core/model_files/model_facts.h"
 #include "tests/fuzz/fuzz_target.h"
 
 // What is read can be written, and read again.

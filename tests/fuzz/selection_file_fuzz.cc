@@ -1,6 +1,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/io/selection_file.h"
+#include "core/model_files/selection_file.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

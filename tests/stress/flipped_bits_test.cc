@@ -9,9 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
-#include "core/io/checkpoint.h"
-#include "core/io/model_file.h"
-#include "core/io/selection_file.h"
+#include "core/model_files/checkpoint.h"
+#include "core/model_files/model_file.h"
+#include "core/model_files/selection_file.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 #include "tests/stress/full_stress.h"

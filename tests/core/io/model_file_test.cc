@@ -1,4 +1,4 @@
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 
 #include "core/base/atomic_file.h"
 #include "core/base/file_bytes.h"
-#include "core/io/model_facts.h"
+#include "core/model_files/model_facts.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

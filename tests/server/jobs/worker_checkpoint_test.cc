@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 #include "core/reconstruct/reconstruct_checkpoint.h"
 #include "tests/server/jobs/worker_fixture.h"
 

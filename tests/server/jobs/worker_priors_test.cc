@@ -6,7 +6,7 @@
 
 #include "absl/time/time.h"
 #include "core/formats/encode_png.h"
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "core/scene/capture.h"
 #include "tests/server/jobs/worker_fixture.h"
 

@@ -3,7 +3,7 @@
 #include <cstdlib>
 
 #include "absl/time/time.h"
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/server/jobs/worker_sfm_fixture.h"
 #include "tests/testing/fake_sam.h"
 

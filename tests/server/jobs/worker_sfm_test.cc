@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/server/jobs/worker_sfm_fixture.h"
 
 namespace pepeseg {

@@ -2,7 +2,7 @@
 #include <csignal>
 #include <fstream>
 
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "tests/server/jobs/worker_fixture.h"
 #include "tests/testing/status_testing.h"
 

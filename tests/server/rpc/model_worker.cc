@@ -16,7 +16,7 @@
 #include <string>
 #include <system_error>
 
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"
 

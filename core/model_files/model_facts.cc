@@ -1,4 +1,4 @@
-#include "core/io/model_facts.h"
+#include "core/model_files/model_facts.h"
 
 #include <cmath>
 #include <iterator>

@@ -1,4 +1,4 @@
-#include "core/io/selection_file.h"
+#include "core/model_files/selection_file.h"
 
 #include <cstdint>
 #include <string_view>

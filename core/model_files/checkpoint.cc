@@ -1,4 +1,4 @@
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 
 #include <bit>
 #include <cstring>

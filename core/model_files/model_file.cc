@@ -1,4 +1,4 @@
-#include "core/io/model_file.h"
+#include "core/model_files/model_file.h"
 
 #include <string>
 #include <utility>
@@ -9,9 +9,9 @@
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/io/feature_file.h"
-#include "core/io/manifest.h"
-#include "core/io/model_facts.h"
+#include "core/model_files/feature_file.h"
+#include "core/model_files/manifest.h"
+#include "core/model_files/model_facts.h"
 
 namespace pepeseg {
 namespace {

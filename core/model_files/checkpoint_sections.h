@@ -12,7 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "core/io/checkpoint.h"
+#include "core/model_files/checkpoint.h"
 
 // Between a stage's state and the sections of its checkpoint. The state has one function that
 // visits each part once, for writing and for reading:

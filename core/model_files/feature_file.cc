@@ -1,4 +1,4 @@
-#include "core/io/feature_file.h"
+#include "core/model_files/feature_file.h"
 
 #include <algorithm>
 #include <cmath>

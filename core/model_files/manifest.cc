@@ -1,4 +1,4 @@
-#include "core/io/manifest.h"
+#include "core/model_files/manifest.h"
 
 #include <algorithm>
 #include <system_error>
