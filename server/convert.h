@@ -6,8 +6,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/dataset/import.h"
 #include "core/features/train_features.h"
-#include "core/io/import.h"
 #include "core/preset.h"
 #include "core/priors/prior_options.h"
 #include "core/query/segmenter.h"

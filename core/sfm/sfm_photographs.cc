@@ -14,10 +14,10 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/dataset/mask_files.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
-#include "core/io/dataset_index.h"
-#include "core/io/mask_files.h"
 
 namespace pepeseg {
 namespace {

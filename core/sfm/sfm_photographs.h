@@ -7,9 +7,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/dataset/import.h"
 #include "core/formats/exif.h"
 #include "core/formats/image_header.h"
-#include "core/io/import.h"
 
 namespace pepeseg {
 

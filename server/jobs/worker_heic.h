@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_stage_log.h"
 

@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/dataset_index.h"
+#include "core/dataset/dataset_index.h"
 #include "core/priors/embed_priors.h"
 #include "server/jobs/mask_advice.h"
 #include "server/jobs/worker_heic.h"

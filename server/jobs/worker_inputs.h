@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "core/scene/capture.h"
 #include "server/convert.h"
 #include "server/jobs/worker_job.h"

@@ -9,10 +9,10 @@
 #include "core/base/atomic_file.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/mask_files.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/image_header.h"
 #include "core/formats/rle.h"
-#include "core/io/mask_files.h"
 #include "core/priors/sam/automatic_masks.h"
 
 namespace pepeseg {

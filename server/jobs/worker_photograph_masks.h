@@ -5,8 +5,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/io/import.h"
-#include "core/io/view_warp.h"
+#include "core/dataset/import.h"
+#include "core/dataset/view_warp.h"
 #include "core/priors/sam/prompted_segmenter.h"
 #include "core/scene/capture.h"
 #include "core/scene/mask_set.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_stage_log.h"
 

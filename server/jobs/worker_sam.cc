@@ -11,7 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/io/dataset_index.h"
+#include "core/dataset/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/sam_needs.h"

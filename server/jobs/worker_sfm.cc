@@ -12,7 +12,7 @@
 #include "core/base/file_error.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
-#include "core/io/video_frames.h"
+#include "core/dataset/video_frames.h"
 #include "core/model_files/manifest.h"
 #include "core/sfm/estimate_poses.h"
 

@@ -14,12 +14,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/status_macros.h"
+#include "core/dataset/import.h"
 #include "core/evaluate/metrics.h"
 #include "core/features/train_features.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/io/import.h"
 #include "core/query/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"

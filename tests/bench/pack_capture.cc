@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "core/priors/embed_priors.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/truth_files.h"

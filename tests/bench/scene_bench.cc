@@ -11,9 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/status_macros.h"
+#include "core/dataset/import.h"
 #include "core/evaluate/metrics.h"
 #include "core/formats/encode_png.h"
-#include "core/io/import.h"
 #include "core/io/lpips.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/pinhole_view.h"

@@ -1,5 +1,5 @@
+#include "core/dataset/depth_files.h"
 #include "core/formats/pfm.h"
-#include "core/io/depth_files.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/memory_file.h"
 

@@ -1,5 +1,5 @@
 #include "core/base/file_name.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "server/access/api_key.h"
 #include "server/jobs/scene_key.h"
 #include "server/jobs/store_sql.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/io/dataset_index.h"
+#include "core/dataset/dataset_index.h"
 #include "tests/fuzz/memory_file.h"
 
 namespace pepeseg::fuzz {

@@ -1,4 +1,4 @@
-#include "core/io/poses_bounds.h"
+#include "core/dataset/poses_bounds.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/pose_index.h"
 

@@ -1,4 +1,4 @@
-#include "core/io/transforms_json.h"
+#include "core/dataset/transforms_json.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/pose_index.h"
 

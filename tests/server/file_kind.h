@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 
 namespace pepeseg::testing {

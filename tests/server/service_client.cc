@@ -12,7 +12,7 @@
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/server/file_kind.h"
 
 namespace pepeseg::testing {

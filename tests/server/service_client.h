@@ -23,7 +23,7 @@ struct ClientFile {
   std::string bytes;
 };
 
-// A folder laid out as core/io/import.h says, in memory.
+// A folder laid out as core/dataset/import.h says, in memory.
 std::vector<ClientFile> ReadDataset(const std::filesystem::path& folder);
 // The file of that path; a test that asks for another fails.
 ClientFile& FileOf(std::vector<ClientFile>& files, const std::string& path);

@@ -3,11 +3,11 @@
 #include <functional>
 #include <random>
 
+#include "core/dataset/depth_files.h"
+#include "core/dataset/mask_files.h"
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/io/depth_files.h"
-#include "core/io/mask_files.h"
 #include "core/model_files/feature_file.h"
 #include "tests/core/io/colmap_files.h"
 #include "tests/core/io/float_files.h"

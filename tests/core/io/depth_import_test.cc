@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "core/io/import.h"
-#include "core/io/view_warp.h"
+#include "core/dataset/import.h"
+#include "core/dataset/view_warp.h"
 #include "tests/core/io/float_files.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"

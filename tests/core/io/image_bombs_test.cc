@@ -8,7 +8,7 @@
 #include <ctime>
 #include <string>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/server/png_bytes.h"
 #include "tests/testing/status_testing.h"

@@ -1,4 +1,4 @@
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

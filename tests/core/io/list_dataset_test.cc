@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

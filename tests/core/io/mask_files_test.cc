@@ -1,4 +1,4 @@
-#include "core/io/mask_files.h"
+#include "core/dataset/mask_files.h"
 
 #include <gtest/gtest.h>
 

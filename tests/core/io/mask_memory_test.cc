@@ -10,8 +10,8 @@
 #include <new>
 #include <string>
 
+#include "core/dataset/sam_masks.h"
 #include "core/formats/file_json.h"
-#include "core/io/sam_masks.h"
 #include "nlohmann/json.hpp"
 
 namespace {

@@ -1,11 +1,11 @@
-#include "core/io/poses_bounds.h"
+#include "core/dataset/poses_bounds.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/core/io/float_files.h"
 #include "tests/core/io/pose_files.h"
 #include "tests/testing/status_testing.h"

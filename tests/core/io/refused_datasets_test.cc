@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/core/io/small_dataset.h"
 #include "tests/testing/status_testing.h"
 

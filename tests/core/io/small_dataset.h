@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "core/scene/capture.h"
 #include "tests/core/io/colmap_files.h"
 #include "tests/testing/temp_folder.h"

@@ -1,9 +1,9 @@
-#include "core/io/transforms_json.h"
+#include "core/dataset/transforms_json.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "tests/core/io/pose_files.h"
 #include "tests/testing/status_testing.h"
 

@@ -7,7 +7,7 @@
 #include <iterator>
 #include <string>
 
-#include "core/io/video_frames.h"
+#include "core/dataset/video_frames.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/test_video.h"

@@ -1,4 +1,4 @@
-#include "core/io/view_warp.h"
+#include "core/dataset/view_warp.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <optional>
 #include <thread>
 
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/onnx_runtime.h"
 #include "core/priors/sam/sam_files.h"

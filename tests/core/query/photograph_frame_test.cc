@@ -6,7 +6,7 @@
 #include <numeric>
 #include <string>
 
-#include "core/io/view_warp.h"
+#include "core/dataset/view_warp.h"
 #include "core/query/view_places.h"
 #include "tests/testing/lens_cases.h"
 #include "tests/testing/status_testing.h"

@@ -15,7 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_folder.h"

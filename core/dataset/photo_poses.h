@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/io/dataset_index.h"
+#include "core/dataset/dataset_index.h"
 #include "core/scene/camera.h"
 #include "core/scene/lens.h"
 

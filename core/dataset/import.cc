@@ -1,4 +1,4 @@
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,15 +13,15 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/dataset/depth_files.h"
+#include "core/dataset/mask_files.h"
+#include "core/dataset/photo_poses.h"
+#include "core/dataset/view_warp.h"
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
 #include "core/formats/ply_points.h"
-#include "core/io/dataset_index.h"
-#include "core/io/depth_files.h"
-#include "core/io/mask_files.h"
-#include "core/io/photo_poses.h"
-#include "core/io/view_warp.h"
 #include "core/scene/normalize_depth.h"
 #include "core/scene/origin.h"
 

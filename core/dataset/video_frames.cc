@@ -1,4 +1,4 @@
-#include "core/io/video_frames.h"
+#include "core/dataset/video_frames.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "core/io/depth_files.h"
+#include "core/dataset/depth_files.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "core/io/mask_files.h"
+#include "core/dataset/mask_files.h"
 
 #include <map>
 #include <utility>
@@ -8,8 +8,8 @@
 #include "core/base/file_name.h"
 #include "core/base/refused.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/sam_masks.h"
 #include "core/formats/decode_image.h"
-#include "core/io/sam_masks.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/transforms_json.h"
+#include "core/dataset/transforms_json.h"
 
 #include <cmath>
 #include <map>

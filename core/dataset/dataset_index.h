@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "core/io/import.h"
+#include "core/dataset/import.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "core/io/sam_masks.h"
+#include "core/dataset/sam_masks.h"
 
 #include <algorithm>
 #include <cstdint>

@@ -4,8 +4,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/dataset/mask_files.h"
 #include "core/formats/file_json.h"
-#include "core/io/mask_files.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {

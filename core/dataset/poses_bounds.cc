@@ -1,4 +1,4 @@
-#include "core/io/poses_bounds.h"
+#include "core/dataset/poses_bounds.h"
 
 #include <cmath>
 

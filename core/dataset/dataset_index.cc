@@ -1,4 +1,4 @@
-#include "core/io/dataset_index.h"
+#include "core/dataset/dataset_index.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "core/io/dataset_index.h"
-#include "core/io/photo_poses.h"
+#include "core/dataset/dataset_index.h"
+#include "core/dataset/photo_poses.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "core/io/photo_poses.h"
+#include "core/dataset/photo_poses.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/poses_bounds.h"
+#include "core/dataset/transforms_json.h"
 #include "core/formats/colmap.h"
-#include "core/io/poses_bounds.h"
-#include "core/io/transforms_json.h"
 
 namespace pepeseg {
 namespace {

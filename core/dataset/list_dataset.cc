@@ -6,8 +6,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
+#include "core/dataset/import.h"
 #include "core/formats/colmap.h"
-#include "core/io/import.h"
 
 namespace pepeseg {
 namespace {

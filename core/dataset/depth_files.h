@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/io/mask_files.h"
+#include "core/dataset/mask_files.h"
 #include "core/scene/capture.h"
 #include "core/scene/float_image.h"
 
