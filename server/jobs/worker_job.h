@@ -42,7 +42,7 @@ struct WorkerJob {
   const JobSpec& spec;
   EventLogWriter& log;
   StopSwitch& stop;
-  std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: no LPIPS
+  std::filesystem::path lpips_weights;  // ONNX, see core/evaluate/lpips.h; empty: no LPIPS
   std::string colmap = "colmap";        // a path, or a name that is looked for in PATH
   PriorsCommand priors;
   // Gets the digests of inputs whose stored bytes are damaged; see VerifyInputs.

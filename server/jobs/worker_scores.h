@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "absl/functional/function_ref.h"
+#include "core/evaluate/lpips.h"
 #include "core/evaluate/metrics.h"
-#include "core/io/lpips.h"
 #include "core/scene/model.h"
 #include "pepeseg/v1/job_service.pb.h"
 

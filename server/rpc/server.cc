@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "core/io/lpips.h"
+#include "core/evaluate/lpips.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorizer.h"
 #include "server/access/credentials.h"

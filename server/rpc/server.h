@@ -44,7 +44,7 @@ struct ServerOptions {
   // must not call Shutdown itself. Health says NOT_SERVING by then.
   std::function<void()> on_unreachable;
   std::filesystem::path worker;         // the pepeseg-worker program
-  std::filesystem::path lpips_weights;  // ONNX, see core/io/lpips.h; empty: LPIPS is not measured
+  std::filesystem::path lpips_weights;  // ONNX: core/evaluate/lpips.h; empty: no LPIPS
   std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
   // The operator's program that makes masks and depth maps for datasets without
   // (server/jobs/worker_priors_command.h), as FindProgram takes it; empty: none.

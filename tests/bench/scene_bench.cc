@@ -12,9 +12,9 @@
 
 #include "core/base/status_macros.h"
 #include "core/dataset/import.h"
+#include "core/evaluate/lpips.h"
 #include "core/evaluate/metrics.h"
 #include "core/formats/encode_png.h"
-#include "core/io/lpips.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/scene/pinhole_view.h"
 #include "tests/bench/stage_one_flags.h"

@@ -28,9 +28,9 @@ forbid 'the client library knows no command line' 'clients/cli' clients/cpp
 forbid 'server does not use clients or tests' 'clients/|tests/' server
 forbid 'Eigen belongs in core' 'Eigen/' kernels clients
 forbid 'no logging in kernels' 'spdlog/' kernels
-forbid 'OpenCV belongs in core/formats, core/dataset and core/priors' 'opencv' \
+forbid 'OpenCV belongs in core/formats, core/dataset, core/priors and LPIPS' 'opencv' \
   core kernels server clients -not -path 'core/formats/*' -not -path 'core/dataset/*' \
-  -not -path 'core/priors/*' -not -path 'core/io/*'
+  -not -path 'core/priors/*' -not -path 'core/evaluate/lpips.cc'
 forbid 'CUDA headers belong in kernels/cuda' "$cuda" \
   core kernels server clients -not -path 'kernels/cuda/*'
 forbid 'no Eigen or Abseil in device code' 'Eigen/|absl/' kernels core -name '*.cu*'

@@ -1,4 +1,4 @@
-#include "core/io/lpips.h"
+#include "core/evaluate/lpips.h"
 
 #include <gtest/gtest.h>
 
