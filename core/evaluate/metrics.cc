@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/scene/pinhole_view.h"
+#include "core/render/pinhole_view.h"
 
 namespace pepeseg {
 namespace {

@@ -7,8 +7,8 @@
 #include "absl/status/status.h"
 #include "core/cluster/hdbscan.h"
 #include "core/features/batch_drawer.h"
-#include "core/features/frozen_scene.h"
 #include "core/features/train_features.h"
+#include "core/render/frozen_scene.h"
 
 namespace pepeseg {
 

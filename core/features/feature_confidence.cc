@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <span>
 
-#include "core/features/host_rows.h"
 #include "core/features/is_trained.h"
+#include "core/render/host_rows.h"
 
 namespace pepeseg {
 namespace {

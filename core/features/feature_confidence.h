@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

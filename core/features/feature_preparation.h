@@ -9,10 +9,10 @@
 #include "core/base/progress.h"
 #include "core/features/batch_drawer.h"
 #include "core/features/cross_view.h"
-#include "core/features/frozen_scene.h"
 #include "core/features/perception_cues.h"
 #include "core/features/reprojection.h"
 #include "core/features/train_features.h"
+#include "core/render/frozen_scene.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 

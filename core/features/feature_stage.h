@@ -12,9 +12,9 @@
 #include "core/features/feature_checkpoint.h"
 #include "core/features/feature_preparation.h"
 #include "core/features/feature_trainer.h"
-#include "core/features/frozen_scene.h"
 #include "core/features/row_chunk.h"
 #include "core/features/train_features.h"
+#include "core/render/frozen_scene.h"
 
 namespace pepeseg {
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <span>
 
-#include "core/features/host_rows.h"
 #include "core/features/is_trained.h"
+#include "core/render/host_rows.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "core/features/batch_drawer.h"
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 
 namespace pepeseg {
 

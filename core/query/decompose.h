@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/query/decomposition.h"
-#include "core/query/id_image.h"
+#include "core/render/id_image.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 

@@ -7,9 +7,9 @@
 #include "core/query/check_prompt.h"
 #include "core/query/choose_granularity.h"
 #include "core/query/feature_clusters.h"
-#include "core/query/feature_norm.h"
 #include "core/query/fit_prompt.h"
 #include "core/query/levels.h"
+#include "core/render/feature_norm.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

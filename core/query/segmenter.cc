@@ -5,8 +5,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/query/check_prompt.h"
-#include "core/query/feature_norm.h"
 #include "core/query/segmenter_state.h"
+#include "core/render/feature_norm.h"
 
 namespace pepeseg {
 namespace {

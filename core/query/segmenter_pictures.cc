@@ -2,10 +2,10 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/query/check_prompt.h"
-#include "core/query/feature_palette.h"
-#include "core/query/id_image.h"
 #include "core/query/segmenter.h"
 #include "core/query/segmenter_state.h"
+#include "core/render/feature_palette.h"
+#include "core/render/id_image.h"
 
 namespace pepeseg {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/feature_norm.h"
 #include "core/query/mask_box.h"
+#include "core/render/feature_norm.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
 

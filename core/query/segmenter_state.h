@@ -8,8 +8,8 @@
 #include "absl/status/statusor.h"
 #include "core/base/backend_turn.h"
 #include "core/query/decompositions.h"
-#include "core/query/feature_maps.h"
 #include "core/query/segmenter.h"
+#include "core/render/feature_maps.h"
 #include "kernels/scratch_bytes.h"
 
 // The inside of Segmenter, for its own files only.

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/query/id_image.h"
+#include "core/render/id_image.h"
 #include "core/scene/model.h"
 
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/reconstruct/depth_prior.h"
-#include "core/scene/pinhole_view.h"
+#include "core/render/pinhole_view.h"
 
 namespace pepeseg {
 namespace {

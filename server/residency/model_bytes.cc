@@ -4,8 +4,8 @@
 
 #include "core/query/decomposition.h"
 #include "core/query/decompositions.h"
-#include "core/query/feature_maps.h"
 #include "core/reconstruct/estimate.h"
+#include "core/render/feature_maps.h"
 #include "kernels/gaussian_planes.h"
 #include "kernels/scratch_bytes.h"
 

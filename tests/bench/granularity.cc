@@ -5,7 +5,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 #include "core/scene/gated_units.h"
 
 namespace pepeseg {

@@ -1,8 +1,8 @@
 #include "tests/core/features/perception_scene.h"
 
-#include "core/features/frozen_scene.h"
 #include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
+#include "core/render/frozen_scene.h"
 #include "tests/core/query/point_gaussians.h"
 
 namespace pepeseg::testing {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/features/feature_stage.h"
-#include "core/features/frozen_scene.h"
 #include "core/features/mask_scales.h"
+#include "core/render/frozen_scene.h"
 #include "tests/core/features/perception_scene.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/kernels/backend_test.h"

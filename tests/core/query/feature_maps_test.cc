@@ -1,4 +1,4 @@
-#include "core/query/feature_maps.h"
+#include "core/render/feature_maps.h"
 
 #include <gtest/gtest.h>
 

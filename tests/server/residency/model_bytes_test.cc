@@ -5,8 +5,8 @@
 #include <cmath>
 #include <random>
 
-#include "core/query/feature_maps.h"
 #include "core/query/segmenter.h"
+#include "core/render/feature_maps.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

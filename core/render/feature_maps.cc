@@ -1,11 +1,11 @@
-#include "core/query/feature_maps.h"
+#include "core/render/feature_maps.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/scene/pinhole_view.h"
+#include "core/render/pinhole_view.h"
 
 namespace pepeseg {
 namespace {

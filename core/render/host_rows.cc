@@ -1,4 +1,4 @@
-#include "core/features/host_rows.h"
+#include "core/render/host_rows.h"
 
 #include <span>
 

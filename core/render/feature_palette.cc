@@ -1,11 +1,11 @@
-#include "core/query/feature_palette.h"
+#include "core/render/feature_palette.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
-#include "core/query/feature_norm.h"
+#include "core/render/feature_norm.h"
 #include "kernels/cpu/half.h"
 #include "kernels/math/gate.h"
 #include "kernels/math/pair.h"

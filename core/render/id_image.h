@@ -6,7 +6,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
-#include "core/query/model_renderer.h"
+#include "core/render/model_renderer.h"
 
 namespace pepeseg {
 

@@ -1,6 +1,6 @@
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 
-#include "core/scene/pinhole_view.h"
+#include "core/render/pinhole_view.h"
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/features/frozen_scene.h"
+#include "core/render/frozen_scene.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {

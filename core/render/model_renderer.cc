@@ -1,4 +1,4 @@
-#include "core/query/model_renderer.h"
+#include "core/render/model_renderer.h"
 
 #include <algorithm>
 #include <cassert>
@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
-#include "core/scene/pinhole_view.h"
+#include "core/render/pinhole_view.h"
 #include "kernels/scratch_bytes.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "core/query/id_image.h"
+#include "core/render/id_image.h"
 
 #include <algorithm>
 #include <numeric>
