@@ -7,7 +7,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
-#include "core/query/decompose.h"
+#include "core/decompose/decompose.h"
 #include "core/query/mask_grid.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/base/backend_turn.h"
-#include "core/query/decompositions.h"
+#include "core/decompose/decompositions.h"
 #include "core/query/segmenter.h"
 #include "core/render/feature_maps.h"
 #include "kernels/scratch_bytes.h"

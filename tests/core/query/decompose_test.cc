@@ -1,4 +1,4 @@
-#include "core/query/decompose.h"
+#include "core/decompose/decompose.h"
 
 #include <gtest/gtest.h>
 

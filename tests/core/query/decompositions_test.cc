@@ -1,4 +1,4 @@
-#include "core/query/decompositions.h"
+#include "core/decompose/decompositions.h"
 
 #include <gtest/gtest.h>
 

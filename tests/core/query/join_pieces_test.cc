@@ -1,4 +1,4 @@
-#include "core/query/join_pieces.h"
+#include "core/decompose/join_pieces.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/query/visible_weights.h"
+#include "core/decompose/visible_weights.h"
 
 #include <algorithm>
 

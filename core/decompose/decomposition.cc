@@ -1,4 +1,4 @@
-#include "core/query/decomposition.h"
+#include "core/decompose/decomposition.h"
 
 #include <algorithm>
 #include <limits>

@@ -3,7 +3,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
-#include "core/query/decomposition.h"
+#include "core/decompose/decomposition.h"
 #include "core/render/id_image.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"

@@ -1,4 +1,4 @@
-#include "core/query/decompose.h"
+#include "core/decompose/decompose.h"
 
 #include <algorithm>
 #include <numeric>
@@ -8,8 +8,8 @@
 #include "core/base/backend_turn.h"
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
-#include "core/query/join_pieces.h"
-#include "core/query/visible_weights.h"
+#include "core/decompose/join_pieces.h"
+#include "core/decompose/visible_weights.h"
 #include "core/scene/gated_units.h"
 
 namespace pepeseg {
