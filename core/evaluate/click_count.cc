@@ -9,8 +9,8 @@
 #include "core/evaluate/deepest_pixel.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
-#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

@@ -5,9 +5,9 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
+#include "core/prompt/propose_scales.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
-#include "core/query/propose_scales.h"
-#include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/query/propose_scales.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/propose_scales.h"
+#include "core/prompt/resolve_prompt.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/encode_mask.h"
 #include "server/rpc/model_lookup.h"

@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/gaussian_sets.h"
-#include "core/query/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"

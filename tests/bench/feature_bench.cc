@@ -20,7 +20,7 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/gaussian_ply.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "core/reconstruct/reconstruct.h"
 

@@ -9,7 +9,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/select_gaussians.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 
 namespace pepeseg {
 namespace {

@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "core/query/propose_scales.h"
+#include "core/prompt/propose_scales.h"
 #include "server/rpc/segment_question.h"
 #include "tests/fuzz/fuzz_message.h"
 #include "tests/fuzz/small_model.h"

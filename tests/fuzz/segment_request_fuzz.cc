@@ -1,4 +1,4 @@
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "server/rpc/segment_question.h"
 #include "tests/fuzz/fuzz_message.h"
 #include "tests/fuzz/small_model.h"

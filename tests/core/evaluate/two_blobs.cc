@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 

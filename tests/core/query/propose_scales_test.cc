@@ -1,4 +1,4 @@
-#include "core/query/propose_scales.h"
+#include "core/prompt/propose_scales.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
-#include "core/query/choose_granularity.h"
+#include "core/prompt/choose_granularity.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/status_macros.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/testing/status_testing.h"

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "core/base/status_macros.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/core/query/point_gaussians.h"
 #include "tests/testing/status_testing.h"

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "core/evaluate/metrics.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/front_blobs.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/status_testing.h"

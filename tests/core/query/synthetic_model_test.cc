@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/evaluate/metrics.h"
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 #include "core/query/segmenter.h"
 #include "tests/core/query/trained_scene.h"
 #include "tests/testing/status_testing.h"

@@ -1,4 +1,4 @@
-#include "core/query/ladder.h"
+#include "core/prompt/ladder.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,9 +1,9 @@
-#include "core/query/resolve_prompt.h"
+#include "core/prompt/resolve_prompt.h"
 
 #include "core/base/status_macros.h"
+#include "core/prompt/choose_granularity.h"
+#include "core/prompt/fit_prompt.h"
 #include "core/query/check_prompt.h"
-#include "core/query/choose_granularity.h"
-#include "core/query/fit_prompt.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/query/feature_clusters.h"
+#include "core/prompt/feature_clusters.h"
 
 #include <algorithm>
 #include <cmath>

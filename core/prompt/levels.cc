@@ -1,4 +1,4 @@
-#include "core/query/levels.h"
+#include "core/prompt/levels.h"
 
 namespace pepeseg {
 

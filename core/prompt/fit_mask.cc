@@ -5,11 +5,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/prompt/choose_granularity.h"
+#include "core/prompt/feature_clusters.h"
+#include "core/prompt/fit_prompt.h"
+#include "core/prompt/levels.h"
 #include "core/query/check_prompt.h"
-#include "core/query/choose_granularity.h"
-#include "core/query/feature_clusters.h"
-#include "core/query/fit_prompt.h"
-#include "core/query/levels.h"
 #include "core/render/feature_norm.h"
 #include "kernels/ops/render.h"
 

@@ -1,11 +1,11 @@
-#include "core/query/choose_granularity.h"
+#include "core/prompt/choose_granularity.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/query/ladder.h"
+#include "core/prompt/ladder.h"
 #include "core/query/mask_grid.h"
 #include "kernels/ops/render.h"
 

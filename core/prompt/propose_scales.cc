@@ -1,4 +1,4 @@
-#include "core/query/propose_scales.h"
+#include "core/prompt/propose_scales.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -6,8 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/choose_granularity.h"
-#include "core/query/ladder.h"
+#include "core/prompt/choose_granularity.h"
+#include "core/prompt/ladder.h"
 
 namespace pepeseg {
 namespace {
