@@ -10,7 +10,7 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/selection_file.h"
-#include "core/query/gaussian_sets.h"
+#include "core/select/gaussian_sets.h"
 #include "server/layout.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"

@@ -10,7 +10,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/prompt/resolve_prompt.h"
-#include "core/query/select_gaussians.h"
+#include "core/select/select_gaussians.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/query/connected_parts.h"
+#include "core/select/connected_parts.h"
 
 #include <gtest/gtest.h>
 

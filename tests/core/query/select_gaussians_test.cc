@@ -1,4 +1,4 @@
-#include "core/query/select_gaussians.h"
+#include "core/select/select_gaussians.h"
 
 #include <gtest/gtest.h>
 

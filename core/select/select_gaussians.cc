@@ -1,4 +1,4 @@
-#include "core/query/select_gaussians.h"
+#include "core/select/select_gaussians.h"
 
 #include <algorithm>
 #include <iterator>
@@ -6,12 +6,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/query/connected_parts.h"
-#include "core/query/gaussian_sets.h"
-#include "core/query/gaussian_votes.h"
-#include "core/query/mean_tree.h"
-#include "core/query/prompted_pixels.h"
-#include "core/query/voting_views.h"
+#include "core/select/connected_parts.h"
+#include "core/select/gaussian_sets.h"
+#include "core/select/gaussian_votes.h"
+#include "core/select/mean_tree.h"
+#include "core/select/prompted_pixels.h"
+#include "core/select/voting_views.h"
 
 namespace pepeseg {
 namespace {

@@ -1,11 +1,11 @@
-#include "core/query/connected_parts.h"
+#include "core/select/connected_parts.h"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numeric>
 
-#include "core/query/mean_tree.h"
+#include "core/select/mean_tree.h"
 
 namespace pepeseg {
 namespace {

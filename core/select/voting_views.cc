@@ -1,4 +1,4 @@
-#include "core/query/voting_views.h"
+#include "core/select/voting_views.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "core/query/prompted_pixels.h"
+#include "core/select/prompted_pixels.h"
 
 #include <cmath>
 

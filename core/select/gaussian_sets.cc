@@ -1,4 +1,4 @@
-#include "core/query/gaussian_sets.h"
+#include "core/select/gaussian_sets.h"
 
 #include <algorithm>
 #include <cassert>
