@@ -2,8 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include "core/preset.h"
 #include "core/reconstruct/reconstruct.h"
+#include "core/train/preset.h"
 
 namespace pepeseg {
 

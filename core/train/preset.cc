@@ -1,4 +1,4 @@
-#include "core/preset.h"
+#include "core/train/preset.h"
 
 #include "absl/strings/str_cat.h"
 
