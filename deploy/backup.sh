@@ -54,10 +54,10 @@ copy() {
   ((status == 0 || status == 24)) || fail "rsync left with $status"
 }
 
-# A scene's folder (SceneFolderName of server/layout.h).
+# A scene's folder (SceneFolderName of server/store/layout.h).
 folder="replace(replace(scene, '_', '__'), '.', '_-')"
 for letter in {A..Z}; do folder="replace($folder, '$letter', '_${letter,}')"; done
-# Paths below the data directory that must be there. Sealed datasets are 1 (server/jobs/rows.h); files
+# Paths below the data directory that must be there. Sealed datasets are 1 (server/store/rows.h); files
 # that are not stored were found damaged, and set aside.
 named="SELECT folder || '/manifest.json' FROM models UNION ALL SELECT file FROM selections UNION ALL
   SELECT 'datasets/' || $folder || '/' || number || '.json' FROM datasets WHERE state = 1 UNION ALL

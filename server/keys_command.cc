@@ -12,9 +12,9 @@
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
 #include "server/access/audit_log.h"
-#include "server/jobs/store.h"
-#include "server/layout.h"
 #include "server/rpc/directory_lock.h"
+#include "server/store/layout.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/access.pb.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 namespace pepeseg {
 

@@ -12,7 +12,7 @@
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/api_key.h"
 #include "server/access/scene_names.h"
-#include "server/jobs/scene_key.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

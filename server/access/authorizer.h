@@ -13,7 +13,7 @@
 #include "server/access/method_access.h"
 #include "server/access/refusal_log.h"
 #include "server/access/vouched_caller.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 namespace grpc {
 class ServerContextBase;

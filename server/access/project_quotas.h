@@ -11,8 +11,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/access/quota.h"
-#include "server/jobs/store.h"
+#include "server/store/quota.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -10,8 +10,8 @@
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
 #include "server/access/method_access.h"
-#include "server/jobs/id_rules.h"
-#include "server/jobs/scene_key.h"
+#include "server/store/id_rules.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

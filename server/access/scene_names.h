@@ -4,13 +4,13 @@
 
 #include "absl/status/status.h"
 #include "server/access/authorizer.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 
 // Puts the scenes' keys in the place of their ids in all names of resources that `request` names by
 // its method's option `access`, once it is authorised: handlers and the store know scenes by their
-// keys only (server/jobs/scene_key.h). An id that the caller's project does not have becomes a key
+// keys only (server/store/scene_key.h). An id that the caller's project does not have becomes a key
 // that no scene has. A caller who sees all projects may say which one is meant,
 // "projects/{project}/scenes/{scene}..."; else the default project's scene is, or the only one of
 // the id. FAILED_PRECONDITION: there are several. INVALID_ARGUMENT: the name is none.

@@ -11,7 +11,7 @@
 #include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
-#include "server/jobs/id_rules.h"
+#include "server/store/id_rules.h"
 
 namespace pepeseg {
 namespace {

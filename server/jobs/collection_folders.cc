@@ -5,7 +5,7 @@
 
 #include "absl/strings/match.h"
 #include "core/base/beneath_folder.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 

@@ -9,7 +9,7 @@
 #include "server/jobs/collection_uploads.h"
 #include "server/jobs/job_folder.h"
 #include "server/jobs/locked_file.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -10,12 +10,12 @@
 #include "absl/status/statusor.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 
 struct CollectorOptions {
-  std::filesystem::path data;  // laid out as server/layout.h says
+  std::filesystem::path data;  // laid out as server/store/layout.h says
   absl::Duration interval = absl::Hours(1);
   // What has no row may be about to get one, or be on its way, for so long. Blobs that the store
   // counts had one.

@@ -7,7 +7,7 @@
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
-#include "server/jobs/scene_key.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "server/jobs/job_folder.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 // What the supervisor adds to the log of a job's attempt: RUNNING before there is a worker, every
 // other state, and warnings, after its end.

@@ -15,8 +15,8 @@
 #include "server/jobs/launcher.h"
 #include "server/jobs/pulse.h"
 #include "server/jobs/retry_pause.h"
-#include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -14,7 +14,7 @@
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/launch_options.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -13,9 +13,9 @@
 #include "absl/time/time.h"
 #include "server/jobs/retry_pause.h"
 #include "server/jobs/running_job.h"
-#include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 #include "server/jobs/watch_list.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -25,13 +25,13 @@
 #include "core/base/status_macros.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/pulse.h"
-#include "server/jobs/store.h"
 #include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
 #include "server/jobs/worker_photograph.h"
 #include "server/jobs/worker_sandbox.h"
 #include "server/log.h"
+#include "server/store/store.h"
 #include "server/trace_context.h"
 
 namespace pepeseg {

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/access/scene_names.h"
-#include "server/jobs/scene_key.h"
 #include "server/rpc/error.h"
 #include "server/rpc/key_answers.h"
 #include "server/rpc/model_lookup.h"
@@ -17,6 +16,7 @@
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/status_answer.h"
 #include "server/rpc/unary.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

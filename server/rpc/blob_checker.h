@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/jobs/store.h"
 #include "server/rpc/blob_store.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -16,7 +16,7 @@
 #include "core/base/digest.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 namespace pepeseg {
 namespace {

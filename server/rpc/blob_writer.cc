@@ -12,7 +12,7 @@
 #include "core/base/atomic_file.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -9,12 +9,12 @@
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/mask_advice.h"
-#include "server/layout.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/unary.h"
 #include "server/rpc/upload_rules.h"
 #include "server/rpc/write_files.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

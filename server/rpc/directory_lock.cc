@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 

@@ -8,7 +8,7 @@
 #include "core/base/private_error.h"
 #include "core/query/check_prompt.h"
 #include "server/jobs/client_text.h"
-#include "server/jobs/scene_key.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

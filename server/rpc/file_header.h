@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "absl/status/status.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 namespace pepeseg {
 

@@ -2,7 +2,7 @@
 
 #include "absl/status/status.h"
 #include "pepeseg/v1/api_key.pb.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 // AdminService's answers about keys. All of them block on the store.
 namespace pepeseg {

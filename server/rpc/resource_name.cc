@@ -9,9 +9,9 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "server/jobs/id_rules.h"
-#include "server/jobs/scene_key.h"
 #include "server/rpc/error.h"
+#include "server/store/id_rules.h"
+#include "server/store/scene_key.h"
 
 namespace pepeseg {
 namespace {

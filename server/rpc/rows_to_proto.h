@@ -7,7 +7,7 @@
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 // The store's rows as the contract's resources.
 namespace pepeseg {

@@ -9,11 +9,11 @@
 #include "core/base/status_macros.h"
 #include "core/scene/origin.h"
 #include "server/convert.h"
-#include "server/layout.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
 #include "server/rpc/unary.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -11,10 +11,10 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/selection_file.h"
 #include "core/select/gaussian_sets.h"
-#include "server/layout.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/rows_to_proto.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -18,7 +18,6 @@
 #include "server/access/project_quotas.h"
 #include "server/device.h"
 #include "server/jobs/collector.h"
-#include "server/layout.h"
 #include "server/rpc/admin_listener.h"
 #include "server/rpc/blob_checker.h"
 #include "server/rpc/call_interceptor.h"
@@ -35,6 +34,7 @@
 #include "server/rpc/server_health.h"
 #include "server/rpc/server_metrics.h"
 #include "server/rpc/server_parts.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

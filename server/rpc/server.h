@@ -11,9 +11,9 @@
 #include "absl/time/time.h"
 #include "grpcpp/channel.h"
 #include "server/access/access_options.h"
-#include "server/access/quota.h"
 #include "server/jobs/launch_options.h"
 #include "server/rpc/stream_registry.h"
+#include "server/store/quota.h"
 
 namespace pepeseg {
 

@@ -12,8 +12,8 @@
 #include "core/priors/sam/sam_files.h"
 #include "kernels/host_memory.h"
 #include "server/jobs/holder_name.h"
-#include "server/layout.h"
 #include "server/rpc/listen_rules.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -6,12 +6,12 @@
 #include "core/query/segmenter.h"
 #include "server/access/authorizer.h"
 #include "server/access/project_quotas.h"
-#include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
 #include "server/residency/resident_cache.h"
 #include "server/rpc/blob_store.h"
 #include "server/rpc/stream_registry.h"
 #include "server/rpc/worker_pool.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

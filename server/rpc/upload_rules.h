@@ -6,7 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/dataset_service.pb.h"
-#include "server/jobs/rows.h"
+#include "server/store/rows.h"
 
 namespace pepeseg {
 

@@ -8,8 +8,8 @@
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/jobs/store.h"
 #include "server/rpc/blob_writer.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

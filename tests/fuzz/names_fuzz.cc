@@ -1,10 +1,10 @@
 #include "core/base/file_name.h"
 #include "core/dataset/import.h"
 #include "server/access/api_key.h"
-#include "server/jobs/scene_key.h"
-#include "server/jobs/store_sql.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/upload_rules.h"
+#include "server/store/scene_key.h"
+#include "server/store/store_sql.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace {

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "kernels/backend.h"
-#include "server/jobs/store.h"
 #include "server/rpc/model_lookup.h"
+#include "server/store/store.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::fuzz {

@@ -13,8 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/access/api_key.h"
-#include "server/jobs/store.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
+#include "server/store/store.h"
 #include "tests/server/rpc/http_get.h"
 
 namespace pepeseg::testing {

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"

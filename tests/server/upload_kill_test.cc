@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/digest.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
 #include "tests/testing/status_testing.h"

@@ -14,7 +14,7 @@
 #include "core/base/digest.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 #include "tests/stress/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -6,7 +6,7 @@
 
 #include "core/base/atomic_file.h"
 #include "core/formats/gaussian_ply.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 #include "tests/server/jobs/worker_fixture.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 #include "tests/server/jobs/commit_cutter.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/server/pepesegd_process.h"

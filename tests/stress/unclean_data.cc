@@ -1,8 +1,8 @@
 #include "tests/stress/unclean_data.h"
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/soci.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
+#include "server/store/soci.h"
 
 namespace pepeseg {
 

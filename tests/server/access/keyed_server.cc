@@ -8,7 +8,7 @@
 #include <iterator>
 
 #include "absl/strings/str_cat.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

@@ -1,10 +1,10 @@
-#include "server/jobs/schema.h"
+#include "server/store/schema.h"
 
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/soci.h"
-#include "server/jobs/store.h"
+#include "server/store/soci.h"
+#include "server/store/store.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

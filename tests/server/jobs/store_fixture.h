@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
 

@@ -9,7 +9,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/errors.pb.h"
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -10,8 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/event_log.h"
-#include "server/jobs/store.h"
 #include "server/jobs/supervisor.h"
+#include "server/store/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
 

@@ -12,7 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 
 namespace pepeseg::testing {
 namespace {

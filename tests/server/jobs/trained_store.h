@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -12,7 +12,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 #include "tests/server/jobs/supervisor_fixture.h"
 
 namespace pepeseg {

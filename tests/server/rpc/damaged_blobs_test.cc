@@ -5,7 +5,7 @@
 #include <fstream>
 
 #include "core/base/digest.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

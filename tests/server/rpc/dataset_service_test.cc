@@ -11,7 +11,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

@@ -13,8 +13,8 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
 #include "server/jobs/photograph_task.h"
-#include "server/jobs/rows.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
+#include "server/store/rows.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

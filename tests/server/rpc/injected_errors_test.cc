@@ -8,8 +8,8 @@
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/soci.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
+#include "server/store/soci.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

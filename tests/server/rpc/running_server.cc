@@ -7,7 +7,7 @@
 #include "absl/time/clock.h"
 #include "core/base/crc32c.h"
 #include "core/base/digest.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {

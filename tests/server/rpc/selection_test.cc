@@ -2,7 +2,7 @@
 
 #include <fstream>
 
-#include "server/layout.h"
+#include "server/store/layout.h"
 #include "tests/server/rpc/running_server.h"
 
 namespace pepeseg {

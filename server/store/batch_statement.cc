@@ -1,4 +1,4 @@
-#include "server/jobs/batch_statement.h"
+#include "server/store/batch_statement.h"
 
 #include <utility>
 

@@ -1,7 +1,7 @@
-#include "server/jobs/quota_sql.h"
+#include "server/store/quota_sql.h"
 
 #include "core/base/status_macros.h"
-#include "server/jobs/quota_error.h"
+#include "server/store/quota_error.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/jobs/store_sql.h"
+#include "server/store/store_sql.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,7 +7,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/id_rules.h"
+#include "server/store/id_rules.h"
 
 namespace pepeseg {
 namespace {

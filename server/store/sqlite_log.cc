@@ -1,4 +1,4 @@
-#include "server/jobs/sqlite_log.h"
+#include "server/store/sqlite_log.h"
 
 #include <array>
 #include <cstdint>

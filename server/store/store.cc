@@ -1,7 +1,7 @@
-#include "server/jobs/store.h"
+#include "server/store/store.h"
 
 #include "core/base/status_macros.h"
-#include "server/jobs/database.h"
+#include "server/store/database.h"
 
 namespace pepeseg {
 

@@ -7,8 +7,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/jobs/rows.h"
-#include "server/jobs/soci.h"
+#include "server/store/rows.h"
+#include "server/store/soci.h"
 
 // What the store's parts share: columns to rows, checks inside a transaction, and pages.
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "server/jobs/id_rules.h"
+#include "server/store/id_rules.h"
 
 #include <algorithm>
 

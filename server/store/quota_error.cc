@@ -1,4 +1,4 @@
-#include "server/jobs/quota_error.h"
+#include "server/store/quota_error.h"
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"

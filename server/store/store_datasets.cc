@@ -4,11 +4,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/batch_statement.h"
-#include "server/jobs/database.h"
-#include "server/jobs/quota_sql.h"
-#include "server/jobs/store.h"
-#include "server/jobs/store_sql.h"
+#include "server/store/batch_statement.h"
+#include "server/store/database.h"
+#include "server/store/quota_sql.h"
+#include "server/store/store.h"
+#include "server/store/store_sql.h"
 
 namespace pepeseg {
 namespace {

@@ -1,9 +1,9 @@
-#include "server/jobs/scene_key.h"
+#include "server/store/scene_key.h"
 
 #include <algorithm>
 
 #include "absl/strings/ascii.h"
-#include "server/jobs/id_rules.h"
+#include "server/store/id_rules.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/jobs/database.h"
+#include "server/store/database.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -15,9 +15,9 @@
 #include "absl/time/clock.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/database_error.h"
-#include "server/jobs/schema.h"
-#include "server/jobs/sqlite_log.h"
+#include "server/store/database_error.h"
+#include "server/store/schema.h"
+#include "server/store/sqlite_log.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include <variant>
 #include <vector>
 
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/schema.h"
+#include "server/store/schema.h"
 
 #include <cassert>
 
@@ -225,7 +225,7 @@ constexpr const char* kJobServerEnds =
 // A queued job is claimed no sooner.
 constexpr const char* kJobNotBefore =
     "ALTER TABLE jobs ADD COLUMN not_before BIGINT NOT NULL DEFAULT 0";
-// Ids of scenes are unique within a project. scenes.id becomes the key of server/jobs/scene_key.h,
+// Ids of scenes are unique within a project. scenes.id becomes the key of server/store/scene_key.h,
 // which all other tables refer to; scenes.name is the id that clients use. Old keys are the ids.
 constexpr const char* kSceneNames =
     "ALTER TABLE scenes ADD COLUMN name VARCHAR(63) NOT NULL DEFAULT ''";

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "server/access/quota.h"
-#include "server/jobs/soci.h"
+#include "server/store/quota.h"
+#include "server/store/soci.h"
 
 // Quotas inside a transaction: what is taken, and whether that is allowed. The checks come after
 // what they are about was written, and are RESOURCE_EXHAUSTED (QuotaError) when it is too much.

@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 
 namespace pepeseg {
 

@@ -1,7 +1,7 @@
 // What the store tells of itself, for those who watch it.
 #include "core/base/status_macros.h"
-#include "server/jobs/database.h"
-#include "server/jobs/store.h"
+#include "server/store/database.h"
+#include "server/store/store.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/database_error.h"
+#include "server/store/database_error.h"
 
 #include <cerrno>
 #include <string>

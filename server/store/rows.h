@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "server/access/quota.h"
+#include "server/store/quota.h"
 
 // What the store keeps, as plain values. `scene` is a scene's key in all of them. Resource names
 // are built from these at the RPC edge: scenes/{scene}, scenes/{scene}/datasets/{number},
@@ -41,7 +41,7 @@ struct SceneRow {
   std::string request_id;  // of the create call; empty: none
   absl::Time create_time;
   std::string project = kDefaultProject;
-  std::string key = {};  // what other rows call it, and the store's calls: server/jobs/scene_key.h
+  std::string key = {};  // what other rows call it, and the store's calls: server/store/scene_key.h
 };
 
 enum class DatasetState { kOpen = 0, kSealed = 1 };  // numbers are stored: never renumber

@@ -11,8 +11,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/jobs/rows.h"
-#include "server/layout.h"
+#include "server/store/layout.h"
+#include "server/store/rows.h"
 
 namespace pepeseg {
 

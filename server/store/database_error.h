@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "server/jobs/soci.h"
+#include "server/store/soci.h"
 
 // What SOCI's exceptions mean, for SQLite and PostgreSQL alike.
 namespace pepeseg {
