@@ -7,7 +7,7 @@
 
 #include "absl/strings/numbers.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/locked_file.h"
+#include "server/data/locked_file.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {

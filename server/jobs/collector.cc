@@ -5,10 +5,10 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/data/locked_file.h"
 #include "server/jobs/collection_folders.h"
 #include "server/jobs/collection_uploads.h"
 #include "server/jobs/job_folder.h"
-#include "server/jobs/locked_file.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {

@@ -11,8 +11,8 @@
 #include "core/base/digest.h"
 #include "grpcpp/server_context.h"
 #include "pepeseg/v1/dataset_service.pb.h"
+#include "server/data/blob_checker.h"
 #include "server/jobs/photograph_process.h"
-#include "server/rpc/blob_checker.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/stream.h"
 

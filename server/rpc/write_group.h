@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/rpc/blob_writer.h"
+#include "server/data/blob_writer.h"
 #include "server/store/store.h"
 
 namespace pepeseg {

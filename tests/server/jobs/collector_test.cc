@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/locked_file.h"
+#include "server/data/locked_file.h"
 #include "server/store/layout.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/status_testing.h"

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/base/digest.h"
-#include "server/jobs/locked_file.h"
+#include "server/data/locked_file.h"
 
 namespace pepeseg {
 

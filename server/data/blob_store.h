@@ -9,8 +9,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/jobs/locked_file.h"
-#include "server/rpc/blob_writer.h"
+#include "server/data/blob_writer.h"
+#include "server/data/locked_file.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {

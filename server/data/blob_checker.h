@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/rpc/blob_store.h"
+#include "server/data/blob_store.h"
 #include "server/store/store.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "server/rpc/directory_lock.h"
+#include "server/data/directory_lock.h"
 
 #include <fcntl.h>
 #include <sys/file.h>

@@ -1,4 +1,4 @@
-#include "server/rpc/blob_store.h"
+#include "server/data/blob_store.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

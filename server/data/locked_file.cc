@@ -1,4 +1,4 @@
-#include "server/jobs/locked_file.h"
+#include "server/data/locked_file.h"
 
 #include <fcntl.h>
 #include <sys/file.h>

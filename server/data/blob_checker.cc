@@ -1,4 +1,4 @@
-#include "server/rpc/blob_checker.h"
+#include "server/data/blob_checker.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/rpc/blob_writer.h"
+#include "server/data/blob_writer.h"
 
 #include <unistd.h>
 
