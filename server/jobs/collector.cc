@@ -8,8 +8,8 @@
 #include "server/data/locked_file.h"
 #include "server/jobs/collection_folders.h"
 #include "server/jobs/collection_uploads.h"
-#include "server/jobs/job_folder.h"
 #include "server/store/layout.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 namespace {

@@ -6,8 +6,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/jobs/event_log.h"
 #include "server/store/scene_key.h"
+#include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 namespace {

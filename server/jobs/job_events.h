@@ -3,8 +3,8 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "server/jobs/job_folder.h"
 #include "server/store/rows.h"
+#include "server/worker_protocol/job_folder.h"
 
 // What the supervisor adds to the log of a job's attempt: RUNNING before there is a worker, every
 // other state, and warnings, after its end.

@@ -15,8 +15,8 @@
 #include "absl/time/clock.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/job_environment.h"
 #include "server/jobs/process.h"
+#include "server/worker_protocol/job_environment.h"
 
 namespace pepeseg {
 namespace {

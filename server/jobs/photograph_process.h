@@ -8,7 +8,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/jobs/photograph_task.h"
+#include "server/worker_protocol/photograph_task.h"
 
 namespace pepeseg {
 

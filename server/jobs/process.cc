@@ -16,7 +16,7 @@
 #include "core/base/child_process.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/job_environment.h"
+#include "server/worker_protocol/job_environment.h"
 
 namespace pepeseg {
 namespace {

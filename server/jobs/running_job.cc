@@ -10,9 +10,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
+#include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 namespace {

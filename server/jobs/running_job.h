@@ -10,13 +10,13 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
 #include "server/jobs/launcher.h"
-#include "server/jobs/pulse.h"
 #include "server/jobs/retry_pause.h"
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
+#include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/job_folder.h"
+#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "core/base/status_macros.h"
-#include "server/jobs/landlock_version.h"
 #include "server/jobs/supervisor_loop.h"
+#include "server/worker_protocol/landlock_version.h"
 
 namespace pepeseg {
 

@@ -12,9 +12,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/jobs/event_log.h"
 #include "server/jobs/launch_options.h"
 #include "server/store/store.h"
+#include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "server/jobs/client_text.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/supervisor_loop.h"
+#include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 

@@ -11,7 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/model_files/checkpoint.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "absl/status/statusor.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 

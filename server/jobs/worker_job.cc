@@ -17,13 +17,13 @@
 #include "core/model_files/model_file.h"
 #include "kernels/backend.h"
 #include "server/convert.h"
-#include "server/device.h"
 #include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_folders.h"
 #include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_scores.h"
 #include "server/jobs/worker_stage_log.h"
 #include "server/jobs/worker_stages.h"
+#include "server/worker_protocol/device.h"
 
 namespace pepeseg {
 namespace {

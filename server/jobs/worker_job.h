@@ -7,8 +7,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 

@@ -23,8 +23,6 @@
 #include "core/base/child_process.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/job_environment.h"
-#include "server/jobs/pulse.h"
 #include "server/jobs/worker_inputs.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_limits.h"
@@ -33,6 +31,8 @@
 #include "server/log.h"
 #include "server/store/store.h"
 #include "server/trace_context.h"
+#include "server/worker_protocol/job_environment.h"
+#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 

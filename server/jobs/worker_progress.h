@@ -9,8 +9,8 @@
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
-#include "server/jobs/event_log.h"
 #include "server/jobs/job_eta.h"
+#include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 

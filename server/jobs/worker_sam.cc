@@ -28,7 +28,7 @@ int NumThreads(const WorkerJob& job) {
   return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
-// Of "cuda:1", which server/device.h describes; none of "cpu".
+// Of "cuda:1", which server/worker_protocol/device.h describes; none of "cpu".
 std::optional<int> CudaDevice(const std::string& device) {
   int number = 0;
   if (!device.starts_with("cuda")) return std::nullopt;

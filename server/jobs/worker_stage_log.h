@@ -8,9 +8,9 @@
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
-#include "server/jobs/event_log.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_progress.h"
+#include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 

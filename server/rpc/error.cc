@@ -7,8 +7,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/private_error.h"
 #include "core/query/check_prompt.h"
-#include "server/jobs/client_text.h"
 #include "server/store/scene_key.h"
+#include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 namespace {

@@ -10,11 +10,11 @@
 #include "core/base/crc32c.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
-#include "server/jobs/job_folder.h"
 #include "server/rpc/error.h"
 #include "server/rpc/model_lookup.h"
 #include "server/rpc/resource_name.h"
 #include "server/rpc/subset_lookup.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 namespace {

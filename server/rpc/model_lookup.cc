@@ -6,11 +6,11 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/model_file.h"
-#include "server/jobs/job_folder.h"
 #include "server/residency/model_bytes.h"
 #include "server/rpc/error.h"
 #include "server/rpc/resource_name.h"
 #include "server/store/quota_error.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 namespace {

@@ -18,7 +18,6 @@
 #include "server/access/project_quotas.h"
 #include "server/data/blob_checker.h"
 #include "server/data/directory_lock.h"
-#include "server/device.h"
 #include "server/jobs/collector.h"
 #include "server/rpc/admin_listener.h"
 #include "server/rpc/call_interceptor.h"
@@ -35,6 +34,7 @@
 #include "server/rpc/server_metrics.h"
 #include "server/rpc/server_parts.h"
 #include "server/store/layout.h"
+#include "server/worker_protocol/device.h"
 
 namespace pepeseg {
 namespace {

@@ -6,11 +6,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/device.h"
 #include "server/jobs/supervisor.h"
 #include "server/rpc/server.h"
 #include "server/rpc/service_context.h"
 #include "server/store/store.h"
+#include "server/worker_protocol/device.h"
 
 // What a server's options mean for its parts.
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "core/base/crc32c.h"
-#include "server/jobs/event_log.h"
+#include "server/worker_protocol/event_log.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"
 

@@ -1,7 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"
 

@@ -1,4 +1,4 @@
-#include "server/jobs/client_text.h"
+#include "server/worker_protocol/client_text.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/event_log.h"
+#include "server/worker_protocol/event_log.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -12,9 +12,9 @@
 #include <string>
 
 #include "core/base/digest.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
-#include "server/jobs/pulse.h"
+#include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/job_folder.h"
+#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 namespace {

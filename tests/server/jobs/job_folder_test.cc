@@ -1,4 +1,4 @@
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

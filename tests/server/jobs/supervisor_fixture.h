@@ -9,9 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/event_log.h"
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
+#include "server/worker_protocol/event_log.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/testing/temp_folder.h"
 

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 #include "tests/server/jobs/supervisor_fixture.h"
 
 namespace pepeseg {

@@ -17,9 +17,9 @@
 #include "core/base/file_bytes.h"
 #include "core/dataset/import.h"
 #include "pepeseg/v1/dataset_service.pb.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
 #include "server/jobs/process.h"
+#include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/job_folder.h"
 #include "tests/server/file_kind.h"
 #include "tests/testing/temp_folder.h"
 

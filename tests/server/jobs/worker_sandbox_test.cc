@@ -31,8 +31,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/jobs/landlock_version.h"
 #include "server/jobs/sanitizers.h"
+#include "server/worker_protocol/landlock_version.h"
 #include "tests/server/jobs/listening_socket.h"
 #include "tests/testing/temp_folder.h"
 

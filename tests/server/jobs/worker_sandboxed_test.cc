@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "server/jobs/landlock_version.h"
+#include "server/worker_protocol/landlock_version.h"
 #include "tests/server/jobs/listening_socket.h"
 #include "tests/server/jobs/worker_fixture.h"
 

@@ -12,9 +12,9 @@
 #include "core/base/digest.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/encode_png.h"
-#include "server/jobs/photograph_task.h"
 #include "server/store/layout.h"
 #include "server/store/rows.h"
+#include "server/worker_protocol/photograph_task.h"
 #include "tests/server/rpc/shelf_model.h"
 
 namespace pepeseg {

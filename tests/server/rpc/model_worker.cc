@@ -17,8 +17,8 @@
 #include <system_error>
 
 #include "core/model_files/model_file.h"
-#include "server/jobs/event_log.h"
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 namespace {

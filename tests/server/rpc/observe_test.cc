@@ -10,8 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/jobs/job_folder.h"
 #include "server/trace_context.h"
+#include "server/worker_protocol/job_folder.h"
 #include "tests/server/rpc/health_check.h"
 #include "tests/server/rpc/http_get.h"
 #include "tests/server/rpc/running_server.h"

@@ -1,4 +1,4 @@
-#include "server/device.h"
+#include "server/worker_protocol/device.h"
 
 #include <utility>
 

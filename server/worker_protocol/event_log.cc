@@ -1,4 +1,4 @@
-#include "server/jobs/event_log.h"
+#include "server/worker_protocol/event_log.h"
 
 #include <fcntl.h>
 #include <google/protobuf/util/time_util.h>
@@ -15,7 +15,7 @@
 #include "core/base/crc32c.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/client_text.h"
+#include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 namespace {

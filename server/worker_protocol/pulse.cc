@@ -1,4 +1,4 @@
-#include "server/jobs/pulse.h"
+#include "server/worker_protocol/pulse.h"
 
 #include <fcntl.h>
 #include <pthread.h>

@@ -1,4 +1,4 @@
-#include "server/jobs/photograph_task.h"
+#include "server/worker_protocol/photograph_task.h"
 
 #include <array>
 #include <cstring>

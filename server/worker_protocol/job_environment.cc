@@ -1,4 +1,4 @@
-#include "server/jobs/job_environment.h"
+#include "server/worker_protocol/job_environment.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/landlock_version.h"
+#include "server/worker_protocol/landlock_version.h"
 
 #include <linux/landlock.h>
 #include <sys/syscall.h>

@@ -1,4 +1,4 @@
-#include "server/jobs/job_folder.h"
+#include "server/worker_protocol/job_folder.h"
 
 #include <fcntl.h>
 #include <google/protobuf/util/json_util.h>
@@ -18,8 +18,8 @@
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
-#include "server/jobs/client_text.h"
-#include "server/jobs/event_log.h"
+#include "server/worker_protocol/client_text.h"
+#include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 namespace {
