@@ -1,4 +1,4 @@
-#include "server/jobs/collector.h"
+#include "server/collect/collector.h"
 
 #include <gtest/gtest.h>
 

@@ -1,13 +1,13 @@
-#include "server/jobs/collector.h"
+#include "server/collect/collector.h"
 
 #include <spdlog/spdlog.h>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/collect/collection_folders.h"
+#include "server/collect/collection_uploads.h"
 #include "server/data/locked_file.h"
-#include "server/jobs/collection_folders.h"
-#include "server/jobs/collection_uploads.h"
 #include "server/store/layout.h"
 #include "server/worker_protocol/job_folder.h"
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "server/jobs/collection_folders.h"
+#include "server/collect/collection_folders.h"
 
 // The parts of a collector's run that are about uploaded files.
 namespace pepeseg {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "server/jobs/collector.h"
+#include "server/collect/collector.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/collection_folders.h"
+#include "server/collect/collection_folders.h"
 
 #include <algorithm>
 #include <system_error>

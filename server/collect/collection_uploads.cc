@@ -1,4 +1,4 @@
-#include "server/jobs/collection_uploads.h"
+#include "server/collect/collection_uploads.h"
 
 #include <algorithm>
 #include <set>
