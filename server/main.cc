@@ -20,7 +20,7 @@
 #include "core/base/atomic_file.h"
 #include "server/flags.h"
 #include "server/keys_command.h"
-#include "server/log.h"
+#include "server/observe/log.h"
 
 namespace {
 

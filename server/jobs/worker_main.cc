@@ -28,9 +28,9 @@
 #include "server/jobs/worker_limits.h"
 #include "server/jobs/worker_photograph.h"
 #include "server/jobs/worker_sandbox.h"
-#include "server/log.h"
+#include "server/observe/log.h"
+#include "server/observe/trace_context.h"
 #include "server/store/store.h"
-#include "server/trace_context.h"
 #include "server/worker_protocol/job_environment.h"
 #include "server/worker_protocol/pulse.h"
 

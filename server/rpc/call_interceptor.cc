@@ -10,9 +10,9 @@
 #include "absl/strings/escaping.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "server/log.h"
+#include "server/observe/log.h"
+#include "server/observe/trace_context.h"
 #include "server/rpc/client_error.h"
-#include "server/trace_context.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "absl/time/time.h"
-#include "server/rpc/health_monitor.h"
+#include "server/observe/health_monitor.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {

@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "server/metrics/process_use.h"
+#include "server/observe/process_use.h"
 
 namespace pepeseg {
 namespace {

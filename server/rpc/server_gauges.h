@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "server/metrics/sample.h"
+#include "server/observe/sample.h"
 #include "server/rpc/operations.h"
 
 namespace pepeseg {

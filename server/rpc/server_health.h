@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "server/rpc/health_monitor.h"
+#include "server/observe/health_monitor.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "server/metrics/exposition.h"
-#include "server/metrics/job_metrics.h"
-#include "server/metrics/rpc_metrics.h"
+#include "server/observe/exposition.h"
+#include "server/observe/job_metrics.h"
+#include "server/observe/rpc_metrics.h"
 #include "server/rpc/operations.h"
 
 namespace pepeseg {

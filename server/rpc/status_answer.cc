@@ -4,7 +4,7 @@
 
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "server/metrics/process_use.h"
+#include "server/observe/process_use.h"
 #include "server/rpc/rows_to_proto.h"
 
 namespace pepeseg {

@@ -2,8 +2,8 @@
 
 #include <string>
 
+#include "server/observe/trace_context.h"
 #include "server/rpc/call_interceptor.h"
-#include "server/trace_context.h"
 
 namespace pepeseg {
 namespace {

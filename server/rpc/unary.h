@@ -14,7 +14,7 @@
 #include "grpcpp/server_context.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/access/authorizer.h"
-#include "server/log.h"
+#include "server/observe/log.h"
 #include "server/rpc/error.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/worker_pool.h"

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/metrics/latency_window.h"
+#include "server/observe/latency_window.h"
 
 namespace pepeseg {
 

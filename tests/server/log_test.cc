@@ -1,4 +1,4 @@
-#include "server/log.h"
+#include "server/observe/log.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/time/clock.h"
-#include "server/trace_context.h"
+#include "server/observe/trace_context.h"
 
 namespace pepeseg {
 namespace {

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "absl/time/clock.h"
-#include "server/metrics/job_metrics.h"
-#include "server/metrics/latency_window.h"
+#include "server/observe/job_metrics.h"
+#include "server/observe/latency_window.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/rpc/health_monitor.h"
+#include "server/observe/health_monitor.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "absl/time/clock.h"
 #include "kernels/buffer.h"
-#include "server/rpc/health_probes.h"
+#include "server/observe/health_probes.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

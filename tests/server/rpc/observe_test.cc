@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/trace_context.h"
+#include "server/observe/trace_context.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/rpc/health_check.h"
 #include "tests/server/rpc/http_get.h"

@@ -1,4 +1,4 @@
-#include "server/metrics/exposition.h"
+#include "server/observe/exposition.h"
 
 #include <prometheus/exposer.h>
 

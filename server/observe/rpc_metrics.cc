@@ -1,10 +1,10 @@
-#include "server/metrics/rpc_metrics.h"
+#include "server/observe/rpc_metrics.h"
 
 #include <google/protobuf/descriptor.h>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "server/metrics/sample.h"
+#include "server/observe/sample.h"
 
 namespace pepeseg {
 namespace {

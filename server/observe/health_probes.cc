@@ -1,4 +1,4 @@
-#include "server/rpc/health_probes.h"
+#include "server/observe/health_probes.h"
 
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 #include "absl/time/clock.h"
 #include "core/base/atomic_file.h"
 #include "core/base/status_macros.h"
-#include "server/metrics/process_use.h"
+#include "server/observe/process_use.h"
 
 namespace pepeseg {
 

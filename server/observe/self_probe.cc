@@ -1,4 +1,4 @@
-#include "server/rpc/self_probe.h"
+#include "server/observe/self_probe.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/rpc/health_monitor.h"
+#include "server/observe/health_monitor.h"
 
 #include <spdlog/spdlog.h>
 

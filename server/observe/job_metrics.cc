@@ -1,9 +1,9 @@
-#include "server/metrics/job_metrics.h"
+#include "server/observe/job_metrics.h"
 
 #include <algorithm>
 #include <array>
 
-#include "server/metrics/sample.h"
+#include "server/observe/sample.h"
 
 namespace pepeseg {
 namespace {

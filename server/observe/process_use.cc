@@ -1,4 +1,4 @@
-#include "server/metrics/process_use.h"
+#include "server/observe/process_use.h"
 
 #include <sys/resource.h>
 #include <sys/statvfs.h>

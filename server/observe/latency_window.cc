@@ -1,4 +1,4 @@
-#include "server/metrics/latency_window.h"
+#include "server/observe/latency_window.h"
 
 #include <algorithm>
 #include <cmath>
