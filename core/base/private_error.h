@@ -4,7 +4,7 @@
 #include "absl/strings/string_view.h"
 
 // Errors whose text is for the server's log only: it tells of its database, its files or its
-// machine. Clients get a general text instead (server/rpc/client_error.h).
+// machine. Clients get a general text instead (server/api/client_error.h).
 namespace pepeseg {
 
 absl::Status PrivateError(absl::StatusCode code, absl::string_view text);

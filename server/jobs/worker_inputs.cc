@@ -11,7 +11,7 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/priors/embed_priors.h"
-#include "server/jobs/mask_advice.h"
+#include "server/api/mask_advice.h"
 #include "server/jobs/worker_heic.h"
 #include "server/jobs/worker_plan.h"
 #include "server/jobs/worker_priors_command.h"

@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
 #include "core/scene/capture.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 #include "server/jobs/worker_job.h"
 #include "server/jobs/worker_stage_log.h"
 

@@ -16,7 +16,7 @@
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "kernels/backend.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 #include "server/jobs/worker_checkpoints.h"
 #include "server/jobs/worker_folders.h"
 #include "server/jobs/worker_inputs.h"

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/convert.h"
+#include "server/api/convert.h"
 #include "server/jobs/job_eta.h"
 #include "server/jobs/worker_job.h"
 

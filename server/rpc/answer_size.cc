@@ -1,7 +1,7 @@
 #include "server/rpc/answer_size.h"
 
 #include "absl/strings/str_cat.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 

@@ -10,9 +10,9 @@
 #include "absl/strings/escaping.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "server/api/client_error.h"
 #include "server/observe/log.h"
 #include "server/observe/trace_context.h"
-#include "server/rpc/client_error.h"
 
 namespace pepeseg {
 namespace {

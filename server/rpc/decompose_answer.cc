@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "core/base/status_macros.h"
+#include "server/api/rows_to_proto.h"
 #include "server/rpc/answer_size.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/rows_to_proto.h"
 #include "server/rpc/segment_lookup.h"
 #include "server/rpc/stopwatch.h"
 

@@ -12,8 +12,8 @@
 #include "core/priors/sam/sam_needs.h"
 #include "core/reconstruct/estimate.h"
 #include "core/sfm/estimate_poses.h"
-#include "server/rpc/error.h"
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/error.h"
+#include "server/api/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 #include "server/rpc/dataset_size.h"
 #include "server/rpc/service_context.h"
 

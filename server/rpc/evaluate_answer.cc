@@ -7,9 +7,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/rpc/error.h"
-#include "server/rpc/pixel_frame.h"
-#include "server/rpc/read_mask.h"
+#include "server/api/error.h"
+#include "server/api/pixel_frame.h"
+#include "server/api/read_mask.h"
 
 namespace pepeseg {
 namespace {

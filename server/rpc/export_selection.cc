@@ -10,9 +10,9 @@
 #include "core/base/crc32c.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/resource_name.h"
 #include "server/rpc/subset_lookup.h"
 #include "server/worker_protocol/job_folder.h"
 

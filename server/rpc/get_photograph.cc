@@ -13,9 +13,9 @@
 #include "core/dataset/dataset_index.h"
 #include "core/formats/heic_header.h"
 #include "core/model_files/model_facts.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/resource_name.h"
 
 namespace pepeseg {
 namespace {

@@ -2,10 +2,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 #include "server/rpc/estimate_training.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
 #include "server/rpc/stored_files.h"
 #include "server/rpc/unary.h"
 #include "server/rpc/watch_job.h"

@@ -11,9 +11,9 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/access/api_key.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {

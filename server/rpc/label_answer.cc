@@ -7,13 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
+#include "server/api/pixel_frame.h"
+#include "server/api/read_mask.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/pixel_frame.h"
-#include "server/rpc/read_mask.h"
 #include "server/rpc/read_prompt.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {

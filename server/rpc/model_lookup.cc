@@ -6,9 +6,9 @@
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/model_file.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
 #include "server/residency/model_bytes.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
 #include "server/store/quota_error.h"
 #include "server/worker_protocol/job_folder.h"
 

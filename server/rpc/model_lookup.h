@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {

@@ -9,11 +9,11 @@
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
 #include "core/scene/origin.h"
-#include "server/convert.h"
-#include "server/rpc/error.h"
-#include "server/rpc/pixel_frame.h"
-#include "server/rpc/read_mask.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
+#include "server/api/pixel_frame.h"
+#include "server/api/read_mask.h"
+#include "server/api/resource_name.h"
 
 namespace pepeseg {
 

@@ -8,10 +8,10 @@
 #include "core/base/beneath_folder.h"
 #include "core/base/status_macros.h"
 #include "core/scene/origin.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 #include "server/rpc/model_lookup.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
 #include "server/rpc/unary.h"
 #include "server/store/layout.h"
 

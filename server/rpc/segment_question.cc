@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/prompt/propose_scales.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/rpc/read_prompt.h"
 
 namespace pepeseg {

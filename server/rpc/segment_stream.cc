@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "absl/time/clock.h"
-#include "server/rpc/client_error.h"
-#include "server/rpc/error.h"
+#include "server/api/client_error.h"
+#include "server/api/error.h"
 #include "server/rpc/segment_answer.h"
 
 namespace pepeseg {

@@ -3,8 +3,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/selection_file.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
 
 namespace pepeseg {
 

@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/scene/gaussian_set.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {

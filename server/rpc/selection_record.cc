@@ -11,9 +11,9 @@
 #include "core/base/status_macros.h"
 #include "core/model_files/selection_file.h"
 #include "core/select/gaussian_sets.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {

@@ -4,8 +4,8 @@
 
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
+#include "server/api/rows_to_proto.h"
 #include "server/observe/process_use.h"
-#include "server/rpc/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {

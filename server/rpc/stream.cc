@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/rpc/stream_registry.h"
 
 namespace pepeseg {

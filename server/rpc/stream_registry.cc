@@ -10,7 +10,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/access/authorizer.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/rpc/stream.h"
 
 namespace pepeseg {

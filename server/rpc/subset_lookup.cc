@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/rpc/segment_lookup.h"
 #include "server/rpc/selection_lookup.h"
 

@@ -14,8 +14,8 @@
 #include "grpcpp/server_context.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/access/authorizer.h"
+#include "server/api/error.h"
 #include "server/observe/log.h"
-#include "server/rpc/error.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/worker_pool.h"
 

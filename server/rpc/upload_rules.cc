@@ -8,8 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "server/convert.h"
-#include "server/rpc/error.h"
+#include "server/api/convert.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 namespace {

@@ -5,9 +5,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 
 namespace pepeseg {
 namespace {

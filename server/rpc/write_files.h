@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "pepeseg/v1/dataset_service.pb.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/service_context.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/write_group.h"

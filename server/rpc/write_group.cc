@@ -15,7 +15,7 @@
 #include "core/base/file_error.h"
 #include "core/base/private_error.h"
 #include "core/base/status_macros.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/rpc/file_header.h"
 
 namespace pepeseg {

@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "clients/cpp/option_setting.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 
 // What people are shown of the options is what the server takes.
 namespace pepeseg::client::cli {

@@ -1,7 +1,7 @@
 #include "core/base/file_name.h"
 #include "core/dataset/import.h"
 #include "server/access/api_key.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 #include "server/rpc/upload_rules.h"
 #include "server/store/scene_key.h"
 #include "server/store/store_sql.h"

@@ -1,8 +1,8 @@
 #include "core/features/estimate_features.h"
 #include "core/reconstruct/estimate.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/convert.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/convert.h"
+#include "server/api/resource_name.h"
 #include "tests/fuzz/fuzz_message.h"
 
 // Options that are taken are taken again as the job stores them, and can be estimated.

@@ -1,6 +1,6 @@
 #include "core/base/file_name.h"
-#include "server/rpc/resource_name.h"
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
 #include "server/rpc/upload_rules.h"
 #include "tests/fuzz/fuzz_message.h"
 

@@ -46,7 +46,7 @@ expect_found clients/cpp/client.cc '"clients/cli/shell.h"'
 expect_allowed core/formats/image.cc '<opencv2/imgcodecs.hpp>'
 expect_allowed core/priors/edges.cc '<opencv2/imgproc.hpp>'
 expect_allowed kernels/cuda/render.cu '<cuda_runtime.h>'
-expect_allowed server/convert.cc '"core/scene/camera.h"'
+expect_allowed server/api/convert.cc '"core/scene/camera.h"'
 expect_allowed clients/cli/main.cc '"pepeseg/v1/job.grpc.pb.h"'
 expect_allowed core/scene/view.cc '"kernels/gaussian_planes.h"'
 exit $failures

@@ -1,4 +1,4 @@
-#include "server/jobs/mask_advice.h"
+#include "server/api/mask_advice.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

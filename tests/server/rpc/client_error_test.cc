@@ -1,10 +1,10 @@
-#include "server/rpc/client_error.h"
+#include "server/api/client_error.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/base/private_error.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 
 #include <gtest/gtest.h>
 

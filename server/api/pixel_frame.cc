@@ -1,10 +1,10 @@
-#include "server/rpc/pixel_frame.h"
+#include "server/api/pixel_frame.h"
 
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/query/photograph_images.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 

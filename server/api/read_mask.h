@@ -6,7 +6,7 @@
 #include "core/scene/float_image.h"
 #include "core/scene/mask_set.h"
 #include "pepeseg/v1/prompt.pb.h"
-#include "server/rpc/pixel_frame.h"
+#include "server/api/pixel_frame.h"
 
 // Images of a request that belong to a view or its photograph. INVALID_ARGUMENT names `field`, and
 // both sizes where they differ.

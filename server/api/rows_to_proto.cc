@@ -1,4 +1,4 @@
-#include "server/rpc/rows_to_proto.h"
+#include "server/api/rows_to_proto.h"
 
 #include <algorithm>
 #include <map>
@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/mask_advice.h"
-#include "server/rpc/error.h"
-#include "server/rpc/resource_name.h"
+#include "server/api/error.h"
+#include "server/api/mask_advice.h"
+#include "server/api/resource_name.h"
 
 namespace pepeseg {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/rpc/resource_name.h"
+#include "server/api/resource_name.h"
 
 #include <algorithm>
 #include <charconv>
@@ -9,7 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 #include "server/store/id_rules.h"
 #include "server/store/scene_key.h"
 

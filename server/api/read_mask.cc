@@ -1,4 +1,4 @@
-#include "server/rpc/read_mask.h"
+#include "server/api/read_mask.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -11,7 +11,7 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/image_header.h"
 #include "core/formats/rle.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 namespace {

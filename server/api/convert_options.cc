@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 
 // Each option once, for both directions; its name is the same on both sides.
 #define PEPESEG_IMPORT_FIELDS(FIELD) FIELD(image_scale) FIELD(held_out_every)

@@ -1,4 +1,4 @@
-#include "server/jobs/mask_advice.h"
+#include "server/api/mask_advice.h"
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"

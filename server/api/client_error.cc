@@ -1,9 +1,9 @@
-#include "server/rpc/client_error.h"
+#include "server/api/client_error.h"
 
 #include "absl/status/status.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "server/rpc/error.h"
+#include "server/api/error.h"
 
 namespace pepeseg {
 namespace {

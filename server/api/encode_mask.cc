@@ -1,9 +1,9 @@
-#include "server/rpc/encode_mask.h"
+#include "server/api/encode_mask.h"
 
 #include "core/base/status_macros.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
-#include "server/convert.h"
+#include "server/api/convert.h"
 
 namespace pepeseg {
 
