@@ -9,9 +9,9 @@
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
 #include "server/observe/rpc_metrics.h"
-#include "server/rpc/admin_service.h"
 #include "server/rpc/connection_acceptor.h"
 #include "server/rpc/local_socket.h"
+#include "server/services/admin_service.h"
 
 namespace pepeseg {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "server/observe/sample.h"
-#include "server/rpc/operations.h"
+#include "server/services/operations.h"
 
 namespace pepeseg {
 

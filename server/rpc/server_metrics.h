@@ -8,7 +8,7 @@
 #include "server/observe/exposition.h"
 #include "server/observe/job_metrics.h"
 #include "server/observe/rpc_metrics.h"
-#include "server/rpc/operations.h"
+#include "server/services/operations.h"
 
 namespace pepeseg {
 

@@ -68,7 +68,7 @@ struct DatasetFileRow {
   int64_t size = 0;
   std::string sha256;   // 64 hex digits, lower case
   bool stored = false;  // the project has the bytes
-  // What the header says once it is kRead; see ReadHeader in server/rpc/file_header.h.
+  // What the header says once it is kRead; see ReadHeader in server/services/file_header.h.
   HeaderState header = HeaderState::kUnread;
   int width = 0, height = 0;  // of a photograph as stored, before EXIF turns it, pixels
   int64_t num_points = 0;     // points or Gaussians in the file; of COLMAP's text form an estimate

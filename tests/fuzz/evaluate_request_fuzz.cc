@@ -1,4 +1,4 @@
-#include "server/rpc/evaluate_answer.h"
+#include "server/services/evaluate_answer.h"
 #include "tests/fuzz/fuzz_message.h"
 #include "tests/fuzz/small_model.h"
 

@@ -2,7 +2,7 @@
 #include "core/dataset/import.h"
 #include "server/access/api_key.h"
 #include "server/api/resource_name.h"
-#include "server/rpc/upload_rules.h"
+#include "server/services/upload_rules.h"
 #include "server/store/scene_key.h"
 #include "server/store/store_sql.h"
 #include "tests/fuzz/fuzz_target.h"

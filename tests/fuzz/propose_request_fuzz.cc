@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "core/prompt/propose_scales.h"
-#include "server/rpc/segment_question.h"
+#include "server/services/segment_question.h"
 #include "tests/fuzz/fuzz_message.h"
 #include "tests/fuzz/small_model.h"
 

@@ -1,5 +1,5 @@
 #include "core/prompt/resolve_prompt.h"
-#include "server/rpc/segment_question.h"
+#include "server/services/segment_question.h"
 #include "tests/fuzz/fuzz_message.h"
 #include "tests/fuzz/small_model.h"
 

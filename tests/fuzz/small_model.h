@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "kernels/backend.h"
-#include "server/rpc/model_lookup.h"
+#include "server/services/model_lookup.h"
 #include "server/store/store.h"
 #include "tests/testing/temp_folder.h"
 

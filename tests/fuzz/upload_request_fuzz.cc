@@ -1,7 +1,7 @@
 #include "core/base/file_name.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"
-#include "server/rpc/upload_rules.h"
+#include "server/services/upload_rules.h"
 #include "tests/fuzz/fuzz_message.h"
 
 PEPESEG_FUZZ_MESSAGE(upload_request, pepeseg::v1::CreateUploadRequest) {

@@ -1,4 +1,4 @@
-#include "server/rpc/estimate_training.h"
+#include "server/services/estimate_training.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
 #include "core/priors/sam/sam_needs.h"
-#include "server/rpc/dataset_size.h"
+#include "server/services/dataset_size.h"
 #include "server/store/layout.h"
 #include "tests/server/jobs/test_database.h"
 #include "tests/server/png_bytes.h"

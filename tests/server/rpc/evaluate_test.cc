@@ -7,7 +7,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
-#include "server/rpc/evaluate_answer.h"
+#include "server/services/evaluate_answer.h"
 #include "tests/server/png_bytes.h"
 #include "tests/server/rpc/shelf_model.h"
 

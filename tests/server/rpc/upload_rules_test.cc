@@ -1,4 +1,4 @@
-#include "server/rpc/upload_rules.h"
+#include "server/services/upload_rules.h"
 
 #include <gtest/gtest.h>
 

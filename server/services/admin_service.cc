@@ -1,0 +1,214 @@
+#include "server/services/admin_service.h"
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/access/scene_names.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+#include "server/rpc/unary.h"
+#include "server/services/key_answers.h"
+#include "server/services/model_lookup.h"
+#include "server/services/quota_answers.h"
+#include "server/services/status_answer.h"
+#include "server/store/scene_key.h"
+
+namespace pepeseg {
+namespace {
+
+v1::ResidentModel Describe(const ModelCache::Info& info, const Segmenter& segmenter) {
+  v1::ResidentModel model;
+  model.set_name(WithSceneIds(info.name));
+  model.set_host_bytes(info.bytes.host);
+  model.set_device_bytes(info.bytes.device);
+  model.set_pinned(info.pinned);
+  *model.mutable_last_use_time() = ToProto(info.last_use);
+  model.set_queries_in_flight(info.num_handles);
+  model.set_cached_maps(segmenter.num_maps());
+  model.set_num_renders(segmenter.num_renders());
+  return model;
+}
+
+void FillDescription(const ModelCache& models, const SceneChild& model,
+                     v1::ResidentModel* response) {
+  response->set_name(ChildName(model.scene, "models", model.number));
+  const std::string name = KeyedChildName(model.scene, "models", model.number);
+  models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+    if (info.name == name) *response = Describe(info, segmenter);
+  });
+}
+
+absl::StatusOr<ModelRow> FindNamed(const ServiceContext& context, const std::string& name) {
+  ASSIGN_OR_RETURN(const std::string keyed, ResolveOperatorsName(*context.store, name, "name"));
+  return FindModel(context, keyed, "name");
+}
+
+// Says of which projects the models are that have a name in common.
+absl::Status TellApart(Store& store, const std::vector<std::string>& scenes,
+                       v1::ListResidentResponse* response) {
+  std::map<std::string, int> num_of_name;
+  for (const v1::ResidentModel& model : response->models()) ++num_of_name[model.name()];
+  for (int i = 0; i < response->models_size(); ++i) {
+    v1::ResidentModel& model = *response->mutable_models(i);
+    if (num_of_name.at(model.name()) == 1) continue;
+    const absl::StatusOr<std::string> project = store.ProjectOfScene(scenes[i]);
+    if (absl::IsNotFound(project.status())) continue;  // deleted just now
+    RETURN_IF_ERROR(project.status());
+    model.set_name(absl::StrCat("projects/", *project, "/", model.name()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Load(const ServiceContext& context, const v1::LoadModelRequest& request,
+                  v1::ResidentModel* response) {
+  // Held until it is told of, else it could be evicted before that.
+  ASSIGN_OR_RETURN(const std::string name,
+                   ResolveOperatorsName(*context.store, request.name(), "name"));
+  ASSIGN_OR_RETURN(const ResidentModel model, LoadModel(context, name, "name"));
+  FillDescription(*context.models, model.row, response);
+  response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is no question
+  return absl::OkStatus();
+}
+
+absl::Status Pin(const ServiceContext& context, const v1::PinModelRequest& request,
+                 v1::ResidentModel* response) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
+  const std::string name = KeyedChildName(row.scene, "models", row.number);
+  {
+    ModelCache::Handle held;  // so that it is not evicted before it is pinned
+    if (request.pinned()) {
+      ASSIGN_OR_RETURN(ResidentModel loaded, LoadModel(context, name, "name"));
+      held = std::move(loaded.segmenter);
+    }
+    const absl::Status status = context.models->SetPinned(ResidentKey(row), request.pinned());
+    if (!status.ok()) return WithResource(status, "NOT_RESIDENT", name);
+  }
+  FillDescription(*context.models, {row.scene, row.number}, response);
+  return absl::OkStatus();
+}
+
+absl::Status Unload(const ServiceContext& context, const v1::UnloadModelRequest& request) {
+  ASSIGN_OR_RETURN(const ModelRow row, FindNamed(context, request.name()));
+  const std::string name = ChildName(row.scene, "models", row.number);
+  const absl::Status status = context.models->Unload(ResidentKey(row));
+  if (status.ok()) return absl::OkStatus();
+  const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
+  return WithResource(named, absl::IsNotFound(status) ? "NOT_RESIDENT" : "PINNED", name);
+}
+
+void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
+  use->set_reserved_bytes(reserved);
+  use->set_limit_bytes(limit);
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* AdminServiceRpc::LoadModel(grpc::CallbackServerContext* call,
+                                                     const v1::LoadModelRequest* request,
+                                                     v1::ResidentModel* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Load(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::UnloadModel(grpc::CallbackServerContext* call,
+                                                       const v1::UnloadModelRequest* request,
+                                                       google::protobuf::Empty* /*response*/) {
+  return RunOnPool({call, request}, context_,
+                   [this, request](const UnaryCall&) { return Unload(context_, *request); });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::PinModel(grpc::CallbackServerContext* call,
+                                                    const v1::PinModelRequest* request,
+                                                    v1::ResidentModel* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Pin(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ListResident(grpc::CallbackServerContext* call,
+                                                        const v1::ListResidentRequest* request,
+                                                        v1::ListResidentResponse* response) {
+  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
+    const ModelCache& models = *context_.models;
+    std::vector<std::string> scenes;
+    models.Visit([&](const ModelCache::Info& info, const Segmenter& segmenter) {
+      *response->add_models() = Describe(info, segmenter);
+      const absl::StatusOr<SceneChild> row = ParseModelName(info.name, "name");
+      scenes.push_back(row.ok() ? row->scene : "");
+    });
+    RETURN_IF_ERROR(TellApart(*context_.store, scenes, response));
+    const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+    SetUse(used.host, limit.host, response->mutable_host());
+    if (!models.budget().one_memory()) {
+      SetUse(used.device, limit.device, response->mutable_device());
+    }
+    response->set_device_bytes_in_use(static_cast<int64_t>(context_.backend->bytes_in_use()));
+    response->set_num_loads(models.counts().num_loads);
+    response->set_num_evictions(models.counts().num_evictions);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::CreateKey(grpc::CallbackServerContext* call,
+                                                     const v1::CreateKeyRequest* request,
+                                                     v1::CreateKeyResponse* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerCreateKey(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::ListKeys(grpc::CallbackServerContext* call,
+                                                    const v1::ListKeysRequest* request,
+                                                    v1::ListKeysResponse* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerListKeys(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::RevokeKey(grpc::CallbackServerContext* call,
+                                                     const v1::RevokeKeyRequest* request,
+                                                     v1::ApiKey* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerRevokeKey(*context_.store, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetProjectUsage(
+    grpc::CallbackServerContext* call, const v1::GetProjectUsageRequest* request,
+    v1::ProjectUsage* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerGetProjectUsage(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::SetQuota(grpc::CallbackServerContext* call,
+                                                    const v1::SetQuotaRequest* request,
+                                                    v1::ProjectUsage* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerSetQuota(context_, *request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::GetStatus(grpc::CallbackServerContext* call,
+                                                     const v1::GetStatusRequest* request,
+                                                     v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, response](const UnaryCall&) {
+    return AnswerStatus(operations_, response);
+  });
+}
+
+grpc::ServerUnaryReactor* AdminServiceRpc::Drain(grpc::CallbackServerContext* call,
+                                                 const v1::DrainRequest* request,
+                                                 v1::ServerStatus* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return AnswerDrain(operations_, *request, response);
+  });
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,220 @@
+#include "server/services/dataset_service.h"
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
+#include "server/api/mask_advice.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+#include "server/rpc/unary.h"
+#include "server/services/upload_rules.h"
+#include "server/services/write_files.h"
+#include "server/store/layout.h"
+
+namespace pepeseg {
+namespace {
+
+// So that the data directory can be read without the store.
+absl::Status WriteDatasetManifest(const ServiceContext& context, const DatasetRow& row,
+                                  const std::vector<DatasetFileRow>& files) {
+  nlohmann::json manifest = {{"version", 1},
+                             {"dataset", ChildName(row.scene, "datasets", row.number)},
+                             {"files", nlohmann::json::array()}};
+  for (const DatasetFileRow& file : files) {
+    manifest["files"].push_back({{"path", file.path},
+                                 {"kind", v1::FileKind_Name(static_cast<v1::FileKind>(file.kind))},
+                                 {"size", file.size},
+                                 {"sha256", file.sha256}});
+  }
+  const auto path = DatasetManifestPath(context.data_folder, row.scene, row.number);
+  std::error_code error;
+  std::filesystem::create_directories(path.parent_path(), error);
+  if (error) return FileError(path.parent_path(), "cannot make the folder", error.value());
+  return WriteFileAtomically(path, manifest.dump(1));
+}
+
+// Notes which files' bytes the project has.
+void FindStored(const BlobStore& blobs, const std::string& project,
+                std::vector<DatasetFileRow>& files) {
+  for (DatasetFileRow& file : files) file.stored = blobs.Has({project, file.sha256}, file.size);
+}
+
+// FAILED_PRECONDITION unless the project has the bytes of all files. `found`: those that were not
+// noted as stored; their bytes may have come under another path, or for another dataset.
+absl::Status FindFiles(const BlobStore& blobs, const std::string& project,
+                       const std::vector<DatasetFileRow>& files,
+                       std::vector<DatasetFileRow>& found) {
+  const DatasetFileRow* first = nullptr;
+  int64_t num_missing = 0;
+  for (const DatasetFileRow& file : files) {
+    if (!blobs.Has({project, file.sha256}, file.size)) {
+      if (num_missing++ == 0) first = &file;
+    } else if (!file.stored) {
+      found.push_back(file);
+    }
+  }
+  if (first == nullptr) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(num_missing, " of ", files.size(),
+                                                    " files are not uploaded, the first is '",
+                                                    first->path, "'"));
+}
+
+// What the file system must take in for a new upload, and whether it can. Others may fill it
+// meanwhile: then the upload waits for space where it is.
+absl::StatusOr<std::function<absl::Status()>> CheckRoom(const ServiceContext& context,
+                                                        const std::vector<DatasetFileRow>& files) {
+  std::map<std::string, int64_t> missing;
+  for (const DatasetFileRow& file : files) {
+    if (!file.stored) missing[file.sha256] = file.size;
+  }
+  int64_t need = 0;
+  for (const auto& [digest, size] : missing) need += size;
+  ASSIGN_OR_RETURN(const int64_t have, context.blobs->FreeBytes());
+  return [need, have] {
+    if (need <= have) return absl::OkStatus();
+    v1::ErrorDetail detail;
+    detail.set_reason("DISK_FULL");
+    detail.set_value(absl::StrCat(need));
+    detail.set_limit(absl::StrCat(have));
+    return WithDetail(absl::ResourceExhaustedError(absl::StrCat(
+                          "the upload needs ", need, " bytes, the server's disk has ", have)),
+                      detail);
+  };
+}
+
+}  // namespace
+
+absl::Status DatasetServiceRpc::FillUpload(const DatasetRow& row, v1::Upload* upload) const {
+  upload->set_name(ChildName(row.scene, "uploads", row.number));
+  *upload->mutable_create_time() = ToProto(row.create_time);
+  upload->set_num_files(row.num_files);
+  upload->set_num_bytes(row.num_bytes);
+  upload->set_sealed(row.state == DatasetState::kSealed);
+  if (upload->sealed()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto files, context_.store->ListDatasetFiles(row.scene, row.number));
+  ASSIGN_OR_RETURN(const std::string project, context_.store->ProjectOfScene(row.scene));
+  const auto partial = context_.blobs->ListPartial({project, row.scene, row.number});
+  for (const DatasetFileRow& file : files) {
+    if (context_.blobs->Has({project, file.sha256}, file.size)) continue;
+    upload->add_missing_files(file.path);
+    const auto found = partial.find(file.sha256);
+    if (found == partial.end()) continue;
+    auto& beginning = *upload->add_partial_files();
+    beginning.set_path(file.path);
+    beginning.set_committed_bytes(found->second);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DatasetServiceRpc::FillDataset(const DatasetRow& row, v1::Dataset* dataset) const {
+  *dataset = ToProto(row);
+  ASSIGN_OR_RETURN(const bool has_masks,
+                   context_.store->HasFileOfKind(row.scene, row.number, v1::FILE_KIND_MASK));
+  const bool has_mask_maker = context_.has_priors_command || context_.has_sam;
+  for (std::string& advice : AdviceOnDataset(has_masks, has_mask_maker)) {
+    dataset->add_advice(std::move(advice));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DatasetServiceRpc::Create(const v1::CreateUploadRequest& request,
+                                       v1::Upload* response) const {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  RETURN_IF_ERROR(CheckRequestId(request.request_id()));
+  ASSIGN_OR_RETURN(auto files, CheckUploadFiles(request));
+  const auto project = context_.store->ProjectOfScene(scene);
+  if (!project.ok()) return WithResource(project.status(), "", request.parent());
+  // A blob of nobody's that this upload names, and so need not be sent, must not go meanwhile.
+  ASSIGN_OR_RETURN(const LockedFile hold, context_.blobs->Hold(*project));
+  FindStored(*context_.blobs, *project, files);
+  ASSIGN_OR_RETURN(const auto admit, CheckRoom(context_, files));
+  const auto row = context_.store->CreateDataset(scene, request.request_id(), files, admit);
+  if (!row.ok()) return WithResource(row.status(), "", request.parent());
+  return FillUpload(*row, response);
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::CreateUpload(grpc::CallbackServerContext* call,
+                                                          const v1::CreateUploadRequest* request,
+                                                          v1::Upload* response) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Create(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::GetUpload(grpc::CallbackServerContext* call,
+                                                       const v1::GetUploadRequest* request,
+                                                       v1::Upload* response) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request->name(), "uploads", "name"));
+    const auto row = context_.store->GetDataset(upload.scene, upload.number);
+    if (!row.ok()) return WithResource(row.status(), "NO_SUCH_UPLOAD", request->name());
+    return FillUpload(*row, response);
+  });
+}
+
+grpc::ServerReadReactor<v1::WriteFilesRequest>* DatasetServiceRpc::WriteFiles(
+    grpc::CallbackServerContext* call, v1::WriteFilesResponse* response) {
+  const auto stream = std::make_shared<WriteFilesStream>(context_, OriginOf(*call), response);
+  stream->Begin();
+  return stream.get();  // owns itself until OnDone
+}
+
+absl::Status DatasetServiceRpc::Seal(const v1::SealUploadRequest& request,
+                                     v1::Dataset* response) const {
+  ASSIGN_OR_RETURN(const SceneChild upload, ParseChildName(request.name(), "uploads", "name"));
+  Store& store = *context_.store;
+  ASSIGN_OR_RETURN(DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  if (row.state == DatasetState::kOpen) {
+    ASSIGN_OR_RETURN(auto files, store.ListDatasetFiles(upload.scene, upload.number));
+    ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
+    std::vector<DatasetFileRow> found;
+    const absl::Status complete = FindFiles(*context_.blobs, project, files, found);
+    if (!complete.ok()) return WithResource(complete, "FILES_MISSING", request.name());
+    RETURN_IF_ERROR(WriteDatasetManifest(context_, row, files));
+    const auto sealed = store.SealDataset(upload.scene, upload.number, found);
+    if (!sealed.ok()) return WithResource(sealed.status(), "FILES_MISSING", request.name());
+    // Beginnings of files whose whole has come by another upload.
+    context_.blobs->RemovePartial({project, upload.scene, upload.number});
+    row = *sealed;
+  }
+  return FillDataset(row, response);
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::SealUpload(grpc::CallbackServerContext* call,
+                                                        const v1::SealUploadRequest* request,
+                                                        v1::Dataset* response) {
+  return RunOnUploadPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    return Seal(*request, response);
+  });
+}
+
+grpc::ServerUnaryReactor* DatasetServiceRpc::ListDatasets(grpc::CallbackServerContext* call,
+                                                          const v1::ListDatasetsRequest* request,
+                                                          v1::ListDatasetsResponse* response) {
+  return RunOnPool({call, request}, context_, [this, request, response](const UnaryCall&) {
+    ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request->parent(), "parent"));
+    ASSIGN_OR_RETURN(const PageRequest page,
+                     PageFromProto(request->page_size(), request->page_token()));
+    ASSIGN_OR_RETURN(const Page<DatasetRow> datasets, context_.store->ListDatasets(scene, page));
+    for (const DatasetRow& row : datasets.rows) {
+      if (row.state != DatasetState::kSealed) continue;
+      RETURN_IF_ERROR(FillDataset(row, response->add_datasets()));
+    }
+    response->set_next_page_token(datasets.next_page_token);
+    return absl::OkStatus();
+  });
+}
+
+grpc::ServerWriteReactor<v1::GetPhotographResponse>* DatasetServiceRpc::GetPhotograph(
+    grpc::CallbackServerContext* call, const v1::GetPhotographRequest* request) {
+  const auto stream = std::make_shared<GetPhotographStream>(context_, decoders_, call, *request);
+  stream->Begin();
+  return stream.get();  // owns itself until OnDone
+}
+
+}  // namespace pepeseg

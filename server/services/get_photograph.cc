@@ -1,0 +1,279 @@
+#include "server/services/get_photograph.h"
+
+#include <algorithm>
+#include <chrono>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/base/crc32c.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/formats/heic_header.h"
+#include "core/model_files/model_facts.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/services/model_lookup.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kPhotographChunkBytes = int64_t{1} << 20;
+constexpr int kMaxSide = 16384;
+constexpr int64_t kMaxModelFactsBytes = int64_t{256} << 20;
+// For a photograph to be read again, before the stream leaves its thread to others.
+constexpr std::chrono::milliseconds kShortCheck{100};
+
+absl::Status CheckPhotographRequest(const v1::GetPhotographRequest& request) {
+  const int side = request.max_side();
+  if (side < 0 || side > kMaxSide) {
+    return BadField("max_side", absl::StrCat(side), absl::StrCat("must be in [0, ", kMaxSide, "]"));
+  }
+  if (request.original() && side != 0) {
+    return BadField("max_side", absl::StrCat(side), "an original is not shrunk: leave it out");
+  }
+  if (request.original() && request.frame() != v1::PIXEL_FRAME_UNSPECIFIED) {
+    return BadField("frame", v1::PixelFrame_Name(request.frame()),
+                    "an original is not warped: leave it out");
+  }
+  if (!v1::PixelFrame_IsValid(request.frame())) {
+    return BadField("frame", absl::StrCat(request.frame()), "is not a pixel frame");
+  }
+  return absl::OkStatus();
+}
+
+// A dataset, and the folder of the model that it was named by; empty: it was not.
+struct Parent {
+  SceneChild dataset;
+  std::filesystem::path model;
+};
+
+absl::StatusOr<Parent> FindParent(const ServiceContext& context, const std::string& name) {
+  if (!absl::StrContains(name, "/models/")) {
+    ASSIGN_OR_RETURN(const SceneChild dataset, ParseChildName(name, "datasets", "parent"));
+    return Parent{dataset, {}};
+  }
+  ASSIGN_OR_RETURN(const ModelRow model, FindModel(context, name, "parent"));
+  return Parent{{model.scene, model.dataset}, context.data_folder / model.folder};
+}
+
+absl::StatusOr<std::vector<DatasetFileRow>> ListFiles(const ServiceContext& context,
+                                                      const SceneChild& dataset,
+                                                      const std::string& parent) {
+  const auto row = context.store->GetDataset(dataset.scene, dataset.number);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_DATASET", parent);
+  }
+  RETURN_IF_ERROR(row.status());
+  if (row->state != DatasetState::kSealed) {
+    return WithResource(absl::NotFoundError(absl::StrCat(parent, " is not sealed")),
+                        "NO_SUCH_DATASET", parent);
+  }
+  return context.store->ListDatasetFiles(dataset.scene, dataset.number);
+}
+
+// Whether `photograph` has the name of a frame of the video: "walk_000123.jpg" of
+// "videos/walk.mp4".
+bool IsFrameOf(const DatasetFileRow& video, const std::string& photograph) {
+  const absl::string_view name = WithoutFolder(WithoutFolder(video.path, "videos"), "images");
+  return absl::StartsWith(photograph, absl::StrCat(WithoutSuffix(name), "_"));
+}
+
+absl::StatusOr<DatasetFileRow> FindPhotograph(const std::vector<DatasetFileRow>& files,
+                                              const v1::GetPhotographRequest& request) {
+  const DatasetFileRow* found = nullptr;
+  std::string why = "the dataset has no such photograph";
+  for (const DatasetFileRow& file : files) {
+    if (file.kind == v1::FILE_KIND_VIDEO && IsFrameOf(file, request.photograph())) {
+      why =
+          absl::StrCat("it is a frame of ", file.path, ": only files that were uploaded come back");
+    }
+    if (file.kind != v1::FILE_KIND_IMAGE) continue;
+    const std::string key = PhotoKey(file.path);
+    const bool matches = request.photograph().empty()
+                             ? found == nullptr || key < PhotoKey(found->path)
+                             : key == request.photograph();
+    if (matches) found = &file;
+  }
+  if (found != nullptr) return *found;
+  return WithResource(
+      absl::NotFoundError(absl::StrCat("photograph \"", request.photograph(), "\": ", why)),
+      "NO_SUCH_PHOTOGRAPH", request.parent());
+}
+
+// The model's view of the photograph, as a PhotographTask has it.
+absl::StatusOr<std::string> FindView(const Parent& parent,
+                                     const v1::GetPhotographRequest& request) {
+  if (parent.model.empty()) {
+    return BadField("frame", v1::PixelFrame_Name(request.frame()),
+                    "a dataset has no views: name a model as the parent");
+  }
+  ASSIGN_OR_RETURN(const std::string text,
+                   ReadFile(parent.model / "model.json", "model.json", kMaxModelFactsBytes));
+  Model model;
+  RETURN_IF_ERROR(ParseModelFacts(text, model));
+  for (const ModelView& view : model.views) {
+    if (view.name != request.photograph()) continue;
+    if (!view.photograph) {
+      return WithResource(absl::FailedPreconditionError(absl::StrCat(
+                              request.parent(), " does not know the lenses of its photographs: it ",
+                              "was trained by an older server; train the scene again")),
+                          "NO_LENS", request.parent());
+    }
+    Model one;
+    one.views = {view};
+    return FormatModelFacts(one);
+  }
+  return BadField("photograph", request.photograph(), "the model has no such view");
+}
+
+// By the first bytes of a file.
+std::string ContentType(absl::string_view start) {
+  if (absl::StartsWith(start, "\xff\xd8\xff")) return "image/jpeg";
+  if (absl::StartsWith(start, "\x89PNG")) return "image/png";
+  if (start.size() >= 12 && absl::StartsWith(start, "RIFF") && start.substr(8, 4) == "WEBP") {
+    return "image/webp";
+  }
+  const auto* data = reinterpret_cast<const uint8_t*>(start.data());
+  if (IsHeic({data, start.size()})) return "image/heic";
+  return "application/octet-stream";
+}
+
+}  // namespace
+
+absl::Status GetPhotographStream::OpenOriginal(const DatasetFileRow& file,
+                                               const std::filesystem::path& blob) {
+  ASSIGN_OR_RETURN(file_, OpenFile::ForReading(blob, file.path));
+  std::string start(static_cast<size_t>(std::min<int64_t>(file.size, 16)), '\0');
+  if (!file_->ReadAt(0, start)) {
+    return absl::DataLossError(absl::StrCat(file.path, ": the stored file cannot be read"));
+  }
+  sha256_ = file.sha256;
+  num_bytes_left_ = file.size;
+  v1::GetPhotographResponse::Header& header = *message_.mutable_header();
+  if (file.header == HeaderState::kRead) {
+    header.set_width(file.width);
+    header.set_height(file.height);
+  }
+  header.set_content_type(ContentType(start));
+  header.set_num_bytes(file.size);
+  phase_ = Phase::kSending;
+  return absl::OkStatus();
+}
+
+absl::Status GetPhotographStream::StartMaking(const PhotographTask& task,
+                                              const std::filesystem::path& blob) {
+  phase_ = Phase::kMaking;
+  const bool taken = decoders_.pool->Submit(
+      [self = std::static_pointer_cast<GetPhotographStream>(shared_from_this()), task, blob] {
+        absl::StatusOr<PhotographPicture> made = MakePicture(
+            *self->decoders_.process, task, blob, [&self] { return !self->cancelled(); });
+        {
+          const std::lock_guard lock(self->made_mutex_);
+          self->made_ = std::move(made);
+        }
+        self->Wake();
+      });
+  return taken ? absl::OkStatus() : BusyError();
+}
+
+absl::Status GetPhotographStream::Open() {
+  ASSIGN_OR_RETURN(const Caller caller,
+                   context_.authorizer->AuthorizeAndResolve(origin_, request_));
+  RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
+  RETURN_IF_ERROR(context_.quotas->Admit(caller.project, request_));
+  RETURN_IF_ERROR(CheckPhotographRequest(request_));
+  ASSIGN_OR_RETURN(const Parent parent, FindParent(context_, request_.parent()));
+  ASSIGN_OR_RETURN(const auto files, ListFiles(context_, parent.dataset, request_.parent()));
+  ASSIGN_OR_RETURN(project_, context_.store->ProjectOfScene(parent.dataset.scene));
+  ASSIGN_OR_RETURN(row_, FindPhotograph(files, request_));
+  const DatasetFileRow& file = row_;
+  if (!context_.blobs->Has({project_, file.sha256}, file.size)) {
+    return absl::DataLossError(
+        absl::StrCat(file.path, ": the stored file is missing or has another size"));
+  }
+  const std::filesystem::path blob = context_.blobs->Path({project_, file.sha256});
+  if (request_.original()) return OpenOriginal(file, blob);
+  PhotographTask task;
+  task.name = file.path;
+  task.sha256 = file.sha256;
+  task.max_side = request_.max_side();
+  task.upright = request_.frame() != v1::PIXEL_FRAME_VIEW;
+  if (!task.upright) {
+    ASSIGN_OR_RETURN(task.view, FindView(parent, request_));
+  }
+  return StartMaking(task, blob);
+}
+
+absl::StatusOr<bool> GetPhotographStream::TakePicture() {
+  const std::lock_guard lock(made_mutex_);
+  if (!made_) return false;
+  RETURN_IF_ERROR(made_->status());
+  PhotographPicture& picture = **made_;
+  file_ = std::move(picture.file);
+  offset_ = picture.offset;
+  num_bytes_left_ = picture.num_bytes;
+  v1::GetPhotographResponse::Header& header = *message_.mutable_header();
+  header.set_width(picture.width);
+  header.set_height(picture.height);
+  header.set_content_type("image/jpeg");
+  header.set_num_bytes(picture.num_bytes);
+  phase_ = Phase::kSending;
+  return true;
+}
+
+absl::Status GetPhotographStream::FillChunk() {
+  const int64_t size = std::min(kPhotographChunkBytes, num_bytes_left_);
+  v1::GetPhotographResponse::Chunk& chunk = *message_.mutable_chunk();
+  chunk.mutable_data()->resize(static_cast<size_t>(size));
+  if (!file_->ReadAt(offset_, *chunk.mutable_data())) {
+    return absl::DataLossError(absl::StrCat(row_.path, ": cannot be read to its end"));
+  }
+  chunk.set_crc32c(Crc32c(chunk.data()));
+  offset_ += size;
+  num_bytes_left_ -= size;
+  if (sha256_.empty()) return absl::OkStatus();
+  digest_.Add(chunk.data());
+  if (num_bytes_left_ == 0 && digest_.Hex() != sha256_) {
+    return absl::DataLossError(absl::StrCat(row_.path, ": the stored file fails its SHA-256"));
+  }
+  return absl::OkStatus();
+}
+
+// The decoder is not believed: the file is read again before it is set aside.
+Stream::Step GetPhotographStream::Fail(absl::Status status) {
+  const bool may_be_damaged = absl::IsDataLoss(status) && !row_.path.empty();
+  if (!may_be_damaged) return {Next::kEnd, std::move(status)};
+  phase_ = Phase::kChecking;
+  failure_ = std::move(status);
+  if (!check_.valid()) check_ = decoders_.checker->Check(project_, {row_});
+  if (check_.wait_for(kShortCheck) != std::future_status::ready) {
+    return {Next::kIdle, absl::OkStatus()};  // until the next tick
+  }
+  if (check_.get() == 0) return {Next::kEnd, failure_};
+  return {Next::kEnd, absl::DataLossError(absl::StrCat(failure_.message(), "; upload it again"))};
+}
+
+Stream::Step GetPhotographStream::Work(bool) {
+  absl::Status status;
+  if (phase_ == Phase::kNew) {
+    status = Open();
+    if (status.ok() && phase_ == Phase::kMaking) return {Next::kIdle, absl::OkStatus()};
+  } else if (phase_ == Phase::kMaking) {
+    const absl::StatusOr<bool> taken = TakePicture();
+    if (taken.ok() && !*taken) return {Next::kIdle, absl::OkStatus()};
+    status = taken.status();
+  } else if (phase_ == Phase::kChecking) {
+    status = failure_;
+  } else if (num_bytes_left_ == 0) {
+    return {Next::kEnd, absl::OkStatus()};
+  } else {
+    status = FillChunk();
+  }
+  if (!status.ok()) return Fail(std::move(status));
+  return {Next::kIo, absl::OkStatus()};
+}
+
+}  // namespace pepeseg

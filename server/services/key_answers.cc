@@ -1,0 +1,114 @@
+#include "server/services/key_answers.h"
+
+#include <google/protobuf/util/time_util.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/status_macros.h"
+#include "server/access/api_key.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr std::string_view kCollection = "keys/";
+constexpr size_t kIdLength = 16;
+
+v1::ApiKey KeyToProto(const KeyRow& row) {
+  v1::ApiKey key;
+  key.set_name(absl::StrCat("keys/", row.id));
+  key.set_project(row.project);
+  key.set_display_name(row.display_name);
+  for (int scope = v1::SCOPE_READ; scope <= v1::SCOPE_OPERATE; ++scope) {
+    if ((row.scopes & ScopeBit(static_cast<v1::Scope>(scope))) != 0) {
+      key.add_scopes(static_cast<v1::Scope>(scope));
+    }
+  }
+  *key.mutable_create_time() = ToProto(row.create_time);
+  if (row.expire_time != absl::InfinitePast())
+    *key.mutable_expire_time() = ToProto(row.expire_time);
+  if (row.revoke_time != absl::InfinitePast())
+    *key.mutable_revoke_time() = ToProto(row.revoke_time);
+  return key;
+}
+
+absl::StatusOr<int> ScopesFromProto(const v1::CreateKeyRequest& request) {
+  int scopes = 0;
+  for (int i = 0; i < request.scopes_size(); ++i) {
+    const auto scope = static_cast<v1::Scope>(request.scopes(i));
+    if (scope < v1::SCOPE_READ || scope > v1::SCOPE_OPERATE) {
+      return BadField(absl::StrCat("scopes[", i, "]"), absl::StrCat(static_cast<int>(scope)),
+                      "no scope");
+    }
+    scopes |= ScopeBit(scope);
+  }
+  if (scopes == 0) return BadField("scopes", "", "at least one is needed");
+  return scopes;
+}
+
+absl::StatusOr<absl::Time> ExpiryFromProto(const v1::CreateKeyRequest& request) {
+  if (!request.has_expire_time()) return absl::InfinitePast();
+  using google::protobuf::util::TimeUtil;
+  const auto& asked = request.expire_time();
+  const absl::Time time = absl::FromUnixSeconds(asked.seconds()) + absl::Nanoseconds(asked.nanos());
+  if (time > absl::Now() && asked.seconds() <= TimeUtil::kTimestampMaxSeconds) return time;
+  return BadField("expire_time", absl::FormatTime(time, absl::UTCTimeZone()),
+                  "not a time in the future");
+}
+
+absl::StatusOr<std::string> ParseKeyName(const std::string& name) {
+  const std::string id = name.substr(std::min(name.size(), kCollection.size()));
+  const bool is_hex = std::all_of(id.begin(), id.end(), [](char c) {
+    return absl::ascii_isdigit(c) || (c >= 'a' && c <= 'f');
+  });
+  if (name.starts_with(kCollection) && id.size() == kIdLength && is_hex) return id;
+  return BadField("name", name, "not of the form keys/{16 hex digits}");
+}
+
+}  // namespace
+
+absl::Status AnswerCreateKey(Store& store, const v1::CreateKeyRequest& request,
+                             v1::CreateKeyResponse* response) {
+  RETURN_IF_ERROR(CheckProject(request.project(), "project"));
+  RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
+  ASSIGN_OR_RETURN(const int scopes, ScopesFromProto(request));
+  ASSIGN_OR_RETURN(const absl::Time expire_time, ExpiryFromProto(request));
+  ASSIGN_OR_RETURN(NewKey key, MakeKey());
+  key.row.project = request.project();
+  key.row.display_name = request.display_name();
+  key.row.scopes = scopes;
+  key.row.expire_time = expire_time;
+  ASSIGN_OR_RETURN(const KeyRow made, store.CreateKey(key.row));
+  *response->mutable_key() = KeyToProto(made);
+  response->set_secret(key.secret);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerListKeys(Store& store, const v1::ListKeysRequest& request,
+                            v1::ListKeysResponse* response) {
+  if (!request.project().empty()) RETURN_IF_ERROR(CheckProject(request.project(), "project"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<KeyRow> keys, store.ListKeys(request.project(), page));
+  for (const KeyRow& row : keys.rows) *response->add_keys() = KeyToProto(row);
+  response->set_next_page_token(keys.next_page_token);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerRevokeKey(Store& store, const v1::RevokeKeyRequest& request,
+                             v1::ApiKey* response) {
+  ASSIGN_OR_RETURN(const std::string id, ParseKeyName(request.name()));
+  const auto key = store.RevokeKey(id);
+  if (!key.ok()) return WithResource(key.status(), "NO_SUCH_KEY", request.name());
+  *response = KeyToProto(*key);
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg

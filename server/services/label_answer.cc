@@ -1,0 +1,131 @@
+#include "server/services/label_answer.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/formats/rle.h"
+#include "server/api/error.h"
+#include "server/api/pixel_frame.h"
+#include "server/api/read_mask.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+#include "server/services/model_lookup.h"
+#include "server/services/read_prompt.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxTextBytes = 256;
+
+v1::Label WithoutMask(const LabelRow& row) {
+  v1::Label proto;
+  proto.set_name(LabelName(row.scene, row.id));
+  proto.set_text(row.text);
+  proto.set_view(row.view);
+  proto.set_area(row.area);
+  *proto.mutable_create_time() = ToProto(row.create_time);
+  return proto;
+}
+
+// In the pixels of the view.
+v1::CocoRle StoredRle(const LabelRow& row) {
+  v1::CocoRle rle;
+  rle.set_width(row.width);
+  rle.set_height(row.height);
+  rle.set_counts(row.counts);
+  return rle;
+}
+
+v1::CocoRle Rle(const BinaryMask& mask, int width, int height) {
+  v1::CocoRle rle;
+  rle.set_width(width);
+  rle.set_height(height);
+  rle.set_counts(EncodeCocoRle(mask, width, height));
+  return rle;
+}
+
+absl::Status CheckCreate(const v1::CreateLabelRequest& request) {
+  RETURN_IF_ERROR(CheckId(request.label_id(), "label_id"));
+  const size_t size = request.label().text().size();
+  if (size > kMaxTextBytes) {
+    return BadField("label.text", absl::StrCat(size),
+                    absl::StrCat("bytes; allowed are ", kMaxTextBytes));
+  }
+  return CheckRequestId(request.request_id());
+}
+
+// A label as it was given, and as it is kept: with its mask in the view.
+struct GivenLabel {
+  LabelRow row;
+  v1::CocoRle mask;  // in the frame of the request
+};
+
+// Its view and mask are checked against the live model.
+absl::StatusOr<GivenLabel> ReadLabel(const ServiceContext& context,
+                                     const v1::CreateLabelRequest& request) {
+  GivenLabel given;
+  LabelRow& row = given.row;
+  ASSIGN_OR_RETURN(row.scene, ParseSceneName(request.parent(), "parent"));
+  RETURN_IF_ERROR(CheckCreate(request));
+  RETURN_IF_ERROR(CheckFrame(request.frame()));
+  const v1::Label& label = request.label();
+  ASSIGN_OR_RETURN(const ResidentModel model,
+                   LoadModel(context, request.parent() + "/models/live", "parent"));
+  ASSIGN_OR_RETURN(const ModelView view,
+                   FindView(label.view(), model.segmenter->model(), "label.view"));
+  const ImageOfView image = ImageOf(view, request.frame());
+  ASSIGN_OR_RETURN(BinaryMask mask, ReadMask(label.mask(), image, "label.mask"));
+  given.mask = Rle(mask, image.frame.width(), image.frame.height());
+  row.area = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
+  ASSIGN_OR_RETURN(mask, TakeToView(std::move(mask), image, "label.mask"));
+  row.id = request.label_id();
+  row.text = label.text().empty() ? row.id : label.text();
+  row.view = view.name;
+  row.width = view.camera.width;
+  row.height = view.camera.height;
+  row.counts = EncodeCocoRle(mask, row.width, row.height);
+  row.request_id = request.request_id();
+  return given;
+}
+
+}  // namespace
+
+absl::Status AnswerCreateLabel(const ServiceContext& context, const v1::CreateLabelRequest& request,
+                               v1::Label* response) {
+  ASSIGN_OR_RETURN(const GivenLabel given, ReadLabel(context, request));
+  const LabelRow& label = given.row;
+  const auto made = context.store->CreateLabel(label);
+  if (absl::IsAlreadyExists(made.status())) {
+    return WithResource(made.status(), "LABEL_EXISTS", LabelName(label.scene, label.id));
+  }
+  RETURN_IF_ERROR(made.status());
+  *response = WithoutMask(*made);
+  // A retry brings the mask that the first request brought, and gets it again.
+  v1::CocoRle& mask = *response->mutable_mask()->mutable_rle();
+  mask = made->counts == label.counts ? given.mask : StoredRle(*made);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerListLabels(const ServiceContext& context, const v1::ListLabelsRequest& request,
+                              v1::ListLabelsResponse* response) {
+  ASSIGN_OR_RETURN(const std::string scene, ParseSceneName(request.parent(), "parent"));
+  ASSIGN_OR_RETURN(const PageRequest page,
+                   PageFromProto(request.page_size(), request.page_token()));
+  ASSIGN_OR_RETURN(const Page<LabelRow> labels, context.store->ListLabels(scene, page));
+  for (const LabelRow& row : labels.rows) *response->add_labels() = WithoutMask(row);
+  response->set_next_page_token(labels.next_page_token);
+  return absl::OkStatus();
+}
+
+absl::Status AnswerDeleteLabel(const ServiceContext& context,
+                               const v1::DeleteLabelRequest& request) {
+  ASSIGN_OR_RETURN(const SceneLabel label, ParseLabelName(request.name(), "name"));
+  absl::Status deleted = context.store->DeleteLabel(label.scene, label.id);
+  if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
+  return deleted;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,58 @@
+#include "server/services/segment_lookup.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/api/error.h"
+
+namespace pepeseg {
+
+absl::StatusOr<std::vector<double>> ReadScales(
+    const google::protobuf::RepeatedField<double>& scales, const std::string& field) {
+  if (scales.empty()) {
+    return std::vector<double>(kDefaultDecompositionScales.begin(),
+                               kDefaultDecompositionScales.end());
+  }
+  if (scales.size() > kMaxLevels) {
+    return BadField(field, absl::StrCat(scales.size()),
+                    absl::StrCat("scales; allowed are ", kMaxLevels));
+  }
+  for (int i = 0; i < scales.size(); ++i) {
+    const std::string of_scale = absl::StrCat(field, "[", i, "]");
+    if (!(scales[i] >= 0 && scales[i] <= 1)) {  // true for NaN
+      return BadField(of_scale, absl::StrCat(scales[i]), "not in [0, 1]");
+    }
+    if (i > 0 && scales[i] <= scales[i - 1]) {
+      return BadField(of_scale, absl::StrCat(scales[i]),
+                      absl::StrCat("not over the scale before, ", scales[i - 1]));
+    }
+  }
+  return std::vector<double>(scales.begin(), scales.end());
+}
+
+absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string& field) {
+  if (level >= 0 && static_cast<size_t>(level) < num_levels) return absl::OkStatus();
+  return BadField(field, absl::StrCat(level),
+                  absl::StrCat("no level of ", num_levels, ", which are counted from 0"));
+}
+
+absl::StatusOr<GaussianSet> FindSegment(const Segmenter& segmenter, const v1::SegmentRef& segment,
+                                        const std::string& field) {
+  ASSIGN_OR_RETURN(const std::vector<double> scales,
+                   ReadScales(segment.scales(), field + ".scales"));
+  RETURN_IF_ERROR(CheckLevelField(segment.level(), scales.size(), field + ".level"));
+  GaussianSet found;
+  const auto find = [&](const Decomposition& whole) -> absl::Status {
+    const size_t num_segments = whole.levels[segment.level()].segments.size();
+    if (segment.id() < 1 || static_cast<size_t>(segment.id()) > num_segments) {
+      return BadField(field + ".id", absl::StrCat(segment.id()),
+                      absl::StrCat("no segment; level ", segment.level(), " has ", num_segments,
+                                   ", which are counted from 1"));
+    }
+    ASSIGN_OR_RETURN(found, MembersOf(whole, segment.level(), segment.id()));
+    return absl::OkStatus();
+  };
+  RETURN_IF_ERROR(segmenter.WithDecomposition(scales, find));
+  return found;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,165 @@
+#include "server/services/watch_job.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/status_macros.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+#include "server/api/rows_to_proto.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr absl::Duration kHeartbeat = absl::Seconds(10);
+constexpr absl::Duration kRetryAfter = absl::Seconds(5);
+
+bool IsTerminal(v1::JobState state) {
+  return state != v1::JOB_STATE_QUEUED && state != v1::JOB_STATE_RUNNING;
+}
+
+// What a client gets to know of why a job stands still; the log has the rest.
+absl::Status HeldUpError(const std::string& job, const absl::Status& obstacle) {
+  const bool full = absl::IsResourceExhausted(obstacle);
+  const bool away = absl::IsUnavailable(obstacle);
+  v1::ErrorDetail detail;
+  detail.set_reason(full ? kDiskFull : "JOB_HELD_UP");
+  detail.set_resource(JobName(job));
+  detail.mutable_retry_after()->set_seconds(absl::ToInt64Seconds(kRetryAfter));
+  const char* cause = full   ? "the server's disk is full"
+                      : away ? "the server cannot reach its database or open its files now"
+                             : "the server cannot write to its database or its files now";
+  return WithDetail(
+      absl::UnavailableError(absl::StrCat(
+          detail.resource(), ": ", cause,
+          ", so that the state of the job cannot be written; it is tried again until it can")),
+      detail);
+}
+
+}  // namespace
+
+absl::StatusOr<JobSnapshot> ReadJob(const ServiceContext& context, const std::string& id) {
+  // Events first: a row that is newer than the sequence only means that an event repeats it.
+  const auto newest = context.supervisor->FindNewest(id);
+  const auto row = context.store->GetJob(id);
+  if (absl::IsNotFound(row.status())) {
+    return WithResource(row.status(), "NO_SUCH_JOB", JobName(id));
+  }
+  RETURN_IF_ERROR(row.status());
+  RETURN_IF_ERROR(newest.status());
+  JobSnapshot snapshot{ToProto(*row), newest->sequence};
+  if (newest->progress.has_value()) *snapshot.job.mutable_progress() = *newest->progress;
+  return snapshot;
+}
+
+absl::Status WatchJobStream::Start() {
+  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(origin_, request_));
+  RETURN_IF_ERROR(Admit(OwnerOf(caller, origin_)));
+  ASSIGN_OR_RETURN(id_, ParseJobName(request_.name(), "name"));
+  // Before the snapshot, so that nothing falls between.
+  watch_ = context_.supervisor->AddWatch(id_, [weak = weak_from_this()] {
+    if (const auto stream = weak.lock()) stream->Wake();
+  });
+  ASSIGN_OR_RETURN(JobSnapshot snapshot, ReadJob(context_, id_));
+  sequence_ = snapshot.sequence;
+  if (request_.has_after_sequence()) {
+    const int64_t after = request_.after_sequence();
+    if (after < 0) return BadField("after_sequence", absl::StrCat(after), "is negative");
+    if (after > snapshot.sequence) {
+      ASSIGN_OR_RETURN(snapshot.sequence, FindNewestInLog(snapshot.sequence));
+    }
+    if (after > snapshot.sequence) {
+      v1::ErrorDetail detail;
+      detail.set_reason("NO_SUCH_EVENT");
+      detail.set_field("after_sequence");
+      detail.set_value(absl::StrCat(after));
+      detail.set_limit(absl::StrCat(snapshot.sequence));
+      return WithDetail(
+          absl::OutOfRangeError(absl::StrCat(
+              "after_sequence: ", after, ", the newest event of the job is ", snapshot.sequence)),
+          detail);
+    }
+    sequence_ = after;
+  }
+  reader_.emplace(context_.supervisor->ReadEvents(id_, sequence_));
+  SeeState(snapshot.job.state());
+  v1::JobEvent event;
+  event.set_sequence(sequence_);
+  *event.mutable_time() = ToProto(absl::Now());
+  *event.mutable_snapshot() = std::move(snapshot.job);
+  pending_.push_back(std::move(event));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<int64_t> WatchJobStream::FindNewestInLog(int64_t seen) const {
+  EventLogReader reader = context_.supervisor->ReadEvents(id_, seen);
+  while (true) {
+    ASSIGN_OR_RETURN(const std::vector<v1::JobEvent> events, reader.Read());
+    if (events.empty()) return seen;
+    seen = events.back().sequence();
+  }
+}
+
+absl::Status WatchJobStream::ReadMore() {
+  ASSIGN_OR_RETURN(std::vector<v1::JobEvent> events, reader_->Read());
+  for (v1::JobEvent& event : events) {
+    if (event.has_progress() && !pending_.empty() && pending_.back().has_progress()) {
+      pending_.pop_back();
+    }
+    pending_.push_back(std::move(event));
+  }
+  return absl::OkStatus();
+}
+
+Stream::Step WatchJobStream::Work(bool) {
+  if (!reader_.has_value()) {
+    if (absl::Status status = Start(); !status.ok()) return {Next::kEnd, std::move(status)};
+  } else if (pending_.empty() || pending_.back().has_progress()) {
+    if (absl::Status status = ReadMore(); !status.ok()) return {Next::kEnd, std::move(status)};
+  }
+  if (!pending_.empty()) {
+    v1::JobEvent event = std::move(pending_.front());
+    pending_.pop_front();
+    return Send(std::move(event));
+  }
+  if (ended_) return {Next::kEnd, absl::OkStatus()};
+  return SendHeartbeatWhenDue();
+}
+
+void WatchJobStream::SeeState(v1::JobState state) {
+  queued_ = state == v1::JOB_STATE_QUEUED;
+  ended_ = IsTerminal(state);
+}
+
+Stream::Step WatchJobStream::Send(v1::JobEvent event) {
+  if (event.has_state_changed()) SeeState(event.state_changed().state());
+  sequence_ = event.sequence();
+  last_send_ = absl::Now();
+  message_ = std::move(event);
+  return {Next::kIo, absl::OkStatus()};
+}
+
+Stream::Step WatchJobStream::SendHeartbeatWhenDue() {
+  const absl::Status obstacle = context_.supervisor->FindObstacle(id_, queued_);
+  if (obstacle.ok() && absl::Now() - last_send_ < kHeartbeat) {
+    return {Next::kIdle, absl::OkStatus()};
+  }
+  // An end whose event a crash has lost, or cannot be written, must not keep its watchers for ever.
+  auto snapshot = ReadJob(context_, id_);
+  if (!snapshot.ok()) return {Next::kEnd, snapshot.status()};
+  v1::JobEvent event;
+  event.set_sequence(sequence_);
+  *event.mutable_time() = ToProto(absl::Now());
+  if (IsTerminal(snapshot->job.state()) && snapshot->sequence == sequence_) {
+    ended_ = true;
+    *event.mutable_snapshot() = std::move(snapshot->job);
+  } else if (!obstacle.ok()) {
+    return {Next::kEnd, HeldUpError(id_, obstacle)};
+  } else {
+    event.mutable_heartbeat();
+  }
+  return Send(std::move(event));
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,238 @@
+#include "server/services/write_files.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/crc32c.h"
+#include "core/base/status_macros.h"
+#include "server/api/error.h"
+#include "server/api/resource_name.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr size_t kMaxChunkBytes = size_t{4} << 20;
+// Bytes of a file that may come before the stream finds out that its upload was deleted. They count
+// in no quota.
+constexpr int64_t kCheckedBytes = int64_t{32} << 20;
+
+absl::Status OutOfOrder(const std::string& what) {
+  v1::ErrorDetail detail;
+  detail.set_reason("OUT_OF_ORDER");
+  detail.set_field("part");
+  return WithDetail(absl::InvalidArgumentError(what), detail);
+}
+
+absl::Status BusyFile(const std::string& path) {
+  v1::ErrorDetail detail;
+  detail.set_reason("FILE_BUSY");
+  detail.set_resource(path);
+  detail.mutable_retry_after()->set_seconds(1);
+  return WithDetail(absl::AbortedError(absl::StrCat(path, ": another stream writes it just now")),
+                    detail);
+}
+
+// Commits what has ended, and keeps what came of the file on its way unless the upload is gone.
+absl::Status Close(const ServiceContext& context, const UploadName& upload, WriteGroup group,
+                   std::shared_ptr<BlobWriter> writer) {
+  absl::Status status = group.Commit(*context.store);
+  if (writer == nullptr) return status;
+  writer.reset();
+  if (absl::IsNotFound(context.store->GetDataset(upload.scene, upload.number).status())) {
+    context.blobs->RemovePartial(upload);
+  }
+  return status;
+}
+
+}  // namespace
+
+Stream::Step WriteFilesStream::Work(bool io_ok) {
+  if (!caller_.has_value()) {
+    absl::Status status = BeginCall();
+    if (!status.ok()) return {Next::kEnd, std::move(status)};
+    return {Next::kIo, absl::OkStatus()};
+  }
+  got_message_ = true;
+  if (writer_ != nullptr && !writer_->ready()) return Rehash();
+  if (!io_ok) message_.Clear();
+  absl::Status status = Authorize(message_);
+  if (!status.ok()) return End(std::move(status));
+  if (!io_ok) {
+    if (!in_file_) return End(absl::OkStatus());  // commits the last group
+    return End(OutOfOrder(absl::StrCat(file_.path, ": the stream ended before its end")));
+  }
+  status = Take(message_);
+  if (!status.ok()) return End(std::move(status));
+  if (writer_ != nullptr && !writer_->ready()) return Rehash();
+  return {Next::kIo, absl::OkStatus()};
+}
+
+Stream::Step WriteFilesStream::Rehash() {
+  absl::Status status = OfFile(file_.path, writer_->Rehash());
+  if (!status.ok()) return End(std::move(status));
+  if (writer_->ready()) return {Next::kIo, absl::OkStatus()};
+  Wake();  // once more, after what waits for the pool
+  return {Next::kIdle, absl::OkStatus()};
+}
+
+void WriteFilesStream::OnClosed() {
+  if (writer_ == nullptr && group_.empty()) return;
+  // After the pool has stopped, no reaction is left to be held up.
+  context_.upload_pool->SubmitAlways([context = context_, upload = upload_,
+                                      group = std::move(group_),
+                                      writer = std::move(writer_)]() mutable {
+    Close(context, upload, std::move(group), std::move(writer)).IgnoreError();
+  });
+}
+
+absl::Duration WriteFilesStream::io_limit() const {
+  return got_message_ ? absl::InfiniteDuration() : context_.streams->limits().first_message;
+}
+
+absl::Status WriteFilesStream::BeginCall() {
+  ASSIGN_OR_RETURN(const Caller caller, context_.authorizer->Authorize(
+                                            origin_, v1::WriteFilesRequest::default_instance()));
+  caller_ = caller;
+  return Admit(OwnerOf(caller, origin_));
+}
+
+absl::Status WriteFilesStream::Authorize(v1::WriteFilesRequest& part) {
+  if (!part.has_header()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(caller_, context_.authorizer->AuthorizeAndResolve(origin_, part));
+  // A line for each upload, not for each of its files; at once, since a stream may be cut off.
+  if (named_.header().upload() != part.header().upload()) {
+    context_.authorizer->Record(origin_, *caller_, part, absl::OkStatus());
+  }
+  named_ = part;
+  return absl::OkStatus();
+}
+
+Stream::Step WriteFilesStream::End(absl::Status status) {
+  // Keeps what came here, not in a reaction. Of two errors the first one is the cause.
+  status.Update(Close(context_, upload_, std::exchange(group_, {}), std::exchange(writer_, {})));
+  if (!status.ok() && named_.has_header()) {
+    context_.authorizer->Record(origin_, *caller_, named_, status);
+  }
+  return {Next::kEnd, std::move(status)};
+}
+
+absl::Status WriteFilesStream::Take(const v1::WriteFilesRequest& part) {
+  if (part.has_header()) {
+    if (in_file_) return OutOfOrder(absl::StrCat(file_.path, ": no end before the next header"));
+    return BeginFile(part.header());
+  }
+  if (!in_file_) return OutOfOrder("a chunk, an end or nothing where a header must be");
+  if (part.has_chunk()) return OfFile(file_.path, TakeChunk(part.chunk()));
+  if (part.has_end()) return EndFile();
+  return OutOfOrder(absl::StrCat(file_.path, ": a message that is no part"));
+}
+
+absl::Status WriteFilesStream::BeginFile(const v1::WriteFilesRequest::Header& header) {
+  ASSIGN_OR_RETURN(const SceneChild upload,
+                   ParseChildName(header.upload(), "uploads", "header.upload"));
+  RETURN_IF_ERROR(FindFile(header, upload));
+  // The bytes that an ended file of the group has are as good as stored.
+  if (group_.Holds(file_.sha256, file_.size)) {
+    writer_ = nullptr;
+  } else {
+    auto writer = context_.blobs->Begin(upload_, file_.sha256, file_.size);
+    if (absl::IsAborted(writer.status())) return BusyFile(file_.path);
+    RETURN_IF_ERROR(OfFile(file_.path, writer.status()));
+    writer_ = *std::move(writer);
+  }
+  RETURN_IF_ERROR(StartAt(header));
+  file_bytes_ = header.offset();
+  sent_bytes_ = 0;
+  in_file_ = true;
+  return absl::OkStatus();
+}
+
+// Clients send files in the order of GetUpload, by path: a query for each hundred.
+absl::Status WriteFilesStream::FindFile(const v1::WriteFilesRequest::Header& header,
+                                        const SceneChild& upload) {
+  const std::string path(Utf8Prefix(header.path(), 512));
+  const bool same = upload_.scene == upload.scene && upload_.number == upload.number;
+  if (!same) RETURN_IF_ERROR(group_.Commit(*context_.store));  // it is the other upload's
+  if (!same || !listed_.contains(path)) {
+    RETURN_IF_ERROR(ListFrom(path, header.upload(), upload));
+  }
+  const auto found = listed_.find(path);
+  if (found == listed_.end()) {
+    // NOT_FOUND that names the upload and the file.
+    return context_.store->GetDatasetFile(upload.scene, upload.number, path).status();
+  }
+  file_ = found->second;
+  return absl::OkStatus();
+}
+
+absl::Status WriteFilesStream::ListFrom(const std::string& path, const std::string& name,
+                                        const SceneChild& upload) {
+  constexpr int64_t kListed = 256;
+  Store& store = *context_.store;
+  listed_.clear();
+  ASSIGN_OR_RETURN(const DatasetRow row, store.GetDataset(upload.scene, upload.number));
+  if (row.state == DatasetState::kSealed) {
+    return WithResource(absl::FailedPreconditionError(absl::StrCat(name, " is sealed")), "SEALED",
+                        name);
+  }
+  ASSIGN_OR_RETURN(const std::string project, store.ProjectOfScene(upload.scene));
+  ASSIGN_OR_RETURN(auto files,
+                   store.ListDatasetFilesFrom(upload.scene, upload.number, path, kListed));
+  for (DatasetFileRow& file : files) listed_.emplace(file.path, std::move(file));
+  upload_ = {project, upload.scene, upload.number};
+  return absl::OkStatus();
+}
+
+// Of a file that is stored already the bytes do not matter, but for their number.
+absl::Status WriteFilesStream::StartAt(const v1::WriteFilesRequest::Header& header) {
+  const bool stored = writer_ == nullptr;
+  if (stored && header.offset() >= 0 && header.offset() <= file_.size) return absl::OkStatus();
+  const int64_t committed = stored ? file_.size : writer_->committed();
+  absl::Status status = stored
+                            ? absl::OutOfRangeError(absl::StrCat("the offset is ", header.offset(),
+                                                                 " of ", file_.size, " bytes"))
+                            : writer_->Start(header.offset());
+  if (status.ok()) return status;
+  if (!absl::IsOutOfRange(status)) return OfFile(file_.path, status);
+  v1::ErrorDetail detail;
+  detail.set_reason("WRONG_OFFSET");
+  detail.set_field("header.offset");
+  detail.set_resource(file_.path);
+  detail.set_value(absl::StrCat(header.offset()));
+  detail.set_limit(absl::StrCat(committed));
+  return WithDetail(absl::OutOfRangeError(absl::StrCat(file_.path, ": ", status.message())),
+                    detail);
+}
+
+absl::Status WriteFilesStream::TakeChunk(const v1::WriteFilesRequest::Chunk& chunk) {
+  if (chunk.data().empty() || chunk.data().size() > kMaxChunkBytes) {
+    return absl::InvalidArgumentError(absl::StrCat("a chunk of ", chunk.data().size(),
+                                                   " bytes, allowed are 1..", kMaxChunkBytes));
+  }
+  const uint32_t crc = Crc32c(chunk.data());
+  if (crc != chunk.crc32c()) {
+    return absl::DataLossError(absl::StrCat("the chunk at byte ", file_bytes_, " has the CRC-32C ",
+                                            absl::Hex(crc, absl::kZeroPad8), ", sent was ",
+                                            absl::Hex(chunk.crc32c(), absl::kZeroPad8)));
+  }
+  file_bytes_ += static_cast<int64_t>(chunk.data().size());
+  sent_bytes_ += static_cast<int64_t>(chunk.data().size());
+  if (writer_ == nullptr) return absl::OkStatus();
+  unchecked_bytes_ += static_cast<int64_t>(chunk.data().size());
+  if (unchecked_bytes_ >= kCheckedBytes) {
+    RETURN_IF_ERROR(context_.store->GetDataset(upload_.scene, upload_.number).status());
+    unchecked_bytes_ = 0;
+  }
+  return writer_->Append(chunk.data());
+}
+
+absl::Status WriteFilesStream::EndFile() {
+  if (writer_ != nullptr) RETURN_IF_ERROR(OfFile(file_.path, writer_->Finish()));
+  group_.Add(upload_, {file_, std::exchange(writer_, nullptr)});
+  in_file_ = false;
+  response_->set_num_files(response_->num_files() + 1);
+  response_->set_num_bytes(response_->num_bytes() + sent_bytes_);
+  return group_.due() ? group_.Commit(*context_.store) : absl::OkStatus();
+}
+
+}  // namespace pepeseg

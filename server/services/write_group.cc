@@ -1,0 +1,135 @@
+#include "server/services/write_group.h"
+
+#include <linux/magic.h>
+#include <sys/statfs.h>
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <set>
+#include <utility>
+
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/private_error.h"
+#include "core/base/status_macros.h"
+#include "server/api/error.h"
+#include "server/services/file_header.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMaxGroupFiles = 128;  // each keeps a descriptor open
+constexpr int64_t kMaxBytes = int64_t{32} << 20;
+constexpr absl::Duration kMaxAge = absl::Seconds(1);
+// From this many files on one sync of the file system takes less time than one of each file. It
+// also waits for what others have written there, so that fewer files do not ask for it.
+constexpr size_t kManyFiles = 16;
+
+// Since Linux 5.8 syncfs reports that bytes were lost.
+bool KernelReportsErrors() {
+  utsname name{};
+  int major = 0;
+  int minor = 0;
+  if (uname(&name) != 0 || std::sscanf(name.release, "%d.%d", &major, &minor) != 2) return false;
+  return major > 5 || (major == 5 && minor >= 8);
+}
+
+// Whether syncfs does for all files what fsync does for one: on local file systems that are known
+// to. Those in user space and on networks may not.
+bool SyncsAsAWhole(int descriptor) {
+  static const bool reports = KernelReportsErrors();
+  constexpr int64_t kXfs = 0x58465342;
+  struct statfs system {};
+  if (!reports || fstatfs(descriptor, &system) != 0) return false;
+  const auto type = static_cast<int64_t>(system.f_type);
+  return type == EXT4_SUPER_MAGIC || type == kXfs || type == BTRFS_SUPER_MAGIC ||
+         type == TMPFS_MAGIC;
+}
+
+// The folders' new names.
+absl::Status SyncFolders(const std::vector<WriteGroup::File>& files) {
+  std::set<fs::path> folders;
+  for (const auto& file : files) {
+    if (file.writer != nullptr) folders.insert(file.writer->blob().parent_path());
+  }
+  for (const fs::path& folder : folders) RETURN_IF_ERROR(SyncFolder(folder));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status OfFile(const std::string& path, const absl::Status& status) {
+  if (status.ok()) return status;
+  v1::ErrorDetail detail;
+  detail.set_reason(absl::IsDataLoss(status)            ? "BYTES_MISMATCH"
+                    : absl::IsResourceExhausted(status) ? kDiskFull
+                                                        : "BAD_FILE");
+  detail.set_resource(path);
+  return WithDetail(WithPrefix(path + ": ", status), detail);
+}
+
+bool WriteGroup::due() const {
+  return files_.size() >= kMaxGroupFiles || num_bytes_ >= kMaxBytes ||
+         absl::Now() - since_ > kMaxAge;
+}
+
+bool WriteGroup::Holds(const std::string& sha256, int64_t size) const {
+  return std::any_of(files_.begin(), files_.end(), [&](const File& file) {
+    return file.row.sha256 == sha256 && file.row.size == size;
+  });
+}
+
+void WriteGroup::Add(const UploadName& upload, File file) {
+  if (files_.empty()) {
+    upload_ = upload;
+    since_ = absl::Now();
+  }
+  if (file.writer != nullptr) num_bytes_ += file.writer->size();
+  files_.push_back(std::move(file));
+}
+
+absl::Status WriteGroup::Sync(const std::vector<File>& files) {
+  for (const File& file : files) {
+    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Sync()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteGroup::Publish(std::vector<File>& files) {
+  std::vector<int> written;
+  for (const File& file : files) {
+    if (file.writer != nullptr) written.push_back(file.writer->descriptor());
+  }
+  const bool as_a_whole = written.size() >= kManyFiles && SyncsAsAWhole(written[0]);
+  // The first file was opened before any of the bytes were written, so that this sync reports the
+  // loss of any. Each file is then asked for itself: the others' bytes are there.
+  if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(Sync(files));
+  for (const File& file : files) {
+    if (file.writer != nullptr) RETURN_IF_ERROR(OfFile(file.row.path, file.writer->Publish()));
+  }
+  if (!as_a_whole || syncfs(written[0]) != 0) RETURN_IF_ERROR(SyncFolders(files));
+  // Read while it is in the system's memory. What cannot be read now is when a training needs it.
+  for (File& file : files) {
+    if (file.writer != nullptr) ReadFileHeader(file.writer->blob(), file.row).IgnoreError();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteGroup::Commit(Store& store) {
+  if (files_.empty()) return absl::OkStatus();
+  std::vector<File> files = std::exchange(files_, {});
+  num_bytes_ = 0;
+  since_ = absl::InfiniteFuture();
+  RETURN_IF_ERROR(Publish(files));
+  std::vector<DatasetFileRow> rows;
+  rows.reserve(files.size());
+  for (File& file : files) rows.push_back(std::move(file.row));
+  return store.MarkFilesStored(upload_, rows);
+}
+
+}  // namespace pepeseg
