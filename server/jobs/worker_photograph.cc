@@ -21,8 +21,8 @@
 #include "core/formats/heic_header.h"
 #include "core/formats/picture.h"
 #include "core/model_files/model_facts.h"
-#include "server/jobs/worker_limits.h"
-#include "server/jobs/worker_sandbox.h"
+#include "server/worker/sandbox/worker_limits.h"
+#include "server/worker/sandbox/worker_sandbox.h"
 #include "server/worker_protocol/photograph_task.h"
 
 namespace pepeseg {

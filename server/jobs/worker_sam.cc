@@ -15,7 +15,7 @@
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/joined_masks.h"
 #include "core/priors/sam/sam_needs.h"
-#include "server/jobs/worker_limits.h"
+#include "server/worker/sandbox/worker_limits.h"
 
 namespace pepeseg {
 namespace {

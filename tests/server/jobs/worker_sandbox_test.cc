@@ -1,6 +1,6 @@
 // What a worker could be made to do by a file that it decodes: each tried in a process of its own
 // that has entered the sandbox.
-#include "server/jobs/worker_sandbox.h"
+#include "server/worker/sandbox/worker_sandbox.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
@@ -31,7 +31,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/jobs/sanitizers.h"
+#include "server/worker/sandbox/sanitizers.h"
 #include "server/worker_protocol/landlock_version.h"
 #include "tests/server/jobs/listening_socket.h"
 #include "tests/testing/temp_folder.h"

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_sandbox.h"
+#include "server/worker/sandbox/worker_sandbox.h"
 
 #include <fcntl.h>
 #include <sched.h>
@@ -18,9 +18,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "server/jobs/sanitizers.h"
-#include "server/jobs/worker_landlock.h"
-#include "server/jobs/worker_system_calls.h"
+#include "server/worker/sandbox/sanitizers.h"
+#include "server/worker/sandbox/worker_landlock.h"
+#include "server/worker/sandbox/worker_system_calls.h"
 
 namespace pepeseg {
 namespace {

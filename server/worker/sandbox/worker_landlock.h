@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "server/jobs/worker_sandbox.h"
+#include "server/worker/sandbox/worker_sandbox.h"
 
 namespace pepeseg {
 

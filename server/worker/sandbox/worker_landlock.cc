@@ -1,4 +1,4 @@
-#include "server/jobs/worker_landlock.h"
+#include "server/worker/sandbox/worker_landlock.h"
 
 #include <dlfcn.h>
 #include <fcntl.h>

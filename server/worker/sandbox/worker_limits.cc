@@ -1,4 +1,4 @@
-#include "server/jobs/worker_limits.h"
+#include "server/worker/sandbox/worker_limits.h"
 
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -13,7 +13,7 @@
 
 #include "core/base/status_macros.h"
 #include "kernels/host_memory.h"
-#include "server/jobs/sanitizers.h"
+#include "server/worker/sandbox/sanitizers.h"
 
 namespace pepeseg {
 namespace {
