@@ -47,7 +47,7 @@ struct ServerOptions {
   std::filesystem::path lpips_weights;  // ONNX: core/evaluate/lpips.h; empty: no LPIPS
   std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
   // The operator's program that makes masks and depth maps for datasets without
-  // (server/jobs/worker_priors_command.h), as FindProgram takes it; empty: none.
+  // (server/worker/worker_priors_command.h), as FindProgram takes it; empty: none.
   std::string priors_command;
   int64_t priors_seconds = 3600;  // its time limit
   // Folders of SAM's files (core/priors/sam/sam_files.h). `launch.sam`, where it is given, must be

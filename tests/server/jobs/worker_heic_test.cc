@@ -1,5 +1,5 @@
 // Photographs: tests/core/io/heic_test.cc says what they show.
-#include "server/jobs/worker_heic.h"
+#include "server/worker/worker_heic.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_plan.h"
+#include "server/worker/worker_plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_progress.h"
+#include "server/worker/worker_progress.h"
 
 #include <gtest/gtest.h>
 

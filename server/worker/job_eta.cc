@@ -1,4 +1,4 @@
-#include "server/jobs/job_eta.h"
+#include "server/worker/job_eta.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "server/api/convert.h"
-#include "server/jobs/job_eta.h"
-#include "server/jobs/worker_job.h"
+#include "server/worker/job_eta.h"
+#include "server/worker/worker_job.h"
 
 namespace pepeseg {
 

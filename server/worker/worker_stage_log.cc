@@ -1,4 +1,4 @@
-#include "server/jobs/worker_stage_log.h"
+#include "server/worker/worker_stage_log.h"
 
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>

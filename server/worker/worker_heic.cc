@@ -1,4 +1,4 @@
-#include "server/jobs/worker_heic.h"
+#include "server/worker/worker_heic.h"
 
 #include <array>
 #include <fstream>
@@ -15,7 +15,7 @@
 #include "core/formats/heic.h"
 #include "core/formats/heic_header.h"
 #include "core/model_files/manifest.h"
-#include "server/jobs/worker_folders.h"
+#include "server/worker/worker_folders.h"
 
 namespace pepeseg {
 namespace {

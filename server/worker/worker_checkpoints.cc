@@ -1,4 +1,4 @@
-#include "server/jobs/worker_checkpoints.h"
+#include "server/worker/worker_checkpoints.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_job.h"
+#include "server/worker/worker_job.h"
 
 #include <google/protobuf/util/json_util.h>
 #include <spdlog/spdlog.h>
@@ -17,12 +17,12 @@
 #include "core/model_files/model_file.h"
 #include "kernels/backend.h"
 #include "server/api/convert.h"
-#include "server/jobs/worker_checkpoints.h"
-#include "server/jobs/worker_folders.h"
-#include "server/jobs/worker_inputs.h"
-#include "server/jobs/worker_scores.h"
-#include "server/jobs/worker_stage_log.h"
-#include "server/jobs/worker_stages.h"
+#include "server/worker/worker_checkpoints.h"
+#include "server/worker/worker_folders.h"
+#include "server/worker/worker_inputs.h"
+#include "server/worker/worker_scores.h"
+#include "server/worker/worker_stage_log.h"
+#include "server/worker/worker_stages.h"
 #include "server/worker_protocol/device.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_photograph.h"
+#include "server/worker/worker_photograph.h"
 
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_plan.h"
+#include "server/worker/worker_plan.h"
 
 #include <algorithm>
 #include <thread>

@@ -8,8 +8,8 @@
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
-#include "server/jobs/worker_job.h"
-#include "server/jobs/worker_progress.h"
+#include "server/worker/worker_job.h"
+#include "server/worker/worker_progress.h"
 #include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {

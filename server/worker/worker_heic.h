@@ -4,8 +4,8 @@
 
 #include "absl/status/status.h"
 #include "core/dataset/import.h"
-#include "server/jobs/worker_job.h"
-#include "server/jobs/worker_stage_log.h"
+#include "server/worker/worker_job.h"
+#include "server/worker/worker_stage_log.h"
 
 namespace pepeseg {
 

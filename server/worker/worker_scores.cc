@@ -1,4 +1,4 @@
-#include "server/jobs/worker_scores.h"
+#include "server/worker/worker_scores.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_folders.h"
+#include "server/worker/worker_folders.h"
 
 #include <system_error>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_sam.h"
+#include "server/worker/worker_sam.h"
 
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>

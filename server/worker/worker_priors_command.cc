@@ -1,4 +1,4 @@
-#include "server/jobs/worker_priors_command.h"
+#include "server/worker/worker_priors_command.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_verify.h"
+#include "server/worker/worker_verify.h"
 
 #include <spdlog/spdlog.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_stages.h"
+#include "server/worker/worker_stages.h"
 
 #include "core/base/status_macros.h"
 

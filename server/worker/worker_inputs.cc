@@ -1,4 +1,4 @@
-#include "server/jobs/worker_inputs.h"
+#include "server/worker/worker_inputs.h"
 
 #include <spdlog/spdlog.h>
 
@@ -12,12 +12,12 @@
 #include "core/dataset/dataset_index.h"
 #include "core/priors/embed_priors.h"
 #include "server/api/mask_advice.h"
-#include "server/jobs/worker_heic.h"
-#include "server/jobs/worker_plan.h"
-#include "server/jobs/worker_priors_command.h"
-#include "server/jobs/worker_sam.h"
-#include "server/jobs/worker_sfm.h"
-#include "server/jobs/worker_verify.h"
+#include "server/worker/worker_heic.h"
+#include "server/worker/worker_plan.h"
+#include "server/worker/worker_priors_command.h"
+#include "server/worker/worker_sam.h"
+#include "server/worker/worker_sfm.h"
+#include "server/worker/worker_verify.h"
 
 namespace pepeseg {
 namespace {

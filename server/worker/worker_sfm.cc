@@ -1,4 +1,4 @@
-#include "server/jobs/worker_sfm.h"
+#include "server/worker/worker_sfm.h"
 
 #include <spdlog/spdlog.h>
 

@@ -9,7 +9,7 @@
 #include "core/features/feature_stage.h"
 #include "core/model_files/checkpoint.h"
 #include "core/reconstruct/reconstructor.h"
-#include "server/jobs/worker_checkpoints.h"
+#include "server/worker/worker_checkpoints.h"
 
 namespace pepeseg {
 

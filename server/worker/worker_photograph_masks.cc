@@ -1,4 +1,4 @@
-#include "server/jobs/worker_photograph_masks.h"
+#include "server/worker/worker_photograph_masks.h"
 
 #include <nlohmann/json.hpp>
 #include <string>

@@ -20,9 +20,9 @@
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
-#include "server/jobs/worker_job.h"
-#include "server/jobs/worker_photograph_masks.h"
-#include "server/jobs/worker_stage_log.h"
+#include "server/worker/worker_job.h"
+#include "server/worker/worker_photograph_masks.h"
+#include "server/worker/worker_stage_log.h"
 
 namespace pepeseg {
 

@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
-#include "server/jobs/job_eta.h"
+#include "server/worker/job_eta.h"
 #include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_progress.h"
+#include "server/worker/worker_progress.h"
 
 #include <google/protobuf/util/time_util.h>
 #include <unistd.h>

@@ -10,8 +10,8 @@
 #include "core/dataset/import.h"
 #include "core/sfm/sfm_options.h"
 #include "core/sfm/sfm_photographs.h"
-#include "server/jobs/worker_job.h"
-#include "server/jobs/worker_stage_log.h"
+#include "server/worker/worker_job.h"
+#include "server/worker/worker_stage_log.h"
 
 namespace pepeseg {
 

@@ -7,8 +7,8 @@
 
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
-#include "server/jobs/worker_job.h"
-#include "server/jobs/worker_stage_log.h"
+#include "server/worker/worker_job.h"
+#include "server/worker/worker_stage_log.h"
 
 namespace pepeseg {
 
