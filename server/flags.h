@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "server/rpc/server.h"
+#include "server/server.h"
 
 namespace CLI {
 class App;

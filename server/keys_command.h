@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "absl/status/status.h"
-#include "server/rpc/server.h"
+#include "server/server.h"
 
 namespace CLI {
 class App;

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/rpc/listen_rules.h"
+#include "server/listen_rules.h"
 #include "server/rpc/listener_probe.h"
 #include "server/rpc/listening_sockets.h"
 #include "tests/server/access/test_certificates.h"

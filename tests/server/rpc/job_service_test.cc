@@ -4,7 +4,7 @@
 
 #include "absl/time/clock.h"
 #include "kernels/host_memory.h"
-#include "server/rpc/server_parts.h"
+#include "server/server_parts.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/rpc/running_server.h"
 #include "tests/testing/fake_sam.h"

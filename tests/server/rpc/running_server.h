@@ -11,7 +11,7 @@
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "server/rpc/server.h"
+#include "server/server.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "server/rpc/server_parts.h"
+#include "server/server_parts.h"
 
 #include <gtest/gtest.h>
 

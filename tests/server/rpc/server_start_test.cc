@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/rpc/server_parts.h"
+#include "server/server_parts.h"
 #include "tests/server/rpc/running_server.h"
 #include "tests/testing/fake_sam.h"
 

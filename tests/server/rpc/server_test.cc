@@ -1,4 +1,4 @@
-#include "server/rpc/server.h"
+#include "server/server.h"
 
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>

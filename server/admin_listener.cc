@@ -1,4 +1,4 @@
-#include "server/rpc/admin_listener.h"
+#include "server/admin_listener.h"
 
 #include <grpcpp/grpcpp.h>
 

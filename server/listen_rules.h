@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "server/rpc/server.h"
+#include "server/server.h"
 
 namespace pepeseg {
 

@@ -7,8 +7,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/jobs/supervisor.h"
-#include "server/rpc/server.h"
 #include "server/rpc/service_context.h"
+#include "server/server.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/device.h"
 

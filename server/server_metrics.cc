@@ -1,4 +1,4 @@
-#include "server/rpc/server_metrics.h"
+#include "server/server_metrics.h"
 
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
@@ -6,7 +6,7 @@
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "server/rpc/server_gauges.h"
+#include "server/server_gauges.h"
 
 namespace pepeseg {
 namespace {

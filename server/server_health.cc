@@ -1,4 +1,4 @@
-#include "server/rpc/server_health.h"
+#include "server/server_health.h"
 
 #include <string>
 #include <utility>
@@ -8,7 +8,7 @@
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/observe/health_probes.h"
-#include "server/rpc/server_metrics.h"
+#include "server/server_metrics.h"
 
 namespace pepeseg {
 

@@ -1,4 +1,4 @@
-#include "server/rpc/listen_rules.h"
+#include "server/listen_rules.h"
 
 #include <netdb.h>
 #include <sys/socket.h>

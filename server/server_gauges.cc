@@ -1,4 +1,4 @@
-#include "server/rpc/server_gauges.h"
+#include "server/server_gauges.h"
 
 #include <array>
 #include <string>

@@ -1,4 +1,4 @@
-#include "server/rpc/server_parts.h"
+#include "server/server_parts.h"
 
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -12,7 +12,7 @@
 #include "core/priors/sam/sam_files.h"
 #include "kernels/host_memory.h"
 #include "server/jobs/holder_name.h"
-#include "server/rpc/listen_rules.h"
+#include "server/listen_rules.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {
