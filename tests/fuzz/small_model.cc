@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "core/formats/rle.h"
-#include "tests/core/query/front_blobs.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/testing/front_blobs.h"
 
 namespace pepeseg::fuzz {
 namespace {

@@ -15,7 +15,7 @@
 #include "server/access/api_key.h"
 #include "server/store/layout.h"
 #include "server/store/store.h"
-#include "tests/server/rpc/http_get.h"
+#include "tests/testing/http_get.h"
 
 namespace pepeseg::testing {
 namespace {

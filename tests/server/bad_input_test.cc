@@ -10,8 +10,8 @@
 #include <limits>
 
 #include "tests/server/pepesegd_process.h"
-#include "tests/server/png_bytes.h"
 #include "tests/server/service_client.h"
+#include "tests/testing/png_bytes.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -12,8 +12,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "tests/server/rpc/health_check.h"
-#include "tests/server/rpc/http_get.h"
 #include "tests/stress/load_calls.h"
+#include "tests/testing/http_get.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/prompt/resolve_prompt.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {

@@ -1,7 +1,7 @@
 #include "core/features/estimate_features.h"
 
 #include "tests/core/features/perception_scene.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/features/feature_stage.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 #include "tests/testing/temp_folder.h"

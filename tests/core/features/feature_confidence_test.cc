@@ -5,7 +5,7 @@
 
 #include <numbers>
 
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 
 namespace pepeseg {
 namespace {

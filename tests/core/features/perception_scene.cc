@@ -3,7 +3,7 @@
 #include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
 #include "core/render/frozen_scene.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 
 namespace pepeseg::testing {
 

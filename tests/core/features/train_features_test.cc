@@ -9,8 +9,8 @@
 #include "core/features/mask_scales.h"
 #include "core/render/frozen_scene.h"
 #include "tests/core/features/perception_scene.h"
-#include "tests/core/query/point_gaussians.h"
 #include "tests/kernels/backend_test.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 

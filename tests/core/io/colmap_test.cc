@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "tests/core/io/colmap_files.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/colmap_files.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

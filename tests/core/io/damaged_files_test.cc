@@ -9,9 +9,9 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/feature_file.h"
-#include "tests/core/io/colmap_files.h"
-#include "tests/core/io/float_files.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/colmap_files.h"
+#include "tests/testing/float_files.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 // Cut and flipped files of every kind: an error or a value, never a crash. Run under ASan too.

@@ -8,7 +8,7 @@
 
 #include "core/formats/encode_png.h"
 #include "core/formats/image_header.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -10,8 +10,8 @@
 
 #include "core/formats/npy.h"
 #include "core/formats/pfm.h"
-#include "tests/core/io/float_files.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/float_files.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

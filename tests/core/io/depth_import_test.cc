@@ -7,8 +7,8 @@
 
 #include "core/dataset/import.h"
 #include "core/dataset/view_warp.h"
-#include "tests/core/io/float_files.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/float_files.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 // What becomes of depth maps on their way into a capture.

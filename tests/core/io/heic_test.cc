@@ -11,7 +11,7 @@
 #include "core/formats/exif.h"
 #include "core/formats/heic_header.h"
 #include "core/formats/image_header.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

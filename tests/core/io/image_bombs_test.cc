@@ -9,8 +9,8 @@
 #include <string>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/small_dataset.h"
-#include "tests/server/png_bytes.h"
+#include "tests/testing/png_bytes.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -5,7 +5,7 @@
 
 #include <numeric>
 
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

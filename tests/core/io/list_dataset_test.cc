@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/formats/rle.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "tests/core/io/float_files.h"
+#include "tests/testing/float_files.h"
 
 namespace pepeseg::testing {
 namespace {

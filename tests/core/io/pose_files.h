@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/scene/camera.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 
 namespace pepeseg::testing {
 

@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/float_files.h"
 #include "tests/core/io/pose_files.h"
+#include "tests/testing/float_files.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
 // Every dataset that must not be imported, with what its error must name.

@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/synthetic_capture.h"
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/core/query/scale_maps.h"
+#include "tests/testing/scale_maps.h"
 
 namespace pepeseg {
 namespace {

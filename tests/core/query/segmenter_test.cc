@@ -7,8 +7,8 @@
 
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
-#include "tests/core/query/front_blobs.h"
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
+#include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -8,8 +8,8 @@
 
 #include "core/evaluate/metrics.h"
 #include "core/prompt/resolve_prompt.h"
-#include "tests/core/query/front_blobs.h"
 #include "tests/core/query/trained_scene.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -3,7 +3,7 @@
 #include <fstream>
 
 #include "core/formats/colmap.h"
-#include "tests/core/io/colmap_files.h"
+#include "tests/testing/colmap_files.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 

@@ -11,9 +11,9 @@
 #include "server/services/dataset_size.h"
 #include "server/store/layout.h"
 #include "tests/server/jobs/test_database.h"
-#include "tests/server/png_bytes.h"
 #include "tests/server/rpc/running_server.h"
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/png_bytes.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

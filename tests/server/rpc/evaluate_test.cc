@@ -8,8 +8,8 @@
 #include "core/formats/encode_png.h"
 #include "core/formats/rle.h"
 #include "server/services/evaluate_answer.h"
-#include "tests/server/png_bytes.h"
 #include "tests/server/rpc/shelf_model.h"
+#include "tests/testing/png_bytes.h"
 
 namespace pepeseg {
 namespace {

@@ -13,8 +13,8 @@
 #include "server/observe/trace_context.h"
 #include "server/worker_protocol/job_folder.h"
 #include "tests/server/rpc/health_check.h"
-#include "tests/server/rpc/http_get.h"
 #include "tests/server/rpc/running_server.h"
+#include "tests/testing/http_get.h"
 
 namespace pepeseg {
 namespace {

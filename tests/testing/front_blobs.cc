@@ -1,6 +1,6 @@
-#include "tests/core/query/front_blobs.h"
+#include "tests/testing/front_blobs.h"
 
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 
 namespace pepeseg::testing {
 

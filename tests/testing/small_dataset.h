@@ -6,7 +6,7 @@
 
 #include "core/dataset/import.h"
 #include "core/scene/capture.h"
-#include "tests/core/io/colmap_files.h"
+#include "tests/testing/colmap_files.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg::testing {

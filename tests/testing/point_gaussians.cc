@@ -1,4 +1,4 @@
-#include "tests/core/query/point_gaussians.h"
+#include "tests/testing/point_gaussians.h"
 
 #include <cmath>
 

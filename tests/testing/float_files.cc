@@ -1,4 +1,4 @@
-#include "tests/core/io/float_files.h"
+#include "tests/testing/float_files.h"
 
 namespace pepeseg::testing {
 

@@ -1,4 +1,4 @@
-#include "tests/core/io/small_dataset.h"
+#include "tests/testing/small_dataset.h"
 
 #include <cmath>
 #include <fstream>

@@ -1,4 +1,4 @@
-#include "tests/core/io/colmap_files.h"
+#include "tests/testing/colmap_files.h"
 
 #include <iomanip>
 #include <limits>
