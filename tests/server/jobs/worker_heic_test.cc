@@ -1,4 +1,4 @@
-// Photographs: tests/core/io/heic_test.cc says what they show.
+// Photographs: tests/core/dataset/heic_test.cc says what they show.
 #include "server/worker/worker_heic.h"
 
 #include <gtest/gtest.h>

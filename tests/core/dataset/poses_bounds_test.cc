@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/pose_files.h"
+#include "tests/core/dataset/pose_files.h"
 #include "tests/testing/float_files.h"
 #include "tests/testing/status_testing.h"
 

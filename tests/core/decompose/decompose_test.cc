@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "tests/core/query/nested_parts.h"
+#include "tests/core/decompose/nested_parts.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "tests/core/query/nested_parts.h"
+#include "tests/core/decompose/nested_parts.h"
 
 #include <cmath>
 #include <random>

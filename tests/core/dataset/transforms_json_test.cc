@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/dataset/import.h"
-#include "tests/core/io/pose_files.h"
+#include "tests/core/dataset/pose_files.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -1,4 +1,4 @@
-#include "tests/core/io/pose_files.h"
+#include "tests/core/dataset/pose_files.h"
 
 #include <filesystem>
 #include <span>
