@@ -17,7 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/message_mutator.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg::fuzz {
 namespace {

@@ -9,8 +9,8 @@
 #include "tests/gateway/fleet.h"
 #include "tests/gateway/from_environment.h"
 #include "tests/gateway/steady_load.h"
-#include "tests/server/jobs/test_database.h"
 #include "tests/server/service_client.h"
+#include "tests/server/store/test_database.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg::testing {

@@ -7,9 +7,9 @@
 #include "core/base/atomic_file.h"
 #include "core/formats/gaussian_ply.h"
 #include "server/store/layout.h"
-#include "tests/server/jobs/worker_fixture.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/server/worker/worker_fixture.h"
 #include "tests/stress/full_stress.h"
 #include "tests/testing/status_testing.h"
 

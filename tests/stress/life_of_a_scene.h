@@ -17,7 +17,7 @@ namespace pepeseg {
 // A scene from its creation to a deleted label, as a client does it that may lose its server at any
 // call: every create has a request_id, and after a loss all is asked for again from the start. What
 // was answered once must be answered alike for ever: anything else is an error of code DATA_LOSS.
-// The server's worker is tests/server/rpc/model_worker.cc.
+// The server's worker is tests/server/model_worker.cc.
 class LifeOfAScene {
  public:
   // The scene's id; its files are made from it.

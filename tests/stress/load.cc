@@ -11,7 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "tests/server/rpc/health_check.h"
+#include "tests/server/health_check.h"
 #include "tests/stress/load_calls.h"
 #include "tests/testing/http_get.h"
 

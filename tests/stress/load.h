@@ -6,7 +6,7 @@
 #include <string>
 
 #include "absl/time/time.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg {
 

@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/observe/process_use.h"
-#include "tests/server/rpc/health_check.h"
+#include "tests/server/health_check.h"
 #include "tests/stress/load.h"
 #include "tests/stress/load_calls.h"
 

@@ -16,7 +16,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "server/residency/model_bytes.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg {
 namespace {

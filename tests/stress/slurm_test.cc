@@ -4,9 +4,9 @@
 
 #include "absl/time/clock.h"
 #include "server/store/store.h"
-#include "tests/server/jobs/test_database.h"
 #include "tests/server/pepesegd_process.h"
 #include "tests/server/service_client.h"
+#include "tests/server/store/test_database.h"
 #include "tests/stress/slurm_cluster.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"

@@ -5,7 +5,7 @@
 
 #include "absl/strings/match.h"
 #include "core/base/digest.h"
-#include "tests/server/jobs/worker_fixture.h"
+#include "tests/server/worker/worker_fixture.h"
 #include "tests/stress/full_stress.h"
 #include "tests/stress/io_fault_lives.h"
 

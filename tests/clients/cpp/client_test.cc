@@ -13,7 +13,7 @@
 #include "clients/cpp/answer_status.h"
 #include "clients/cpp/mask.h"
 #include "clients/cpp/resource_names.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg::client {
 namespace {

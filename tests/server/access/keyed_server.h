@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg {
 

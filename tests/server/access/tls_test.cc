@@ -12,7 +12,7 @@
 #include "server/rpc/listener_probe.h"
 #include "server/rpc/listening_sockets.h"
 #include "tests/server/access/test_certificates.h"
-#include "tests/server/rpc/running_server.h"
+#include "tests/server/running_server.h"
 
 namespace pepeseg {
 namespace {

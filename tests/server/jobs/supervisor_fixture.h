@@ -12,7 +12,7 @@
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
-#include "tests/server/jobs/test_database.h"
+#include "tests/server/store/test_database.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {

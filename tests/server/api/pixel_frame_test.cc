@@ -1,0 +1,382 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <utility>
+
+#include "core/formats/decode_image.h"
+#include "core/formats/encode_png.h"
+#include "core/formats/rle.h"
+#include "tests/server/running_server.h"
+
+// Requests in pixels of the photograph, 192x128, and of the view, 96x64, at half its size.
+
+namespace pepeseg {
+namespace {
+
+constexpr char kModel[] = "scenes/shelf/models/live";
+constexpr int kPhotographWidth = 192, kPhotographHeight = 128;  // of the photograph
+
+using Pixels = std::vector<uint8_t>;
+
+Pixels PixelsOf(const v1::CocoRle& rle) {
+  Pixels pixels(static_cast<size_t>(rle.width()) * rle.height());
+  const auto counts = ParseCocoCounts(rle.counts());
+  EXPECT_TRUE(counts.ok());
+  const auto inside = PixelsOfRuns(*counts, rle.width(), rle.height());
+  EXPECT_TRUE(inside.ok());
+  for (const uint32_t pixel : *inside) pixels[pixel] = 1;
+  return pixels;
+}
+
+double Iou(const Pixels& a, const Pixels& b) {
+  if (a.size() != b.size()) return -1;
+  double both = 0, either = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    both += a[i] & b[i];
+    either += a[i] | b[i];
+  }
+  return either == 0 ? 1 : both / either;
+}
+
+// `model`: the file of the dataset, see model_worker.cc.
+struct PixelFrameTest : ::testing::Test {
+  PixelFrameTest() : running(PEPESEG_MODEL_WORKER) { running.CreateScene("shelf"); }
+
+  // It is the live one afterwards.
+  void Train(const std::string& model) {
+    const v1::Job job = running.Await(running.Train("shelf", model).name());
+    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
+  }
+  static v1::SegmentRequest At(double x, double y, v1::PixelFrame frame) {
+    v1::SegmentRequest request;
+    request.set_model(kModel);
+    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+    auto* point = request.mutable_prompt()->mutable_points()->add_points();
+    point->set_x(x);
+    point->set_y(y);
+    request.set_frame(frame);
+    return request;
+  }
+  grpc::Status Ask(const v1::SegmentRequest& request) {
+    grpc::ClientContext context;
+    answer.Clear();
+    return running.segmentation->Segment(&context, request, &answer);
+  }
+  // The one mask of the answer.
+  v1::SegmentResponse::ViewMask Mask(const v1::SegmentRequest& request) {
+    const grpc::Status status = Ask(request);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(answer.masks_size(), 1);
+    return answer.masks_size() == 1 ? answer.masks(0) : v1::SegmentResponse::ViewMask();
+  }
+  v1::RenderResponse Render(const v1::RenderRequest& request) {
+    grpc::ClientContext context;
+    v1::RenderResponse response;
+    const grpc::Status status = running.segmentation->Render(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
+  }
+  Image Colors(const v1::RenderRequest& request) {
+    const auto path = running.folder / "picture.png";
+    std::ofstream(path, std::ios::binary) << Render(request).png();
+    const auto image = DecodePhoto(path, "picture.png");
+    EXPECT_TRUE(image.ok()) << image.status();
+    return image.ok() ? *image : Image();
+  }
+  static v1::RenderRequest Picture(v1::PixelFrame frame) {
+    v1::RenderRequest request;
+    request.set_model(kModel);
+    request.mutable_viewpoint()->set_view("middle.jpg");
+    request.set_frame(frame);
+    return request;
+  }
+
+  RunningServer running;
+  v1::SegmentResponse answer;
+};
+
+TEST_F(PixelFrameTest, ListsTheSizeOfThePhotograph) {
+  Train("half.model");
+  grpc::ClientContext context;
+  v1::ListViewsRequest request;
+  request.set_parent(kModel);
+  v1::ListViewsResponse response;
+  ASSERT_TRUE(running.scenes->ListViews(&context, request, &response).ok());
+  EXPECT_EQ(response.views(0).camera().width(), 96);
+  EXPECT_EQ(response.views(0).photograph_width(), kPhotographWidth);
+  EXPECT_EQ(response.views(0).photograph_height(), kPhotographHeight);
+}
+
+TEST_F(PixelFrameTest, CountsPixelsOfThePhotographUnlessAskedOtherwise) {
+  for (const char* model : {"half.model", "lens.model"}) {
+    SCOPED_TRACE(model);
+    Train(model);
+    // (60, 64) of the photograph is in the red square, (60, 32) of the view is between the squares.
+    const auto in_photograph = Mask(At(60, 64, v1::PIXEL_FRAME_UNSPECIFIED));
+    EXPECT_EQ(in_photograph.rle().width(), kPhotographWidth);
+    EXPECT_EQ(in_photograph.rle().height(), kPhotographHeight);
+    const auto in_view = Mask(At(30, 32, v1::PIXEL_FRAME_VIEW));
+    EXPECT_EQ(in_view.rle().width(), 96);
+    EXPECT_NEAR(static_cast<double>(in_photograph.area()), 4.0 * in_view.area(),
+                0.2 * in_photograph.area());
+    EXPECT_EQ(in_photograph.score(), in_view.score());
+    const Pixels pixels = PixelsOf(in_photograph.rle());
+    EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 1), in_photograph.area());
+    EXPECT_NEAR(in_photograph.box().x(), 2 * in_view.box().x(), 8);
+    EXPECT_NEAR(in_photograph.box().height(), 2 * in_view.box().height(), 8);
+    EXPECT_LT(in_photograph.box().x() + in_photograph.box().width(), 96);
+  }
+}
+
+TEST_F(PixelFrameTest, TurnsAPhotographUpright) {
+  Train("turned.model");
+  // Stored (60, 64) of 192x128 is upright (128 - 64, 60) of 128x192.
+  const auto mask = Mask(At(64, 60, v1::PIXEL_FRAME_PHOTOGRAPH));
+  EXPECT_EQ(mask.rle().width(), kPhotographHeight);
+  EXPECT_EQ(mask.rle().height(), kPhotographWidth);
+  EXPECT_LT(mask.box().y() + mask.box().height(), 96);
+  const v1::RenderResponse picture = Render(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
+  EXPECT_EQ(picture.width(), kPhotographHeight);
+  EXPECT_EQ(picture.height(), kPhotographWidth);
+}
+
+TEST_F(PixelFrameTest, AnswersAnOldModelInPixelsOfItsViews) {
+  Train("old.model");
+  const auto in_photograph = Mask(At(30, 32, v1::PIXEL_FRAME_PHOTOGRAPH));
+  const auto in_view = Mask(At(30, 32, v1::PIXEL_FRAME_VIEW));
+  EXPECT_EQ(in_photograph.rle().counts(), in_view.rle().counts());
+  EXPECT_EQ(in_photograph.rle().width(), 96);
+}
+
+TEST_F(PixelFrameTest, NamesFrameAndSizeOfAPointOutside) {
+  Train("half.model");
+  grpc::Status status = Ask(At(700, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(status.error_message(), "point 700,64 is outside photograph \"middle.jpg\" (192x128)");
+  EXPECT_EQ(DetailOf(status).field(), "prompt.points.points[0]");
+  status = Ask(At(100, 32, v1::PIXEL_FRAME_VIEW));
+  EXPECT_EQ(status.error_message(), "point 100,32 is outside view \"middle.jpg\" (96x64)");
+  v1::SegmentRequest request = At(1, 1, v1::PIXEL_FRAME_VIEW);
+  request.set_frame(static_cast<v1::PixelFrame>(7));
+  EXPECT_EQ(DetailOf(Ask(request)).field(), "frame");
+}
+
+TEST_F(PixelFrameTest, RefusesAPointThatTheViewDoesNotShow) {
+  Train("lens.model");
+  const grpc::Status status = Ask(At(1, 1, v1::PIXEL_FRAME_PHOTOGRAPH));
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_EQ(DetailOf(status).reason(), "NOTHING_THERE");
+  EXPECT_NE(status.error_message().find("not trained on"), std::string::npos)
+      << status.error_message();
+}
+
+TEST_F(PixelFrameTest, TakesBoxesAndMasksOfThePhotograph) {
+  Train("lens.model");
+  const Pixels click = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
+  const auto& found = answer.masks(0);
+  v1::SegmentRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+  v1::BoxPrompt& box = *request.mutable_prompt()->mutable_box();
+  box.set_x(found.box().x() - 2), box.set_y(found.box().y() - 2);
+  box.set_width(found.box().width() + 4), box.set_height(found.box().height() + 4);
+  const v1::CocoRle rle = found.rle();  // before the next answer
+  EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
+  *request.mutable_prompt()->mutable_mask()->mutable_rle() = rle;
+  EXPECT_GT(Iou(PixelsOf(Mask(request).rle()), click), 0.95);
+  // A mask of the view's size is refused with both sizes and what to do.
+  request.mutable_prompt()->mutable_mask()->mutable_rle()->set_width(96);
+  request.mutable_prompt()->mutable_mask()->mutable_rle()->set_height(64);
+  const grpc::Status status = Ask(request);
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_NE(status.error_message().find("'96x64'"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("192x128"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("PIXEL_FRAME_VIEW"), std::string::npos);
+}
+
+TEST_F(PixelFrameTest, AnswersSimilarityAndProposalsInTheFrame) {
+  Train("half.model");
+  v1::SegmentRequest request = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+  request.set_want_similarity(true);
+  const auto mask = Mask(request);
+  EXPECT_EQ(mask.similarity().width(), kPhotographWidth);
+  EXPECT_EQ(mask.similarity().values().size(), size_t{2} * kPhotographWidth * kPhotographHeight);
+  v1::ProposeScalesRequest propose;
+  propose.set_model(kModel);
+  *propose.mutable_prompt() = request.prompt();
+  grpc::ClientContext context;
+  v1::ProposeScalesResponse proposals;
+  ASSERT_TRUE(running.segmentation->ProposeScales(&context, propose, &proposals).ok());
+  ASSERT_GT(proposals.proposals_size(), 0);
+  EXPECT_EQ(proposals.proposals(0).mask().rle().width(), kPhotographWidth);
+  EXPECT_EQ(proposals.proposals(0).mask().rle().counts(), mask.rle().counts());
+}
+
+TEST_F(PixelFrameTest, SelectsTheSameInBothFrames) {
+  Train("half.model");
+  const auto select = [&](const v1::SegmentRequest& like) {
+    v1::SelectRequest request;
+    request.set_model(kModel);
+    *request.mutable_prompt() = like.prompt();
+    request.set_frame(like.frame());
+    grpc::ClientContext context;
+    v1::Selection selection;
+    const grpc::Status status = running.segmentation->Select(&context, request, &selection);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return selection.num_gaussians();
+  };
+  const int64_t in_photograph = select(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
+  EXPECT_EQ(in_photograph, select(At(30, 32, v1::PIXEL_FRAME_VIEW)));
+  EXPECT_GT(in_photograph, 8000);
+}
+
+TEST_F(PixelFrameTest, AnswersALabelAsItWasGiven) {
+  Train("lens.model");
+  const v1::SegmentResponse::ViewMask mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH));
+  v1::CreateLabelRequest request;
+  request.set_parent("scenes/shelf");
+  request.set_label_id("red");
+  request.set_request_id("once");
+  request.mutable_label()->set_view("middle.jpg");
+  *request.mutable_label()->mutable_mask()->mutable_rle() = mask.rle();
+  for (int i = 0; i < 2; ++i) {  // and a retry
+    grpc::ClientContext context;
+    v1::Label label;
+    const grpc::Status status = running.segmentation->CreateLabel(&context, request, &label);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(label.mask().rle().SerializeAsString(), mask.rle().SerializeAsString());
+    EXPECT_EQ(label.area(), mask.area());
+  }
+  v1::SegmentRequest by_label;
+  by_label.set_model(kModel);
+  by_label.mutable_prompt()->set_label("red");
+  EXPECT_GT(Iou(PixelsOf(Mask(by_label).rle()), PixelsOf(mask.rle())), 0.95);
+  by_label.set_frame(v1::PIXEL_FRAME_VIEW);
+  EXPECT_EQ(Mask(by_label).rle().width(), 96);
+  request.set_label_id("outside");
+  request.set_request_id("");
+  request.mutable_label()->mutable_mask()->mutable_rle()->set_counts(
+      EncodeCocoRle({[] {
+                      Pixels corner(kPhotographWidth * kPhotographHeight);
+                      corner[0] = 1;
+                      return corner;
+                    }()},
+                    kPhotographWidth, kPhotographHeight));
+  grpc::ClientContext context;
+  v1::Label label;
+  const grpc::Status status = running.segmentation->CreateLabel(&context, request, &label);
+  EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_NE(status.error_message().find("no pixel of the mask"), std::string::npos);
+}
+
+TEST_F(PixelFrameTest, RendersWhereTheMasksAre) {
+  for (const char* model : {"half.model", "lens.model"}) {
+    SCOPED_TRACE(model);
+    Train(model);
+    const Pixels mask = PixelsOf(Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle());
+    const Image image = Colors(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
+    ASSERT_EQ(image.width, kPhotographWidth);
+    ASSERT_EQ(image.height, kPhotographHeight);
+    Pixels red;
+    for (size_t i = 0; i < mask.size(); ++i) red.push_back(image.pixels[3 * i] > 128 ? 1 : 0);
+    EXPECT_GT(Iou(mask, red), 0.9);
+    EXPECT_EQ(Colors(Picture(v1::PIXEL_FRAME_VIEW)).width, 96);
+    v1::RenderRequest small = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+    small.set_max_side(48);
+    EXPECT_EQ(Colors(small).width, 48);
+    EXPECT_EQ(Colors(small).height, 32);
+    small.set_max_side(4000);  // nothing is enlarged
+    EXPECT_EQ(Colors(small).width, kPhotographWidth);
+    for (const auto content :
+         {v1::RenderRequest::CONTENT_DEPTH, v1::RenderRequest::CONTENT_SEGMENTS,
+          v1::RenderRequest::CONTENT_FEATURES}) {
+      v1::RenderRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+      request.set_content(content);
+      const v1::RenderResponse picture = Render(request);
+      EXPECT_EQ(picture.width(), kPhotographWidth) << content;
+      EXPECT_EQ(picture.height(), kPhotographHeight) << content;
+    }
+  }
+}
+
+TEST_F(PixelFrameTest, DrawsOverlaysOfTheFramesSizeOrOfTheAnswers) {
+  Train("lens.model");
+  const v1::CocoRle mask = Mask(At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH)).rle();
+  v1::RenderRequest request = Picture(v1::PIXEL_FRAME_PHOTOGRAPH);
+  request.set_max_side(96);
+  *request.mutable_overlay_mask()->mutable_rle() = mask;
+  const Image of_frame = Colors(request);
+  v1::CocoRle& small = *request.mutable_overlay_mask()->mutable_rle();
+  Pixels shrunk;
+  const Pixels pixels = PixelsOf(mask);
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 96; ++x)
+      shrunk.push_back(pixels[(2 * y + 1) * kPhotographWidth + 2 * x + 1]);
+  }
+  small.set_width(96);
+  small.set_height(64);
+  small.set_counts(EncodeCocoRle({shrunk}, 96, 64));
+  EXPECT_EQ(Colors(request).pixels, of_frame.pixels);
+  small.set_width(95);
+  grpc::ClientContext context;
+  v1::RenderResponse response;
+  EXPECT_EQ(running.segmentation->Render(&context, request, &response).error_code(),
+            grpc::INVALID_ARGUMENT);
+  // A subset is drawn where it is seen.
+  request.mutable_overlay_subset()->mutable_segment()->set_id(1);
+  request.set_max_side(0);
+  const Image image = Colors(request);
+  const Image plain = Colors(Picture(v1::PIXEL_FRAME_PHOTOGRAPH));
+  Pixels changed;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    changed.push_back(image.pixels[3 * i + 1] != plain.pixels[3 * i + 1] ? 1 : 0);
+  }
+  EXPECT_GT(Iou(changed, pixels), 0.9);
+}
+
+TEST_F(PixelFrameTest, EvaluatesLabelsOfThePhotographs) {
+  for (const char* model : {"half.model", "lens.model"}) {
+    SCOPED_TRACE(model);
+    Train(model);
+    v1::EvaluateRequest request;
+    request.set_model(kModel);
+    for (const char* view : {"left/0.jpg", "right.jpg"}) {
+      v1::SegmentRequest ask = At(60, 64, v1::PIXEL_FRAME_PHOTOGRAPH);
+      ask.mutable_prompt()->mutable_view()->set_view(view);
+      Image labels{kPhotographWidth, kPhotographHeight, 1, PixelsOf(Mask(ask).rle())};
+      for (uint8_t& pixel : labels.pixels) pixel = pixel != 0 ? 7 : 0;
+      request.add_labels()->set_view(view);
+      request.mutable_labels(request.labels_size() - 1)->set_png(*EncodePng(labels));
+      Image ignore{kPhotographWidth, kPhotographHeight, 1,
+                   Pixels(kPhotographWidth * kPhotographHeight)};
+      ignore.pixels[0] = 255;
+      request.mutable_labels(request.labels_size() - 1)->set_ignore_png(*EncodePng(ignore));
+    }
+    grpc::ClientContext context;
+    v1::EvaluateResponse scores;
+    const grpc::Status status = running.segmentation->Evaluate(&context, request, &scores);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    ASSERT_EQ(scores.entities_size(), 1);
+    EXPECT_EQ(scores.entities(0).id(), 7);
+    EXPECT_GT(scores.chosen().iou(), 0.95);
+    // The click is in the photograph's pixels: it asks for the same again.
+    const double x = scores.entities(0).click_x(), y = scores.entities(0).click_y();
+    v1::SegmentRequest again = At(x, y, v1::PIXEL_FRAME_PHOTOGRAPH);
+    again.mutable_prompt()->mutable_view()->set_view(scores.entities(0).views(0).view());
+    const Pixels mask = PixelsOf(Mask(again).rle());
+    EXPECT_EQ(mask[static_cast<size_t>(y) * kPhotographWidth + static_cast<size_t>(x)], 1);
+    // Labels of the view's size are of the other frame.
+    Image small{96, 64, 1, Pixels(96 * 64, 7)};
+    request.mutable_labels(0)->set_png(*EncodePng(small));
+    grpc::ClientContext other;
+    const grpc::Status refused = running.segmentation->Evaluate(&other, request, &scores);
+    EXPECT_EQ(refused.error_code(), grpc::INVALID_ARGUMENT);
+    EXPECT_NE(
+        refused.error_message().find("'96x64': pixels; photograph \"left/0.jpg\" has 192x128"),
+        std::string::npos)
+        << refused.error_message();
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,120 @@
+// A stored file whose bytes change on the disk: found by a worker, set aside by the server, healed
+// by the next upload.
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "core/base/digest.h"
+#include "server/store/layout.h"
+#include "tests/server/running_server.h"
+
+namespace pepeseg {
+namespace {
+
+struct DamagedBlobsTest : ::testing::Test {
+  // The fake worker takes the first file's name as what to do.
+  DamagedBlobsTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+
+  BlobName NameOf(const TestFile& file) const { return {"default", Sha256Hex(file.bytes)}; }
+  std::filesystem::path BlobOf(const TestFile& file) const {
+    return BlobPath(running.options.data, NameOf(file));
+  }
+  void Flip(const TestFile& file) const {
+    std::string bytes = file.bytes;
+    bytes[0] = static_cast<char>(bytes[0] ^ 1);
+    std::ofstream(BlobOf(file), std::ios::binary) << bytes;
+  }
+  v1::TrainSceneRequest Request(const std::string& dataset) const {
+    v1::TrainSceneRequest request;
+    request.set_scene("scenes/shelf");
+    request.set_dataset(dataset);
+    return request;
+  }
+  grpc::Status Train(const std::string& dataset) {
+    grpc::ClientContext context;
+    return running.jobs->TrainScene(&context, Request(dataset), &job);
+  }
+  // Of a job that has ended.
+  v1::Job TrainToTheEnd(const std::string& dataset) {
+    const grpc::Status status = Train(dataset);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return running.Await(job.name());
+  }
+
+  RunningServer running;
+  v1::Job job;
+  const std::vector<TestFile> files = {
+      {"verify", "a photograph"}, {"x/b", "another one"}, {"x/c", "a third one"}};
+};
+
+TEST_F(DamagedBlobsTest, AreSetAsideAndHealedByAnUploadOfTheSameFiles) {
+  const std::string dataset = running.UploadAndSeal("shelf", files);
+  ASSERT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED);
+  Flip(files[1]);
+
+  const v1::Job failed = TrainToTheEnd(dataset);
+  EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(failed.error().code(), grpc::DATA_LOSS);
+  EXPECT_EQ(failed.error().message(), "x/b: its stored bytes are damaged");
+  // Before anybody can see that the job has failed.
+  EXPECT_FALSE(std::filesystem::exists(BlobOf(files[1])));
+  EXPECT_TRUE(std::filesystem::exists(DamagedPath(running.options.data, NameOf(files[1]))));
+  EXPECT_TRUE(std::filesystem::exists(BlobOf(files[0])));
+
+  const grpc::Status refused = Train(dataset);
+  EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(DetailOf(refused).reason(), "FILES_MISSING");
+  EXPECT_EQ(DetailOf(refused).resource(), "x/b");
+  EXPECT_NE(refused.error_message().find("1 of 3 files"), std::string::npos)
+      << refused.error_message();
+
+  const v1::Upload again = running.CreateUpload("shelf", files);
+  ASSERT_EQ(again.missing_files_size(), 1);
+  EXPECT_EQ(again.missing_files(0), "x/b");
+  ASSERT_TRUE(running.Write(FileParts(again.name(), files[1])).ok());
+  EXPECT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED) << "the old dataset";
+}
+
+TEST_F(DamagedBlobsTest, AreSoForEveryDatasetAndOpenUploadThatNamesThem) {
+  const std::string dataset = running.UploadAndSeal("shelf", files);
+  const v1::Upload open = running.CreateUpload("shelf", files);
+  EXPECT_EQ(open.missing_files_size(), 0);
+  Flip(files[2]);
+  EXPECT_EQ(TrainToTheEnd(dataset).error().code(), grpc::DATA_LOSS);
+  EXPECT_EQ(running.GetUpload(open.name()).missing_files_size(), 1);
+  grpc::ClientContext context;
+  v1::SealUploadRequest request;
+  request.set_name(open.name());
+  v1::Dataset sealed;
+  EXPECT_EQ(running.datasets->SealUpload(&context, request, &sealed).error_code(),
+            grpc::FAILED_PRECONDITION);
+}
+
+TEST_F(DamagedBlobsTest, AreNotTakenFromAWorkersWord) {
+  std::vector<TestFile> good = files;
+  good[0].path = "claim damage";
+  const std::string dataset = running.UploadAndSeal("shelf", good);
+  const v1::Job failed = TrainToTheEnd(dataset);
+  EXPECT_EQ(failed.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(failed.error().code(), grpc::INTERNAL);
+  EXPECT_NE(failed.error().message().find("the stored files are whole"), std::string::npos)
+      << failed.error().message();
+  for (const TestFile& file : good) EXPECT_TRUE(std::filesystem::exists(BlobOf(file)));
+  EXPECT_TRUE(std::filesystem::exists(DatabasePath(running.options.data)));
+  EXPECT_FALSE(std::filesystem::exists(DamagedFolder(running.options.data)));
+  EXPECT_TRUE(Train(dataset).ok());
+}
+
+// As after an operator has removed it, or a disk was lost.
+TEST_F(DamagedBlobsTest, ThatAreGoneRefuseTheTrainingAtOnce) {
+  const std::string dataset = running.UploadAndSeal("shelf", files);
+  std::filesystem::remove(BlobOf(files[0]));
+  EXPECT_EQ(Train(dataset).error_code(), grpc::FAILED_PRECONDITION);
+  const v1::Upload again = running.CreateUpload("shelf", files);
+  ASSERT_EQ(again.missing_files_size(), 1);
+  ASSERT_TRUE(running.Write(FileParts(again.name(), files[0])).ok());
+  EXPECT_EQ(TrainToTheEnd(dataset).state(), v1::JOB_STATE_SUCCEEDED);
+}
+
+}  // namespace
+}  // namespace pepeseg

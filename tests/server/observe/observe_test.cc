@@ -1,0 +1,297 @@
+// A server as it is watched: metrics, request ids, traces, status, draining, health.
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/observe/trace_context.h"
+#include "server/worker_protocol/job_folder.h"
+#include "tests/server/health_check.h"
+#include "tests/server/running_server.h"
+#include "tests/testing/http_get.h"
+
+namespace pepeseg {
+namespace {
+
+ServerOptions Watched() {
+  ServerOptions options;
+  options.admin = "127.0.0.1:0";
+  options.metrics = "127.0.0.1:0";
+  return options;
+}
+
+struct ObserveTest : ::testing::Test {
+  ObserveTest() : running(PEPESEG_MODEL_WORKER, Watched()) {}
+
+  grpc::Status GetScene(grpc::ClientContext& context, const std::string& name) {
+    v1::GetSceneRequest request;
+    request.set_name(name);
+    v1::Scene scene;
+    return running.scenes->GetScene(&context, request, &scene);
+  }
+  grpc::Status GetScene(const std::string& name) {
+    grpc::ClientContext context;
+    return GetScene(context, name);
+  }
+  v1::ServerStatus Status() {
+    grpc::ClientContext context;
+    v1::ServerStatus status;
+    const grpc::Status answer = running.admin->GetStatus(&context, {}, &status);
+    EXPECT_TRUE(answer.ok()) << answer.error_message();
+    return status;
+  }
+  v1::ServerStatus Drain(bool draining) {
+    grpc::ClientContext context;
+    v1::DrainRequest request;
+    request.set_draining(draining);
+    v1::ServerStatus status;
+    EXPECT_TRUE(running.admin->Drain(&context, request, &status).ok());
+    return status;
+  }
+  bool Exposes(const std::string& line) {
+    const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
+    return metrics.find("\n" + line) != std::string::npos;
+  }
+  // A client has its answer a moment before the server is done with the call.
+  bool ExposesSoon(const std::string& line) {
+    for (int i = 0; i < 500 && !Exposes(line); ++i) absl::SleepFor(absl::Milliseconds(10));
+    return Exposes(line);
+  }
+  std::string EchoOf(const std::string& request_id) {
+    grpc::ClientContext context;
+    if (!request_id.empty()) context.AddMetadata("x-request-id", request_id);
+    EXPECT_EQ(GetScene(context, "scenes/none").error_code(), grpc::NOT_FOUND);
+    const auto& metadata = context.GetServerInitialMetadata();
+    EXPECT_EQ(metadata.count("x-request-id"), 1);
+    const auto found = metadata.find("x-request-id");
+    return found == metadata.end() ? "" : std::string(found->second.data(), found->second.size());
+  }
+
+  RunningServer running;
+};
+
+TEST_F(ObserveTest, MetricsCountCallsByKnownMethodsOnly) {
+  running.CreateScene("shelf");
+  EXPECT_EQ(GetScene("scenes/none").error_code(), grpc::NOT_FOUND);
+  EXPECT_EQ(GetScene("scenes/none").error_code(), grpc::NOT_FOUND);
+  EXPECT_TRUE(
+      Exposes("pepeseg_rpc_calls_total{code=\"NOT_FOUND\",method=\"SceneService/GetScene\"} 2") ||
+      Exposes("pepeseg_rpc_calls_total{method=\"SceneService/GetScene\",code=\"NOT_FOUND\"} 2"))
+      << HttpGet(running.server->metrics_port(), "/metrics");
+  EXPECT_TRUE(Exposes("pepeseg_rpc_duration_seconds_count{method=\"SceneService/GetScene\"} 2"));
+  EXPECT_TRUE(ExposesSoon("pepeseg_rpc_calls_in_flight 0"));
+  EXPECT_TRUE(Exposes("pepeseg_scenes 1"));
+  EXPECT_TRUE(Exposes("pepeseg_jobs{state=\"running\"} 0"));
+  EXPECT_TRUE(Exposes("pepeseg_pool_busy_threads{pool=\"query\"} 0"));
+  EXPECT_TRUE(Exposes("pepeseg_process_threads "));
+  // A method that a client made up.
+  const auto elsewhere = v1::AdminService::NewStub(running.channel);
+  grpc::ClientContext context;
+  v1::ServerStatus status;
+  EXPECT_EQ(elsewhere->GetStatus(&context, {}, &status).error_code(), grpc::UNIMPLEMENTED);
+  EXPECT_EQ(HttpGet(running.server->metrics_port(), "/metrics").find("made"), std::string::npos);
+}
+
+TEST_F(ObserveTest, MetricsTellOfModelsInMemoryAndTheirMaps) {
+  running.CreateScene("shelf");
+  ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_TRUE(Exposes("pepeseg_models 1"));
+  for (int i = 0; i < 2; ++i) {
+    grpc::ClientContext context;
+    v1::SegmentRequest request;
+    request.set_model("scenes/shelf/models/live");
+    request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+    auto& point = *request.mutable_prompt()->mutable_points()->add_points();
+    point.set_x(30);
+    point.set_y(32);
+    v1::SegmentResponse response;
+    ASSERT_TRUE(running.segmentation->Segment(&context, request, &response).ok());
+  }
+  EXPECT_TRUE(Exposes("pepeseg_resident_models 1"));
+  EXPECT_TRUE(Exposes("pepeseg_model_loads_total 1"));
+  EXPECT_TRUE(Exposes("pepeseg_feature_map_renders_total 1"));
+  EXPECT_FALSE(Exposes("pepeseg_feature_map_hits_total 0"));
+  EXPECT_TRUE(Exposes("pepeseg_jobs{state=\"succeeded\"} 1"));
+  absl::SleepFor(absl::Seconds(1.1));  // only whole seconds count
+  EXPECT_NEAR(Status().queries_per_second(), 0.2, 1e-9);
+  EXPECT_GT(Status().query_p99().nanos(), 0);
+}
+
+TEST_F(ObserveTest, ACallWhoseDeadlinePassesInTheQueueIsNotComputed) {
+  running.CreateScene("shelf");
+  ASSERT_EQ(running.Await(running.Train("shelf", "file").name()).state(), v1::JOB_STATE_SUCCEEDED);
+  v1::ProposeScalesRequest slow;
+  slow.set_model("scenes/shelf/models/live");
+  slow.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *slow.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  std::vector<std::future<grpc::Status>> before;
+  for (int i = 0; i < 90; ++i) {
+    before.push_back(std::async(std::launch::async, [&] {
+      grpc::ClientContext context;
+      v1::ProposeScalesResponse response;
+      return running.segmentation->ProposeScales(&context, slow, &response);
+    }));
+  }
+  while (Status().pools(1).num_queued() < 40) {
+  }
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(5));
+  v1::RenderRequest request;
+  request.set_model(slow.model());
+  request.mutable_viewpoint()->set_view("middle.jpg");
+  v1::RenderResponse response;
+  EXPECT_EQ(running.segmentation->Render(&context, request, &response).error_code(),
+            grpc::DEADLINE_EXCEEDED);
+  for (auto& call : before) EXPECT_TRUE(call.get().ok());
+  const std::string metrics = HttpGet(running.server->metrics_port(), "/metrics");
+  EXPECT_EQ(metrics.find("method=\"SegmentationService/Render\",code=\"OK\""), std::string::npos);
+  EXPECT_EQ(metrics.find("code=\"OK\",method=\"SegmentationService/Render\""), std::string::npos);
+  EXPECT_TRUE(
+      Exposes("pepeseg_rpc_duration_seconds_count{method=\"SegmentationService/Render\"} 1"));
+}
+
+TEST_F(ObserveTest, MetricsBeyondThisMachineNeedInsecure) {
+  ServerOptions options = running.options;
+  options.data = running.folder / "other";
+  options.admin.clear();
+  options.metrics = "0.0.0.0:0";
+  EXPECT_TRUE(absl::IsFailedPrecondition(Server::Start(options).status()));
+  options.metrics = absl::StrCat("127.0.0.1:", running.server->metrics_port());
+  EXPECT_TRUE(absl::IsUnavailable(Server::Start(options).status()));
+  options.metrics = "unix:/nowhere";
+  EXPECT_TRUE(absl::IsInvalidArgument(Server::Start(options).status()));
+}
+
+TEST_F(ObserveTest, RequestIdsComeBackOrAreMade) {
+  EXPECT_EQ(EchoOf("order-66"), "order-66");
+  const std::string made = EchoOf("");
+  EXPECT_TRUE(IsRequestId(made)) << made;
+  EXPECT_NE(EchoOf(""), made);
+  EXPECT_NE(EchoOf("no spaces please"), "no spaces please");
+  EXPECT_NE(EchoOf(std::string(65, 'x')), std::string(65, 'x'));
+}
+
+TEST_F(ObserveTest, AJobKeepsTheTraceOfTheCallThatMadeIt) {
+  constexpr char kTrace[] = "4bf92f3577b34da6a3ce929d0e0e4736";
+  running.CreateScene("shelf");
+  const std::string dataset = running.UploadAndSeal("shelf", {{"file", "bytes"}});
+  v1::TrainSceneRequest request;
+  request.set_scene("scenes/shelf");
+  request.set_dataset(dataset);
+  v1::Job job;
+  grpc::ClientContext context;
+  context.AddMetadata("traceparent", absl::StrCat("00-", kTrace, "-00f067aa0ba902b7-01"));
+  ASSERT_TRUE(running.jobs->TrainScene(&context, request, &job).ok());
+  running.Await(job.name());
+  const auto spec = JobFolder(running.options.data / job.name()).ReadSpec(1);
+  ASSERT_TRUE(spec.ok()) << spec.status();
+  const auto trace = ParseTraceparent(spec->traceparent);
+  ASSERT_TRUE(trace.has_value()) << spec->traceparent;
+  EXPECT_EQ(trace->trace_id, kTrace);
+  EXPECT_EQ(trace->flags, "01");
+  EXPECT_NE(trace->parent_id, "00f067aa0ba902b7");
+}
+
+TEST_F(ObserveTest, StatusTellsWhatTheServerDoes) {
+  running.CreateScene("shelf");
+  const v1::Job job = running.Train("shelf", "hang");
+  grpc::ClientContext context;
+  v1::WatchJobRequest watch;
+  watch.set_name(job.name());
+  const auto watcher = running.jobs->WatchJob(&context, watch);
+  v1::JobEvent event;
+  ASSERT_TRUE(watcher->Read(&event));
+  v1::ServerStatus status = Status();
+  while (status.running_jobs_size() == 0) status = Status();
+  EXPECT_EQ(status.running_jobs(0).name(), job.name());
+  EXPECT_EQ(status.num_streams(), 1);
+  EXPECT_EQ(status.pools_size(), 4);
+  EXPECT_EQ(status.pools(1).name(), "query");
+  EXPECT_EQ(status.pools(1).num_threads(), 2);
+  EXPECT_GT(status.resident_bytes(), 1 << 20);
+  EXPECT_GT(status.num_threads(), 10);
+  EXPECT_GT(status.num_descriptors(), 10);
+  EXPECT_GT(status.disk_free_bytes(), 0);
+  EXPECT_FALSE(status.draining());
+  EXPECT_EQ(status.device().substr(0, 3), "cpu");
+  context.TryCancel();
+}
+
+TEST_F(ObserveTest, DrainingTakesNothingNewAndIsTakenBack) {
+  running.CreateScene("shelf");
+  const v1::Job job = running.Train("shelf", "hang");
+  grpc::ClientContext old_context;
+  v1::WatchJobRequest watch;
+  watch.set_name(job.name());
+  const auto watcher = running.jobs->WatchJob(&old_context, watch);
+  v1::JobEvent event;
+  ASSERT_TRUE(watcher->Read(&event));
+  const auto socket = ConnectTo(running.server->port());
+  EXPECT_TRUE(Drain(true).draining());
+  EXPECT_EQ(CheckHealth(socket, ""), kNotServing);
+  EXPECT_EQ(CheckHealth(socket, "pepeseg.v1.SegmentationService"), kNotServing);
+  const grpc::Status refused = GetScene("scenes/shelf");
+  EXPECT_EQ(refused.error_code(), grpc::UNAVAILABLE);
+  EXPECT_EQ(DetailOf(refused).reason(), "DRAINING");
+  EXPECT_TRUE(DetailOf(refused).has_retry_after());
+  grpc::ClientContext new_context;
+  const auto late = running.jobs->WatchJob(&new_context, watch);
+  EXPECT_FALSE(late->Read(&event));
+  EXPECT_EQ(late->Finish().error_code(), grpc::UNAVAILABLE);
+  // The old one goes on. The client hears of the end of the other before the server is done with
+  // it.
+  for (int i = 0; i < 500 && Status().num_streams() != 1; ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_EQ(Status().num_streams(), 1);
+  EXPECT_TRUE(Exposes("pepeseg_draining 1"));
+  EXPECT_FALSE(Drain(false).draining());
+  EXPECT_TRUE(GetScene("scenes/shelf").ok());
+  EXPECT_EQ(CheckHealth(socket, ""), kServing);
+  old_context.TryCancel();
+}
+
+TEST_F(ObserveTest, ADataDirectoryThatIsGoneEndsUploadsNotQuestions) {
+  const auto socket = ConnectTo(running.server->port());
+  const auto await = [&](const char* service, int health) {
+    const absl::Time deadline = absl::Now() + absl::Seconds(10);
+    while (CheckHealth(socket, service) != health && absl::Now() < deadline) {
+      absl::SleepFor(absl::Milliseconds(50));
+    }
+    return CheckHealth(socket, service) == health;
+  };
+  EXPECT_TRUE(await("pepeseg.v1.DatasetService", kServing));
+  std::filesystem::path away = running.options.data;
+  away += ".away";
+  std::filesystem::rename(running.options.data, away);
+  EXPECT_TRUE(await("pepeseg.v1.DatasetService", kNotServing));
+  EXPECT_TRUE(await("pepeseg.v1.JobService", kNotServing));
+  EXPECT_EQ(CheckHealth(socket, "pepeseg.v1.SegmentationService"), kServing);
+  EXPECT_EQ(CheckHealth(socket, ""), kServing);
+  std::filesystem::rename(away, running.options.data);
+  EXPECT_TRUE(await("pepeseg.v1.DatasetService", kServing));
+}
+
+TEST_F(ObserveTest, WhileItWaitsForTheGatewayAStoppingServerStillAnswers) {
+  running.options.drain = absl::Seconds(1);
+  running.Restart();
+  running.CreateScene("shelf");
+  const auto socket = ConnectTo(running.server->port());
+  EXPECT_EQ(CheckHealth(socket, ""), kServing);
+  auto stopping = std::async(std::launch::async,
+                             [&] { running.server->Shutdown(absl::Now() + absl::Seconds(20)); });
+  while (CheckHealth(socket, "") == kServing) absl::SleepFor(absl::Milliseconds(1));
+  EXPECT_TRUE(GetScene("scenes/shelf").ok());
+  stopping.wait();
+}
+
+}  // namespace
+}  // namespace pepeseg

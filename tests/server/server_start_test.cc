@@ -1,0 +1,148 @@
+// What keeps a server from starting.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "server/server_parts.h"
+#include "tests/server/running_server.h"
+#include "tests/testing/fake_sam.h"
+
+namespace pepeseg {
+namespace {
+
+ServerOptions OptionsIn(const testing::TempFolder& folder) {
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  return options;
+}
+
+TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.listen = "0.0.0.0:0";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("--insecure"), std::string::npos);
+  options.insecure = true;
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = "/no/such/program";
+  EXPECT_TRUE(absl::IsFailedPrecondition(Server::Start(options).status()));
+  options.worker = PEPESEG_FAKE_WORKER;
+  auto first = Server::Start(options);
+  ASSERT_TRUE(first.ok()) << first.status();
+  const auto second = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(second.status())) << second.status();
+  EXPECT_NE(second.status().message().find("another server"), std::string::npos);
+  first->reset();
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.device = "cuda:1000";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("device cuda:1000: "), std::string::npos);
+}
+
+TEST(ServerStart, RefusesWeightsThatAreNone) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.lpips_weights = folder / "lpips.onnx";
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
+  std::ofstream(folder / "lpips.onnx") << "no network";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("lpips.onnx: not an ONNX network"), std::string::npos);
+  options.lpips_weights = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
+  const testing::TempFolder folder;
+  ServerOptions options;
+  options.data = folder.path();
+  options.worker = PEPESEG_FAKE_WORKER;
+  std::ofstream(folder / "make_priors") << "not executable";
+  for (const std::string& command : {(folder / "make_priors").string(), std::string("no-such")}) {
+    options.priors_command = command;
+    const auto refused = Server::Start(options);
+    EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+    EXPECT_NE(refused.status().message().find("priors command: "), std::string::npos);
+  }
+}
+
+TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.launch.sam = (folder / "sam").string();
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
+  testing::MakeFakeSam(folder / "sam");
+  EXPECT_TRUE(Server::Start(options).ok());
+  std::ofstream(folder / "sam" / "sam.onnx") << "another model";
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
+  EXPECT_NE(refused.status().message().find("sam.onnx: its SHA-256 is "), std::string::npos);
+}
+
+// The default folder holds nothing up.
+TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.default_sam = {folder / "none", folder / "sam"};
+  EXPECT_EQ(FindSam(options).value_or("?"), "");
+  testing::MakeFakeSam(folder / "sam");
+  EXPECT_EQ(FindSam(options).value_or("?"), folder / "sam");
+  std::ofstream(folder / "sam" / "sam.onnx") << "another model";
+  EXPECT_EQ(FindSam(options).value_or("?"), "");
+  EXPECT_TRUE(Server::Start(options).ok());
+}
+
+TEST(ServerStart, RefusesATakenPort) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  const testing::TempFolder folder;
+  ServerOptions options = running.options;
+  options.data = folder.path();
+  options.listen = "127.0.0.1:" + std::to_string(running.server->port());
+  const auto refused = Server::Start(options);
+  EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
+  const std::string message(refused.status().message());
+  EXPECT_NE(message.find("--listen " + options.listen + ": the port is in use"), std::string::npos)
+      << message;
+  EXPECT_EQ(message.find('\n'), std::string::npos);
+}
+
+TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
+  const RunningServer running(PEPESEG_FAKE_WORKER);
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.metrics = "127.0.0.1:" + std::to_string(running.server->port());
+  EXPECT_NE(Server::Start(options).status().message().find("--metrics 127."), std::string::npos);
+  options.metrics.clear();
+  options.insecure = true;
+  options.listen = "192.0.2.1:0";  // RFC 5737: nobody's
+  const auto refused = Server::Start(options);
+  EXPECT_NE(refused.status().message().find("not an address of this machine"), std::string::npos)
+      << refused.status();
+}
+
+TEST(ServerStart, MakesItsDataDirectoryForItsOwnerOnly) {
+  const testing::TempFolder folder;
+  ServerOptions options = OptionsIn(folder);
+  options.data = folder / "share" / "pepeseg";
+  ASSERT_TRUE(Server::Start(options).ok());
+  const auto mode = std::filesystem::status(options.data).permissions();
+  EXPECT_EQ(mode, std::filesystem::perms::owner_all);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,297 @@
+#include "server/server.h"
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "absl/time/clock.h"
+#include "tests/server/health_check.h"
+#include "tests/server/running_server.h"
+
+namespace pepeseg {
+namespace {
+
+TEST(IsLoopback, KnowsWhatStaysOnTheMachine) {
+  for (const char* near : {"127.0.0.1:0", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/x"}) {
+    EXPECT_TRUE(IsLoopback(near)) << near;
+  }
+  for (const char* far : {"0.0.0.0:1", "[::]:1", "10.0.0.1:1", "127.example.com:1", "host:1", ":1",
+                          "", "127.0.0.1"}) {
+    EXPECT_FALSE(IsLoopback(far)) << far;
+  }
+}
+
+grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const std::string& id) {
+  grpc::ClientContext context;
+  v1::CreateSceneRequest request;
+  request.set_scene_id(id);
+  v1::Scene scene;
+  return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
+}
+
+TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
+  RunningServer running(PEPESEG_FAKE_WORKER);
+  running.CreateScene("shelf");
+  const v1::Job job = running.Train("shelf", "hang");
+  const v1::Upload upload = running.CreateUpload("shelf", {{"images/1.jpg", "one"}});
+
+  grpc::ClientContext watch_context;
+  v1::WatchJobRequest watch;
+  watch.set_name(job.name());
+  const auto watcher = running.jobs->WatchJob(&watch_context, watch);
+  v1::JobEvent event;
+  ASSERT_TRUE(watcher->Read(&event));
+  grpc::ClientContext write_context;
+  v1::WriteFilesResponse response;
+  const auto writer = running.datasets->WriteFiles(&write_context, &response);
+  ASSERT_TRUE(writer->Write(HeaderPart(upload.name(), "images/1.jpg")));
+
+  std::thread shutdown([&] { running.server->Shutdown(absl::Now() + absl::Seconds(20)); });
+  while (watcher->Read(&event)) {
+  }
+  const grpc::Status watched = watcher->Finish();
+  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
+  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
+  const grpc::Status written = writer->Finish();
+  EXPECT_EQ(written.error_code(), grpc::UNAVAILABLE) << written.error_message();
+  shutdown.join();
+  running.server.reset();
+
+  auto again = Server::Start(running.options);
+  ASSERT_TRUE(again.ok()) << again.status();
+  const auto jobs = v1::JobService::NewStub((*again)->InProcessChannel());
+  grpc::ClientContext context;
+  v1::GetJobRequest get;
+  get.set_name(job.name());
+  v1::Job resumed;
+  ASSERT_TRUE(jobs->GetJob(&context, get, &resumed).ok());
+  EXPECT_TRUE(resumed.state() == v1::JOB_STATE_QUEUED || resumed.state() == v1::JOB_STATE_RUNNING)
+      << resumed.DebugString();
+}
+
+// The program itself, until its port file is there.
+struct Program {
+  explicit Program(const testing::TempFolder& folder,
+                   const std::string& worker = PEPESEG_FAKE_WORKER,
+                   const std::vector<std::string>& more = {}) {
+    const std::string port_file = (folder / "port").string();
+    std::vector<std::string> words = {PEPESEG_SERVER,
+                                      "--data=" + (folder / "data").string(),
+                                      "--port-file=" + port_file,
+                                      "--worker=" + worker,
+                                      "--listen=127.0.0.1:0",
+                                      "--reflection"};
+    words.insert(words.end(), more.begin(), more.end());
+    std::vector<char*> arguments;
+    arguments.reserve(words.size() + 1);
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    EXPECT_EQ(posix_spawn(&pid, PEPESEG_SERVER, nullptr, nullptr, arguments.data(), environ), 0);
+    const absl::Time deadline = absl::Now() + absl::Seconds(30);
+    while (!(std::ifstream(port_file) >> port) && absl::Now() < deadline) {
+      absl::SleepFor(absl::Milliseconds(20));
+    }
+  }
+  ~Program() {
+    if (!ended) kill(pid, SIGKILL);
+    if (!ended) waitpid(pid, nullptr, 0);
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+  int Await() {
+    int state = -1;
+    waitpid(pid, &state, 0);
+    ended = true;
+    return state;
+  }
+  pid_t pid = -1;
+  int port = 0;
+  bool ended = false;
+};
+
+TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
+  const testing::TempFolder folder;
+  Program program(folder);
+  ASSERT_GT(program.port, 0);
+  const auto channel = ConnectTo(program.port);
+  const auto scenes = v1::SceneService::NewStub(channel);
+  grpc::ClientContext context;
+  v1::CreateSceneRequest request;
+  request.set_scene_id("shelf");
+  v1::Scene scene;
+  ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+  kill(program.pid, SIGTERM);
+  const int state = program.Await();
+  EXPECT_TRUE(WIFEXITED(state));
+  EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
+                const std::string& file) {
+  EXPECT_TRUE(CreateScene(channel, scene).ok());
+  const auto datasets = v1::DatasetService::NewStub(channel);
+  v1::CreateUploadRequest create;
+  create.set_parent("scenes/" + scene);
+  const TestFile bytes = {file, "bytes"};
+  *create.add_files() = Declare(bytes);
+  v1::Upload upload;
+  grpc::ClientContext creating, writing, sealing, training;
+  EXPECT_TRUE(datasets->CreateUpload(&creating, create, &upload).ok());
+  v1::WriteFilesResponse written;
+  const auto stream = datasets->WriteFiles(&writing, &written);
+  for (const v1::WriteFilesRequest& part : FileParts(upload.name(), bytes)) stream->Write(part);
+  stream->WritesDone();
+  EXPECT_TRUE(stream->Finish().ok());
+  v1::SealUploadRequest seal;
+  seal.set_name(upload.name());
+  v1::Dataset dataset;
+  EXPECT_TRUE(datasets->SealUpload(&sealing, seal, &dataset).ok());
+  v1::TrainSceneRequest request;
+  request.set_scene("scenes/" + scene);
+  request.set_dataset(dataset.name());
+  v1::Job job;
+  EXPECT_TRUE(v1::JobService::NewStub(channel)->TrainScene(&training, request, &job).ok());
+  return job;
+}
+
+// NOT_SERVING, a while in which it still answers, streams end, what is under way is answered, exit.
+TEST(ServerProgram, StopsInOrderOnSigterm) {
+  const testing::TempFolder folder;
+  Program program(folder, PEPESEG_MODEL_WORKER, {"--drain-seconds=2", "--grace=20"});
+  ASSERT_GT(program.port, 0);
+  const auto channel = ConnectTo(program.port);
+  const auto jobs = v1::JobService::NewStub(channel);
+  const v1::Job made = TrainOn(channel, "shelf", "file");
+  v1::WatchJobRequest watch;
+  v1::JobEvent event;
+  {
+    grpc::ClientContext context;
+    watch.set_name(made.name());
+    const auto until_made = jobs->WatchJob(&context, watch);
+    while (until_made->Read(&event)) {
+    }
+    EXPECT_TRUE(until_made->Finish().ok());
+  }
+  watch.set_name(TrainOn(channel, "idle", "hang").name());
+  grpc::ClientContext watch_context;
+  const auto watcher = jobs->WatchJob(&watch_context, watch);
+  ASSERT_TRUE(watcher->Read(&event));
+
+  kill(program.pid, SIGTERM);
+  while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
+  // The first question loads the model: it is under way when the streams end.
+  v1::ProposeScalesRequest question;
+  question.set_model("scenes/shelf/models/live");
+  question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto& point = *question.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(30);
+  point.set_y(32);
+  const auto segmentation = v1::SegmentationService::NewStub(channel);
+  int num_answered = 0;
+  grpc::Status last;
+  do {
+    grpc::ClientContext context;
+    v1::ProposeScalesResponse response;
+    last = segmentation->ProposeScales(&context, question, &response);
+    num_answered += last.ok() ? 1 : 0;
+  } while (last.ok());
+  EXPECT_GT(num_answered, 0);
+  // Never cut off in the middle: refused, or the connection is gone.
+  EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
+  while (watcher->Read(&event)) {
+  }
+  const grpc::Status watched = watcher->Finish();
+  EXPECT_EQ(watched.error_code(), grpc::UNAVAILABLE) << watched.error_message();
+  EXPECT_EQ(DetailOf(watched).reason(), "DRAINING");
+  const int state = program.Await();
+  EXPECT_TRUE(WIFEXITED(state));
+  EXPECT_EQ(WEXITSTATUS(state), 0);
+}
+
+struct Output {
+  int exit_code = -1;
+  std::string text;  // standard output and error
+};
+
+// Through the shell.
+Output RunShell(const std::string& line) {
+  Output output;
+  FILE* pipe = popen((line + " 2>&1").c_str(), "r");
+  char buffer[4096];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) output.text += buffer;
+  output.exit_code = WEXITSTATUS(pclose(pipe));
+  return output;
+}
+
+TEST(ServerProgram, SaysInOneLineThatItsPortIsTaken) {
+  const testing::TempFolder folder;
+  const Program first(folder);
+  ASSERT_GT(first.port, 0);
+  const std::string address = "127.0.0.1:" + std::to_string(first.port);
+  const Output second =
+      RunShell(PEPESEG_SERVER " --listen " + address + " --data " + (folder / "other").string());
+  EXPECT_EQ(second.exit_code, 1);
+  EXPECT_EQ(std::count(second.text.begin(), second.text.end(), '\n'), 1) << second.text;
+  for (const std::string& part : {address, std::string("in use"), std::string("another port")}) {
+    EXPECT_NE(second.text.find(part), std::string::npos) << second.text;
+  }
+}
+
+// Where another test's server, or a person's, has the port, it says so.
+TEST(ServerProgram, ServesWithoutArguments) {
+  const testing::TempFolder folder;
+  const Output output = RunShell("XDG_DATA_HOME=" + folder.path().string() +
+                                 " timeout --signal=TERM 3 " PEPESEG_SERVER);
+  if (output.text.find("in use") != std::string::npos) {
+    EXPECT_NE(output.text.find("127.0.0.1:50051"), std::string::npos) << output.text;
+    return;
+  }
+  EXPECT_EQ(output.exit_code, 124) << output.text;
+  EXPECT_NE(output.text.find("serving on 127.0.0.1:50051"), std::string::npos) << output.text;
+  EXPECT_TRUE(std::filesystem::exists(folder / "pepeseg" / "pepeseg.db"));
+  EXPECT_EQ(std::filesystem::status(folder / "pepeseg").permissions(),
+            std::filesystem::perms::owner_all);
+}
+
+TEST(ServerProgram, KeepsItsDataInTheHomeWithoutXdgDataHome) {
+  const Output help = RunShell("XDG_DATA_HOME=relative HOME=/home/anna " PEPESEG_SERVER " --help");
+  EXPECT_NE(help.text.find("/home/anna/.local/share/pepeseg"), std::string::npos) << help.text;
+  const Output homeless = RunShell("env -u XDG_DATA_HOME -u HOME " PEPESEG_SERVER);
+  EXPECT_NE(homeless.exit_code, 0);
+  EXPECT_NE(homeless.text.find("--data"), std::string::npos) << homeless.text;
+}
+
+TEST(ServerProgram, LosesNothingWhenKilled) {
+  const testing::TempFolder folder;
+  {
+    Program program(folder);
+    ASSERT_GT(program.port, 0);
+    const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
+    grpc::ClientContext context;
+    v1::CreateSceneRequest request;
+    request.set_scene_id("shelf");
+    v1::Scene scene;
+    ASSERT_TRUE(scenes->CreateScene(&context, request, &scene).ok());
+    kill(program.pid, SIGKILL);
+    program.Await();
+  }
+  std::filesystem::remove(folder / "port");
+  Program program(folder);
+  const auto scenes = v1::SceneService::NewStub(ConnectTo(program.port));
+  grpc::ClientContext context;
+  v1::GetSceneRequest request;
+  request.set_name("scenes/shelf");
+  v1::Scene scene;
+  EXPECT_TRUE(scenes->GetScene(&context, request, &scene).ok());
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,298 @@
+#include "server/services/estimate_training.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
+#include "core/priors/sam/sam_needs.h"
+#include "server/services/dataset_size.h"
+#include "server/store/layout.h"
+#include "tests/server/running_server.h"
+#include "tests/server/store/test_database.h"
+#include "tests/testing/fake_sam.h"
+#include "tests/testing/png_bytes.h"
+#include "tests/testing/status_testing.h"
+
+namespace pepeseg {
+namespace {
+
+// Nothing is decoded: black pictures will do.
+std::vector<TestFile> Photos() {
+  std::vector<TestFile> files;
+  files.reserve(5);
+  for (int i = 0; i < 4; ++i) {
+    files.push_back({absl::StrCat("images/", i, ".png"), testing::BlackPng(400, 300 + 20 * i, 8)});
+  }
+  files.push_back(
+      {"sparse/0/points3D.txt", "# a comment\n1 0 0 0\n2 0 0 0\n\n3 0 0 0\n", v1::FILE_KIND_POSES});
+  return files;
+}
+
+struct EstimateTrainingTest : ::testing::Test {
+  EstimateTrainingTest() : running(PEPESEG_FAKE_WORKER) { running.CreateScene("shelf"); }
+
+  grpc::Status Estimate(const std::string& dataset, const v1::TrainingOptions& options = {}) {
+    grpc::ClientContext context;
+    v1::EstimateTrainingRequest request;
+    request.set_scene("scenes/shelf");
+    request.set_dataset(dataset);
+    *request.mutable_options() = options;
+    estimate.Clear();
+    return running.jobs->EstimateTraining(&context, request, &estimate);
+  }
+
+  grpc::Status Train(const std::string& dataset, const v1::TrainingOptions& options,
+                     bool validate_only) {
+    grpc::ClientContext context;
+    v1::TrainSceneRequest request;
+    request.set_scene("scenes/shelf");
+    request.set_dataset(dataset);
+    *request.mutable_options() = options;
+    request.set_validate_only(validate_only);
+    v1::Job job;
+    return running.jobs->TrainScene(&context, request, &job);
+  }
+
+  RunningServer running;
+  v1::EstimateTrainingResponse estimate;
+};
+
+TEST_F(EstimateTrainingTest, TellsWhatTheHeadersAndOptionsSay) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_max_gaussians(10'000);
+  const grpc::Status status = Estimate(dataset, options);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(estimate.num_views(), 4);
+  EXPECT_EQ(estimate.max_pixels(), 400 * 360);
+  EXPECT_EQ(estimate.num_points(), 3);
+  EXPECT_EQ(estimate.num_mask_files(), 0);
+  EXPECT_EQ(estimate.device().find("cpu (1 thread, "), 0u);
+  ASSERT_EQ(estimate.stages_size(), 3);
+  EXPECT_EQ(estimate.stages(0).stage(), "prepare");
+  EXPECT_EQ(estimate.stages(1).stage(), "reconstruct");
+  EXPECT_EQ(estimate.stages(2).stage(), "features");  // of masks that are made
+  // Parameters and two moments of 59 floats, at least.
+  EXPECT_GT(estimate.stages(1).device_bytes(), 10'000 * 3 * 59 * 4);
+  int64_t most = 0;
+  for (const auto& stage : estimate.stages()) {
+    most = std::max(most, stage.device_bytes() + stage.host_bytes());
+  }
+  EXPECT_EQ(estimate.need_bytes(), most);
+  EXPECT_GT(estimate.have_bytes(), estimate.need_bytes());
+  for (const auto& stage : estimate.stages()) EXPECT_FALSE(stage.has_duration());
+}
+
+TEST_F(EstimateTrainingTest, SmallerPhotographsAndFewerGaussiansTakeLess) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  const int64_t all = estimate.need_bytes();
+  options.mutable_import()->set_image_scale(0.5);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_EQ(estimate.max_pixels(), 400 * 360 / 4);
+  const int64_t small = estimate.need_bytes();
+  EXPECT_LT(small, all);
+  options.mutable_reconstruct()->set_max_gaussians(1000);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_LT(estimate.need_bytes(), small);
+}
+
+TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  testing::MakeFakeSam(running.folder / "sam");
+  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.num_threads = 2;
+  running.Restart();
+  ASSERT_TRUE(Estimate(dataset).ok());
+  ASSERT_EQ(estimate.stages_size(), 4);
+  EXPECT_EQ(estimate.stages(1).stage(), "priors");
+  EXPECT_GT(estimate.stages(1).host_bytes(), int64_t{523} << 20);
+  EXPECT_GE(estimate.need_bytes(), estimate.stages(1).host_bytes());
+  EXPECT_EQ(estimate.stages(1).duration().seconds(), static_cast<int64_t>(4 * kSamCoreSeconds / 2));
+  v1::TrainingOptions options;
+  options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  EXPECT_EQ(estimate.stages_size(), 3);
+}
+
+// They run at the same time, in two processes.
+TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
+  std::vector<TestFile> files = Photos();
+  files.pop_back();
+  const std::string dataset = running.UploadAndSeal("shelf", files);
+  ASSERT_TRUE(Estimate(dataset).ok());
+  ASSERT_EQ(estimate.stages(1).stage(), "sfm");
+  const int64_t without_sam = estimate.stages(1).host_bytes();
+  testing::MakeFakeSam(running.folder / "sam");
+  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.num_threads = 2;
+  running.Restart();
+  ASSERT_TRUE(Estimate(dataset).ok());
+  EXPECT_EQ(estimate.stages(1).host_bytes(), without_sam + SamHostBytes(2));
+}
+
+TEST_F(EstimateTrainingTest, MasksBringTheFeaturesStage) {
+  std::vector<TestFile> files = Photos();
+  files.push_back({"masks/0.png", testing::BlackPng(400, 300, 8), v1::FILE_KIND_MASK});
+  ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+  EXPECT_EQ(estimate.num_mask_files(), 1);
+  ASSERT_EQ(estimate.stages_size(), 3);
+  EXPECT_EQ(estimate.stages(2).stage(), "features");
+  EXPECT_GT(estimate.stages(2).device_bytes(), 0);
+}
+
+TEST_F(EstimateTrainingTest, WhatDoesNotFitIsRefusedBeforeItIsQueued) {
+  const std::string dataset = running.UploadAndSeal("shelf", Photos());
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_max_gaussians(100'000'000);
+  options.mutable_reconstruct()->set_pixels_per_gaussian(0);  // else the budget is the limit
+  ASSERT_TRUE(Estimate(dataset, options).ok());
+  ASSERT_GT(estimate.need_bytes(), estimate.have_bytes()) << "this machine takes anything";
+  for (const bool validate_only : {true, false}) {
+    const grpc::Status refused = Train(dataset, options, validate_only);
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    const v1::ErrorDetail detail = DetailOf(refused);
+    EXPECT_EQ(detail.reason(), "DOES_NOT_FIT");
+    EXPECT_EQ(detail.value(), absl::StrCat(estimate.need_bytes(), " bytes"));
+    EXPECT_EQ(detail.limit(), absl::StrCat(estimate.have_bytes(), " bytes"));
+  }
+  grpc::ClientContext context;
+  v1::ListJobsResponse jobs;
+  ASSERT_TRUE(running.jobs->ListJobs(&context, v1::ListJobsRequest(), &jobs).ok());
+  EXPECT_EQ(jobs.jobs_size(), 0);
+}
+
+TEST_F(EstimateTrainingTest, PhotographThatIsNoneIsNamedAndLeftToTheJob) {
+  const std::string dataset = running.UploadAndSeal("shelf", {{"fine", "bytes"}});
+  const grpc::Status status = Estimate(dataset);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(status.error_message().find("fine"), std::string::npos) << status.error_message();
+  EXPECT_TRUE(Train(dataset, {}, /*validate_only=*/true).ok());
+}
+
+// Photographs of which a mebibyte must not be read to know their size.
+std::vector<TestFile> LargePhotos() {
+  std::vector<TestFile> files = Photos();
+  std::string jpeg = "\xFF\xD8";
+  for (int i = 0; i < 20; ++i) jpeg += "\xFF\xE1\xFF\xFF" + std::string(0xFFFD, 'x');
+  jpeg += std::string("\xFF\xC0\x00\x0B\x08\x03\xE8\x07\xD0\x01\x01\x11\x00", 13);
+  files.push_back({"images/large.jpg", jpeg + std::string(1 << 20, 'x')});
+  return files;
+}
+
+// Replaces the bytes of every stored file by as many zeros, so that no header can be read again.
+void BlankBlobs(const RunningServer& running) {
+  int num_blobs = 0;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(BlobFolder(running.options.data))) {
+    if (!entry.is_regular_file()) continue;
+    const auto size = entry.file_size();
+    std::filesystem::permissions(entry.path(), std::filesystem::perms::owner_write,
+                                 std::filesystem::perm_options::add);
+    std::filesystem::resize_file(entry.path(), 0);
+    std::filesystem::resize_file(entry.path(), size);
+    ++num_blobs;
+  }
+  ASSERT_GT(num_blobs, 0);
+}
+
+TEST_F(EstimateTrainingTest, KnowsTheSizesSinceTheFilesWereStored) {
+  const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
+  BlankBlobs(running);
+  const grpc::Status status = Estimate(dataset);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(estimate.num_views(), 5);
+  EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
+  EXPECT_EQ(estimate.num_points(), 3);
+}
+
+TEST_F(EstimateTrainingTest, ReadsHeadersOnceThatWereNotKept) {
+  const std::string dataset = running.UploadAndSeal("shelf", LargePhotos());
+  // Another upload of the same files, of which nothing is written.
+  const v1::Upload again = running.CreateUpload("shelf", LargePhotos());
+  grpc::ClientContext context;
+  v1::SealUploadRequest request;
+  request.set_name(again.name());
+  v1::Dataset sealed;
+  ASSERT_TRUE(running.datasets->SealUpload(&context, request, &sealed).ok());
+  for (const bool blanked : {false, true}) {
+    if (blanked) BlankBlobs(running);
+    const grpc::Status status = Estimate(sealed.name());
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(estimate.max_pixels(), 2000 * 1000);
+    EXPECT_EQ(estimate.num_points(), 3);
+  }
+}
+
+TEST_F(EstimateTrainingTest, CountsColmapsPointsByTheFrontOfTheFile) {
+  std::string lines;
+  for (int i = 0; i < 20'000; ++i) absl::StrAppend(&lines, "7 1.0 2.0 3.0 100 100 100 0.5 1 2\n");
+  struct Case {
+    std::string text;
+    int64_t least, most;
+  };
+  const std::vector<Case> cases = {
+      {"# Number of points: 12345, mean track length: 3\n" + lines, 12'345, 12'345},
+      {"# Number of points: 99999999999\n" + lines, 20'000, 45'000},
+      {"# a comment\n" + lines, 19'900, 20'100}};
+  for (const Case& one : cases) {
+    std::vector<TestFile> files = Photos();
+    files.back().bytes = one.text;
+    ASSERT_TRUE(Estimate(running.UploadAndSeal("shelf", files)).ok());
+    EXPECT_GE(estimate.num_points(), one.least);
+    EXPECT_LE(estimate.num_points(), one.most);
+  }
+}
+
+// Of a call that is cancelled what was read is kept, so that the next one gets further.
+TEST(MeasureDataset, StopsWhereNobodyWaits) {
+  const testing::TempFolder folder;
+  const auto store = *Store::Open(testing::NewTestDatabase(folder.path()));
+  const auto blobs = *BlobStore::Open(folder / "data");
+  ASSERT_OK(store->CreateScene({"a", "", "", {}}));
+  std::vector<DatasetFileRow> files;
+  for (int i = 0; i < 3; ++i) {
+    const std::string bytes = testing::BlackPng(40 + i, 30, 8);
+    files.push_back({absl::StrCat(i, ".png"), v1::FILE_KIND_IMAGE,
+                     static_cast<int64_t>(bytes.size()), Sha256Hex(bytes), true});
+    const auto path = blobs->Path({kDefaultProject, files.back().sha256});
+    std::filesystem::create_directories(path.parent_path());
+    std::ofstream(path, std::ios::binary) << bytes;
+  }
+  ASSERT_OK(store->CreateDataset("a", "", files));
+  ServiceContext context{};
+  context.store = store.get();
+  context.blobs = blobs.get();
+  int num_asked = 0;
+  const auto wanted = [&num_asked] {
+    return ++num_asked > 2 ? absl::CancelledError("the client is gone") : absl::OkStatus();
+  };
+  EXPECT_TRUE(absl::IsCancelled(MeasureDataset(context, {"a", 1, {}}, wanted).status()));
+  EXPECT_EQ(num_asked, 3);
+  ASSERT_OK_AND_ASSIGN(files, store->ListDatasetFiles("a", 1));
+  EXPECT_EQ(files[0].width, 40);
+  EXPECT_EQ(files[1].header, HeaderState::kRead);
+  EXPECT_EQ(files[2].header, HeaderState::kUnread);
+  ASSERT_OK_AND_ASSIGN(const DatasetSize size,
+                       MeasureDataset(context, {"a", 1, {}}, [] { return absl::OkStatus(); }));
+  EXPECT_EQ(size.max_source_pixels, 42 * 30);
+}
+
+TEST_F(EstimateTrainingTest, RefusesWhatTrainSceneRefuses) {
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/9").error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(Estimate("scenes/other/datasets/1").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  const v1::Upload open = running.CreateUpload("shelf", {{"a", "bytes"}});
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/1").error_code(),
+            grpc::StatusCode::FAILED_PRECONDITION);
+  v1::TrainingOptions options;
+  options.mutable_reconstruct()->set_num_steps(0);
+  EXPECT_EQ(Estimate("scenes/shelf/datasets/1", options).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace pepeseg

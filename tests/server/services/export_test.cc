@@ -1,0 +1,130 @@
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "core/base/crc32c.h"
+#include "core/base/digest.h"
+#include "core/formats/gaussian_ply.h"
+#include "tests/server/shelf_model.h"
+
+namespace pepeseg {
+namespace {
+
+struct ExportTest : ShelfModel {
+  ExportTest() { request.set_model(kModel); }
+  grpc::Status Export() {
+    grpc::ClientContext context;
+    const auto stream = running.segmentation->ExportSelection(&context, request);
+    v1::ExportSelectionResponse part;
+    header.Clear();
+    ply.clear();
+    while (stream->Read(&part)) {
+      if (part.has_header()) header = part.header();
+      if (!part.has_chunk()) continue;
+      EXPECT_LE(part.chunk().data().size(), size_t{1} << 20);
+      EXPECT_EQ(part.chunk().crc32c(), Crc32c(part.chunk().data()));
+      ply += part.chunk().data();
+    }
+    return stream->Finish();
+  }
+  // What a reader of splats makes of it.
+  Gaussians Read() const {
+    const auto path = running.folder / "export.ply";
+    std::ofstream(path, std::ios::binary) << ply;
+    auto gaussians = ReadGaussianPly(path, "export.ply");
+    EXPECT_TRUE(gaussians.ok()) << gaussians.status();
+    return gaussians.ok() ? *gaussians : Gaussians();
+  }
+
+  v1::ExportSelectionRequest request;
+  v1::ExportSelectionResponse::Header header;
+  std::string ply;
+};
+
+TEST_F(ExportTest, ASegmentIsAPlyOfItsGaussians) {
+  SetSegment(1, 2, *request.mutable_subset());
+  const grpc::Status status = Export();
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(header.model(), "scenes/shelf/models/1");
+  EXPECT_EQ(header.num_gaussians(), 10'000);
+  EXPECT_EQ(header.num_bytes(), static_cast<int64_t>(ply.size()));
+  EXPECT_EQ(header.sha256(), Sha256Hex(ply));
+  const Gaussians blue = Read();
+  ASSERT_EQ(blue.count, 10'000);
+  for (const float x : blue.Plane(kMeanPlane)) ASSERT_GT(x, 0) << "the blue square is on the right";
+}
+
+TEST_F(ExportTest, TheComplementIsTheRestAndBothAreAll) {
+  ASSERT_TRUE(Export().ok());
+  const Gaussians all = Read();
+  EXPECT_EQ(all.count, 20'000);
+  SetSegment(1, 2, *request.mutable_subset());
+  request.mutable_subset()->set_complement(true);
+  ASSERT_TRUE(Export().ok());
+  const Gaussians red = Read();
+  ASSERT_EQ(red.count, 10'000);
+  for (int64_t i = 0; i < red.count; ++i) {  // in the model's order, every plane
+    for (int k = 0; k < NumPlanes(red.sh_degree); ++k) ASSERT_EQ(red.Plane(k)[i], all.Plane(k)[i]);
+  }
+}
+
+TEST_F(ExportTest, ASelectionIsTakenOutAndLeftOut) {
+  v1::SelectRequest select;
+  select.set_model(kModel);
+  select.mutable_prompt()->mutable_view()->set_view("middle.jpg");
+  auto* point = select.mutable_prompt()->mutable_points()->add_points();
+  point->set_x(30);
+  point->set_y(32);
+  grpc::ClientContext context;
+  v1::Selection selection;
+  const grpc::Status status = running.segmentation->Select(&context, select, &selection);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  request.mutable_subset()->set_selection(selection.name());
+  ASSERT_TRUE(Export().ok());
+  const Gaussians red = Read();
+  EXPECT_EQ(red.count, selection.num_gaussians());
+  EXPECT_GT(red.count, 9'000);
+  for (const float x : red.Plane(kMeanPlane)) ASSERT_LT(x, 0) << "the red square is on the left";
+  request.mutable_subset()->set_complement(true);
+  ASSERT_TRUE(Export().ok());
+  EXPECT_EQ(Read().count, 20'000 - red.count);
+}
+
+TEST_F(ExportTest, AnEmptySubsetIsTheStoredFile) {
+  ASSERT_TRUE(Export().ok());
+  const std::string whole = ply;
+  request.mutable_subset();
+  ASSERT_TRUE(Export().ok());
+  EXPECT_EQ(ply, whole);
+}
+
+TEST_F(ExportTest, RefusesSubsetsThatAreNone) {
+  SetSegment(1, 3, *request.mutable_subset());
+  ExpectRefused(Export(), "subset.segment.id", "'3': no segment");
+  SetSegment(-1, 1, *request.mutable_subset());
+  ExpectRefused(Export(), "subset.segment.level", "'-1': no level");
+  request.mutable_subset()->set_selection("nonsense");
+  ExpectRefused(Export(), "subset.selection", "nonsense");
+  request.mutable_subset()->clear_selection();
+  request.mutable_subset()->set_complement(true);
+  ExpectRefused(Export(), "subset.complement", "of neither");
+  EXPECT_TRUE(ply.empty());
+}
+
+TEST_F(ExportTest, ACancelledSubsetCostsNothing) {
+  SetSegment(0, 1, *request.mutable_subset());
+  for (int i = 0; i < 5; ++i) {
+    grpc::ClientContext context;
+    const auto stream = running.segmentation->ExportSelection(&context, request);
+    v1::ExportSelectionResponse part;
+    EXPECT_TRUE(stream->Read(&part));
+    context.TryCancel();
+    while (stream->Read(&part)) {
+    }
+    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+  }
+  EXPECT_TRUE(Export().ok());
+}
+
+}  // namespace
+}  // namespace pepeseg

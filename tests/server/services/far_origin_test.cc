@@ -1,0 +1,94 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "core/formats/gaussian_ply.h"
+#include "tests/server/running_server.h"
+
+// A model whose coordinates are counted from a place far from zero: callers see the world of the
+// dataset, as they do of any other.
+
+namespace pepeseg {
+namespace {
+
+const Eigen::Vector3d kOrigin(4e5, 5.3e6, 100);
+constexpr char kModel[] = "scenes/town/models/live";
+
+struct FarOriginTest : ::testing::Test {
+  FarOriginTest() : running(PEPESEG_MODEL_WORKER) {
+    running.CreateScene("town");
+    const v1::Job job = running.Await(running.Train("town", "far.model").name());
+    EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.DebugString();
+  }
+
+  v1::View ListedView(const std::string& name) {
+    grpc::ClientContext context;
+    v1::ListViewsRequest request;
+    request.set_parent(kModel);
+    v1::ListViewsResponse response;
+    EXPECT_TRUE(running.scenes->ListViews(&context, request, &response).ok());
+    for (const v1::View& view : response.views()) {
+      if (view.view() == name) return view;
+    }
+    ADD_FAILURE() << "no view " << name;
+    return {};
+  }
+  std::string Render(const v1::Viewpoint& viewpoint) {
+    grpc::ClientContext context;
+    v1::RenderRequest request;
+    request.set_model(kModel);
+    *request.mutable_viewpoint() = viewpoint;
+    v1::RenderResponse response;
+    const grpc::Status status = running.segmentation->Render(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response.png();
+  }
+  std::string Export(bool only_blue) {
+    grpc::ClientContext context;
+    v1::ExportSelectionRequest request;
+    request.set_model(kModel);
+    if (only_blue) {
+      request.mutable_subset()->mutable_segment()->set_level(1);
+      request.mutable_subset()->mutable_segment()->set_id(2);
+    }
+    const auto stream = running.segmentation->ExportSelection(&context, request);
+    std::string ply;
+    for (v1::ExportSelectionResponse part; stream->Read(&part);) ply += part.chunk().data();
+    EXPECT_TRUE(stream->Finish().ok());
+    return ply;
+  }
+
+  RunningServer running;
+};
+
+TEST_F(FarOriginTest, ViewsAreListedInTheWorldAndFreeCamerasAreTakenFromIt) {
+  const v1::View listed = ListedView("middle.jpg");
+  for (int k = 0; k < 3; ++k) {  // its camera looks along the axes, from the origin
+    EXPECT_NEAR(listed.cam_from_world().translation(k), -kOrigin[k], 1e-6);
+  }
+  v1::Viewpoint named, free;
+  named.set_view("middle.jpg");
+  *free.mutable_free()->mutable_camera() = listed.camera();
+  *free.mutable_free()->mutable_cam_from_world() = listed.cam_from_world();
+  const std::string want = Render(named);
+  EXPECT_FALSE(want.empty());
+  EXPECT_EQ(Render(free), want);
+}
+
+TEST_F(FarOriginTest, ExportsAreInTheWorld) {
+  for (const bool only_blue : {false, true}) {
+    const std::string ply = Export(only_blue);
+    const auto path = running.folder / "export.ply";
+    std::ofstream(path, std::ios::binary) << ply;
+    EXPECT_NE(ply.find("property double x\n"), std::string::npos);
+    const auto relative = ReadGaussianPly(path, "export.ply", kOrigin);
+    ASSERT_TRUE(relative.ok()) << relative.status();
+    EXPECT_EQ(relative->count, only_blue ? 10'000 : 20'000);
+    for (const float z : relative->Plane(kMeanPlane + 2)) ASSERT_NEAR(z, 2, 1e-6);
+    for (const float x : relative->Plane(kMeanPlane)) ASSERT_LT(std::abs(x), 1.2);
+  }
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,115 @@
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/server/shelf_model.h"
+
+namespace pepeseg {
+namespace {
+
+struct SegmentStreamTest : ShelfModel {
+  using Stream = grpc::ClientReaderWriter<v1::SegmentStreamRequest, v1::SegmentStreamResponse>;
+
+  static v1::SegmentStreamRequest Click(int64_t sequence, double x) {
+    v1::SegmentStreamRequest request;
+    request.set_sequence(sequence);
+    request.mutable_segment()->set_model(kModel);
+    v1::Prompt& prompt = *request.mutable_segment()->mutable_prompt();
+    prompt.mutable_view()->set_view("middle.jpg");
+    auto* point = prompt.mutable_points()->add_points();
+    point->set_x(x);
+    point->set_y(32);
+    v1::Granularity& granularity = *request.mutable_segment()->mutable_granularity();
+    granularity.set_scale_quantile(0.5);
+    granularity.set_threshold(0.75);
+    return request;
+  }
+  std::unique_ptr<Stream> Open() { return running.segmentation->SegmentStream(&context); }
+
+  grpc::ClientContext context;
+};
+
+TEST_F(SegmentStreamTest, AnswersWhileThePointIsDragged) {
+  const auto stream = Open();
+  v1::SegmentStreamResponse answer;
+  for (const auto& [sequence, x, left] :
+       {std::tuple(1, 30.0, true), {2, 31.0, true}, {5, 66.0, false}}) {
+    ASSERT_TRUE(stream->Write(Click(sequence, x)));
+    ASSERT_TRUE(stream->Read(&answer));
+    EXPECT_EQ(answer.sequence(), sequence);
+    ASSERT_TRUE(answer.has_segment()) << answer.DebugString();
+    EXPECT_EQ(answer.segment().masks(0).box().x() < 48, left);
+  }
+  EXPECT_TRUE(stream->WritesDone());
+  EXPECT_FALSE(stream->Read(&answer));
+  EXPECT_TRUE(stream->Finish().ok());
+}
+
+TEST_F(SegmentStreamTest, ARequestThatIsRefusedDoesNotEndTheStream) {
+  const auto stream = Open();
+  v1::SegmentStreamResponse answer;
+  ASSERT_TRUE(stream->Write(Click(1, 200)));
+  ASSERT_TRUE(stream->Read(&answer));
+  EXPECT_EQ(answer.sequence(), 1);
+  ASSERT_TRUE(answer.has_error());
+  EXPECT_EQ(answer.error().code(), grpc::INVALID_ARGUMENT);
+  EXPECT_NE(answer.error().message().find("point 200,32 is outside"), std::string::npos);
+  ASSERT_TRUE(stream->Write(Click(2, 30)));
+  ASSERT_TRUE(stream->Read(&answer));
+  EXPECT_TRUE(answer.has_segment());
+  stream->WritesDone();
+  EXPECT_TRUE(stream->Finish().ok());
+}
+
+TEST_F(SegmentStreamTest, OnlyTheNewestOfThoseThatWaitIsAnswered) {
+  // Keep the threads of the queries busy while the requests come.
+  std::vector<std::thread> others;
+  for (int i = 0; i < 4; ++i) {
+    others.emplace_back([this] {
+      v1::ProposeScalesRequest request;
+      request.set_model(kModel);
+      v1::Prompt& prompt = *request.mutable_prompt();
+      v1::PinholeCamera& camera = *prompt.mutable_view()->mutable_free()->mutable_camera();
+      camera.set_width(960), camera.set_height(640);
+      camera.set_fx(600), camera.set_fy(600), camera.set_cx(480), camera.set_cy(320);
+      for (const double q : {1.0, 0.0, 0.0, 0.0})
+        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_rotation(q);
+      for (int k = 0; k < 3; ++k)
+        prompt.mutable_view()->mutable_free()->mutable_cam_from_world()->add_translation(0);
+      prompt.mutable_points()->add_points()->set_x(300);
+      prompt.mutable_points()->mutable_points(0)->set_y(320);
+      grpc::ClientContext other;
+      v1::ProposeScalesResponse response;
+      const grpc::Status status = running.segmentation->ProposeScales(&other, request, &response);
+      EXPECT_TRUE(status.ok()) << status.error_message();
+    });
+  }
+  const auto stream = Open();
+  constexpr int kNumRequests = 40;
+  for (int i = 1; i <= kNumRequests; ++i) ASSERT_TRUE(stream->Write(Click(i, 30)));
+  stream->WritesDone();
+  std::vector<int64_t> answered;
+  for (v1::SegmentStreamResponse answer; stream->Read(&answer);) {
+    EXPECT_TRUE(answer.has_segment()) << answer.DebugString();
+    answered.push_back(answer.sequence());
+  }
+  EXPECT_TRUE(stream->Finish().ok());
+  for (std::thread& other : others) other.join();
+  ASSERT_FALSE(answered.empty());
+  EXPECT_EQ(answered.back(), kNumRequests);
+  EXPECT_LT(answered.size(), size_t{kNumRequests} / 2);
+  EXPECT_TRUE(std::is_sorted(answered.begin(), answered.end()));
+}
+
+TEST_F(SegmentStreamTest, AClientThatIsGoneEndsIt) {
+  {
+    const auto stream = Open();
+    ASSERT_TRUE(stream->Write(Click(1, 30)));
+    context.TryCancel();
+    EXPECT_EQ(stream->Finish().error_code(), grpc::CANCELLED);
+  }
+  running.server->Shutdown(absl::Now() + absl::Seconds(10));  // waits for what is left
+}
+
+}  // namespace
+}  // namespace pepeseg

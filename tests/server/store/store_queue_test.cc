@@ -1,0 +1,241 @@
+// Claims and leases of several servers on one database.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/store/store.h"
+#include "tests/server/store/test_database.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::HasSubstr;
+
+class StoreQueueTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<Store> Open(const std::string& name, absl::Duration lease) {
+    auto store = Store::Open(url_, {name, lease});
+    EXPECT_OK(store);
+    return *std::move(store);
+  }
+
+  // A queued job of a scene of its own.
+  std::string Queue(Store& store) {
+    const std::string scene = absl::StrCat("s", ++num_scenes_);
+    EXPECT_OK(store.CreateScene({scene, "", "", {}}));
+    EXPECT_OK(store.CreateDataset(scene, "", {{"a.jpg", 1, 3, "00", true}}));
+    EXPECT_OK(store.SealDataset(scene, 1));
+    JobRow job;
+    job.scene = scene;
+    job.dataset = 1;
+    const auto made = store.CreateJob(job);
+    EXPECT_OK(made);
+    return made->id;
+  }
+
+  const testing::TempFolder folder_;
+  const std::string url_ = testing::NewTestDatabase(folder_.path());
+  int num_scenes_ = 0;
+};
+
+TEST_F(StoreQueueTest, LeaseThatIsProlongedIsNotClaimed) {
+  const auto a = Open("a", absl::Milliseconds(300));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 1);
+  for (int i = 0; i < 6; ++i) {
+    absl::SleepFor(absl::Milliseconds(100));
+    ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->RenewLeases());
+    ASSERT_EQ(held.size(), 1u);
+    EXPECT_EQ(held[0].id, job);
+    EXPECT_FALSE((*b->ClaimJob("cpu")).has_value());
+  }
+}
+
+TEST_F(StoreQueueTest, WhoLostItsLeaseWritesNothing) {
+  const auto a = Open("a", absl::Milliseconds(50));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+  absl::SleepFor(absl::Milliseconds(80));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->ClaimJob("cuda 0"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->id, job);
+  EXPECT_EQ(claimed->fence, 2);
+  EXPECT_TRUE(absl::IsAborted(a->SetJobStage(job, 1, "features")));
+  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
+  EXPECT_TRUE(absl::IsAborted(a->EndJob(job, 1, absl::InternalError("x")).status()));
+  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
+  // Not with the other's fence either.
+  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 2, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const std::vector<JobRow> held, a->RenewLeases());
+  EXPECT_TRUE(held.empty());
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->GetJob(job));
+  EXPECT_EQ(row.state, JobState::kRunning);
+  EXPECT_EQ(row.stage, "");
+  EXPECT_EQ(row.lease_owner, "b");
+  EXPECT_OK(b->CommitModel(job, 2, {}));
+}
+
+TEST_F(StoreQueueTest, LaunchedJobChangesItsHolderOnly) {
+  const auto a = Open("a", absl::Milliseconds(50));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->SetJobLaunch(job, 1, "slurm:17"));
+  absl::SleepFor(absl::Milliseconds(80));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, b->ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 1);
+  EXPECT_EQ(claimed->launch, "slurm:17");
+  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
+  EXPECT_OK(b->CommitModel(job, 1, {}));
+}
+
+TEST_F(StoreQueueTest, RestartedWorkerTakesTheNextFenceOfItsLaunchOnly) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+  ASSERT_OK(a->SetJobLaunch(job, 1, "slurm:17"));
+  const auto worker = Open("worker", absl::Seconds(60));
+  EXPECT_TRUE(absl::IsAborted(worker->TakeNextFence(job, "slurm:16").status()));
+  ASSERT_OK_AND_ASSIGN(const int64_t fence, worker->TakeNextFence(job, "slurm:17"));
+  EXPECT_EQ(fence, 2);
+  EXPECT_TRUE(absl::IsAborted(a->CommitModel(job, 1, {}).status()));
+  EXPECT_OK(a->CommitModel(job, 2, {}));
+  EXPECT_TRUE(absl::IsAborted(worker->TakeNextFence(job, "slurm:17").status()));
+}
+
+TEST_F(StoreQueueTest, OnlyAJobOfWhoIsGoneIsTakenOver) {
+  const auto a = Open("a", absl::Seconds(60));
+  const auto b = Open("b", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+  EXPECT_TRUE(absl::IsAborted(b->TakeOverJob(job, "c").status()));
+  ASSERT_OK(b->TakeOverJob(job, "a"));
+  EXPECT_TRUE(absl::IsAborted(a->RequeueJob(job, 1, {}).status()));
+  ASSERT_OK_AND_ASSIGN(const JobRow row, b->RequeueJob(job, 1, {}));
+  EXPECT_EQ(row.lease_owner, "");
+}
+
+TEST_F(StoreQueueTest, CountsCrashesAndServerEndsApartUntilThereIsProgress) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a);
+  struct Case {
+    EndedAttempt attempt;
+    int crashes, server_ends;
+  };
+  const std::vector<Case> cases = {
+      {{AttemptEnd::kServerEnded, false, {}}, 0, 1}, {{AttemptEnd::kCrashed, false, {}}, 1, 1},
+      {{AttemptEnd::kServerEnded, false, {}}, 1, 2}, {{AttemptEnd::kStopped, false, {}}, 1, 2},
+      {{AttemptEnd::kCrashed, false, {}}, 2, 2},     {{AttemptEnd::kCrashed, true, {}}, 0, 0},
+      {{AttemptEnd::kServerEnded, true, {}}, 0, 0}};
+  int64_t fence = 0;
+  for (const Case& each : cases) {
+    ASSERT_TRUE((*a->ClaimJob("cpu")).has_value());
+    ASSERT_OK_AND_ASSIGN(const JobRow row, a->RequeueJob(job, ++fence, each.attempt));
+    EXPECT_EQ(row.crashes, each.crashes) << "fence " << fence;
+    EXPECT_EQ(row.server_ends, each.server_ends) << "fence " << fence;
+    ASSERT_OK_AND_ASSIGN(const JobRow read, a->GetJob(job));
+    EXPECT_EQ(read.crashes, each.crashes);
+    EXPECT_EQ(read.server_ends, each.server_ends);
+  }
+}
+
+TEST_F(StoreQueueTest, PausedJobIsClaimedAfterItsPauseAndHoldsUpNoOther) {
+  const auto a = Open("a", absl::Seconds(60));
+  const std::string job = Queue(*a), other = Queue(*a);
+  ASSERT_EQ((*a->ClaimJob("cpu"))->id, job);
+  ASSERT_OK_AND_ASSIGN(const JobRow row,
+                       a->RequeueJob(job, 1, {AttemptEnd::kCrashed, false, absl::Seconds(1)}));
+  EXPECT_EQ(row.state, JobState::kQueued);
+  EXPECT_EQ((*a->ClaimJob("cpu"))->id, other);
+  EXPECT_FALSE((*a->ClaimJob("cpu")).has_value());
+  absl::SleepFor(row.not_before - absl::Now() + absl::Milliseconds(20));
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRow> claimed, a->ClaimJob("cpu"));
+  ASSERT_TRUE(claimed.has_value());
+  EXPECT_EQ(claimed->fence, 2);
+  EXPECT_EQ(claimed->not_before, absl::InfinitePast());
+}
+
+// Each job to one, whoever asks how often.
+TEST_F(StoreQueueTest, ManyClaimersTakeEachJobOnce) {
+  constexpr int kNumJobs = 40;
+  constexpr int kNumServers = 4;
+  const auto first = Open("first", absl::Seconds(60));
+  for (int i = 0; i < kNumJobs; ++i) Queue(*first);
+  std::vector<std::vector<std::string>> taken(kNumServers);
+  std::vector<std::unique_ptr<Store>> stores;
+  std::vector<std::thread> servers;
+  for (int i = 0; i < kNumServers; ++i) {
+    stores.push_back(Open(absl::StrCat("server", i), absl::Seconds(60)));
+  }
+  for (int i = 0; i < kNumServers; ++i) {
+    servers.emplace_back([&, i] {
+      while (true) {
+        const auto job = stores[i]->ClaimJob("cpu");
+        if (absl::IsUnavailable(job.status())) continue;  // too many at a time: ask again
+        ASSERT_OK(job);
+        if (!job->has_value()) return;
+        taken[i].push_back((*job)->id);
+      }
+    });
+  }
+  for (std::thread& server : servers) server.join();
+  std::multiset<std::string> all;
+  for (const auto& jobs : taken) all.insert(jobs.begin(), jobs.end());
+  EXPECT_EQ(all.size(), static_cast<size_t>(kNumJobs));
+  EXPECT_EQ(std::set<std::string>(all.begin(), all.end()).size(), all.size());
+}
+
+// Numbers name resources: none twice, from whichever server they come.
+TEST_F(StoreQueueTest, NumbersAreGivenOnceToWhoAsksAtTheSameTime) {
+  const auto a = Open("a", absl::Seconds(60));
+  const auto b = Open("b", absl::Seconds(60));
+  ASSERT_OK(a->CreateScene({"s", "", "", {}}));
+  std::vector<int64_t> numbers[2];
+  std::thread threads[2];
+  for (int i = 0; i < 2; ++i) {
+    threads[i] = std::thread([&, i] {
+      for (int k = 0; k < 50; ++k) {
+        const auto number = (i == 0 ? a : b)->TakeSelectionNumber("s");
+        ASSERT_OK(number);
+        numbers[i].push_back(*number);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::set<int64_t> all(numbers[0].begin(), numbers[0].end());
+  all.insert(numbers[1].begin(), numbers[1].end());
+  EXPECT_EQ(all.size(), 100u);
+}
+
+TEST(Store, PostgresqlThatComesBackIsAskedAgain) {
+  testing::PostgresqlServer server;
+  auto store = Store::Open(server.NewDatabase(), {"a", absl::Seconds(60)});
+  ASSERT_OK(store);
+  ASSERT_OK((*store)->CreateScene({"s", "", "", {}}));
+  server.Crash();
+  absl::Status away;  // the connection's process may answer once more before it ends
+  for (int i = 0; i < 100 && away.ok(); ++i) {
+    away = (*store)->GetScene("s").status();
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_TRUE(absl::IsUnavailable(away)) << away;
+  EXPECT_THAT(std::string(away.message()), HasSubstr("database"));
+  server.Restart();
+  EXPECT_OK((*store)->GetScene("s"));  // what was answered is there
+  EXPECT_OK((*store)->CreateScene({"t", "", "", {}}));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "server/store/store.h"
+#include "tests/server/store/test_database.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg::testing {
+
+// A store with the scenes "a" and "b", of which "a" has two models.
+class TrainedStoreTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    Reopen();
+    ASSERT_OK(store_->CreateScene({"b", "", "", {}}));
+    MakeTrained("a");
+  }
+  void MakeTrained(const std::string& scene) {
+    ASSERT_OK(store_->CreateScene({scene, "", "", {}}));
+    ASSERT_OK(store_->CreateDataset(scene, "", {{"images/a.jpg", 1, 3, "00", true}}));
+    ASSERT_OK(store_->SealDataset(scene, 1));
+    for (int i = 0; i < 2; ++i) {
+      JobRow job;
+      job.scene = scene;
+      job.dataset = 1;
+      ASSERT_OK_AND_ASSIGN(job, store_->CreateJob(job));
+      ASSERT_OK(store_->ClaimJob("cpu"));
+      ASSERT_OK(store_->CommitModel(job.id, 1, {}));
+    }
+  }
+  void Reopen() {
+    store_.reset();
+    ASSERT_OK_AND_ASSIGN(store_, Store::Open(url_));
+  }
+
+  const TempFolder folder_;
+  const std::string url_ = NewTestDatabase(folder_.path());
+  std::unique_ptr<Store> store_;
+};
+
+}  // namespace pepeseg::testing

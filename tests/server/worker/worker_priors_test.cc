@@ -1,0 +1,261 @@
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <csignal>
+#include <fstream>
+
+#include "absl/time/time.h"
+#include "core/formats/encode_png.h"
+#include "core/model_files/model_file.h"
+#include "core/scene/capture.h"
+#include "tests/server/worker/worker_fixture.h"
+
+// The stage "priors": a program in place of the operator's.
+namespace pepeseg {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
+
+// The warning that follows when the built-in masks are used.
+auto AdvisesOtherMasks() {
+  return AllOf(HasSubstr("segments may be poor"), HasSubstr("pepeseg-priors"),
+               HasSubstr("--priors-command"));
+}
+
+// Writes the upper half of each photograph as its mask.
+constexpr char kMakeMasks[] = R"(
+mkdir -p "$out/masks"
+n=0
+for photo in "$photos"/*; do
+  n=$((n + 1))
+  stem=$(basename "$photo" | sed 's/\.[^.]*$//')
+  echo '[{"segmentation": {"size": [480, 640], "counts": ['$(
+    seq 640 | sed "s/.*/240,240,/" | tr -d '\n' | sed 's/^/0,/; s/,$//')']}}]' \
+    > "$out/masks/$stem.json"
+  echo "progress $n 15"
+done
+)";
+
+class WorkerPriorsTest : public WorkerTest {
+ protected:
+  WorkerPriorsTest() {
+    std::erase_if(spec_.files, [](const JobSpecFile& file) {
+      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
+    });
+    spec_.options.mutable_reconstruct()->set_num_steps(5);
+    spec_.options.mutable_features()->set_num_steps(5);
+    spec_.options.mutable_features()->set_steps_per_chunk(5);
+    std::filesystem::create_directories(Shared(""));
+  }
+
+  // A shell script, with `photos`, `out` and `want` set from its arguments.
+  void SetCommand(const std::string& script) {
+    const std::filesystem::path path = folder_.path() / "make_priors";
+    std::ofstream(path) << "#!/bin/sh\n"
+                        << "echo x >> '" << Shared("runs") << "'\n"
+                        << "photos=$2 out=$4 want=$6\n[ \"$1 $3 $5\" = '--photos --out --want' ] "
+                        << "|| exit 9\n"
+                        << script;
+    ASSERT_EQ(chmod(path.c_str(), 0700), 0);
+    flags_ = {"--priors-command=" + path.string()};
+  }
+  // What the script may read and write.
+  std::string Shared(const std::string& name) { return (job_.work() / "shared" / name).string(); }
+  std::string Text(const std::string& name) {
+    return ReadFile(Shared(name), name, 1 << 20).value_or("");
+  }
+  int NumRuns() { return static_cast<int>(Text("runs").size() / 2); }
+
+  std::vector<std::string> Warnings() {
+    std::vector<std::string> warnings;
+    for (const v1::JobEvent& event : Events()) {
+      if (event.has_warning()) warnings.push_back(event.warning().message());
+    }
+    return warnings;
+  }
+  std::map<std::string, std::string> Sources() {
+    const auto result = job_.ReadResult(spec_.fence);
+    EXPECT_TRUE(result.ok() && result->status.ok()) << result.status();
+    return result.ok() ? result->sources : std::map<std::string, std::string>();
+  }
+  absl::Status Error() { return job_.ReadResult(spec_.fence).value_or(JobResult()).status; }
+  void AwaitFile(const std::string& name) {
+    for (int i = 0; i < 3000 && Text(name).empty(); ++i) absl::SleepFor(absl::Milliseconds(10));
+    ASSERT_NE(Text(name), "");
+  }
+};
+
+TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
+                                              Pair("depth", "embedded")));
+  EXPECT_THAT(Warnings(), ElementsAre(AdvisesOtherMasks()));
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_GT(model->metrics.at("num_masks"), 100);
+  EXPECT_EQ(model->metrics.at("num_depth_maps"), 13);  // of 15, 2 are held out
+  EXPECT_FALSE(model->field.features.empty());
+  bool told = false;
+  for (const v1::JobEvent& event : Events()) {
+    told |= event.progress().stage() == "priors" && event.progress().step() == 13;
+    if (event.term_skipped().term() == "depth") {
+      EXPECT_EQ(event.term_skipped().reason(), "depth priors are of the points it starts from");
+    }
+  }
+  EXPECT_TRUE(told);
+}
+
+TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_NONE);
+  spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "none"),
+                                              Pair("depth", "none")));
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_TRUE(model->field.features.empty());  // it can be rendered, not segmented
+}
+
+TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
+  Image ramp{64, 48, 1, {}};
+  for (int i = 0; i < 64 * 48; ++i) ramp.pixels.push_back(static_cast<uint8_t>(i % 64 * 4));
+  std::ofstream(Shared("ramp.png"), std::ios::binary) << EncodePng(ramp).value_or("");
+  SetCommand(absl::StrCat("ls $photos > ", Shared("photos"), "; echo $want > ", Shared("want"),
+                          "\n", kMakeMasks, "mkdir $out/disparity; for i in 000001 000004; do cp ",
+                          Shared("ramp.png"), " $out/disparity/$i.png; done"));
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(),
+              UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "command make_priors"),
+                                   Pair("depth", "command make_priors")));
+  EXPECT_EQ(Text("photos").substr(0, 22), "000001.jpg\n000002.jpg\n");
+  EXPECT_EQ(Text("want"), "masks,depth\n");
+  EXPECT_THAT(Warnings(),
+              ElementsAre("the priors command make_priors made depth for 2 of 15 photographs"));
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->facts.at("masks"), "command make_priors");
+  EXPECT_EQ(model->metrics.at("num_masks"), 15);
+  EXPECT_EQ(model->metrics.at("num_depth_maps"), 2);
+  EXPECT_FALSE(model->field.features.empty());
+  std::vector<int64_t> steps;
+  for (const v1::JobEvent& event : Events()) {
+    if (event.has_progress() && event.progress().stage() == "priors") {
+      steps.push_back(event.progress().step());
+    }
+  }
+  EXPECT_THAT(steps, Contains(15));
+  EXPECT_FALSE(std::filesystem::exists(job_.priors()));
+}
+
+TEST_F(WorkerPriorsTest, MakesOnlyWhatIsAskedFor) {
+  spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
+  SetCommand(absl::StrCat("echo $want > ", Shared("want"), "\n", kMakeMasks));
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_EQ(Text("want"), "masks\n");
+  EXPECT_THAT(Warnings(), IsEmpty());
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
+  spec_.fence = 2;
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_EQ(NumRuns(), 1);
+}
+
+TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
+  SetCommand("echo weights are missing >&2; exit 3");
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Warnings(),
+              ElementsAre(AllOf(HasSubstr("the priors command make_priors: exited with code 3"),
+                                HasSubstr("weights are missing")),
+                          AdvisesOtherMasks()));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+}
+
+TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
+  SetCommand("echo weights are missing; kill -9 $$");
+  ExpectExit(Run(), WorkerExit::kFailed);
+  EXPECT_EQ(Error().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(Error().message()),
+              AllOf(HasSubstr("killed by signal 9"), HasSubstr("weights are missing")));
+}
+
+TEST_F(WorkerPriorsTest, NothingMadeIsAFailure) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
+  // Links are not followed, and names of its own are not looked at.
+  SetCommand("mkdir $out/masks; ln -s /etc/hostname $out/masks/000001.json; : > $out/masks/a.json");
+  ExpectExit(Run(), WorkerExit::kFailed);
+  EXPECT_THAT(std::string(Error().message()), HasSubstr("wrote no masks,depth"));
+}
+
+TEST_F(WorkerPriorsTest, WithoutACommandADemandForOneFails) {
+  spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
+  ExpectExit(Run(), WorkerExit::kFailed);
+  EXPECT_EQ(Error().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(Error().message()), HasSubstr("--priors-command"));
+}
+
+TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
+  const std::string script = absl::StrCat(kMakeMasks, "echo '[{' > $out/masks/000002.json");
+  SetCommand(script);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Warnings(), ElementsAre(AllOf(HasSubstr("made what cannot be used"),
+                                            HasSubstr("masks/frame-000001.json")),
+                                      AdvisesOtherMasks()));
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+}
+
+TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {
+  SetCommand("sleep 600");
+  flags_.push_back("--priors-seconds=1");
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
+}
+
+TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
+  SetCommand(absl::StrCat("trap '' TERM; sleep 600 & echo $! > ", Shared("child"), "; wait"));
+  const auto worker = Launch(getpid());
+  AwaitFile("child");
+  const absl::Time before = absl::Now();
+  worker->Signal(SIGTERM);
+  ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
+  EXPECT_LT(absl::Now() - before, absl::Seconds(1));
+  EXPECT_EQ(Error().code(), absl::StatusCode::kCancelled);
+  const pid_t child = std::stoi(Text("child"));
+  // Whoever inherits it may still have to reap it.
+  const auto runs = [child] {
+    std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
+    std::string id, name, state;
+    return stat >> id >> name >> state && state != "Z" && state != "X";
+  };
+  for (int i = 0; i < 100 && runs(); ++i) absl::SleepFor(absl::Milliseconds(10));
+  EXPECT_FALSE(runs());
+}
+
+TEST_F(WorkerPriorsTest, AFurtherAttemptTakesWhatWasMade) {
+  SetCommand(kMakeMasks);
+  spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
+  const auto first = Launch(getpid());
+  const auto reconstructs = [this] {
+    const auto events = Events();
+    return std::any_of(events.begin(), events.end(), [](const v1::JobEvent& event) {
+      return event.progress().stage() == "reconstruct";
+    });
+  };
+  for (int i = 0; i < 3000 && !reconstructs(); ++i) absl::SleepFor(absl::Milliseconds(10));
+  first->Signal(SIGTERM);
+  ExpectExit(WaitFor(*first), WorkerExit::kCancelled);
+  spec_.options.mutable_reconstruct()->set_num_steps(5);
+  spec_.fence = 2;
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_EQ(NumRuns(), 1);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "command make_priors")));
+  EXPECT_EQ(ReadModel(job_.attempt(2))->metrics.at("num_masks"), 15);
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,304 @@
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+
+#include "absl/time/time.h"
+#include "core/model_files/model_file.h"
+#include "tests/server/worker/worker_sfm_fixture.h"
+#include "tests/testing/fake_sam.h"
+
+// The stage "priors" with SAM, through a library in place of ONNX Runtime.
+namespace pepeseg {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::Pair;
+using testing::ReplaceSamFile;
+
+template <class Test>
+class WithSam : public Test {
+ protected:
+  using Test::Events;
+  using Test::flags_;
+  using Test::folder_;
+  using Test::job_;
+  using Test::spec_;
+
+  WithSam() : sam_(folder_.path() / "sam") {
+    spec_.options.mutable_reconstruct()->set_num_steps(5);
+    spec_.options.mutable_features()->set_num_steps(5);
+    spec_.options.mutable_features()->set_steps_per_chunk(5);
+    testing::MakeFakeSam(sam_);
+    flags_ = {"--sam=" + sam_.string()};
+  }
+
+  std::vector<std::string> Warnings() {
+    std::vector<std::string> warnings;
+    for (const v1::JobEvent& event : Events()) {
+      if (event.has_warning()) warnings.push_back(event.warning().message());
+    }
+    return warnings;
+  }
+  std::map<std::string, std::string> Sources() {
+    const auto result = job_.ReadResult(spec_.fence);
+    EXPECT_TRUE(result.ok() && result->status.ok()) << result.status();
+    return result.ok() ? result->sources : std::map<std::string, std::string>();
+  }
+  int NumSegmentingSteps() {
+    int count = 0;
+    for (const v1::JobEvent& event : Events()) {
+      count += event.progress().activity() == "segmenting";
+    }
+    return count;
+  }
+  std::filesystem::path MasksOf(const std::string& photograph) const {
+    return job_.priors() / "sam" / ("photograph" + photograph + ".json");
+  }
+
+  const std::filesystem::path sam_;
+};
+
+class WorkerSamTest : public WithSam<WorkerTest> {
+ protected:
+  WorkerSamTest() {
+    std::erase_if(spec_.files, [](const JobSpecFile& file) {
+      return file.kind != v1::FILE_KIND_IMAGE && file.kind != v1::FILE_KIND_POSES;
+    });
+  }
+
+  void ExpectEmbeddedBecause(const std::string& why) {
+    ExpectExit(Run(), WorkerExit::kSucceeded);
+    EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+    EXPECT_THAT(Warnings(),
+                ElementsAre(AllOf(HasSubstr("SAM: "), HasSubstr(why),
+                                  HasSubstr("The job goes on with the built-in masks.")),
+                            HasSubstr("segments may be poor")));
+    const auto model = ReadModel(job_.attempt(spec_.fence));
+    ASSERT_TRUE(model.ok()) << model.status();
+    EXPECT_EQ(model->facts.at("masks"), "embedded");
+    EXPECT_FALSE(model->field.features.empty());
+  }
+};
+
+TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(),
+              AllOf(Contains(Pair("masks", "sam")), Contains(Pair("depth", "embedded"))));
+  EXPECT_THAT(Warnings(), IsEmpty());
+  std::vector<int64_t> steps;
+  for (const v1::JobEvent& event : Events()) {
+    if (event.progress().activity() != "segmenting") continue;
+    EXPECT_EQ(event.progress().unit(), "photographs");
+    EXPECT_EQ(event.progress().num_steps(), 13);  // of 15, 2 are held out
+    steps.push_back(event.progress().step());
+  }
+  EXPECT_THAT(steps, Contains(13));
+  EXPECT_FALSE(std::filesystem::exists(job_.priors()));
+}
+
+TEST_F(WorkerSamTest, JoinsItsMasksWithEmbeddedOnesWhereAsked) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
+}
+
+TEST_F(WorkerSamTest, IsMissedWhereItWasAskedFor) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM);
+  flags_.clear();
+  ExpectEmbeddedBecause("this server has none any more");
+}
+
+TEST_F(WorkerSamTest, IsNotAskedWhereEmbeddedMasksAre) {
+  spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+  EXPECT_EQ(NumSegmentingSteps(), 0);
+}
+
+TEST_F(WorkerSamTest, FallsBackWhereTheLibraryDoesNotLoad) {
+  ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
+  ExpectEmbeddedBecause("does not load");
+}
+
+TEST_F(WorkerSamTest, FallsBackWhereTheModelIsTruncated) {
+  ReplaceSamFile(sam_, "sam.onnx", testing::FakeDecoder().substr(0, 20));
+  ExpectEmbeddedBecause("sam.onnx: not an ONNX model, or cut off");
+}
+
+TEST_F(WorkerSamTest, FallsBackWhereADigestDiffers) {
+  std::ofstream(sam_ / "encoder.onnx", std::ios::app) << "x";
+  ExpectEmbeddedBecause("encoder.onnx: its SHA-256 is ");
+}
+
+TEST_F(WorkerSamTest, FallsBackWhereTheFolderIsGone) {
+  std::filesystem::remove_all(sam_);
+  ExpectEmbeddedBecause("does not exist");
+}
+
+TEST_F(WorkerSamTest, FallsBackWhereMemoryIsShort) {
+  ReplaceSamFile(sam_, "encoder.onnx", "out of memory");
+  ExpectEmbeddedBecause("out of memory: it needs about ");
+}
+
+TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
+  spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
+  const auto first = Launch(getpid());
+  for (int i = 0; i < 6000 && NumSegmentingSteps() == 0; ++i) {
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  first->Signal(SIGTERM);
+  const WorkerEnd end = WaitFor(*first);
+  EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
+  // The first view is held out, and the next two are segmented at the same time.
+  const bool has_second = std::filesystem::exists(MasksOf("000002"));
+  const auto kept = MasksOf(has_second ? "000002" : "000003");
+  ASSERT_TRUE(std::filesystem::exists(kept));
+  const auto written = std::filesystem::last_write_time(kept);
+  // A damaged file is made again.
+  std::ofstream(MasksOf("000015")) << "[{";
+
+  const int before = NumSegmentingSteps();
+  spec_.options.mutable_reconstruct()->set_num_steps(5);
+  spec_.fence = 2;
+  const auto second = Launch(getpid());
+  for (int i = 0; i < 6000 && NumSegmentingSteps() == before; ++i) {
+    absl::SleepFor(absl::Milliseconds(1));
+    if (std::filesystem::exists(kept)) {
+      EXPECT_EQ(std::filesystem::last_write_time(kept), written);
+    }
+  }
+  ExpectExit(WaitFor(*second), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(Warnings(), IsEmpty());
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
+              HasSubstr("were segmented by an earlier attempt"));
+}
+
+// Photographs whose poses COLMAP, or a program in its place, is to find.
+class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
+ protected:
+  // `commands`: of a shell, run for each of COLMAP's commands.
+  void UseColmap(const std::string& commands) {
+    colmap_ = PathOf("colmap");
+    std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
+                           << commands << "\n";
+    std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
+  }
+  static std::string WaitingFor(const std::filesystem::path& file) {
+    return absl::StrCat("n=0; until [ -e ", file.string(),
+                        " ] || [ $n = 600 ]; do n=$((n+1)); sleep 0.1; done");
+  }
+};
+
+TEST_F(WorkerSamWithoutPosesTest, SegmentsPhotographsWhileColmapRuns) {
+  AddPlace(4, 1);
+  UseColmap(WaitingFor(MasksOf("000002")) + "; exit 1");
+  ExpectExit(Run(), WorkerExit::kFailed);
+  EXPECT_TRUE(std::filesystem::exists(MasksOf("000002")));
+  // It would be held out.
+  EXPECT_FALSE(std::filesystem::exists(MasksOf("000001")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
+  AddPlace(6, 1);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(Warnings(), IsEmpty());
+  v1::JobProgress last;
+  for (const v1::JobEvent& event : Events()) {
+    if (event.progress().activity() == "segmenting") last = event.progress();
+  }
+  EXPECT_EQ(last.step(), 5);  // the first of 6 is held out
+  EXPECT_EQ(last.num_steps(), 5);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_GE(model->metrics.at("num_masks"), 5);
+}
+
+// The first photograph gets no pose, so that the second is held out in its place, and the ninth,
+// which would have been, is trained on.
+TEST_F(WorkerSamWithoutPosesTest, SegmentsWhatIsTrainedOnInPlaceOfAPhotographThatIsLeftOut) {
+  AddPlace(1, 7);
+  AddPlace(9, 1);
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  const auto model = ReadModel(job_.attempt(1));
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), 9u);
+  EXPECT_EQ(model->views[0].name, "1.jpg");
+  EXPECT_TRUE(model->views[0].held_out);
+  EXPECT_EQ(model->views[7].name, "8.jpg");
+  EXPECT_FALSE(model->views[7].held_out);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceWhereColmapFails) {
+  AddPlace(4, 1);
+  ReplaceSamFile(sam_, "encoder.onnx", "endless");
+  UseColmap("sleep 1; exit 1");
+  const auto worker = Launch(getpid());
+  ExpectExit(WaitFor(*worker), WorkerExit::kFailed);
+  EXPECT_FALSE(std::filesystem::exists(MasksOf("000002")));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, StopsBothWithinASecond) {
+  AddPlace(4, 1);
+  ReplaceSamFile(sam_, "encoder.onnx", "endless");
+  UseEndlessColmap();
+  const auto worker = Launch(getpid());
+  ASSERT_GT(WaitForColmap(), 0);
+  const absl::Time start = absl::Now();
+  worker->Signal(SIGTERM);
+  ExpectExit(WaitFor(*worker), WorkerExit::kCancelled);
+  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
+  AddPlace(6, 1);
+  UseEndlessColmap();
+  const auto first = Launch(getpid());
+  for (int i = 0; i < 6000 && !std::filesystem::exists(MasksOf("000006")); ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  first->Signal(SIGKILL);
+  WaitFor(*first);
+  ASSERT_TRUE(std::filesystem::exists(MasksOf("000006")));
+  spec_.fence = 2;
+  colmap_ = "colmap";
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
+              HasSubstr("5 photographs were segmented by an earlier attempt"));
+}
+
+TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
+  AddPlace(6, 1);
+  ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
+  EXPECT_THAT(Warnings(), Contains(AllOf(HasSubstr("does not load"),
+                                         HasSubstr("goes on with the built-in masks."))));
+}
+
+// With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
+TEST_F(WorkerSamTest, RunsTheRealOne) {
+  const char* real = std::getenv("PEPESEG_SAM");
+  if (real == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
+  flags_ = {std::string("--sam=") + real};
+  int num_photos = 0;
+  std::erase_if(spec_.files, [&num_photos](const JobSpecFile& file) {
+    return file.kind == v1::FILE_KIND_IMAGE && ++num_photos > 3;
+  });
+  ExpectExit(Run(), WorkerExit::kSucceeded);
+  EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
+  const std::string log = ReadFileTail(job_.worker_log(), 100000);
+  EXPECT_EQ(log.find("error"), log.npos) << log;
+}
+
+}  // namespace
+}  // namespace pepeseg
