@@ -140,13 +140,13 @@ tsan:
 	  suppressions=$(CURDIR)/tests/tsan.supp' $(MAKE) --no-print-directory test BUILD=$(BUILD)-tsan \
 	  CMAKE_ARGS='-DPEPESEG_SANITIZE=thread -DPEPESEG_CUDA_ARCHITECTURES=OFF'
 
-# Targets and their corpora: tests/fuzz.
+# Targets and their corpora: tests/system/fuzz.
 fuzz:
 	@deploy/packages.sh deploy/packages.txt deploy/packages-fuzz.txt
 	$(MAKE) --no-print-directory $(BUILD)-fuzz/CMakeCache.txt BUILD=$(BUILD)-fuzz \
 	  CMAKE_ARGS='-DPEPESEG_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++ -DPEPESEG_CUDA_ARCHITECTURES=OFF'
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
-	tests/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
+	tests/system/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
 
 # As root: without a container engine, and from Debian's packages alone.
 image:
@@ -159,7 +159,7 @@ image-test:
 
 # The only target that asks a registry other than Debian's: npm's, for the schemas.
 deploy-check:
-	tests/deploy/schemas.sh $(BUILD)/schemas
+	tests/system/deploy/schemas.sh $(BUILD)/schemas
 
 # Node and npm are Debian's, unless there are others. The only build that asks npm's registry.
 WEB = clients/web

@@ -1,0 +1,19 @@
+#include "core/dataset/depth_files.h"
+#include "core/formats/npy.h"
+#include "tests/system/fuzz/fuzz_target.h"
+#include "tests/system/fuzz/memory_file.h"
+
+PEPESEG_FUZZ_TARGET(depth_npy) {
+  static pepeseg::fuzz::MemoryFile file;
+  (void)pepeseg::ParseNpyTable("a.npy", bytes);
+  const auto image = pepeseg::ParseNpy("a.npy", bytes);
+  if (image.ok()) {
+    const auto pixels = static_cast<size_t>(image->width) * static_cast<size_t>(image->height);
+    pepeseg::fuzz::Expect(image->values.size() == pixels && pixels <= bytes.size(),
+                          "a value for each pixel, of bytes that are there");
+  }
+  for (const auto kind :
+       {pepeseg::DepthPrior::Kind::kDepth, pepeseg::DepthPrior::Kind::kDisparity}) {
+    (void)pepeseg::ReadDepthMap(file.Put(bytes), "a.npy", kind, {"a.jpg", 4, 3});
+  }
+}

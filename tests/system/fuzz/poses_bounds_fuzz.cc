@@ -1,0 +1,8 @@
+#include "core/dataset/poses_bounds.h"
+#include "tests/system/fuzz/fuzz_target.h"
+#include "tests/system/fuzz/pose_index.h"
+
+PEPESEG_FUZZ_TARGET(poses_bounds) {
+  static pepeseg::fuzz::PoseIndex index("poses_bounds.npy");
+  (void)pepeseg::ReadPosesBounds(index.Put(bytes));
+}

@@ -1,0 +1,14 @@
+#include "absl/strings/str_cat.h"
+#include "core/base/digest.h"
+#include "core/model_files/selection_file.h"
+#include "tests/system/fuzz/fuzz_target.h"
+#include "tests/system/fuzz/memory_file.h"
+
+// As it is, and with the digest that it should end with: no fuzzer finds that.
+PEPESEG_FUZZ_TARGET(selection_file) {
+  static pepeseg::fuzz::MemoryFile file;
+  (void)pepeseg::ReadSelectionFile(file.Put(bytes), "a.selection");
+  const std::string digest = pepeseg::Sha256Hex({bytes.data(), bytes.size()});
+  const auto set = pepeseg::ReadSelectionFile(file.Put(absl::StrCat(bytes, digest)), "a.selection");
+  if (set.ok()) pepeseg::fuzz::Expect(set->member.size() <= 8 * bytes.size(), "a bit a Gaussian");
+}

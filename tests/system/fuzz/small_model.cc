@@ -1,0 +1,55 @@
+#include "tests/system/fuzz/small_model.h"
+
+#include <utility>
+
+#include "core/formats/rle.h"
+#include "tests/system/fuzz/fuzz_target.h"
+#include "tests/testing/front_blobs.h"
+
+namespace pepeseg::fuzz {
+namespace {
+
+constexpr int kSide = 32;
+
+Model ThreeViews() {
+  Model model = testing::PairOfBlobs(kSide);
+  ModelView view = model.views.front();
+  view.name = "left/0.jpg";
+  view.held_out = true;
+  model.views.push_back(view);
+  view.name = "middle.jpg";
+  model.views.push_back(view);
+  return model;
+}
+
+LabelRow RedLabel() {
+  LabelRow label;
+  label.scene = "shelf";
+  label.id = "red";
+  label.view = "front";
+  label.width = label.height = kSide;
+  BinaryMask mask{std::vector<uint8_t>(size_t{kSide} * kSide, 1)};
+  label.counts = EncodeCocoRle(mask, kSide, kSide);
+  label.area = int64_t{kSide} * kSide;
+  return label;
+}
+
+}  // namespace
+
+SmallModel::SmallModel() : backend_(MakeCpuBackend(1)) {
+  auto segmenter = Segmenter::Create(*backend_, ThreeViews());
+  Expect(segmenter.ok(), "a segmenter");
+  resident_ = {"scenes/shelf/models/1", *std::move(segmenter), {"shelf", 1}};
+  auto store = Store::Open("sqlite:" + (folder_ / "store.db").string());
+  Expect(store.ok(), "a store");
+  store_ = *std::move(store);
+  SceneRow scene;
+  scene.id = "shelf";
+  Expect(store_->CreateScene(scene).ok(), "a scene");
+  Expect(store_->CreateLabel(RedLabel()).ok(), "a label");
+  context_.data_folder = folder_.path();
+  context_.store = store_.get();
+  context_.backend = backend_.get();
+}
+
+}  // namespace pepeseg::fuzz

@@ -1,0 +1,26 @@
+#include "core/features/estimate_features.h"
+#include "core/reconstruct/estimate.h"
+#include "pepeseg/v1/job_service.pb.h"
+#include "server/api/convert.h"
+#include "server/api/resource_name.h"
+#include "tests/system/fuzz/fuzz_message.h"
+
+// Options that are taken are taken again as the job stores them, and can be estimated.
+PEPESEG_FUZZ_MESSAGE(train_request, pepeseg::v1::TrainSceneRequest) {
+  using pepeseg::fuzz::Expect;
+  (void)pepeseg::ParseSceneName(message.scene(), "scene");
+  (void)pepeseg::ParseChildName(message.dataset(), "datasets", "dataset");
+  const auto settings = pepeseg::TrainingSettingsFromProto(message.options());
+  if (!settings.ok()) return;
+  const auto stored = pepeseg::ToProto(*settings);
+  const auto again = pepeseg::TrainingSettingsFromProto(stored);
+  Expect(again.ok(), "effective options to be valid");
+  Expect(pepeseg::ToProto(*again).SerializeAsString() == stored.SerializeAsString(),
+         "the same options again");
+  // The largest dataset that can be uploaded.
+  const pepeseg::TrainingSize size{10'000, 10'000, int64_t{640} << 30, 64'000'000, 50'000'000};
+  const int64_t count = pepeseg::MostGaussians(size, settings->reconstruct);
+  Expect(count >= 0, "a number of Gaussians");
+  const pepeseg::ScratchSize scratch = pepeseg::TypicalScratch(count, size.max_pixels);
+  Expect(pepeseg::FeatureHostBytes(scratch, 3, settings->features) >= 0, "a number of bytes");
+}

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pepeseg/v1/scene_service.grpc.pb.h"
+#include "tests/system/gateway/fleet.h"
+
+namespace pepeseg::testing {
+
+// One server behind a gateway, for all the tests of the program.
+class GatewayTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite();
+  static void TearDownTestSuite() { fleet_.reset(); }
+  void SetUp() override;
+
+  static Fleet& fleet() { return *fleet_; }
+  // A JWT of "lab" for these scopes.
+  static std::string Token(const std::string& scope = "read write train") {
+    return fleet().issuer.Sign(TokenIssuer::Claims("lab", scope));
+  }
+
+  // One call each, over a connection of its own unless one is given.
+  using Metadata = std::vector<std::pair<std::string, std::string>>;
+  static grpc::Status List(const std::shared_ptr<grpc::Channel>& channel,
+                           const Metadata& metadata = {});
+  static grpc::Status List(const std::string& token, const Metadata& metadata = {}) {
+    return List(fleet().Connect(token), metadata);
+  }
+  // So many calls at a time: of each what it says, and how often.
+  static std::map<std::string, int> ListAtOnce(const std::string& token, int num_calls);
+  static grpc::Status CreateScene(const std::string& token, const std::string& id);
+  static grpc::Status GetScene(const std::string& token, const std::string& id);
+
+ private:
+  static std::unique_ptr<Fleet> fleet_;
+};
+
+// The code's name and the message.
+std::string TextOf(const grpc::Status& status);
+
+}  // namespace pepeseg::testing

@@ -1,0 +1,216 @@
+// One flipped bit in SQLite's file: 1,000 places with PEPESEG_STRESS=full, 200 in `make test`. The
+// server does not start on it, or a call is told, or nothing has changed; what is left are values
+// of rows that SQLite has no checksum of: they are counted.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <random>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/base/status_macros.h"
+#include "server/store/store.h"
+#include "tests/system/stress/full_stress.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kNumScenes = 12;
+const PageRequest kAll{1000, ""};
+
+// A scene that was trained, labelled, and selected from.
+void Fill(Store& store, const std::string& scene) {
+  ASSERT_OK(store.CreateScene({scene, "the scene " + scene, "make " + scene, {}}));
+  std::vector<DatasetFileRow> files;
+  for (int i = 0; i < 10; ++i) {
+    const std::string path = absl::StrCat("images/", i, ".jpg");
+    files.push_back({path, 1, 1000 + i, Sha256Hex(scene + path), true});
+  }
+  ASSERT_OK(store.CreateDataset(scene, "upload", files));
+  ASSERT_OK(store.SealDataset(scene, 1));
+  JobRow job;
+  job.scene = scene;
+  job.dataset = 1;
+  job.effective_options = std::string(300, 'o');
+  ASSERT_OK_AND_ASSIGN(job, store.CreateJob(job));
+  ASSERT_OK(store.ClaimJob("cpu"));
+  ModelRow model;
+  model.folder = absl::StrCat("jobs/", job.id, "/attempt-1");
+  model.metrics = R"({"psnr": 30.5})";
+  model.num_gaussians = 20000;
+  ASSERT_OK(store.CommitModel(job.id, 1, model));
+  ASSERT_OK(
+      store.CreateLabel({scene, "cup", "the cup", "a.jpg", 96, 64, "0123456789", 10, "l", {}}));
+  ASSERT_OK_AND_ASSIGN(const int64_t number, store.TakeSelectionNumber(scene));
+  SelectionRow selection;
+  selection.scene = scene;
+  selection.number = number;
+  selection.model = 1;
+  selection.model_gaussians = 20000;
+  selection.file = absl::StrCat("selections/", scene, "/", number);
+  ASSERT_OK(store.CreateSelection(selection));
+  KeyRow key;
+  key.id = Sha256Hex(scene).substr(0, 16);
+  key.project = "lab";
+  key.sha256 = Sha256Hex("key of " + scene);
+  key.scopes = 14;
+  ASSERT_OK(store.CreateKey(key));
+}
+
+absl::Status TellScene(Store& store, const std::string& scene, std::string& all) {
+  ASSIGN_OR_RETURN(const auto datasets, store.ListDatasets(scene, kAll));
+  for (const DatasetRow& row : datasets.rows) {
+    absl::StrAppend(&all, row.scene, row.number, row.request_id, row.num_files, row.num_bytes,
+                    absl::FormatTime(row.seal_time));
+    ASSIGN_OR_RETURN(const auto files, store.ListDatasetFiles(scene, row.number));
+    for (const DatasetFileRow& file : files) {
+      absl::StrAppend(&all, file.path, file.kind, file.size, file.sha256, file.stored);
+    }
+  }
+  ASSIGN_OR_RETURN(const auto models, store.ListModels(scene, kAll));
+  for (const ModelRow& row : models.rows) {
+    absl::StrAppend(&all, row.scene, row.number, row.job, row.device, row.folder, row.metrics,
+                    row.sources, row.num_gaussians, row.num_bytes,
+                    absl::FormatTime(row.create_time));
+  }
+  ASSIGN_OR_RETURN(const ModelRow live, store.GetLiveModel(scene));
+  ASSIGN_OR_RETURN(const auto labels, store.ListLabels(scene, kAll));
+  for (const LabelRow& row : labels.rows) {
+    absl::StrAppend(&all, live.number, row.id, row.text, row.view, row.width, row.height,
+                    row.counts, row.area, row.request_id, absl::FormatTime(row.create_time));
+  }
+  ASSIGN_OR_RETURN(const auto selections, store.ListSelections(scene, kAll));
+  for (const SelectionRow& row : selections.rows) {
+    absl::StrAppend(&all, row.number, row.model, row.model_gaussians, row.num_gaussians, row.base,
+                    row.file, row.request_id, row.request_digest,
+                    absl::FormatTime(row.create_time));
+  }
+  return absl::OkStatus();
+}
+
+// All that the store answers, as a text.
+absl::StatusOr<std::string> TellAll(const std::string& url) {
+  ASSIGN_OR_RETURN(const auto store, Store::Open(url));
+  std::string all;
+  ASSIGN_OR_RETURN(const auto scenes, store->ListScenes(kAll));
+  for (const SceneRow& row : scenes.rows) {
+    absl::StrAppend(&all, row.id, row.display_name, row.request_id, row.project,
+                    absl::FormatTime(row.create_time));
+    RETURN_IF_ERROR(store->GetScene(row.id).status());
+    RETURN_IF_ERROR(TellScene(*store, row.id, all));
+  }
+  ASSIGN_OR_RETURN(const auto jobs, store->ListJobs({}, kAll));
+  for (const JobRow& row : jobs.rows) {
+    absl::StrAppend(&all, row.id, row.scene, row.dataset, static_cast<int>(row.state), row.stage,
+                    row.device, row.options, row.effective_options, row.request_id, row.fence,
+                    row.launch, row.crashes, row.server_ends, row.error_code, row.error_message,
+                    row.model, absl::FormatTime(row.create_time), absl::FormatTime(row.start_time),
+                    absl::FormatTime(row.end_time));
+  }
+  ASSIGN_OR_RETURN(const auto keys, store->ListKeys("", kAll));
+  for (const KeyRow& row : keys.rows) {
+    absl::StrAppend(&all, row.id, row.project, row.sha256, row.scopes,
+                    absl::FormatTime(row.revoke_time), absl::FormatTime(row.expire_time));
+    RETURN_IF_ERROR(store->FindKeyByDigest(row.sha256).status());
+  }
+  ASSIGN_OR_RETURN(const Quota usage, store->GetUsage(kDefaultProject));
+  absl::StrAppend(&all, usage.stored_bytes, usage.open_uploads);
+  return all;
+}
+
+struct FlipReport {
+  int refused = 0;    // DATA_LOSS at the start
+  int told = 0;       // another error, at the start or of a call
+  int unchanged = 0;  // all answers are as they were
+  int unnoticed = 0;  // some answer is another
+  int sum() const { return refused + told + unchanged + unnoticed; }
+};
+
+class FlippedDatabase : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto store = Store::Open("sqlite:" + (folder_ / "whole.db").string());
+    ASSERT_OK(store);
+    for (int i = 0; i < kNumScenes; ++i) Fill(**store, absl::StrCat("scene-", i));
+  }
+
+  // Opens copies of the file `flipped` ("", "-wal") and of the others, each with one bit flipped.
+  FlipReport FlipBits(const std::map<std::string, std::string>& files, const std::string& flipped) {
+    const fs::path copy = folder_ / "copy.db";
+    const auto write = [&](const std::map<std::string, std::string>& bytes) {
+      for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(copy.string() + suffix);
+      for (const auto& [suffix, text] : bytes) {
+        std::ofstream(copy.string() + suffix, std::ios::binary) << text;
+      }
+    };
+    const std::string url = "sqlite:" + copy.string();
+    write(files);
+    const auto whole = TellAll(url);
+    EXPECT_OK(whole);
+    FlipReport report;
+    std::mt19937_64 random(7);
+    for (int i = 0; i < (testing::FullStress() ? 1000 : 200); ++i) {
+      std::map<std::string, std::string> bytes = files;
+      std::string& text = bytes.at(flipped);
+      const size_t bit = random() % (8 * text.size());
+      text[bit / 8] = static_cast<char>(text[bit / 8] ^ (1 << (bit % 8)));
+      write(bytes);
+      const auto answer = TellAll(url);
+      if (absl::IsDataLoss(answer.status())) {
+        ++report.refused;
+      } else if (!answer.ok()) {
+        ++report.told;
+      } else {
+        ++(*answer == *whole ? report.unchanged : report.unnoticed);
+      }
+    }
+    std::cout << "'" << flipped << "', " << files.at(flipped).size() << " bytes: refused "
+              << report.refused << ", told " << report.told << ", unchanged " << report.unchanged
+              << ", unnoticed " << report.unnoticed << "\n";
+    return report;
+  }
+
+  std::string Bytes(const std::string& name) const {
+    return ReadFile(folder_ / name, name, int64_t{1} << 30).value_or("");
+  }
+
+  const testing::TempFolder folder_;
+};
+
+TEST_F(FlippedDatabase, IsRefusedAsFarAsSqliteSeesIt) {
+  const FlipReport report = FlipBits({{"", Bytes("whole.db")}}, "");
+  EXPECT_GT(report.refused, report.sum() / 20);
+  EXPECT_LT(report.unnoticed, report.sum() / 5);
+}
+
+// The log that a killed server leaves: what it has answered last stands there only.
+TEST_F(FlippedDatabase, LogIsRefusedAsFarAsItIsSeen) {
+  const auto store = Store::Open("sqlite:" + (folder_ / "whole.db").string());
+  ASSERT_OK(store);
+  for (int i = 0; i < 4; ++i) Fill(**store, absl::StrCat("late-", i));
+  const FlipReport report =
+      FlipBits({{"", Bytes("whole.db")}, {"-wal", Bytes("whole.db-wal")}}, "-wal");
+  // What is left is of the last commit, which might as well be torn.
+  EXPECT_GT(report.refused, report.sum() * 9 / 10);
+}
+
+TEST_F(FlippedDatabase, IsToldByName) {
+  std::string bytes = Bytes("whole.db");
+  bytes[5] = static_cast<char>(bytes[5] ^ 1);
+  std::ofstream(folder_ / "whole.db", std::ios::binary) << bytes;
+  const auto store = Store::Open("sqlite:" + (folder_ / "whole.db").string());
+  EXPECT_STATUS(store, absl::StatusCode::kDataLoss, "whole.db");
+  EXPECT_STATUS(store, absl::StatusCode::kDataLoss, "backup");
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,206 @@
+// What calls that end badly, or are not read, leave in the server.
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "server/observe/process_use.h"
+#include "tests/server/health_check.h"
+#include "tests/system/stress/load.h"
+#include "tests/system/stress/load_calls.h"
+
+namespace pepeseg {
+
+CancelsReport RunCancels(LoadedServer& server, int num_calls) {
+  constexpr int kAtATime = 100;
+  const auto channel = ConnectTo(server.running.server->port());
+  const auto jobs = v1::JobService::NewStub(channel);
+  const auto asking = v1::SegmentationService::NewStub(channel);
+  const v1::ProposeScalesRequest question = LongQuestion();
+  CancelsReport report;
+  while (report.num_cancelled < num_calls) {
+    // The first rounds fill what gRPC and the allocator keep.
+    if (report.num_cancelled <= num_calls / 5) report.rss_before = MeasureProcess().resident_bytes;
+    std::atomic<int> num_open = 0;
+    Calls calls;
+    std::vector<std::unique_ptr<Watcher>> watchers;
+    for (int i = 0; i < kAtATime / 2; ++i) {
+      watchers.push_back(std::make_unique<Watcher>(*jobs, server.idle_job, num_open));
+      calls.Begin<v1::ProposeScalesResponse>([&](auto* context, auto* response, auto done) {
+        asking->async()->ProposeScales(context, &question, response, std::move(done));
+        context->TryCancel();
+      });
+      if (i % 2 == 0) watchers.back()->Cancel();
+    }
+    for (const auto& watcher : watchers) watcher->Cancel();
+    while (num_open > 0) absl::SleepFor(absl::Microseconds(100));
+    calls.AwaitAll();
+    report.num_cancelled += kAtATime;
+  }
+  report.num_streams = server.AwaitStreams(0);
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  do {
+    report.calls_in_flight = server.Metric("pepeseg_rpc_calls_in_flight");
+  } while (report.calls_in_flight != 0 && absl::Now() < deadline);
+  report.rss_after = MeasureProcess().resident_bytes;
+  return report;
+}
+
+namespace {
+
+// With windows that do not grow: a slow machine's may take in a whole export.
+std::shared_ptr<grpc::Channel> ConnectNarrowly(int port) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(absl::StrCat("127.0.0.1:", port),
+                                   grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
+UnreadReport RunUnread(LoadedServer& server, int num_streams) {
+  const auto channel = ConnectNarrowly(server.running.server->port());
+  const auto asking = v1::SegmentationService::NewStub(channel);
+  const auto jobs = v1::JobService::NewStub(channel);
+  UnreadReport report;
+  report.rss_before = MeasureProcess().resident_bytes;
+  v1::ExportSelectionRequest request;
+  request.set_model(kModel);
+  v1::WatchJobRequest watch;
+  watch.set_name(server.idle_job);
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> watchers;
+  for (int i = 0; i < num_streams / 2; ++i) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    watchers.push_back(jobs->WatchJob(contexts.back().get(), watch));
+  }
+  report.num_streams = server.AwaitStreams(num_streams);
+  absl::SleepFor(absl::Seconds(3));  // more than a tick
+  report.rss_with = MeasureProcess().resident_bytes;
+  for (const auto& context : contexts) context->TryCancel();
+  for (const auto& reader : exports) reader->Finish();
+  for (const auto& reader : watchers) reader->Finish();
+  report.num_streams_after = server.AwaitStreams(0);
+  return report;
+}
+
+namespace {
+
+// Of the red square, which is half of the model.
+v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
+  v1::SelectRequest request;
+  request.set_model(model);
+  *request.mutable_prompt() = Question().prompt();
+  v1::Selection selection;
+  grpc::ClientContext context;
+  const grpc::Status status = server.running.segmentation->Select(&context, request, &selection);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return selection;
+}
+
+double ReservedBytes(LoadedServer& server) {
+  return server.Metric("pepeseg_resident_reserved_bytes{memory=\"host\"}");
+}
+
+}  // namespace
+
+UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
+  // One job runs at a time.
+  grpc::ClientContext cancelling;
+  v1::CancelJobRequest cancel;
+  cancel.set_name(server.idle_job);
+  v1::Job cancelled;
+  EXPECT_TRUE(server.running.jobs->CancelJob(&cancelling, cancel, &cancelled).ok());
+  server.running.CreateScene("large");
+  server.running.Await(server.running.Train("large", "large.model").name());
+  v1::ExportSelectionRequest request;
+  request.set_model("scenes/large/models/1");
+  request.mutable_subset()->set_selection(SelectHalf(server, request.model()).name());
+  const auto asking =
+      v1::SegmentationService::NewStub(ConnectNarrowly(server.running.server->port()));
+  UnreadExportsReport report;
+  report.rss_before = MeasureProcess().resident_bytes;
+  report.reserved_before = ReservedBytes(server);
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportSelectionResponse>>> exports;
+  for (int i = 0; i < num_streams; ++i) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    exports.push_back(asking->ExportSelection(contexts.back().get(), request));
+  }
+  for (const auto& reader : exports) {
+    v1::ExportSelectionResponse part;
+    EXPECT_TRUE(reader->Read(&part));
+    report.export_bytes = part.header().num_bytes();
+  }
+  report.num_streams = server.AwaitStreams(num_streams);
+  absl::SleepFor(absl::Seconds(1));
+  report.rss_with = MeasureProcess().resident_bytes;
+  report.reserved_with = ReservedBytes(server);
+  for (const auto& context : contexts) context->TryCancel();
+  for (const auto& reader : exports) reader->Finish();
+  report.num_streams_after = server.AwaitStreams(0);
+  // The memory is given back with the stream's object, just after the stream was counted off.
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  do {
+    report.reserved_after = ReservedBytes(server);
+  } while (report.reserved_after != report.reserved_before && absl::Now() < deadline);
+  return report;
+}
+
+namespace {
+
+// Asks again, as clients do, while the first work of the streams fills the queue: the server says
+// UNAVAILABLE with a time to wait then.
+grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
+  const absl::Time deadline = absl::Now() + absl::Seconds(30);
+  v1::GetJobRequest request;
+  request.set_name(name);
+  while (true) {
+    grpc::ClientContext context;
+    v1::Job job;
+    const grpc::Status status = jobs.GetJob(&context, request, &job);
+    if (status.ok() || absl::Now() > deadline) return status;
+    const v1::ErrorDetail detail = DetailOf(status);
+    if (detail.reason() != "BUSY") return status;
+    absl::SleepFor(absl::Seconds(detail.retry_after().seconds()));
+  }
+}
+
+}  // namespace
+
+CrowdReport RunCrowd(LoadedServer& server, int num_streams) {
+  std::atomic<int> num_open = 0;
+  std::vector<std::unique_ptr<v1::JobService::Stub>> stubs;
+  std::vector<std::unique_ptr<Watcher>> watchers;
+  CrowdReport report;
+  for (int i = 0; i < num_streams; ++i) {
+    if (i % kStreamsPerConnection == 0) {
+      stubs.push_back(v1::JobService::NewStub(ConnectTo(server.running.server->port())));
+    }
+    watchers.push_back(std::make_unique<Watcher>(*stubs.back(), server.idle_job, num_open));
+  }
+  report.num_streams = server.AwaitStreams(num_streams);
+  grpc::ClientContext context;
+  v1::WatchJobRequest request;
+  request.set_name(server.idle_job);
+  const auto beyond = stubs.front()->WatchJob(&context, request);
+  v1::JobEvent event;
+  while (beyond->Read(&event)) {
+  }
+  report.beyond = beyond->Finish();
+  report.meanwhile = AskAsTold(*stubs.front(), server.idle_job);
+  for (const auto& watcher : watchers) watcher->Cancel();
+  while (num_open > 0) absl::SleepFor(absl::Milliseconds(1));
+  report.num_streams_after = server.AwaitStreams(0);
+  return report;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,103 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <random>
+#include <string>
+
+#include "tests/system/stress/full_stress.h"
+#include "tests/system/stress/numerics/measured.h"
+#include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/status_testing.h"
+
+// Photographs and starting points that leave next to nothing to learn.
+
+namespace pepeseg::testing {
+namespace {
+
+int NumSteps() { return FullStress() ? 5'000 : 500; }
+
+class ExtremePhotographs : public BackendTest {
+ protected:
+  StageOneRun Learn(const char* what, const Capture& capture, const ReconstructOptions& options) {
+    const auto run = RunStageOne(*backend_, capture, options);
+    EXPECT_OK(run.status()) << what;
+    if (!run.ok()) return {};
+    ExpectAsMeasured(*backend_, std::string("photographs, ") + what, run->psnr);
+    return *run;
+  }
+  StageOneRun Learn(const char* what, const Capture& capture) {
+    return Learn(what, capture, TinyReconstruct(NumSteps()));
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Backends, ExtremePhotographs, CpuAndCuda(), BackendName);
+
+Capture Painted(uint8_t value) {
+  Capture capture = TinyCapture();
+  for (View& view : capture.views) std::ranges::fill(view.photo.pixels, value);
+  return capture;
+}
+
+// Before a black background nothing need be seen: once all has faded the stage says so.
+TEST_P(ExtremePhotographs, AllBlackIsLearntUntilNothingIsLeft) {
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.prune_opacity = 0;
+  Learn("black", Painted(0), options);
+  options = TinyReconstruct(20'000);
+  EXPECT_STATUS(RunStageOne(*backend_, Painted(0), options), absl::StatusCode::kFailedPrecondition,
+                "density control left none");
+}
+TEST_P(ExtremePhotographs, AllWhiteIsLearnt) { Learn("white", Painted(255)); }
+
+// From different places: no scene looks so.
+TEST_P(ExtremePhotographs, IdenticalOnesGiveNumbers) {
+  Capture capture = TinyCapture();
+  for (View& view : capture.views) view.photo = capture.views[0].photo;
+  Learn("identical", capture);
+}
+
+TEST_P(ExtremePhotographs, NoiseGivesNumbers) {
+  Capture capture = TinyCapture();
+  std::mt19937_64 random(1);
+  for (View& view : capture.views) {
+    for (uint8_t& value : view.photo.pixels) value = static_cast<uint8_t>(random());
+  }
+  Learn("noise", capture);
+}
+
+TEST_P(ExtremePhotographs, AllIgnoredChangesNoColour) {
+  Capture capture = TinyCapture();
+  for (View& view : capture.views) {
+    if (!view.held_out) view.ignore.assign(view.photo.pixels.size() / 3, 1);
+  }
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.opacity_decay = 1;
+  Learn("all ignored", capture, options);
+}
+
+TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
+  Capture capture = TinyCapture();
+  capture.points.resize(1);
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.max_gaussians = 1;
+  const StageOneRun run = Learn("one Gaussian", capture, options);
+  EXPECT_EQ(run.gaussians.count, 1);
+  EXPECT_LT(MeanOfLast(run.losses, 0.1), run.losses.front() - 0.05);
+}
+
+// All on one spot: the distance to the nearest neighbour is 0.
+TEST_P(ExtremePhotographs, PointsOnOneSpotAreTrained) {
+  Capture capture = TinyCapture();
+  for (ScenePoint& point : capture.points) point.position = capture.points[0].position;
+  Learn("one spot", capture);
+}
+
+TEST_P(ExtremePhotographs, WithoutPointsRandomOnesAreTrained) {
+  Capture capture = TinyCapture();
+  capture.points.clear();
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.num_random_points = 300;
+  Learn("no points", capture, options);
+}
+
+}  // namespace
+}  // namespace pepeseg::testing

@@ -1,0 +1,149 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+
+#include "core/scene/origin.h"
+#include "tests/system/stress/full_stress.h"
+#include "tests/system/stress/numerics/measured.h"
+#include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/status_testing.h"
+
+// The same scene in other units, elsewhere, through other lenses, and in few or very many views:
+// what the photographs show is the same, so what is learnt must be as good.
+
+namespace pepeseg::testing {
+namespace {
+
+int NumSteps() { return FullStress() ? 3'000 : 400; }
+
+class ExtremeScenes : public BackendTest {
+ protected:
+  // The held-out PSNR.
+  double Learn(const char* what, const Capture& capture, int num_steps = NumSteps()) {
+    const auto run = RunStageOne(*backend_, capture, TinyReconstruct(num_steps));
+    EXPECT_OK(run.status()) << what;
+    if (!run.ok()) return 0;
+    ExpectAsMeasured(*backend_, std::string("scene, ") + what, run->psnr);
+    return run->psnr;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Backends, ExtremeScenes, CpuAndCuda(), BackendName);
+
+Capture Scaled(Capture capture, double factor) {
+  for (View& view : capture.views) view.cam_from_world.translation *= factor;
+  for (ScenePoint& point : capture.points) point.position *= factor;
+  return capture;
+}
+
+TEST_P(ExtremeScenes, UnitsChangeNothing) {
+  const Capture capture = TinyCapture();
+  const double metres = Learn("unit 1", capture);
+  EXPECT_NEAR(Learn("unit 1e-6", Scaled(capture, 1e6)), metres, 1);
+  EXPECT_NEAR(Learn("unit 1e6", Scaled(capture, 1e-6)), metres, 1);
+}
+
+// Single precision holds seven digits. `relative`: as an import has it.
+Capture FarFromZero(Capture capture, bool relative) {
+  const Eigen::Vector3d far(6e6, 8e6, -3e6);
+  std::vector<Pose> poses;
+  for (View& view : capture.views) {
+    poses.push_back(InWorld(far, view.cam_from_world));
+    view.cam_from_world = poses.back();
+  }
+  const Eigen::Vector3d origin = relative ? OriginOf(poses) : Eigen::Vector3d::Zero();
+  for (View& view : capture.views) view.cam_from_world = RelativeTo(origin, view.cam_from_world);
+  for (ScenePoint& point : capture.points) {
+    point.position = (point.position.cast<double>() + far - origin).cast<float>();
+  }
+  return capture;
+}
+
+TEST_P(ExtremeScenes, FarFromZeroIsLearntRelativeToAnOrigin) {
+  const double near = Learn("at zero", TinyCapture());
+  EXPECT_LT(Learn("ten millions away", FarFromZero(TinyCapture(), false)), near - 3);
+  EXPECT_GT(Learn("relative to the origin", FarFromZero(TinyCapture(), true)), near - 1);
+}
+
+// Objects as large in the pictures as before: the longer the lens, the farther away it stands.
+Capture SeenFromAfar(Capture capture, double focal) {
+  const Eigen::Vector3d target = {0, -0.3, 0};
+  for (View& view : capture.views) {
+    const double times = focal / view.camera.fx;
+    const Pose& pose = view.cam_from_world;
+    view.camera.fx = view.camera.fy = focal;
+    view.cam_from_world.translation.z() += (times - 1) * (pose * target).z();
+  }
+  return capture;
+}
+
+// From far enough all rays of a view are parallel: what is in focus at 1,000 is so at 100,000.
+// Against a near view some accuracy goes, as parallel rays tell less of depth.
+TEST_P(ExtremeScenes, LongLensesFromAfarChangeLittle) {
+  const double near = Learn("focal 35", TinyCapture());
+  const double parallel = Learn("focal 1e3", SeenFromAfar(TinyCapture(), 1e3));
+  EXPECT_GT(parallel, near - 3);
+  EXPECT_GT(Learn("focal 1e4", SeenFromAfar(TinyCapture(), 1e4)), parallel - 1.5);
+  EXPECT_GT(Learn("focal 1e5", SeenFromAfar(TinyCapture(), 1e5)), parallel - 1.5);
+}
+
+// The same places, other lenses: at 10 most of the picture is guessed, at 1e5 a view sees a
+// thousandth of a ball.
+TEST_P(ExtremeScenes, AnyFocalLengthGivesNumbers) {
+  for (const double focal : {10.0, 1e3, 1e5}) {
+    Capture capture = TinyCapture();
+    for (View& view : capture.views) view.camera.fx = view.camera.fy = focal;
+    Learn(focal == 10    ? "zoomed in place, 10"
+          : focal == 1e3 ? "zoomed in place, 1e3"
+                         : "zoomed in place, 1e5",
+          capture);
+  }
+}
+
+float LargestMove(const StageOneRun& run, const Capture& capture) {
+  float largest = 0;
+  for (int64_t i = 0; i < run.gaussians.count; ++i) {
+    float nearest = std::numeric_limits<float>::infinity();
+    for (const ScenePoint& point : capture.points) {
+      const Eigen::Vector3f mean(run.gaussians.Plane(kMeanPlane)[i],
+                                 run.gaussians.Plane(kMeanPlane + 1)[i],
+                                 run.gaussians.Plane(kMeanPlane + 2)[i]);
+      nearest = std::min(nearest, (mean - point.position).norm());
+    }
+    largest = std::max(largest, nearest);
+  }
+  return largest;
+}
+
+// Its centre alone tells no size of the scene: the means must move all the same.
+TEST_P(ExtremeScenes, OneViewIsLearnt) {
+  Capture capture = TinyCapture();
+  capture.views = {capture.views[1]};
+  ASSERT_OK_AND_ASSIGN(const StageOneRun run,
+                       RunStageOne(*backend_, capture, TinyReconstruct(NumSteps())));
+  ExpectAsMeasured(*backend_, "scene, one view", run.last.psnr);
+  EXPECT_GT(LargestMove(run, capture), 0.05);
+}
+
+// A camera on a tripod that turns a little from view to view.
+TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
+  Capture capture = TinyCapture();
+  const View first = capture.views[1];
+  const Eigen::Vector3d eye = first.cam_from_world.Inverse().translation;
+  for (View& view : capture.views) {
+    view.photo = first.photo;
+    view.cam_from_world = first.cam_from_world;
+    view.cam_from_world.translation = -(view.cam_from_world.rotation * eye);
+  }
+  Learn("one place", capture);
+}
+
+TEST_P(ExtremeScenes, TenThousandViewsAreLearnt) {
+  const int num_views = FullStress() ? 10'000 : 1'000;
+  Capture capture = TinyCapture({.num_views = num_views, .side = 16, .held_out_every = 8});
+  Learn("many views", capture, FullStress() ? 10'000 : 400);
+}
+
+}  // namespace
+}  // namespace pepeseg::testing

@@ -1,0 +1,79 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tests/system/stress/full_stress.h"
+#include "tests/system/stress/numerics/tiny_runs.h"
+#include "tests/testing/status_testing.h"
+
+// Runs of one seed give the same bytes: on the CPU for any number of threads, and on CUDA, too,
+// where sums have a fixed order and atomics only count integers or find their extremes
+// (NUMERICS.md).
+
+namespace pepeseg::testing {
+namespace {
+
+int NumSteps() { return FullStress() ? 5'000 : 200; }
+int NumRuns() { return FullStress() ? 5 : 2; }
+
+Capture Scene() { return TinyCapture({.depth = DepthPrior::Kind::kDisparity}); }
+
+// All that a scene can have: the local fits of depth, refinement, coarse photographs.
+ReconstructOptions Everything() {
+  ReconstructOptions options = TinyReconstruct(NumSteps());
+  options.coarse_until = 0.2;
+  options.refine_length = 0.1;
+  options.refine_keep = RefineKeep::kSplit;
+  return options;
+}
+
+struct Bytes {
+  std::vector<float> planes, features, gate;
+  std::vector<double> losses;
+  bool operator==(const Bytes&) const = default;
+};
+
+Bytes Train(Backend& backend) {
+  Bytes bytes;
+  const Capture capture = Scene();
+  const auto one = RunStageOne(backend, capture, Everything());
+  EXPECT_OK(one.status());
+  if (!one.ok()) return bytes;
+  bytes.planes = one->gaussians.planes;
+  bytes.losses = one->losses;
+  const auto two = RunStageTwo(backend, capture, one->gaussians, TinyFeatures(NumSteps()));
+  EXPECT_OK(two.status());
+  if (!two.ok()) return bytes;
+  bytes.features = two->field.features;
+  bytes.gate = {two->field.gate.begin(), two->field.gate.end()};
+  bytes.losses.insert(bytes.losses.end(), two->losses.begin(), two->losses.end());
+  return bytes;
+}
+
+TEST(SameBytes, OnTheCpuForAnyNumberOfThreads) {
+  const Bytes want = Train(*MakeCpuBackend(1));
+  ASSERT_FALSE(want.features.empty());
+  for (const int num_threads : {1, 2, 3}) {
+    EXPECT_TRUE(Train(*MakeCpuBackend(num_threads)) == want) << num_threads << " threads";
+  }
+}
+
+class SameBytesOnADevice : public BackendTest {};
+INSTANTIATE_TEST_SUITE_P(Backends, SameBytesOnADevice, CpuAndCuda(), BackendName);
+
+TEST_P(SameBytesOnADevice, FromRunToRun) {
+  const Bytes want = Train(*backend_);
+  ASSERT_FALSE(want.features.empty());
+  double farthest = 0;
+  for (int run = 1; run < NumRuns(); ++run) {
+    const Bytes got = Train(*backend_);
+    EXPECT_TRUE(got == want) << "run " << run;
+    for (size_t i = 0; i < std::min(want.losses.size(), got.losses.size()); ++i) {
+      farthest = std::max(farthest, std::abs(got.losses[i] - want.losses[i]));
+    }
+  }
+  std::printf("spread of %d runs: losses differ by at most %g\n", NumRuns(), farthest);
+}
+
+}  // namespace
+}  // namespace pepeseg::testing
