@@ -46,7 +46,7 @@ help:
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
-	@deploy/packages.sh deploy/packages.txt
+	@deploy/packages.sh deploy/packages/build.txt
 
 # Configured once: the build itself notices later changes of CMake's files.
 $(BUILD)/CMakeCache.txt: | packages
@@ -91,13 +91,13 @@ bench: $(BUILD)/CMakeCache.txt packages
 	tests/bench/python_mask_bench.py $(BUILD)/bin
 
 curves: $(BUILD)/CMakeCache.txt
-	@deploy/packages.sh deploy/packages.txt deploy/packages-bench.txt
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/bench.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
 	PYTHON=/usr/bin/python3 tests/bench/bench.sh $(BUILD) $(BUILD)/curves $(SCENE) $(CURVES)
 
 # Each bounded in count and time; the short forms are part of `make test`.
 stress: $(BUILD)/CMakeCache.txt
-	@deploy/packages.sh deploy/packages.txt deploy/packages-stress.txt
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/stress.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
 	  stress_kill_worker_test stress_flipped_bits_test \
@@ -115,13 +115,13 @@ stress: $(BUILD)/CMakeCache.txt
 	$(BUILD)/bin/pepeseg_residency_stress $(STRESS_SECONDS)
 
 gateway-test: $(BUILD)/CMakeCache.txt
-	@deploy/packages.sh deploy/packages.txt
+	@deploy/packages.sh deploy/packages/build.txt
 	cmake --build $(BUILD) -j $(JOBS) --target gateway_test pepeseg_gateway_stress
 	cd $(BUILD) && $(CTEST) -R '^Gateway[.]'
 	$(BUILD)/bin/pepeseg_gateway_stress
 
 lint:
-	@deploy/packages.sh deploy/packages.txt deploy/packages-lint.txt
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/lint.txt
 	cmake -S . -B $(BUILD)-lint $(GENERATOR) $(CMAKE_ARGS)
 	tests/layering/lint.sh $(BUILD)-lint $(JOBS)
 
@@ -142,7 +142,7 @@ tsan:
 
 # Targets and their corpora: tests/system/fuzz.
 fuzz:
-	@deploy/packages.sh deploy/packages.txt deploy/packages-fuzz.txt
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/fuzz.txt
 	$(MAKE) --no-print-directory $(BUILD)-fuzz/CMakeCache.txt BUILD=$(BUILD)-fuzz \
 	  CMAKE_ARGS='-DPEPESEG_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++ -DPEPESEG_CUDA_ARCHITECTURES=OFF'
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
@@ -150,11 +150,11 @@ fuzz:
 
 # As root: without a container engine, and from Debian's packages alone.
 image:
-	@deploy/packages.sh deploy/packages-image.txt
+	@deploy/packages.sh deploy/packages/image.txt
 	deploy/image/build.sh $(BUILD)/image --build-arg JOBS=$(JOBS)
 
 image-test:
-	@deploy/packages.sh deploy/packages-image.txt
+	@deploy/packages.sh deploy/packages/image.txt
 	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
 
 # The only target that asks a registry other than Debian's: npm's, for the schemas.
@@ -164,7 +164,7 @@ deploy-check:
 # Node and npm are Debian's, unless there are others. The only build that asks npm's registry.
 WEB = clients/web
 web-app: | packages
-	@command -v npm >/dev/null || deploy/packages.sh deploy/packages-web.txt
+	@command -v npm >/dev/null || deploy/packages.sh deploy/packages/web.txt
 	cd $(WEB) && npm ci --no-audit --no-fund && mkdir -p gen && npm run --silent generate && \
 	  npm run --silent check && npm run --silent build
 
@@ -179,6 +179,6 @@ endif
 
 # Pictures of all screens go to $(BUILD)/web-test.
 web-test: web-app $(BUILD)/CMakeCache.txt
-	@deploy/packages.sh deploy/packages-web-test.txt
+	@deploy/packages.sh deploy/packages/web-test.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
 	cd $(WEB) && PEPESEG_BUILD=$(BUILD) PEPESEG_WEB_OUT=$(BUILD)/web-test npx playwright test

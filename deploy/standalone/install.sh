@@ -3,7 +3,7 @@
 # brings the new programs and leaves /etc/pepeseg as it is.
 #   install.sh BUILD_FOLDER [--gpu]
 # DESTDIR=FOLDER only copies, below FOLDER, for a package. The libraries are those of
-# deploy/packages.txt.
+# deploy/packages/build.txt.
 set -euo pipefail
 usage() {
   sed -n '4,6s/^# \{0,1\}//p' "$0" >&2

@@ -2,7 +2,7 @@
 # `pepeseg bench` on a server of its own, then its table and plots.
 #   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg bench...]
 # PEPESEGD_FLAGS: flags of the server, as --device=cuda. The plots need python3-matplotlib
-# (deploy/packages-bench.txt).
+# (deploy/packages/bench.txt).
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 build=${1:?usage: bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS...]}

@@ -21,7 +21,7 @@ class SlurmTest : public ::testing::Test {
  protected:
   void SetUp() override {
     if (!testing::SlurmCluster::IsInstalled()) {
-      GTEST_SKIP() << "needs root and deploy/packages-stress.txt";
+      GTEST_SKIP() << "needs root and deploy/packages/stress.txt";
     }
     cluster_ = std::make_unique<testing::SlurmCluster>(3);
     database_ = std::make_unique<testing::PostgresqlServer>();

@@ -14,5 +14,5 @@ for python in python3 /usr/bin/python3; do
     --durations=5 "$here" || code=$?
   exit $code
 done
-echo 'no python3 with grpcio, protobuf, NumPy, Pillow, pytest and wheel: see deploy/packages.txt' >&2
+echo 'no python3 with grpcio, protobuf, NumPy, Pillow, pytest and wheel: see deploy/packages/build.txt' >&2
 exit 1
