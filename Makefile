@@ -73,9 +73,9 @@ sam:
 
 sam-test: $(BUILD)/CMakeCache.txt packages
 	deploy/sam.sh $(BUILD)/sam
-	cmake --build $(BUILD) -j $(JOBS) --target core_sam_test jobs_worker_test
+	cmake --build $(BUILD) -j $(JOBS) --target core_sam_test worker_test
 	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/core_sam_test
-	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/jobs_worker_test --gtest_filter='WorkerSam*'
+	PEPESEG_SAM=$(abspath $(BUILD)/sam) $(BUILD)/bin/worker_test --gtest_filter='WorkerSam*'
 
 # Run it after a change to kernels/cuda, and commit the summary with the change.
 cuda-test: $(BUILD)/CMakeCache.txt packages
@@ -101,14 +101,14 @@ stress: $(BUILD)/CMakeCache.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
 	  stress_kill_worker_test stress_flipped_bits_test \
-	  stress_http2_abuse_test stress_soak_test stress_numerics_test rpc_residency_test
+	  stress_http2_abuse_test stress_soak_test stress_numerics_test server_residency_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_numerics_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_io_faults_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_lost_commits_test
-	cd $(BUILD) && bin/rpc_residency_test --gtest_filter='Load.*'
+	cd $(BUILD) && bin/server_residency_test --gtest_filter='Load.*'
 	cd $(BUILD) && bin/stress_http2_abuse_test
 	$(BUILD)/bin/pepeseg_slurm_stress
 	PEPESEG_SOAK_SECONDS=$(SOAK_SECONDS) $(BUILD)/bin/stress_soak_test
