@@ -46,7 +46,7 @@ std::string Turned(std::string jpeg, char orientation) {
 }
 
 // What a call answered.
-struct Photograph {
+struct SentPhotograph {
   grpc::Status status;
   v1::GetPhotographResponse::Header header;
   std::string bytes;
@@ -59,11 +59,11 @@ struct Photograph {
   }
 };
 
-Photograph Get(RunningServer& running, const v1::GetPhotographRequest& request) {
+SentPhotograph Get(RunningServer& running, const v1::GetPhotographRequest& request) {
   grpc::ClientContext context;
   const auto stream = running.datasets->GetPhotograph(&context, request);
   v1::GetPhotographResponse part;
-  Photograph photograph;
+  SentPhotograph photograph;
   while (stream->Read(&part)) {
     if (part.has_header()) photograph.header = part.header();
     if (!part.has_chunk()) continue;
@@ -88,12 +88,12 @@ struct GetPhotographTest : ::testing::Test {
                                         {"videos/walk.mp4", "a video", v1::FILE_KIND_VIDEO},
                                         {"masks/a.png", "a mask", v1::FILE_KIND_MASK}}));
   }
-  Photograph Get(const std::string& name) {
+  SentPhotograph Get(const std::string& name) {
     request.set_photograph(name);
     return pepeseg::Get(running, request);
   }
   void ExpectRefused(const std::string& field, const std::string& words) {
-    const Photograph photograph = Get("b.jpg");
+    const SentPhotograph photograph = Get("b.jpg");
     EXPECT_EQ(photograph.status.error_code(), grpc::INVALID_ARGUMENT) << words;
     EXPECT_EQ(DetailOf(photograph.status).field(), field);
     EXPECT_TRUE(absl::StrContains(photograph.status.error_message(), words))
@@ -111,7 +111,7 @@ struct GetPhotographTest : ::testing::Test {
 TEST_F(GetPhotographTest, ReturnsTheBytesThatWereUploaded) {
   request.set_original(true);
   for (const auto& [name, bytes] : {std::pair("b.jpg", upright), std::pair("large.jpg", large)}) {
-    const Photograph photograph = Get(name);
+    const SentPhotograph photograph = Get(name);
     ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
     EXPECT_EQ(photograph.header.content_type(), "image/jpeg");
     EXPECT_EQ(photograph.header.width(), name == std::string("b.jpg") ? 60 : 30);
@@ -121,13 +121,13 @@ TEST_F(GetPhotographTest, ReturnsTheBytesThatWereUploaded) {
 }
 
 TEST_F(GetPhotographTest, DecodesAndShrinks) {
-  const Photograph whole = Get("b.jpg");
+  const SentPhotograph whole = Get("b.jpg");
   ASSERT_TRUE(whole.status.ok()) << whole.status.error_message();
   EXPECT_EQ(whole.header.content_type(), "image/jpeg");
   EXPECT_EQ(whole.header.num_bytes(), static_cast<int64_t>(whole.bytes.size()));
   EXPECT_EQ(whole.Decoded().width, 60);
   request.set_max_side(30);
-  const Photograph half = Get("b.jpg");
+  const SentPhotograph half = Get("b.jpg");
   ASSERT_TRUE(half.status.ok()) << half.status.error_message();
   EXPECT_EQ(half.header.width(), 30);
   EXPECT_EQ(half.header.height(), 18);
@@ -139,7 +139,7 @@ TEST_F(GetPhotographTest, DecodesAndShrinks) {
 }
 
 TEST_F(GetPhotographTest, TurnsUprightAsExifSays) {
-  const Photograph photograph = Get("cam0/turned.jpg");
+  const SentPhotograph photograph = Get("cam0/turned.jpg");
   ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
   EXPECT_EQ(photograph.header.width(), 36);
   EXPECT_EQ(photograph.header.height(), 60);
@@ -149,14 +149,14 @@ TEST_F(GetPhotographTest, TurnsUprightAsExifSays) {
 }
 
 TEST_F(GetPhotographTest, TakesTheFirstByNameWithoutOne) {
-  const Photograph photograph = Get("");
+  const SentPhotograph photograph = Get("");
   ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
   EXPECT_EQ(photograph.header.width(), 60) << "b.jpg, not cam0/turned.jpg";
 }
 
 TEST_F(GetPhotographTest, NamesWhatIsNotThere) {
   for (const char* name : {"none.jpg", "images/b.jpg", "../images/b.jpg", "a.png"}) {
-    const Photograph photograph = Get(name);
+    const SentPhotograph photograph = Get(name);
     EXPECT_EQ(photograph.status.error_code(), grpc::NOT_FOUND) << name;
     EXPECT_EQ(DetailOf(photograph.status).reason(), "NO_SUCH_PHOTOGRAPH");
   }
@@ -184,7 +184,7 @@ TEST_F(GetPhotographTest, RefusesWhatDoesNotGoTogether) {
 }
 
 TEST_F(GetPhotographTest, RefusesFilesThatDoNotDecode) {
-  const Photograph photograph = Get("text.jpg");
+  const SentPhotograph photograph = Get("text.jpg");
   EXPECT_EQ(photograph.status.error_code(), grpc::INVALID_ARGUMENT);
   EXPECT_TRUE(absl::StrContains(photograph.status.error_message(), "images/text.jpg: not a JPEG"))
       << photograph.status.error_message();
@@ -272,7 +272,7 @@ struct PhotographOfModel : ShelfModel {
 };
 
 TEST_F(PhotographOfModel, IsTurnedUpright) {
-  const Photograph photograph = Get(running, request);
+  const SentPhotograph photograph = Get(running, request);
   ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
   EXPECT_EQ(photograph.header.width(), 128);
   EXPECT_EQ(photograph.header.height(), 192);
@@ -280,7 +280,7 @@ TEST_F(PhotographOfModel, IsTurnedUpright) {
 
 TEST_F(PhotographOfModel, IsWarpedAsTheViewWasTrainedOn) {
   request.set_frame(v1::PIXEL_FRAME_VIEW);
-  const Photograph photograph = Get(running, request);
+  const SentPhotograph photograph = Get(running, request);
   ASSERT_TRUE(photograph.status.ok()) << photograph.status.error_message();
   EXPECT_EQ(photograph.header.width(), kWidth);
   EXPECT_EQ(photograph.header.height(), kHeight);
