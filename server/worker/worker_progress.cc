@@ -38,8 +38,8 @@ double WorkerProgress::Now() const { return Seconds(Clock::now().time_since_epoc
 absl::Status WorkerProgress::StartStage(const std::string& stage) {
   stage_ = stage;
   activity_.clear();
-  eta_.StartStage(stage, Now());
   stage_start_ = Clock::now();
+  eta_.StartStage(stage, Seconds(stage_start_.time_since_epoch()));
   last_event_ = stage_start_;
   first_step_ = 0;
   last_step_ = 0;
@@ -133,7 +133,7 @@ void WorkerProgress::DescribeTimes(const StepReport& report, v1::JobProgress& pr
   } else {
     eta_.Step(first_step_, report.step, report.num_steps, now);
   }
-  *progress.mutable_elapsed() = ToProto(seconds_in_stage());
+  *progress.mutable_elapsed() = ToProto(now - Seconds(stage_start_.time_since_epoch()));
   if (const auto left = eta_.StageSecondsLeft()) *progress.mutable_eta() = ToProto(*left);
   if (const auto left = eta_.SecondsLeft(now)) *progress.mutable_job_eta() = ToProto(*left);
   progress.set_stage_number(eta_.stage_number());
