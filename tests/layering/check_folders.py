@@ -11,10 +11,10 @@ it, and the folder's own files are a node of their own, called "FOLDER (own file
 that stand in server/ itself (main, flags, assembly) must be above every subfolder of server/:
 nothing below may include them. Strongly connected components of two nodes or more are cycles.
 
-Arrows of all but the tests must be declared in TABLE, one row a folder: its name, what it is, which folders it may
-include. An arrow that is not declared is an error, and so is a declared arrow that no include
-makes. Folders that one row names together count as one. ARCHITECTURE.md, once it exists, must have
-the same rows.
+Arrows of all but the tests must be declared in the tables of TABLE, one row a folder: its name, one
+sentence on what it is, which folders it may include. An arrow that is not declared is an error, and so
+are a declared arrow that no include makes, a folder without a row, two rows of one folder, and a row
+without a sentence. Folders that one row names together count as one.
 
 KNOWN lists the cycles that exist for now, one a line, as this check prints them. A line without a
 cycle is an error, so that the file shrinks with the cycles and then goes.
@@ -26,16 +26,15 @@ import sys
 
 DECLARED = ("clients", "core", "kernels", "server")  # top folders with rows in the table
 TOPS = DECLARED + ("proto", "tests")
-TABLE = "tests/layering/folders.md"
+TABLE = "ARCHITECTURE.md"
 KNOWN = "tests/layering/known_cycles.txt"
-DOCUMENT = "ARCHITECTURE.md"
 SUFFIXES = (".h", ".cc", ".cu", ".cuh")
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^">]+)[">]')
 
 # One #include: where it is, and the file of ours that it names.
 Include = collections.namedtuple("Include", "file line target")
 # A row of the table: folders that count as one, and what they may include.
-Row = collections.namedtuple("Row", "folders sentence allowed text")
+Row = collections.namedtuple("Row", "folders sentence allowed")
 
 
 def source_files(root):
@@ -198,7 +197,7 @@ def read_rows(path):
             if folders and folders[0].split("/")[0] in DECLARED:
                 names = re.findall(r"`([^`]+)`", cells[2])
                 allowed = {full_name(name, folders[0]) for name in names}
-                rows.append(Row(folders, cells[1], allowed, line.strip()))
+                rows.append(Row(folders, cells[1], allowed))
     return rows
 
 
@@ -238,15 +237,16 @@ def check_arrows(includes, rows, folders):
     return findings
 
 
-def check_document(root, rows):
-    """Checks that ARCHITECTURE.md, if it exists, has the table's rows and no others."""
-    path = os.path.join(root, DOCUMENT)
-    if not os.path.exists(path):
-        return []
-    shown = {row.text for row in read_rows(path)}
-    declared = {row.text for row in rows}
-    return ([f"{DOCUMENT}: lacks this row of {TABLE}: {text}" for text in sorted(declared - shown)] +
-            [f"{DOCUMENT}: {TABLE} has no such row: {text}" for text in sorted(shown - declared)])
+def check_sentences(rows):
+    """Checks that each folder has one row, and each row a sentence: words that end with a period."""
+    findings = []
+    counts = collections.Counter(folder for row in rows for folder in row.folders)
+    for folder in sorted(f for f in counts if counts[f] > 1):
+        findings.append(f"{TABLE}: {folder} has {counts[folder]} rows")
+    for row in rows:
+        if not re.fullmatch(r"\S.*\.", row.sentence):
+            findings.append(f"{TABLE}: {row.folders[0]} has no sentence")
+    return findings
 
 
 def print_table(includes, rows, folders):
@@ -281,7 +281,7 @@ def main(arguments):
             print("\n" + "\n".join([f"cycle between folders: {name}"] + lines))
         return 0
     findings += check_cycles(root, cycles) + check_arrows(includes, rows, folders)
-    findings += check_document(root, rows)
+    findings += check_sentences(rows)
     print("\n".join(findings), end="\n" if findings else "")
     return 1 if findings else 0
 
