@@ -36,7 +36,7 @@ help:
 	@echo '               overload, a cluster, and ten minutes'
 	@echo '               (STRESS_SECONDS=600) of questions to more models than fit'
 	@echo 'make gateway-test  three servers behind HAProxy under load: restarts, a kill, uploads, latency'
-	@echo 'make lint      clang-format, clang-tidy, mypy'
+	@echo 'make lint      layers, citations and words of the glossary, clang-format, clang-tidy, mypy'
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tries it out'

@@ -90,7 +90,7 @@ class Backend {
   // are done when they return.
   virtual int queue_depth() const = 0;
 
-  // Rendering and stage one (ops.h, depth_ops.h, refine_ops.h).
+  // Rendering and stage one (ops/render.h, ops/depth.h, ops/refine.h).
   virtual void Render(const RenderArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
   virtual void DepthLoss(const DepthLossArgs& args) = 0;
@@ -98,15 +98,15 @@ class Backend {
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
   virtual void RefineGaussians(const RefineGaussiansArgs& args) = 0;
-  // Density control (density_ops.h).
+  // Density control (ops/density.h).
   virtual void PlanDensity(const PlanDensityArgs& args) = 0;
   virtual void GatherRows(const GatherRowsArgs& args) = 0;
 
-  // Rows and features of a rendered view (ops.h).
+  // Rows and features of a rendered view (ops/render.h).
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
-  // Stage two and queries (feature_ops.h, perception_ops.h, smooth_ops.h).
+  // Stage two and queries (ops/feature.h, ops/perception.h, ops/smooth.h).
   virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
@@ -120,7 +120,7 @@ class Backend {
   virtual void Similarity(const SimilarityArgs& args) = 0;
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
-  // Clustering (cluster_ops.h).
+  // Clustering (ops/cluster.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 
  private:

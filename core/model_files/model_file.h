@@ -9,7 +9,7 @@
 
 namespace pepeseg {
 
-// A model on disk (service.md): gaussians.ply (vanilla 3DGS layout), features.bin, model.json and,
+// A model on disk: gaussians.ply (vanilla 3DGS layout), features.bin, model.json and,
 // last, manifest.json with each file's size and sha256. Each file by temp + fsync + rename.
 absl::Status WriteModel(const std::filesystem::path& folder, const Model& model);
 

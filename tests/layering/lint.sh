@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# clang-format, headers that compile alone, clang-tidy, mypy.   lint.sh BUILD_FOLDER JOBS
+# Layers, folders, citations and words, clang-format, headers that compile alone, clang-tidy, mypy.
+#   lint.sh BUILD_FOLDER JOBS
 # A file that clang-tidy passed is looked at again when its preprocessed text, its compiler flags or
 # the checks have changed: BUILD_FOLDER/lint has what it passed with.
 set -euo pipefail
@@ -22,6 +23,10 @@ tidy() {
 }
 export -f tidy
 
+tests/layering/check_layers.sh .
+tests/layering/check_folders.py .
+tests/layering/check_citations.py .
+tests/layering/check_words.py .
 mapfile -t files < <(find clients core kernels server tests -name '*.h' -o -name '*.cc' | sort)
 clang-format --dry-run -Werror "${files[@]}"
 cmake --build "$build" -j "$jobs" --target lone_headers
