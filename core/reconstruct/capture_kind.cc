@@ -6,6 +6,7 @@
 
 namespace pepeseg {
 
+// A view looks along +z of its camera; the inverse rotation takes that into the world.
 double ViewingSpread(const Capture& capture) {
   std::vector<Eigen::Vector3d> directions;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -15,7 +16,7 @@ double ViewingSpread(const Capture& capture) {
     sum += directions.back();
   }
   if (directions.empty()) return 0;
-  constexpr double kCancelled = 1e-6;  // of the length that equal directions would have
+  constexpr double kCancelled = 1e-6;  // share of the length that equal directions would have
   const auto num = static_cast<double>(directions.size());
   if (sum.norm() < kCancelled * num) return 180;
   const Eigen::Vector3d mean = sum.normalized();

@@ -7,10 +7,13 @@
 namespace pepeseg {
 namespace {
 
-constexpr float kBudgetedShare = 0.25f;  // of densify_gradient: the budget chooses
+// Share of densify_gradient that suffices where there is a budget: the budget takes the largest
+// gradients first and so limits the number.
+constexpr float kBudgetedShare = 0.25f;
 
 }  // namespace
 
+// Counts from 1 here: the first round is due after `every` steps.
 bool Densifier::IsEvery(int every, int step) const {
   const int done = step + 1;
   return done % every == 0 && done >= options_.densify_from * options_.num_steps &&
@@ -23,6 +26,8 @@ bool Densifier::OpacityResetDue(int step) const {
   return !budgeted() && IsEvery(options_.opacity_reset_every, step);
 }
 
+// budget = min(max_gaussians, training pixels / pixels_per_gaussian), but at least the number at
+// the start.
 int64_t Densifier::BudgetAt(int step) const {
   if (!budgeted()) return options_.max_gaussians;
   const double most =
@@ -36,6 +41,8 @@ int64_t Densifier::BudgetAt(int step) const {
   return static_cast<int64_t>(first + std::max(0.0, most - first) * passed);
 }
 
+// The backend plans the new rows: for each its source Gaussian, whether it is a child, and its mean
+// and scales. The state is then rebuilt by that plan, in Morton order.
 absl::Status Densifier::Apply(int step, GaussianState& state, std::mt19937_64& random) const {
   const DensityStats stats = state.stats();
   Buffer<int32_t> source;

@@ -8,15 +8,15 @@
 
 namespace pepeseg {
 
-// What density control must know of a scene.
+// Properties of a scene that density control depends on.
 struct DensityScene {
-  double radius = 1;  // scene units, see SceneRadius
-  int64_t num_training_pixels = 0;
-  int64_t num_initial = 0;  // Gaussians
+  double radius = 1;                // scene units, see SceneRadius
+  int64_t num_training_pixels = 0;  // of all training photographs
+  int64_t num_initial = 0;          // Gaussians at the start
 };
 
-// Adaptive density control (Kerbl et al. 2023): when it is due, and its effect on the state. Steps
-// count from 0 and are told after their update.
+// Adaptive density control (Kerbl et al. 2023; METHOD.md section 1.3): when it is due, and its
+// effect on the state. `step` is the schedule position, from 0, of a step whose update is done.
 class Densifier {
  public:
   Densifier(Backend& backend, const ReconstructOptions& options, const DensityScene& scene)
@@ -25,16 +25,18 @@ class Densifier {
   bool Due(int step) const;
   bool OpacityResetDue(int step) const;
 
-  // How many Gaussians there may be after the round of this step.
+  // Returns the maximum number of Gaussians after the round of this step: linear between the number
+  // at the start and the budget, or max_gaussians where there is no budget.
   int64_t BudgetAt(int step) const;
 
-  // RESOURCE_EXHAUSTED when the backend is out of memory, FAILED_PRECONDITION when no Gaussian is
-  // left.
+  // Does one round: prunes, clones and splits, and fades the opacities where there is a budget.
+  // Waits for the backend. Returns RESOURCE_EXHAUSTED when it is out of memory and
+  // FAILED_PRECONDITION when no Gaussian is left.
   absl::Status Apply(int step, GaussianState& state, std::mt19937_64& random) const;
 
  private:
   bool budgeted() const { return options_.pixels_per_gaussian > 0; }
-  // What is to be done every `every` steps, between the two shares of the run.
+  // True every `every` steps between densify_from and densify_until.
   bool IsEvery(int every, int step) const;
 
   Backend& backend_;

@@ -3,7 +3,8 @@
 namespace pepeseg {
 namespace {
 
-// Of noise 0.02 at most, of monocular priors 0.5 and more.
+// Share of the prior's spread that a fit must explain to agree. Noise reaches 0.02, monocular
+// priors 0.5 and more.
 constexpr double kAgrees = 0.2;
 
 }  // namespace

@@ -27,7 +27,7 @@ std::vector<float> ShrinkPrior(const View& view, int factor) {
 }
 
 PriorBounds InlierBounds(std::span<const float> prior) {
-  constexpr double kShare = 0.01;
+  constexpr double kShare = 0.01;  // of the known values, at either end
   std::vector<float> known;
   std::ranges::copy_if(prior, std::back_inserter(known), [](float v) { return !std::isnan(v); });
   const auto percentile = [&](double share) {
@@ -39,11 +39,12 @@ PriorBounds InlierBounds(std::span<const float> prior) {
   return {min, percentile(1 - kShare)};
 }
 
+// Two passes: the mean first, then the mean distance from it.
 double MeanDeviation(std::span<const float> prior, const PriorBounds& bounds) {
   const auto mean = [&](auto of) {
     double sum = 0, num = 0;
     for (const float value : prior) {
-      if (!(value >= bounds.min && value <= bounds.max)) continue;
+      if (!(value >= bounds.min && value <= bounds.max)) continue;  // NaN: unknown
       sum += of(value);
       ++num;
     }

@@ -8,11 +8,13 @@
 namespace pepeseg {
 namespace {
 
-constexpr float kOrbitWeight = 0.05f, kForwardFacingWeight = 0.1f;
+constexpr float kOrbitWeight = 0.05f, kForwardFacingWeight = 0.1f;    // default depth_weight
 constexpr double kSmallestPatch = 1.0 / 16, kLargestPatch = 1.0 / 3;  // sides, share of the width
 
 }  // namespace
 
+// Priors that are made of the capture's points do not count: the Gaussians start from the same
+// points, so that such a prior adds nothing.
 ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& capture) {
   if (options.capture_kind == CaptureKind::kAutomatic) {
     options.capture_kind = FindCaptureKind(capture);
@@ -36,6 +38,7 @@ void DepthTerm::LeaveOut() {
   images_ = {};
 }
 
+// Draws from `random` only for DepthLocalForm::kPatch.
 DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
                              std::mt19937_64& random) const {
   if (view.prior.empty() || weight == 0 || left_out_) return {};
@@ -46,7 +49,8 @@ DepthPlan DepthTerm::PlanFor(const TrainingView& view, float weight,
   return plan;
 }
 
-// As large as a mask may be, its sides drawn apart and log-uniform.
+// Returns a random rectangle of about the size of a mask. Width and height are drawn independently,
+// log-uniform in [1/16, 1/3] of the view's width and limited by the view.
 PixelBox DepthTerm::DrawPatch(const PinholeView& view, std::mt19937_64& random) const {
   std::uniform_real_distribution<double> uniform(0, 1);
   const auto side = [&](int most) {
@@ -68,6 +72,8 @@ DepthImages DepthTerm::ImagesFor(const TrainingView& view, const DepthPlan& plan
   return {view.inverse_depth, image(0), image(1), image(2), image(3)};
 }
 
+// L_global has the weight of the plan, L_local that times depth_local_weight. The op fits scale and
+// shift in closed form; no gradient passes through the fit.
 void DepthTerm::Compare(const TrainingView& view, const DepthPlan& plan, DeviceSpan<double> sums) {
   if (plan.weight == 0) return;
   const DepthImages images = ImagesFor(view, plan);

@@ -8,38 +8,41 @@
 
 namespace pepeseg {
 
-// The options with depth_weight filled in: 0 where no training view has a prior, else what was
-// asked for or, where that is left open, what suits the kind of capture.
+// Returns the options with depth_weight filled in: 0 where no training view has a prior that says
+// more than the points do, else the weight of the options or, where that is -1, the default for
+// the kind of capture. capture_kind is filled in as well.
 ReconstructOptions WithDepthWeight(ReconstructOptions options, const Capture& capture);
 
-// What a step does about depth. A weight of 0: nothing, and no image of depth is made.
+// Depth loss of one step.
 struct DepthPlan {
-  float weight = 0;
-  PixelBox patch;
+  float weight = 0;  // of the loss. 0: no depth loss, and no depth is rendered
+  PixelBox patch;    // region of the local fit, for DepthLocalForm::kPatch
 };
 
-// Memory of the backend, as large as the view; all empty when the plan's weight is 0.
+// Images in backend memory, [H, W] of the view; all empty when the plan's weight is 0.
 struct DepthImages {
   bool inverse_depth = false;  // for Render, with these:
   DeviceSpan<float> alpha, depth;
   DeviceSpan<float> alpha_grad, depth_grad;  // for RenderBackward
 };
 
-// The depth loss of stage one (METHOD.md section 1): rendered depth against the monocular prior of
-// the view. One thread at a time; the backend must outlive it.
+// The depth loss of stage one (METHOD.md section 1.4): compares the rendered depth with the view's
+// monocular prior. To be used by one thread at a time. The backend must outlive it.
 class DepthTerm {
  public:
-  // From options with their depth_weight filled in.
+  // options: with depth_weight filled in, see WithDepthWeight. max_pixels: of the largest view.
   DepthTerm(Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 
+  // False: the backend is out of memory.
   bool allocated() const { return options_.depth_weight == 0 || !images_.empty(); }
-  // From now on no plan has a weight; no step that has one may be under way.
+  // Drops the term for the rest of the stage and frees its memory. No step with a depth loss may be
+  // queued.
   void LeaveOut();
   bool left_out() const { return left_out_; }
-  // weight: of the depth loss at this step, see Schedule.
+  // Returns the depth loss of a step on `view`. weight: see Schedule::DepthWeightAt.
   DepthPlan PlanFor(const TrainingView& view, float weight, std::mt19937_64& random) const;
   DepthImages ImagesFor(const TrainingView& view, const DepthPlan& plan);
-  // After Render: writes the gradients and `sums`, [kNumDepthLossSums].
+  // Queues the loss after Render: writes the gradient images and `sums`, [kNumDepthLossSums].
   void Compare(const TrainingView& view, const DepthPlan& plan, DeviceSpan<double> sums);
 
  private:
@@ -47,7 +50,7 @@ class DepthTerm {
 
   Backend& backend_;
   const ReconstructOptions options_;
-  Buffer<float> images_;  // four of the largest view
+  Buffer<float> images_;  // four images of the largest view, see DepthImages
   bool left_out_ = false;
 };
 

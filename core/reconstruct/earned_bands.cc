@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kMostViews = 16;
 
+// Measures how well the training views are rendered with a limited SH degree.
 class BandMeter {
  public:
   BandMeter(Backend& backend, const TrainingViews& views, float near_plane)
@@ -21,7 +22,7 @@ class BandMeter {
 
   bool allocated() const { return !color_.empty() && !color_grad_.empty() && !sums_.empty(); }
 
-  // Over some views, when bands to this degree are looked at.
+  // Returns the mean squared error over the chosen views, rendered with degrees up to `sh_degree`.
   double MeanSquaredError(const GaussianPlanes& gaussians, int sh_degree) {
     const int every = (views_.size() + kMostViews - 1) / kMostViews;
     double squared = 0, num = 0;
@@ -35,6 +36,7 @@ class BandMeter {
   }
 
  private:
+  // Renders the view and compares it with its photograph at full size; waits for the sums.
   std::array<double, kNumImageLossSums> Compare(const GaussianPlanes& gaussians, int sh_degree,
                                                 const TrainingView& view) {
     const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
@@ -69,10 +71,12 @@ class BandMeter {
 
 int EarnedShDegree(Backend& backend, const TrainingViews& views, float near_plane,
                    GaussianState& state, double min_gain) {
+  // Tries degrees from 0 on, so that the error need not fall from degree to degree. A NaN fails the
+  // comparison and keeps all degrees.
   BandMeter meter(backend, views, near_plane);
-  if (!meter.allocated()) return state.sh_degree();  // no room to measure in: nothing is left out
+  if (!meter.allocated()) return state.sh_degree();  // cannot measure: keep all degrees
   const double of_all = meter.MeanSquaredError(state.parameters(), state.sh_degree());
-  const double most = of_all * std::pow(10, 0.1 * min_gain);
+  const double most = of_all * std::pow(10, 0.1 * min_gain);  // the error min_gain dB below
   int earned = 0;
   while (earned < state.sh_degree() &&
          !(meter.MeanSquaredError(state.parameters(), earned) <= most)) {

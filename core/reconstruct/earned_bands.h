@@ -5,9 +5,10 @@
 
 namespace pepeseg {
 
-// The smallest degree of the spherical harmonics at which the training views, every few of them,
-// are rendered to within `min_gain` dB of what all degrees of the state give. Waits for the
-// backend, of which nothing may be under way.
+// SH degree pruning (METHOD.md section 1.6). Returns the smallest degree of the spherical harmonics
+// at which the training views (16 of them at most, evenly spaced) are rendered to within `min_gain`
+// dB of the PSNR with all degrees. Returns the state's degree when the backend is out of memory.
+// Waits for the backend, on which no step may be queued.
 int EarnedShDegree(Backend& backend, const TrainingViews& views, float near_plane,
                    GaussianState& state, double min_gain);
 

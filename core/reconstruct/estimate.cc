@@ -11,8 +11,8 @@
 namespace pepeseg {
 namespace {
 
-// Gaussians that cover a pixel, by the squares about their outlines. 87 makes the 279 entries a
-// pixel of tests/bench/results/step_cpu.md.
+// Assumed number of Gaussians whose bounding squares cover a pixel. 87 reproduces the 279 entries
+// for each pixel that tests/bench/results/step_cpu.md measured.
 constexpr double kOverlap = 100;
 
 bool ControlsDensity(const ReconstructOptions& options) {
@@ -24,6 +24,8 @@ int64_t FirstGaussians(const TrainingSize& size, const ReconstructOptions& optio
   return std::min(points, options.max_gaussians);
 }
 
+// Returns the bytes of photographs, ignore masks and priors in backend memory, with the images of
+// the depth loss. Views are taken to be of one size: the mean.
 int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t num_views = std::max<int64_t>(1, size.num_views);
   const int64_t num_pixels = size.num_pixels / num_views * size.num_training_views;
@@ -31,9 +33,9 @@ int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t bytes = num_pixels * (3 + ignore);
   const int64_t depth =
       size.num_pixels / num_views * size.num_depth_views * static_cast<int64_t>(sizeof(float));
-  // Rendered alpha and depth with their gradients.
+  // Rendered alpha and depth, and their gradients.
   const int64_t images = depth > 0 ? 4 * size.max_pixels * static_cast<int64_t>(sizeof(float)) : 0;
-  // A quarter and a sixteenth of it for the coarse sizes.
+  // The coarse sizes take a quarter and a sixteenth of it.
   const int64_t views = bytes + depth;
   return (options.coarse_until > 0 ? views + views / 2 : views) + images;
 }
@@ -42,7 +44,7 @@ int64_t TrainingPixels(const TrainingSize& size) {
   return size.num_pixels / std::max<int64_t>(1, size.num_views) * size.num_training_views;
 }
 
-// Gaussians there may be when refinement ends: see Densifier::BudgetAt.
+// Returns the largest number of Gaussians at the end of refinement, see Densifier::BudgetAt.
 int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
   if (options.pixels_per_gaussian <= 0) return most;
@@ -52,7 +54,8 @@ int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions
   return first + static_cast<int64_t>(static_cast<double>(most - first) * passed);
 }
 
-// The masks, a render of its own, and what becomes of each Gaussian in sight.
+// Returns the bytes of refinement: the masks, a render, and the working memory for each Gaussian
+// in view.
 int64_t RefinerBytes(const Backend& backend, const TrainingSize& size,
                      const ReconstructOptions& options) {
   if (size.num_masked_views == 0 || options.refine_keep == RefineKeep::kNone) return 0;
@@ -82,17 +85,17 @@ int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& option
       first, static_cast<int64_t>(std::min(budget, static_cast<double>(options.max_gaussians))));
 }
 
-// With P pixels a Gaussian, its outline is sqrt(kOverlap P) wide and meets that many tiles a side,
-// and one.
+// With P = num_pixels / num_gaussians, the bounding square of a Gaussian is sqrt(kOverlap P) pixels
+// wide and touches 1 + width / kTileSize tiles a side on average.
 ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels) {
   const auto count = static_cast<double>(std::max<int64_t>(1, num_gaussians));
   const double width = std::sqrt(kOverlap * static_cast<double>(num_pixels) / count);
   const double tiles_a_side = 1 + width / kTileSize;
   ScratchSize size;
   size.num_gaussians = num_gaussians;
-  // Tiles reach over two edges of the image.
+  // Tiles at two edges reach beyond the image.
   size.num_tiles = num_pixels / (kTileSize * kTileSize) * 5 / 4 + 64;
-  // None meets a tile twice.
+  // A Gaussian has at most one entry in each tile.
   size.num_entries = static_cast<int64_t>(
       count * std::min(tiles_a_side * tiles_a_side, static_cast<double>(size.num_tiles)));
   size.num_pixels = num_pixels;
@@ -111,8 +114,8 @@ int64_t CaptureBytes(const TrainingSize& size) {
 MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
                                const ReconstructOptions& options) {
   const int64_t first = FirstGaussians(size, options), most = MostGaussians(size, options);
-  // Density control makes the next state beside the present one, and says which row comes from
-  // where: a source, a flag, means and scales.
+  // Density control builds the next state while the present one exists. Its plan has a source, a
+  // flag, a mean and scales for each Gaussian.
   const int64_t state = GaussianState::Bytes(first, most, options.sh_degree);
   constexpr int64_t kPlanRow = sizeof(int32_t) + 1 + 6 * sizeof(float);
   const bool twice = ControlsDensity(options);
@@ -122,7 +125,7 @@ MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
                       (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) +
                       backend.ScratchBytes(TypicalScratch(most, size.max_pixels)) +
                       RefinerBytes(backend, size, options);
-  // The result, a checkpoint on its way to the disk, and the points with their neighbours.
+  // The result, a checkpoint that is being written, and the points with their k-d tree.
   const int64_t planes = NumPlanes(options.sh_degree) * static_cast<int64_t>(sizeof(float));
   constexpr int64_t kNeighbours = 64;
   need.host_bytes = CaptureBytes(size) + most * (4 * planes + 12) + first * (planes + kNeighbours);

@@ -9,15 +9,19 @@
 namespace pepeseg {
 namespace {
 
+// Stride for `count` Gaussians: a quarter more, so that not every round allocates.
 int64_t WithSlack(int64_t count) { return count + count / 4 + 1024; }
 
-// None of an empty buffer.
+// The first `count` elements; an empty span of an empty buffer.
 DeviceSpan<int32_t> FirstOf(Buffer<int32_t>& buffer, int64_t count) {
   return buffer.empty() ? DeviceSpan<int32_t>() : buffer.span().Subspan(0, count);
 }
 
-// The logit of factor * sigmoid(logit), factor in (0, 1]. Not by way of the opacity: in single
-// precision that is 1 from a logit of 17 and 0 below -88, and the logit of either is not finite.
+// Returns the logit of factor * sigmoid(logit), factor in (0, 1], without computing the opacity: in
+// single precision that is 1 from a logit of 17 on and 0 below -88, and the logit of either is not
+// finite. With x = logit and e = exp(-|x|):
+//   x < 0:  x + log(factor) - log(1 + (1 - factor) e)
+//   else:   log(factor) - log(1 - factor + e)
 float FadedLogit(float logit, float factor) {
   if (factor >= 1) return logit;
   const double kept = factor, lost = 1 - kept, x = logit, small = std::exp(-std::abs(x));
@@ -36,7 +40,7 @@ GaussianState::GaussianState(Backend& backend, const Gaussians& initial)
 }
 
 int64_t GaussianState::Bytes(int64_t first, int64_t most, int sh_degree) {
-  // As long as the first room is enough it is kept.
+  // The first stride is kept as long as it suffices.
   const int64_t stride = most <= WithSlack(first) ? WithSlack(first) : WithSlack(most);
   const Rows rows;
   return stride * (NumPlanes(sh_degree) * BytesOfRow(rows.parameters, rows.moment1, rows.moment2) +
@@ -91,9 +95,11 @@ GaussianRows GaussianState::DownloadRows() const {
   return rows;
 }
 
+// The stride is chosen again, so that it may differ from that of the run that saved the rows; no
+// result depends on it.
 bool GaussianState::Restore(const GaussianRows& rows) {
   assert(rows.shape.sh_degree <= sh_degree_);
-  rows_ = {};  // first, so that both never stand side by side
+  rows_ = {};  // frees the old state first: memory need not hold both
   sh_degree_ = static_cast<int>(rows.shape.sh_degree);
   count_ = rows.shape.count;
   rows_ = Allocate(WithSlack(count_));
@@ -127,9 +133,11 @@ void GaussianState::UploadPlanes(Buffer<float>& buffer, int first, std::span<con
   }
 }
 
-// Theirs are the last planes of each buffer.
+// Higher degrees are the last planes of each buffer, so that a smaller degree hides them.
 void GaussianState::KeepBandsTo(int sh_degree) { sh_degree_ = std::min(sh_degree_, sh_degree); }
 
+// Gathers into a second set of buffers, whose statistics are zero, and swaps. Children inherit
+// whether they are refinable but not moments and step counts.
 bool GaussianState::Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new) {
   const int64_t new_count = source.size;
   Rows next = Allocate(new_count > rows_.stride ? WithSlack(new_count) : rows_.stride);
@@ -167,6 +175,7 @@ bool GaussianState::OpenRefinement() {
   return true;
 }
 
+// Copies plane by plane, because the stride changes the place of each plane.
 bool GaussianState::Grow(int64_t stride) {
   Rows next = Allocate(stride);
   if (!next.allocated) return false;
@@ -192,6 +201,8 @@ bool GaussianState::Grow(int64_t stride) {
   return true;
 }
 
+// Gathers within the same buffers: sources lie below the old count, targets above it, so that they
+// do not overlap.
 bool GaussianState::Append(DeviceSpan<const int32_t> source,
                            DeviceSpan<const float> mean_log_scale) {
   const int64_t num_new = source.size, first = count_;
@@ -227,6 +238,7 @@ bool GaussianState::Append(DeviceSpan<const int32_t> source,
   return true;
 }
 
+// The mean and log-scale planes are the first six of the parameters.
 void GaussianState::SetMeansAndLogScales(DeviceSpan<const float> planes) {
   constexpr int kNumPlanes = kRotationPlane - kMeanPlane;
   for (int k = 0; k < kNumPlanes; ++k) {
@@ -247,6 +259,7 @@ void GaussianState::LimitOpacity(float opacity) {
   rows_.moment2.Upload(zeros, kOpacityPlane * rows_.stride);
 }
 
+// Opacities change on the host: one plane down and up, once in a round of density control.
 void GaussianState::ChangeOpacityLogits(absl::FunctionRef<float(float)> change) {
   std::vector<float> logits = DownloadPlanes(rows_.parameters, kOpacityPlane, 1);
   for (float& logit : logits) logit = change(logit);

@@ -10,7 +10,7 @@
 
 namespace pepeseg {
 
-// All of a GaussianState, on the host.
+// A copy of a GaussianState in host memory, as checkpoints store it.
 struct GaussianRows {
   struct Shape {
     int64_t count = 0, sh_degree = 0;
@@ -23,14 +23,16 @@ struct GaussianRows {
   std::vector<int32_t> refinable;  // [count], or empty while refinement is not open
 };
 
-// What stage one trains, in backend memory: the parameters with Adam's moments and step counts and
-// the statistics of density control. Planes have slack, so that rows can come and go.
+// The Gaussians that stage one trains (METHOD.md section 1), in backend memory: parameters, Adam's
+// moments and step counts, and the statistics of density control. Values lie in planes [plane,
+// stride], one number a Gaussian in each; the stride exceeds the count, so that Gaussians can be
+// added without a new allocation. To be used by one thread at a time.
 class GaussianState {
  public:
   GaussianState(Backend& backend, const Gaussians& initial);
 
-  // What a state of the backend's memory takes at most that begins with `first` Gaussians and never
-  // has more than `most`.
+  // Returns the largest size in bytes of a state that begins with `first` Gaussians and never has
+  // more than `most`.
   static int64_t Bytes(int64_t first, int64_t most, int sh_degree);
 
   int64_t count() const { return count_; }
@@ -42,44 +44,46 @@ class GaussianState {
   DeviceSpan<int32_t> num_steps() { return rows_.num_steps.span().Subspan(0, count_); }
   DensityStats stats();
 
-  // Waits for the backend.
+  // Both wait for the backend.
   Gaussians Download() const;
   GaussianRows DownloadRows() const;
-  // Becomes what the rows say, whose degree must not be over this state's. False when the backend
-  // is out of memory: nothing is left.
+  // Replaces the state by `rows`, whose SH degree must not exceed this state's. Returns false when
+  // the backend is out of memory; the state is then empty.
   bool Restore(const GaussianRows& rows);
 
-  // Coefficients of higher degrees are gone from now on; their memory goes with the next
+  // Removes the coefficients of degrees over `sh_degree`. Their memory is freed by the next
   // Rearrange.
   void KeepBandsTo(int sh_degree);
 
-  // Row i becomes what row source[i] was; where is_new[i], its moments and step count start at 0.
-  // Statistics start afresh. False when the backend is out of memory: nothing was changed.
+  // Replaces Gaussian i by a copy of Gaussian source[i], for i in [0, source.size). Where is_new[i]
+  // is set, its moments and step count become 0. All statistics become 0. Returns false, with
+  // nothing changed, when the backend is out of memory.
   bool Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new);
 
-  // While refinement is open, 1 for a row that may yet be refined and 0 for others; rows that come
-  // later are 0. False when the backend is out of memory.
-  bool OpenRefinement();  // all rows that there are may be
+  // While refinement is open, refinable() is 1 for a Gaussian that may still be refined, else 0.
+  // OpenRefinement sets it to 1 for all present Gaussians; Gaussians that Append adds get 0.
+  // Returns false when the backend is out of memory.
+  bool OpenRefinement();
   void CloseRefinement() { rows_.refinable = {}; }
   bool refinement_open() const { return !rows_.refinable.empty(); }
   DeviceSpan<int32_t> refinable() { return rows_.refinable.span().Subspan(0, count_); }
 
-  // New rows behind the present ones, whose order and statistics stay: copies of rows `source` but
-  // for the means and log scales, planes [6, stride] with stride >= source.size. False when the
-  // backend is out of memory: nothing was changed.
+  // Appends copies of the Gaussians `source` with new means and log scales: planes [6, stride],
+  // stride >= source.size. Order and statistics of the present ones stay. Returns false, with
+  // nothing changed, when the backend is out of memory.
   bool Append(DeviceSpan<const int32_t> source, DeviceSpan<const float> mean_log_scale);
 
-  // Means and log scales, planes [6, count].
+  // Sets the means and log scales of all Gaussians: planes [6, count].
   void SetMeansAndLogScales(DeviceSpan<const float> planes);
 
-  // No opacity is more than this from now on; the opacities' moments start at 0.
+  // Limits all opacities to `opacity`, in (0, 1), and sets the opacities' moments to 0.
   void LimitOpacity(float opacity);
-  // Opacities are multiplied by `factor`; moments stay.
+  // Multiplies all opacities by `factor`, in (0, 1]; moments stay.
   void FadeOpacity(float factor);
 
  private:
   struct Rows {
-    int64_t stride = 0;  // room for this many Gaussians
+    int64_t stride = 0;  // capacity, Gaussians
     bool allocated = true;
     Buffer<float> parameters, moment1, moment2;  // [NumPlanes, stride]
     Buffer<int32_t> num_steps;                   // [stride], as are the statistics
@@ -90,8 +94,8 @@ class GaussianState {
 
   void ChangeOpacityLogits(absl::FunctionRef<float(float)> change);
   Rows Allocate(int64_t stride) const;  // all zero
-  bool Grow(int64_t stride);            // rows stay as they are
-  // [num_planes, count]
+  bool Grow(int64_t stride);            // same Gaussians, larger stride; false: out of memory
+  // Planes `first` to first + num_planes - 1, packed: [num_planes, count].
   std::vector<float> DownloadPlanes(const Buffer<float>& buffer, int first, int num_planes) const;
   void UploadPlanes(Buffer<float>& buffer, int first, std::span<const float> planes);
   GaussianPlanes Planes(Buffer<float>& buffer) const {

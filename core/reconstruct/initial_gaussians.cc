@@ -10,9 +10,9 @@ namespace pepeseg {
 namespace {
 
 constexpr float kInitialOpacity = 0.1f;
-constexpr float kLoneSize = 0.01f;  // of the scene's reach, where no other point tells a size
+constexpr float kLoneSize = 0.01f;  // share of the scene's reach, where no neighbour gives a size
 
-// nanoflann's view of the points.
+// Adapts the points to nanoflann.
 struct PointCloud {
   const std::vector<ScenePoint>& points;
 
@@ -28,7 +28,7 @@ struct PointCloud {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
                                                    PointCloud, 3, uint32_t>;
 
-// Mean distance of each point to its 3 nearest neighbours; 0 for a point alone.
+// Returns the mean distance of each point to its 3 nearest neighbours; 0 for a single point.
 std::vector<float> NeighbourDistances(const std::vector<ScenePoint>& points) {
   constexpr int kNumNeighbours = 3;
   const PointCloud cloud = {points};
@@ -38,7 +38,7 @@ std::vector<float> NeighbourDistances(const std::vector<ScenePoint>& points) {
   uint32_t index[kNumNeighbours + 1];
   float squared[kNumNeighbours + 1];
   for (const ScenePoint& point : points) {
-    // The nearest is the point itself, or one at the same place.
+    // The first result is the point itself or one at the same place: skip it.
     const size_t found = tree.knnSearch(point.position.data(), kNumNeighbours + 1, index, squared);
     float sum = 0;
     for (size_t k = 1; k < found; ++k) sum += std::sqrt(squared[k]);
@@ -51,6 +51,7 @@ double Uniform(std::mt19937_64& random) {
   return std::uniform_real_distribution<double>(0, 1)(random);
 }
 
+// Returns a point at a random pixel and a log-uniform depth of 0.5 to 10 scene radii.
 ScenePoint RandomPoint(const View& view, double scene_radius, std::mt19937_64& random) {
   const Camera& camera = view.camera;
   const double x = Uniform(random) * camera.width, y = Uniform(random) * camera.height;
@@ -64,8 +65,9 @@ ScenePoint RandomPoint(const View& view, double scene_radius, std::mt19937_64& r
   return point;
 }
 
-constexpr double kMinShare = 1e-6, kMaxShare = 0.5;  // of the scene's reach
+constexpr double kMinShare = 1e-6, kMaxShare = 0.5;  // standard deviations, share of the reach
 
+// Returns the reach that the bounds were made from.
 float ReachOf(const LogScaleBounds& bounds) {
   return static_cast<float>(std::exp(double{bounds.max}) / kMaxShare);
 }
@@ -81,7 +83,7 @@ LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoi
   for (const ScenePoint& point : points) {
     distances.push_back((point.position.cast<double>() - center).norm());
   }
-  // The 90th percentile: points far out are often wrong.
+  // The 90th percentile, because points far out are often wrong.
   const auto rank = distances.begin() + static_cast<int64_t>(distances.size() * 9 / 10);
   std::nth_element(distances.begin(), rank, distances.end());
   const double reach = std::max(SceneRadius(capture), *rank);
@@ -89,6 +91,8 @@ LogScaleBounds BoundLogScales(const Capture& capture, const std::vector<ScenePoi
           static_cast<float>(std::log(kMaxShare * reach))};
 }
 
+// Draws nothing from `random` where the capture has points. Random points go round the training
+// views in turn.
 std::vector<ScenePoint> StartingPoints(const Capture& capture, const ReconstructOptions& options,
                                        std::mt19937_64& random) {
   std::vector<ScenePoint> points;
@@ -110,6 +114,8 @@ std::vector<ScenePoint> StartingPoints(const Capture& capture, const Reconstruct
   return points;
 }
 
+// Colours are stored as spherical harmonics: c = 0.5 + kSh0 * coefficient. Scales and opacities are
+// stored as logarithms and logits; the rotation (1, 0, 0, 0) is the identity.
 Gaussians InitialGaussians(const std::vector<ScenePoint>& points, int sh_degree,
                            const LogScaleBounds& bounds) {
   const std::vector<float> distances = NeighbourDistances(points);

@@ -8,7 +8,7 @@ namespace {
 
 constexpr size_t kMostViews = 256, kMostPoints = 1024;
 
-// 0 of none.
+// Returns the upper median, or 0 without values. Reorders the values.
 double Median(std::vector<double>& values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
@@ -16,6 +16,7 @@ double Median(std::vector<double>& values) {
   return *middle;
 }
 
+// Returns the median depth of the points in front of the view, or 0 without any.
 double DepthOfPoints(const View& view, const std::vector<ScenePoint>& points) {
   const size_t stride = (points.size() + kMostPoints - 1) / kMostPoints;
   std::vector<double> depths;

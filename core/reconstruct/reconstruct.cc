@@ -10,13 +10,14 @@
 namespace pepeseg {
 namespace {
 
-// NaN fails as well: no comparison with it holds.
+// Returns INVALID_ARGUMENT unless low <= value <= high. NaN fails: no comparison with it holds.
 absl::Status InRange(const char* name, double value, double low, double high) {
   if (value >= low && value <= high) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrCat(name, " is ", value, ", must be in [", low, ", ", high, "]"));
 }
 
+// The means' rates must be over 0, because the schedule takes the ratio of their logarithms.
 absl::Status ValidateLearningRates(const ReconstructOptions& options) {
   constexpr double kMax = 1;
   RETURN_IF_ERROR(InRange("mean_learning_rate", options.mean_learning_rate, 1e-12, kMax));
@@ -30,7 +31,7 @@ absl::Status ValidateLearningRates(const ReconstructOptions& options) {
 
 absl::Status ValidateDepth(const ReconstructOptions& options) {
   constexpr double kMaxWeight = 10;
-  if (options.depth_weight != -1) {
+  if (options.depth_weight != -1) {  // -1: chosen by the kind of capture, see WithDepthWeight
     RETURN_IF_ERROR(InRange("depth_weight", options.depth_weight, 0, kMaxWeight));
   }
   RETURN_IF_ERROR(InRange("depth_weight_final", options.depth_weight_final, 0, kMaxWeight));
@@ -91,6 +92,7 @@ absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
   return FinishReconstruction(*reconstructor, progress);
 }
 
+// The whole of stage one; Reconstructor::Step is what a step does.
 absl::StatusOr<Gaussians> FinishReconstruction(Reconstructor& reconstructor, ProgressFn progress) {
   while (!reconstructor.done()) {
     ASSIGN_OR_RETURN(const StepReport report, reconstructor.Step());

@@ -12,84 +12,154 @@
 
 namespace pepeseg {
 
-// What refinement does to a Gaussian that crosses the border of a mask (METHOD.md section 1).
+// Stage one: from photographs to Gaussians (METHOD.md section 1). Reconstructor does its steps;
+// this header has its options and the loop around it.
+
+// Effect of refinement on a Gaussian that crosses the border of a mask (METHOD.md section 1.5).
 enum class RefineKeep {
-  kNone = 1,          // nothing
-  kShrink = 2,        // it becomes its part inside the mask
-  kSplit = 3,         // likewise, and the part outside becomes a Gaussian too
-  kSplitAllAxes = 4,  // likewise, all axes of both shrunk by 0.8 of the part's share
+  kNone = 1,    // No refinement.
+  kShrink = 2,  // The Gaussian becomes its part inside the mask.
+  kSplit = 3,   // The part inside stays, and the part outside becomes a second Gaussian.
+  // As kSplit, and all axes of a part, not only the one that crosses, shrink to 0.8 of its share.
+  kSplitAllAxes = 4,
 };
 
-// Stage one. Defaults follow 3DGS (Kerbl et al. 2023); schedules are in shares of num_steps so that
-// a short run is a short version of the reference one.
+// Options of stage one. Learning rates and density thresholds are those of 3DGS (Kerbl et al.
+// 2023); METHOD.md section 7 lists the differences. Schedules are shares of num_steps, so that a
+// short run is a short version of the reference one.
 struct ReconstructOptions {
+  // Number of optimisation steps, one training view each. 1 to 10,000,000. Measured:
+  // tests/bench/results/presets_h200.md.
   int num_steps = 10000;
-  int sh_degree = 3;                         // 0..3, rises by one every num_steps / 30
-  float ssim_weight = 0.2f;                  // of 1 - SSIM; L1 gets the rest
-  float mean_learning_rate = 1.6e-4f;        // times the scene radius, at the start
-  float mean_learning_rate_final = 1.6e-6f;  // likewise, at the end; log-linear between
+  // Degree of the spherical harmonics of the colour, in [0, 3]. 0: the colour does not depend on
+  // the direction. The degree in use starts at 0 and rises by one every num_steps / 30 steps.
+  int sh_degree = 3;
+  // Weight of 1 - SSIM in the image loss, in [0, 1]; L1 gets the rest. 0: L1 only.
+  float ssim_weight = 0.2f;
+  // Learning rate of the means at the first step, in scene radii; capped at the span of one pixel
+  // of the training views. In [1e-12, 1].
+  float mean_learning_rate = 1.6e-4f;
+  // Learning rate of the means at the last step, in scene radii; log-linear between. In [1e-12, 1].
+  float mean_learning_rate_final = 1.6e-6f;
+  // Learning rate of the logarithms of the standard deviations. In [0, 1]. 0: fixed.
   float log_scale_learning_rate = 5e-3f;
+  // Learning rate of the rotation quaternions. In [0, 1]. 0: fixed.
   float rotation_learning_rate = 1e-3f;
+  // Learning rate of the opacity logits. In [0, 1]. 0: fixed.
   float opacity_learning_rate = 5e-2f;
-  float sh_learning_rate = 2.5e-3f;  // degree 0; higher bands get 1/20 of it
-  // Coarse to fine: photographs at a quarter of their size for the first half of this share of
-  // num_steps, at half of it for the second half. 0: full size throughout.
+  // Learning rate of the spherical harmonics of degree 0; higher degrees get 1/20 of it. In [0, 1].
+  // 0: fixed.
+  float sh_learning_rate = 2.5e-3f;
+  // Share of num_steps trained on smaller photographs: at a quarter of their size in its first
+  // half, at half of it in its second half. In [0, 1]. 0: full size throughout. Measured:
+  // tests/bench/results/presets_h200.md.
   double coarse_until = 0;
-  // Depth loss, on views with a depth prior (METHOD.md section 1).
-  float depth_weight = -1;  // at the start. -1: 0.05 on an orbit, 0.1 where views face forward
-  // At the end, at most depth_weight; reversed sigmoid between. The paper keeps 0.01 to 0.02: a
-  // prior's own error then stays in the model (tests/bench/results/h200_desk.md).
+
+  // Depth loss (METHOD.md section 1.4).
+
+  // Weight of the depth loss at the first step, on views with a depth prior. In [0, 10], or -1:
+  // 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. Measured:
+  // tests/bench/results/h200_desk.md.
+  float depth_weight = -1;
+  // Weight of the depth loss at the last step, at most depth_weight; a reversed sigmoid between. In
+  // [0, 10]. 0: the loss fades out. The paper keeps 0.01 to 0.02, which leaves the prior's own
+  // error in the model. Measured: tests/bench/results/h200_desk.md.
   float depth_weight_final = 0;
-  float depth_local_weight = 0.25f;  // of local fits, times the depth weight
+  // Weight of the local fits of the prior, as a multiple of the weight of the depth loss. In [0,
+  // 10]. 0: only the fit to the whole view.
+  float depth_local_weight = 0.25f;
+  // Regions in which the prior is fitted besides the whole view. Windows and patch differ by less
+  // than the seeds do. Measured: tests/bench/results/h200_desk.md.
   DepthLocalForm depth_local_form = DepthLocalForm::kWindows;
-  float depth_window = 0.025f;  // radius of the local windows, share of the view's width
+  // Radius of the local windows as a share of the view's width; at least one pixel. In [0, 0.5].
+  float depth_window = 0.025f;
+  // Arrangement of the cameras, which decides the weight that depth_weight = -1 stands for.
   CaptureKind capture_kind = CaptureKind::kAutomatic;
-  // Adaptive density control.
-  double densify_from = 1.0 / 60;  // share of num_steps
-  double densify_until = 0.5;      // share of num_steps
-  int densify_every = 100;         // steps
-  float densify_gradient = 2e-4f;  // mean |d loss / d mean2d|, NDC units
-  float densify_size = 0.01f;      // of the scene radius: clone below, split above
+
+  // Density control (METHOD.md section 1.3).
+
+  // Share of num_steps after which density control begins. In [0, 1].
+  double densify_from = 1.0 / 60;
+  // Share of num_steps at which density control ends. In [0, 1]. densify_from or less: no density
+  // control.
+  double densify_until = 0.5;
+  // Steps between two rounds of density control. In [1, 1e9].
+  int densify_every = 100;
+  // Mean screen-space gradient, |d loss / d mean2d| in NDC units, from which a Gaussian is
+  // densified; a quarter of it where pixels_per_gaussian sets a budget. In [0, 1e9].
+  float densify_gradient = 2e-4f;
+  // Largest standard deviation of a Gaussian that is cloned, in scene radii; a larger one is split.
+  // In [0, 1e9].
+  float densify_size = 0.01f;
+  // Opacity below which density control removes a Gaussian. In [0, 0.5]. 0: none is removed.
   float prune_opacity = 0.005f;
-  int opacity_reset_every = 3000;  // steps; not in the budgeted schedule
+  // Steps between two resets, which limit all opacities to 0.01; only where pixels_per_gaussian is
+  // 0. In [1, 1e9].
+  int opacity_reset_every = 3000;
+  // Maximum number of Gaussians. 1 to 100,000,000.
   int64_t max_gaussians = 1'000'000;
-  // The budgeted schedule: density control aims at one Gaussian for so many pixels of the training
-  // photographs (within max_gaussians), grows to it linearly in its time, and densifies those with
-  // the largest gradients first, down to a quarter of densify_gradient. At each of its rounds
-  // opacities are multiplied by opacity_decay, in place of the resets: what the photographs do not
-  // pull back fades and is pruned. 0: the reference schedule, all over densify_gradient, and
-  // resets.
+  // Pixels of the training photographs for each Gaussian of the budget, which max_gaussians limits.
+  // Density control approaches the budget linearly between densify_from and densify_until and
+  // densifies the largest gradients first. In [0, 1e9]. 0: the density control of 3DGS, with a
+  // fixed threshold and opacity resets. Measured: tests/bench/results/h200_desk.md.
   double pixels_per_gaussian = 50;
+  // Factor on all opacities at each round of density control with a budget, in place of the resets:
+  // what the photographs do not pull back fades and is pruned. In [0.01, 1]. 1: no decay.
   float opacity_decay = 0.95f;
-  // Gaussian refinement, on views with masks. Its window begins at the first step at full size from
-  // refine_from on; each view comes twice at most.
+
+  // Gaussian refinement (METHOD.md section 1.5).
+
+  // Effect of refinement on a Gaussian that crosses the border of a mask, in views with masks.
+  // Measured: tests/bench/results/h200_desk.md and tests/bench/results/refinement_cpu.md.
   RefineKeep refine_keep = RefineKeep::kShrink;
-  double refine_from = 4000.0 / 30000;   // share of num_steps
-  double refine_length = 200.0 / 30000;  // share of num_steps
-  double refine_candidates = 0.1;        // share of the Gaussians in a view, by depth error
-  // What a scene turns out not to need is left out, as SceneNeeds decides; each 0: never.
-  //
-  // Once Gaussians have stopped growing: when the loss of the training views has fallen by less
-  // than this share over a round of at least 500 steps, only the last closing_share of the schedule
-  // is still done.
+  // Share of num_steps after which refinement begins, and not before photographs are at full size.
+  // In [0, 1].
+  double refine_from = 4000.0 / 30000;
+  // Length of the refinement window as a share of num_steps; at most two steps for each training
+  // view. In [0, 1]. 0: no refinement.
+  double refine_length = 200.0 / 30000;
+  // Share of the Gaussians in a view that a refinement step examines: those nearest to the rendered
+  // depth. In [0, 1]. 0: no refinement.
+  double refine_candidates = 0.1;
+
+  // What a scene does not need, as SceneNeeds decides (METHOD.md section 1.6).
+
+  // Smallest relative fall of the training loss over a window of at least 500 steps. With less, and
+  // once density control, smaller photographs and refinement are over, only the last closing_share
+  // of the schedule is still done. In [0, 1]. 0: all steps are done. Measured:
+  // tests/bench/results/presets_h200.md.
   double min_loss_fall = 0.01;
+  // Share of num_steps, at the end of the schedule, that is done even after the loss has stopped
+  // falling. In [0, 1].
   double closing_share = 0.1;
-  // Spherical harmonics of higher degrees that better the training views by less than so many dB.
+  // Smallest gain of the training views' PSNR, dB, for which higher degrees of the spherical
+  // harmonics are kept; measured at 30 % of num_steps. In [0, 100]. 0: all are kept. Measured:
+  // tests/bench/results/skips_h200.md.
   double min_band_gain = 0.1;
-  // The depth loss, when a smaller share of the views' priors agrees with the rendered depth.
+  // Smallest share of comparisons of a depth prior with the rendered depth that must agree; with
+  // less in two windows of steps in a row the depth loss is left out. In [0, 1]. 0: it is never
+  // left out. Measured: tests/bench/results/presets_h200.md.
   double min_depth_agreement = 0.5;
-  // What to start from when the capture has no points, drawn inside the cameras' reach.
+
+  // Start of the training.
+
+  // Number of random points to start from where the dataset has none. 1 to 10,000,000.
   int64_t num_random_points = 20'000;
+  // Seed of all random draws of the stage.
   uint64_t seed = 1;
 };
+// Returns INVALID_ARGUMENT, with the option and its range, unless all options are in range.
 absl::Status Validate(const ReconstructOptions& options);
 
-// FAILED_PRECONDITION when the capture cannot be trained on (no training view, ...).
+// Trains Gaussians on the capture. Calls `progress` after each step; an error that it returns ends
+// the stage with that error. Returns INVALID_ARGUMENT for the options, FAILED_PRECONDITION for a
+// capture that cannot be trained on (see CheckTrainable), RESOURCE_EXHAUSTED when the backend is
+// out of memory, and INTERNAL with the backend's error.
 absl::StatusOr<Gaussians> Reconstruct(Backend& backend, const Capture& capture,
                                       const ReconstructOptions& options, ProgressFn progress);
 
 class Reconstructor;
-// The rest of its steps, as Reconstruct does them; `progress` may Save it.
+// Does the remaining steps of `reconstructor` as Reconstruct does. `progress` may call its Save().
 absl::StatusOr<Gaussians> FinishReconstruction(Reconstructor& reconstructor, ProgressFn progress);
 
 }  // namespace pepeseg

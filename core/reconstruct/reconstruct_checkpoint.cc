@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-// The one list of sections, for writing and for reading: name, version, value.
+// Lists the sections once, for writing and for reading: name, version, value.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("counters", 4, checkpoint.counters);
@@ -25,14 +25,17 @@ void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("refinable", 1, checkpoint.gaussians.refinable);
 }
 
+// Returns DATA_LOSS unless all planes have the size that count and SH degree call for and all
+// floating-point numbers are finite. `refinable` may be empty: refinement was not open.
 absl::Status ValidateRows(const GaussianRows& rows) {
   const auto [count, sh_degree] = rows.shape;
   if (count < 1 || sh_degree < 0 || sh_degree > kMaxShDegree) {
     return absl::DataLossError(
-        absl::StrCat("has ", count, " Gaussians of degree ", sh_degree, ": out of range"));
+        absl::StrCat("number of Gaussians ", count, " or SH degree ", sh_degree, " out of range"));
   }
   const int64_t num_planes = NumPlanes(static_cast<int>(sh_degree));
-  // First: then the count is one of numbers that are there, and no product of it overflows.
+  // num_steps comes first: it proves that `count` numbers exist, so that the products below cannot
+  // overflow.
   RETURN_IF_ERROR(CheckSize("num_steps", rows.num_steps.size(), count));
   RETURN_IF_ERROR(CheckSize("parameters", rows.parameters.size(), num_planes * count));
   RETURN_IF_ERROR(CheckSize("moment1", rows.moment1.size(), num_planes * count));
@@ -71,8 +74,9 @@ absl::Status Validate(const ReconstructCheckpoint& checkpoint) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " is negative"));
   }
   if (checkpoint.counters.place < checkpoint.counters.step) {
-    return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " at place ",
-                                            checkpoint.counters.place, " of the schedule"));
+    return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step,
+                                            " exceeds its schedule position, ",
+                                            checkpoint.counters.place));
   }
   RETURN_IF_ERROR(CheckSize("needs", checkpoint.needs.size(), SceneNeeds::kNumState));
   return ValidateRows(checkpoint.gaussians);

@@ -12,39 +12,40 @@
 
 namespace pepeseg {
 
-// Everything that Reconstructor::Step depends on beside the capture and the options: stage one goes
-// on from it as if it had never stopped, on the CPU to the same bytes.
+// Everything that Reconstructor::Step depends on besides the capture and the options. Stage one
+// resumes from it as if it had never stopped, on the CPU with the same bytes as a result.
 //
-// What is added here has to be visited in reconstruct_checkpoint.cc and restored in
-// Reconstructor::Resume; a section whose layout or meaning changes gets the next version there.
+// A new member must be visited in reconstruct_checkpoint.cc and restored by Reconstructor::Resume.
+// A section whose layout or meaning changes gets the next version there.
 struct ReconstructCheckpoint {
   struct Counters {
-    int64_t step = 0;  // done
+    int64_t step = 0;  // steps done
     int64_t num_culled_degenerate = 0;
     int64_t num_skipped_gradients = 0;
     int64_t num_void_renders = 0;
     int64_t num_refined = 0;
     int64_t num_refine_split = 0;
     int64_t num_skipped_depths = 0;
-    int64_t place = 0;              // in the schedule: steps done and left out
-    int64_t depth_is_left_out = 0;  // 1: since it was found not to agree
+    int64_t place = 0;              // schedule position: steps done and skipped
+    int64_t depth_is_left_out = 0;  // 1: the depth loss was dropped, see DepthAgreement
   };
   Counters counters;
   std::vector<double> needs;        // SceneNeeds::Save
-  std::string random;               // std::mt19937_64 as it writes itself
-  std::vector<int32_t> views_left;  // ViewSampler's
+  std::string random;               // std::mt19937_64 in its text form
+  std::vector<int32_t> views_left;  // ViewSampler::left
   GaussianRows gaussians;
 };
 
-// Borrows the checkpoint's memory.
+// Returns the sections of the checkpoint's file. They point into `checkpoint`, which must outlive
+// them.
 std::vector<CheckpointSection> SectionsOf(const ReconstructCheckpoint& checkpoint);
 
-// DATA_LOSS: a section is missing, unknown, of another version or of a size that does not fit, or
-// a number is not finite.
+// Reads a checkpoint from its sections. Returns DATA_LOSS when a section is missing, unknown, of
+// another version or of a wrong size, or where Validate fails.
 absl::StatusOr<ReconstructCheckpoint> ReconstructCheckpointOf(
     std::span<const CheckpointSection> sections);
 
-// DATA_LOSS: sizes that disagree, or a number that is not finite: nothing to go on from.
+// Returns DATA_LOSS when counters are out of range, sizes disagree or a number is not finite.
 absl::Status Validate(const ReconstructCheckpoint& checkpoint);
 
 }  // namespace pepeseg

@@ -14,7 +14,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr float kResetOpacity = 0.01f;  // what a reset leaves
+constexpr float kResetOpacity = 0.01f;  // upper limit of all opacities after a reset (3DGS)
 
 }  // namespace
 
@@ -27,6 +27,9 @@ absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Create(
   return reconstructor;
 }
 
+// Members are built in the order of their declaration: the schedule needs the points, and the
+// Gaussians need the bounds of their sizes. An allocation that fails leaves an empty buffer, which
+// Allocated() reports.
 Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
                              const ReconstructOptions& options)
     : backend_(backend),
@@ -70,24 +73,29 @@ absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Resume(
   return reconstructor;
 }
 
+// Returns DATA_LOSS where the checkpoint exceeds what the options and the capture allow.
 absl::Status Reconstructor::CheckOurs(const ReconstructCheckpoint& checkpoint) const {
   if (checkpoint.counters.step > options_.num_steps) {
-    return absl::DataLossError(
-        absl::StrCat("is of step ", checkpoint.counters.step, " of ", options_.num_steps));
+    return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step,
+                                            " exceeds the num_steps of the options, ",
+                                            options_.num_steps));
   }
   if (checkpoint.counters.place > options_.num_steps) {
-    return absl::DataLossError(absl::StrCat("is at place ", checkpoint.counters.place,
-                                            " of a schedule of ", options_.num_steps));
+    return absl::DataLossError(absl::StrCat("schedule position ", checkpoint.counters.place,
+                                            " exceeds the num_steps of the options, ",
+                                            options_.num_steps));
   }
   if (checkpoint.gaussians.shape.sh_degree > options_.sh_degree) {
-    return absl::DataLossError(absl::StrCat("has degree ", checkpoint.gaussians.shape.sh_degree,
-                                            ", the options say ", options_.sh_degree));
+    return absl::DataLossError(absl::StrCat("SH degree ", checkpoint.gaussians.shape.sh_degree,
+                                            " exceeds the sh_degree of the options, ",
+                                            options_.sh_degree));
   }
   std::vector<bool> seen(static_cast<size_t>(views_.size()), false);
   for (const int32_t view : checkpoint.views_left) {
     if (view < 0 || view >= views_.size() || seen[view]) {
-      return absl::DataLossError(
-          absl::StrCat("view ", view, " of ", views_.size(), " does not exist or is left twice"));
+      return absl::DataLossError(absl::StrCat("views_left: view ", view,
+                                              " is out of range or listed twice; there are ",
+                                              views_.size(), " training views"));
     }
     seen[view] = true;
   }
@@ -97,7 +105,7 @@ absl::Status Reconstructor::CheckOurs(const ReconstructCheckpoint& checkpoint) c
 absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
   std::istringstream random(checkpoint.random);
   random >> random_;
-  if (random.fail()) return absl::DataLossError("the state of the random engine is none");
+  if (random.fail()) return absl::DataLossError("the random engine's state cannot be parsed");
   sampler_.Restore({checkpoint.views_left.begin(), checkpoint.views_left.end()});
   step_ = static_cast<int>(checkpoint.counters.step);
   place_ = static_cast<int>(checkpoint.counters.place);
@@ -131,13 +139,15 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
   checkpoint.random = random.str();
   checkpoint.views_left.assign(sampler_.left().begin(), sampler_.left().end());
   checkpoint.gaussians = state_.DownloadRows();
-  // What a broken device answers is no state.
+  // After a device error the downloads are not the state.
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::InternalError(absl::StrCat("after step ", step_, ": ", error));
   }
   return checkpoint;
 }
 
+// One step of METHOD.md section 1: train on a view, then density control, opacity reset and
+// refinement where they are due at this position of the schedule.
 absl::StatusOr<StepReport> Reconstructor::Step() {
   StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(place_), state_.count(), {}};
   input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
@@ -149,6 +159,8 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   const bool reset = densifier_.OpacityResetDue(place_);
   const bool refine = !densify && refiner_.Due(place_);
   const bool review = needs_.EndsWindow(place_);
+  // What follows changes the Gaussians or reads the losses: all steps must have been done, those
+  // whose render overflowed repeated, on the Gaussians that they were queued for.
   if (densify || reset || refine || review || place_ + 1 == options_.num_steps) {
     while (!results_.empty()) Settle();
   }
@@ -162,18 +174,21 @@ absl::StatusOr<StepReport> Reconstructor::Step() {
   return Report();
 }
 
+// Queues the work of a step. With a tile-entry capacity nothing waits, so that the backend can
+// replay the step as a CUDA graph: one for each size of the photographs, with and without depth.
+// With 0 the host waits for the count of entries.
 void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
   const auto ops = [&] { LearnView(input, entry_room); };
   const int kind = 2 * input.shrink + (input.depth.weight > 0 ? 1 : 0);
   if (entry_room > 0) {
     backend_.Sequence(kind, ops);
   } else {
-    ops();  // the host waits within
+    ops();
   }
   results_.Push(input, loss_sums_.span(), scratch_.counters.span());
 }
 
-// Forward, loss, backward and Adam on one view: METHOD.md section 1.
+// Forward pass, loss, backward pass and Adam on one view (METHOD.md sections 1.1, 1.2 and 1.4).
 void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
   const TrainingView& view = views_.At(input.view, input.shrink);
   const int sh_degree = std::min(schedule_.ShDegreeAt(place_), state_.sh_degree());
@@ -220,7 +235,8 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
                    .stats = state_.stats()});
 }
 
-// Takes the result of the oldest step that is under way. One that lacked room is done again.
+// Reads the result of the oldest queued step; waits for it. A step whose render overflowed its
+// tile-entry capacity has changed nothing and is queued again, now with as much as it needs.
 void Reconstructor::Settle() {
   const StepResult result = results_.Pop();
   if (result.was_void) {
@@ -240,6 +256,7 @@ void Reconstructor::Settle() {
   newest_ = result;
 }
 
+// Returns the image loss of METHOD.md section 1.1, without the depth terms.
 double Reconstructor::LossOf(const StepResult& result) const {
   const auto& sums = result.loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
@@ -247,7 +264,8 @@ double Reconstructor::LossOf(const StepResult& result) const {
          options_.ssim_weight * (1 - sums[kSumSsim] / num);
 }
 
-// Of the prior's spread, by the fit to the whole view.
+// Returns the share of the prior's spread that the fit to the whole view explains: 1 minus mean
+// residual over mean deviation. 0 where the view carries no fit.
 double Reconstructor::DepthExplained(const StepResult& result) const {
   const double* sums = result.loss_sums.data() + kFirstDepthSum;
   const double spread = views_.At(result.input.view, result.input.shrink).prior_deviation;
@@ -255,6 +273,8 @@ double Reconstructor::DepthExplained(const StepResult& result) const {
   return 1 - sums[kSumDepthView] / (double{result.input.depth.weight} * spread);
 }
 
+// Carries out what SceneNeeds decides at the end of a window (METHOD.md section 1.6). Ending the
+// stage early moves the schedule position to the start of the last closing_share.
 void Reconstructor::LeaveOutWhatIsNotNeeded() {
   const SceneNeeds::Decision decision = needs_.Decide(place_ - 1);
   if (decision.leave_out_depth && !depth_term_.left_out()) {
@@ -268,8 +288,8 @@ void Reconstructor::LeaveOutWhatIsNotNeeded() {
         EarnedShDegree(backend_, views_, NearPlane(), state_, options_.min_band_gain);
     if (earned < state_.sh_degree()) {
       skipped_.push_back({"bands",
-                          absl::StrCat("of the colour by direction, degrees over ", earned,
-                                       " are worth less than ", options_.min_band_gain, " dB"),
+                          absl::StrCat("spherical harmonics of degrees over ", earned,
+                                       " gain less than ", options_.min_band_gain, " dB"),
                           step_});
       state_.KeepBandsTo(earned);
     }
@@ -285,7 +305,7 @@ void Reconstructor::LeaveOutWhatIsNotNeeded() {
   }
 }
 
-// Of the scene's radius (METHOD.md section 1).
+// Returns the near plane, scene units: a hundredth of the scene's radius.
 float Reconstructor::NearPlane() const { return static_cast<float>(0.01 * scene_radius_); }
 
 absl::Status Reconstructor::Refine(const StepInput& input) {
@@ -293,6 +313,8 @@ absl::Status Reconstructor::Refine(const StepInput& input) {
                         state_);
 }
 
+// Reports the state after a step. The number of steps shrinks when steps are skipped. Returns
+// INTERNAL with the backend's error.
 absl::StatusOr<StepReport> Reconstructor::Report() const {
   if (const std::string error = backend_.error(); !error.empty()) {
     return absl::InternalError(absl::StrCat("step ", step_, ": ", error));

@@ -24,31 +24,39 @@
 
 namespace pepeseg {
 
-// Stage one, step by step; Reconstruct() is the loop around it. One thread at a time; the backend
-// must outlive it, the capture need not.
+// Stage one, step by step (METHOD.md section 1); Reconstruct() is the loop around it. To be used by
+// one thread at a time. The backend must outlive it, the capture need not.
+//
+// The host queues steps ahead of the device, Backend::queue_depth() at most, and reads what a step
+// reported (loss, counters) when the device has finished it. Before a decision that depends on
+// these reports it waits for all of them, so that the decision does not depend on timing.
 class Reconstructor {
  public:
-  // INVALID_ARGUMENT for the options, FAILED_PRECONDITION for a capture that cannot be trained on.
+  // Returns INVALID_ARGUMENT for the options, FAILED_PRECONDITION for a capture that cannot be
+  // trained on, and RESOURCE_EXHAUSTED when the backend is out of memory.
   static absl::StatusOr<std::unique_ptr<Reconstructor>> Create(Backend& backend,
                                                                const Capture& capture,
                                                                const ReconstructOptions& options);
 
-  // Goes on from a checkpoint of the same capture and options. DATA_LOSS: it cannot be of them, or
-  // Validate refuses it.
+  // Resumes from a checkpoint of the same capture and options. Returns DATA_LOSS when Validate
+  // refuses the checkpoint or when it cannot be of this capture and these options; other errors are
+  // those of Create.
   static absl::StatusOr<std::unique_ptr<Reconstructor>> Resume(
       Backend& backend, const Capture& capture, const ReconstructOptions& options,
       const ReconstructCheckpoint& checkpoint);
 
-  // What is left out, in the order in which it was decided; a run that goes on from a checkpoint
-  // does not know what was decided before.
+  // Skipped parts of the stage, in the order of the decisions. After Resume, parts skipped before
+  // the checkpoint are missing.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
-  // True after options.num_steps steps, those that are left out counted in.
+  // True when the schedule's options.num_steps steps have been done or skipped.
   bool done() const { return place_ >= options_.num_steps; }
-  // The loss and PSNR reported are those of the newest step that the device has finished, which may
-  // be some steps back.
+  // Does one step on one view. The loss and PSNR in the report are those of the newest step that
+  // the device has finished, which may be several steps back. Returns INTERNAL with the backend's
+  // error, and the errors of Densifier::Apply and Refiner::Apply.
   absl::StatusOr<StepReport> Step();
-  // Between two steps; waits for the backend, whose error it tells.
+  // Returns the state between two steps. Waits for the backend and returns INTERNAL with its error.
   absl::StatusOr<ReconstructCheckpoint> Save();
+  // Returns the Gaussians as they are now. Waits for the backend.
   Gaussians Result() const { return state_.Download(); }
 
  private:
@@ -84,12 +92,13 @@ class Reconstructor {
   Buffer<float> color_, color_grad_;  // [3, H, W] of the largest view
   DepthTerm depth_term_;
   Buffer<double> loss_sums_;  // [kNumLossSums]
-  int step_ = 0;              // done
-  int place_ = 0;             // in the schedule: done and left out
+  int step_ = 0;              // steps done
+  int place_ = 0;             // schedule position: steps done and skipped
   EntryRooms entry_rooms_;
   StepResults results_;
   SceneNeeds needs_;
-  std::optional<StepResult> newest_;
+  std::optional<StepResult> newest_;  // result of the newest step that the device has finished
+  // Totals since the start of the stage, see StepReport.
   int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_void_renders_ = 0;
   int64_t num_skipped_depths_ = 0;
 };

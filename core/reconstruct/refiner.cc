@@ -9,7 +9,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMostVisits = 2;  // of each view in the window
+constexpr int kMostVisits = 2;  // longest window, in steps for each training view
 
 int CountTrainingViews(const Capture& capture) {
   return static_cast<int>(std::count_if(capture.views.begin(), capture.views.end(),
@@ -35,6 +35,9 @@ Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOpti
 
 bool Refiner::Due(int step) const { return masks_ && step >= first_ && step < end_; }
 
+// The render gives the depth that candidates are compared with and the list of visible Gaussians.
+// RefineGaussians then shortens them in place; their outside parts, with RefineKeep::kSplit or
+// kSplitAllAxes, are appended here.
 absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
   if (!working_) working_.emplace();
   if (!state.refinement_open() && !state.OpenRefinement()) {
@@ -61,6 +64,7 @@ absl::Status Refiner::Apply(const Target& target, GaussianState& state) {
   return absl::OkStatus();
 }
 
+// Renders alpha and depth; RefineGaussians reads them and the list of visible Gaussians.
 void Refiner::Render(const Target& target, GaussianState& state) {
   const int64_t num_pixels = int64_t{target.pinhole.width} * target.pinhole.height;
   working_->color.Reserve(backend_, 3 * num_pixels);
@@ -70,7 +74,7 @@ void Refiner::Render(const Target& target, GaussianState& state) {
   backend_.Render({.gaussians = state.parameters(),
                    .view = target.pinhole,
                    .near_plane = target.near_plane,
-                   .active_sh_degree = 0,  // no one looks at the colours
+                   .active_sh_degree = 0,  // the colours are not used
                    .scratch = &working_->render,
                    .color = working_->color.span(),
                    .alpha = working_->alpha.span(),
@@ -78,6 +82,7 @@ void Refiner::Render(const Target& target, GaussianState& state) {
                    .for_backward = false});
 }
 
+// Outside parts are limited by the candidates and by what max_gaussians leaves.
 RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state) {
   const bool split = options_.refine_keep == RefineKeep::kSplit ||
                      options_.refine_keep == RefineKeep::kSplitAllAxes;
@@ -107,6 +112,7 @@ RefineGaussiansArgs Refiner::MakeArgs(const Target& target, GaussianState& state
           .counts = working_->counts.span()};
 }
 
+// Frees the memory also when the schedule position has jumped over the end of the window.
 void Refiner::EndStep(int step, GaussianState& state) {
   if (!masks_ || step + 1 < end_) return;
   masks_.reset();

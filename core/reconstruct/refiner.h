@@ -12,41 +12,44 @@
 
 namespace pepeseg {
 
-// Gaussian refinement (METHOD.md section 1): in a short window of steps, Gaussians on a surface
-// that cross the border of a mask are shortened to one side of it. Only those that existed when
-// the window opened, each refined once; one that was looked at and crossed nothing in that view may
-// be refined by a later one.
+// Gaussian refinement (METHOD.md section 1.5): in a short window of steps, Gaussians on a surface
+// that cross the border of a mask are shortened to one side of it. Each Gaussian that existed when
+// the window opened is refined at most once. A Gaussian that crosses nothing in one view may still
+// be refined in a later one. `step` is the schedule position, from 0, of a step whose update is
+// done.
 class Refiner {
  public:
-  // The window begins at the first step of its share of the run that trains at full size. Its
-  // masks are kept in backend memory until it ends.
+  // The window begins at the first step from refine_from on that trains at full size. The masks
+  // stay in backend memory until it ends.
   Refiner(Backend& backend, const Capture& capture, const ReconstructOptions& options,
           const Schedule& schedule);
 
+  // False: the backend is out of memory.
   bool allocated() const { return !masks_ || masks_->allocated(); }
-  // Steps count from 0 and are told after their update. On a step of density control nothing is
-  // due.
+  // True in the window. The caller skips refinement in a step of density control.
   bool Due(int step) const;
 
   struct Target {
-    int view = 0;  // among the training views
+    int view = 0;  // index among the training views
     PinholeView pinhole;
     float near_plane = 0;
   };
-  // Renders the state in this view once more and refines it. RESOURCE_EXHAUSTED when the backend
-  // is out of memory. Waits for the backend.
+  // Renders the updated state from the target's view and refines it; does nothing in a view without
+  // masks. Waits for the backend. Returns RESOURCE_EXHAUSTED when it is out of memory.
   absl::Status Apply(const Target& target, GaussianState& state);
-  // After each step: gives the memory back when the window is over.
+  // To be called after each step: frees the memory when the window is over.
   void EndStep(int step, GaussianState& state);
 
+  // Totals since the start of the stage.
   struct Counts {
-    int64_t num_refined = 0;  // Gaussians that were shortened, since the start of the stage
+    int64_t num_refined = 0;  // Gaussians that were shortened
     int64_t num_split = 0;    // Gaussians that were added
   };
   const Counts& counts() const { return counts_; }
   void Restore(const Counts& counts) { counts_ = counts; }
 
  private:
+  // Memory of Apply, kept between the steps of the window.
   struct Working {
     RenderScratch render;
     RefineScratch refine;
@@ -61,9 +64,9 @@ class Refiner {
 
   Backend& backend_;
   const ReconstructOptions options_;
-  std::optional<ViewMasks> masks_;  // none: nothing is ever due
-  std::optional<Working> working_;
-  int first_ = 0, end_ = 0;  // steps of the window
+  std::optional<ViewMasks> masks_;  // empty: no refinement, or its window is over
+  std::optional<Working> working_;  // empty before the first step of the window
+  int first_ = 0, end_ = 0;         // the window: steps in [first_, end_)
   Counts counts_;
 };
 

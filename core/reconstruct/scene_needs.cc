@@ -6,7 +6,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kBandsFrom = 0.3;  // share of num_steps: all bands have been trained for a while
+// Share of num_steps after which SH degrees are measured. The last degree is in use from 3 / 30 of
+// the steps on, so that all have been trained for a while.
+constexpr double kBandsFrom = 0.3;
 
 }  // namespace
 
@@ -18,13 +20,15 @@ SceneNeeds::SceneNeeds(const ReconstructOptions& options, int num_views)
 
 void SceneNeeds::Learn(double loss) { loss_.Add(loss); }
 
-// Whether no step after this one changes what is trained, or on what.
+// True when density control, smaller photographs and refinement are over after `step`: the loss is
+// then comparable from window to window.
 bool SceneNeeds::Grown(int step) const {
   const double share = static_cast<double>(step + 1) / options_.num_steps;
   return share >= std::max({options_.densify_until, options_.coarse_until,
                             options_.refine_from + options_.refine_length});
 }
 
+// Both agreement and convergence begin their next window here, whatever is decided.
 SceneNeeds::Decision SceneNeeds::Decide(int step) {
   const double share = static_cast<double>(step + 1) / options_.num_steps;
   const double before = static_cast<double>(step + 1 - window_) / options_.num_steps;
@@ -35,6 +39,7 @@ SceneNeeds::Decision SceneNeeds::Decide(int step) {
   return decision;
 }
 
+// Save and Restore list the same six numbers in the same order.
 std::vector<double> SceneNeeds::Save() const {
   const Convergence::State& loss = loss_.state();
   const DepthAgreement::State& depth = depth_.state();

@@ -6,15 +6,17 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMostPixels = 1;  // that a mean may be moved by at the first step
+constexpr double kMostPixels = 1;  // largest learning rate of the means, in pixel spans
 
 }  // namespace
 
+// The means' rate falls log-linearly from start to end; all other rates are constant.
 LearningRates Schedule::RatesAt(int step) const {
   const double start = options_.mean_learning_rate, end = options_.mean_learning_rate_final;
   LearningRates rates;
-  // Through long lenses a small share of the scene's radius is many pixels: a Gaussian would never
-  // come to rest on what it shows. Adam's step is about its rate.
+  // One step of Adam is about as long as its rate. With a long lens a small share of the scene's
+  // radius spans many pixels, and a Gaussian would never come to rest on what it shows: hence the
+  // cap by the span of a pixel.
   rates.mean = static_cast<float>(std::min(scene_radius_ * start, kMostPixels * pixel_span_) *
                                   std::pow(end / start, ShareAt(step)));
   rates.log_scale = options_.log_scale_learning_rate;
@@ -26,11 +28,12 @@ LearningRates Schedule::RatesAt(int step) const {
 }
 
 int Schedule::ShDegreeAt(int step) const {
-  constexpr double kRises = 30;  // one more band every num_steps / 30
+  constexpr double kRises = 30;  // one degree more every num_steps / 30, as 3DGS (1,000 of 30,000)
   return std::min(options_.sh_degree, static_cast<int>(kRises * ShareAt(step)));
 }
 
-// A reversed sigmoid from depth_weight to depth_weight_final.
+// A reversed sigmoid from depth_weight to depth_weight_final, scaled so that it takes both values
+// exactly. Weights under kNegligible are 0, which saves the rendered depth.
 float Schedule::DepthWeightAt(int step) const {
   constexpr double kSteepness = 12;
   constexpr double kNegligible = 1e-4;

@@ -11,6 +11,7 @@ void StepResults::Push(const StepInput& input, DeviceSpan<const double> loss_sum
   counters_.Push(counters.Subspan(0, kNumRenderCounters));
 }
 
+// The device counts overflowed renders since its start: this step overflowed where the count rose.
 StepResult StepResults::Pop() {
   StepResult result;
   result.input = inputs_.front();

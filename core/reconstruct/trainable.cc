@@ -14,7 +14,7 @@ absl::Status CheckTrainable(const Capture& capture) {
     if (num_pixels == 0 || view.photo.pixels.size() != 3 * num_pixels) {
       return absl::FailedPreconditionError(absl::StrCat(
           "view ", view.name, ": the photograph has ", view.photo.pixels.size(),
-          " bytes, its camera wants ", view.camera.width, " x ", view.camera.height, " x 3"));
+          " bytes, its camera needs ", view.camera.width, " x ", view.camera.height, " x 3"));
     }
     if (!view.ignore.empty() && view.ignore.size() != num_pixels) {
       return absl::FailedPreconditionError(
@@ -33,6 +33,8 @@ absl::Status CheckTrainable(const Capture& capture) {
       absl::StrCat("no training view among the ", capture.views.size(), " of the capture"));
 }
 
+// The depth loss is skipped for one of three reasons: no prior, priors that are made of the
+// starting points, or a weight of 0.
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
   std::vector<SkippedTerm> skipped;
   if (options.depth_weight == 0) {

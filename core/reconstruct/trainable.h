@@ -9,10 +9,12 @@
 
 namespace pepeseg {
 
-// FAILED_PRECONDITION, with the view named, when stage one cannot train on the capture.
+// Returns FAILED_PRECONDITION, with the view's name, when stage one cannot train on the capture:
+// no training view, or an image whose size is not its camera's.
 absl::Status CheckTrainable(const Capture& capture);
 
-// What of stage one is left out from the start on. options: with their depth_weight filled in.
+// Returns the parts of stage one that are skipped from the start, with the reason. options: with
+// depth_weight filled in, see WithDepthWeight.
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture);
 
 }  // namespace pepeseg

@@ -8,6 +8,7 @@
 namespace pepeseg {
 namespace {
 
+// Returns the photograph at 1 / `factor` of its size, averaged over blocks; cropped to whole ones.
 std::vector<uint8_t> ShrinkPhoto(const Image& photo, int factor) {
   const int width = photo.width / factor, height = photo.height / factor;
   const int area = factor * factor;
@@ -24,6 +25,7 @@ std::vector<uint8_t> ShrinkPhoto(const Image& photo, int factor) {
   return small;
 }
 
+// Returns the ignore mask at 1 / `factor` of its size: a block with an ignored pixel is ignored.
 std::vector<uint8_t> ShrinkIgnore(const View& view, int factor) {
   if (view.ignore.empty()) return {};
   const int width = view.camera.width / factor, height = view.camera.height / factor;
@@ -37,7 +39,7 @@ std::vector<uint8_t> ShrinkIgnore(const View& view, int factor) {
   return small;
 }
 
-// A buffer that could not be had is empty: the caller is told by allocated().
+// Returns an empty buffer when the backend is out of memory; TrainingViews::allocated() reports it.
 template <class T>
 Buffer<T> UploadOrNothing(Backend& backend, const std::vector<T>& values) {
   Buffer<T> buffer(backend, static_cast<int64_t>(values.size()));
@@ -55,6 +57,7 @@ TrainingView Upload(Backend& backend, const View& view, int factor) {
   return out;
 }
 
+// Bounds and deviation are those of the full size at all sizes.
 void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& out) {
   out.prior = UploadOrNothing(backend, ShrinkPrior(view, factor));
   const PriorBounds bounds = InlierBounds(view.depth.values);
@@ -66,6 +69,8 @@ void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& o
 
 }  // namespace
 
+// Uploads each training view at 1, 1/2 and 1/4 of its size, or at full size only. The same buffers
+// serve all steps: photographs are never uploaded twice.
 TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
                              const TrainingViewsOptions& options) {
   for (const View& view : capture.views) {

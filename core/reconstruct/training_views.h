@@ -9,16 +9,15 @@
 
 namespace pepeseg {
 
-// A photograph of the training set in backend memory, at one size.
+// A training photograph in backend memory, at one size.
 struct TrainingView {
   PinholeView pinhole;
-  Buffer<uint8_t> photo;   // [H, W, 3]
-  Buffer<uint8_t> ignore;  // [H, W]; empty when nothing is left out
-  // The depth prior: [H, W], NaN where nothing is known; empty when there is none.
-  Buffer<float> prior;
-  float min_prior = 0, max_prior = 0;  // outside are outliers
-  double prior_deviation = 0;          // mean distance of the rest from its mean
-  bool inverse_depth = false;          // it is compared with 1 / z
+  Buffer<uint8_t> photo;               // [H, W, 3]
+  Buffer<uint8_t> ignore;              // [H, W], non-zero: ignored; empty when no pixel is
+  Buffer<float> prior;                 // depth prior [H, W], NaN: unknown; empty when there is none
+  float min_prior = 0, max_prior = 0;  // the 1st and 99th percentiles; values outside are outliers
+  double prior_deviation = 0;          // mean |value - mean| of the values within
+  bool inverse_depth = false;          // the prior is a disparity: it is compared with 1 / z
 };
 
 struct TrainingViewsOptions {
@@ -26,17 +25,17 @@ struct TrainingViewsOptions {
   bool with_depth = false;  // with the depth priors
 };
 
-// The capture's training views, uploaded once as bytes. Smaller sizes are averaged over blocks of
-// pixels; a block with an ignored pixel is ignored.
+// The capture's training views, uploaded once, photographs as bytes. Smaller sizes are averages
+// over blocks of pixels; a block with an ignored pixel is ignored.
 class TrainingViews {
  public:
   TrainingViews(Backend& backend, const Capture& capture, const TrainingViewsOptions& options);
 
   int size() const { return static_cast<int>(views_.size()); }
-  // shrink: 1, or 2 or 4 where coarse sizes were asked for.
+  // view: index among the training views. shrink: 1, or 2 or 4 with TrainingViewsOptions::coarse.
   const TrainingView& At(int view, int shrink) const { return views_[view][shrink / 2]; }
   int64_t max_pixels() const { return max_pixels_; }
-  int64_t num_pixels() const { return num_pixels_; }  // of all views at full size
+  int64_t num_pixels() const { return num_pixels_; }  // in all views at full size
   bool allocated() const { return allocated_; }       // false: the backend is out of memory
 
  private:

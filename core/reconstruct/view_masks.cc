@@ -8,6 +8,7 @@ ViewMasks::ViewMasks(Backend& backend, const Capture& capture) {
   }
 }
 
+// Clears allocated_ when the backend is out of memory.
 ViewMasks::Masks ViewMasks::Upload(Backend& backend, const MaskSet& masks) {
   Masks out;
   if (masks.empty()) return out;

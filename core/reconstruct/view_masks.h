@@ -8,13 +8,13 @@
 
 namespace pepeseg {
 
-// The masks of a capture's training views in backend memory, as patch maps at full size; views are
-// numbered as in TrainingViews.
+// The masks of a capture's training views in backend memory, for refinement (METHOD.md section
+// 1.5): as mask cells at full size (see MaskSet). Views are numbered as in TrainingViews.
 class ViewMasks {
  public:
   ViewMasks(Backend& backend, const Capture& capture);
 
-  bool any() const { return any_; }              // some view has masks
+  bool any() const { return any_; }              // true: at least one view has masks
   bool allocated() const { return allocated_; }  // false: the backend is out of memory
   bool HasMasks(int view) const { return !views_[view].mask_area.empty(); }
   PatchMap At(int view) const;

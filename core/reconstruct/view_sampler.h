@@ -6,21 +6,22 @@
 
 namespace pepeseg {
 
-// Indices in [0, count), shuffled without replacement: each comes once before any comes again.
+// Draws indices in [0, count) without replacement: each comes once in a round, in random order,
+// before the next round begins.
 class ViewSampler {
  public:
   explicit ViewSampler(int count) : count_(count) {}
 
   int Next(std::mt19937_64& random);
 
-  // What this round has not given yet, the next one at the back.
+  // Indices that this round has not returned yet; the next one is at the back.
   const std::vector<int>& left() const { return left_; }
-  // Goes on with what `left` says: each in [0, count), none twice.
+  // Resumes the round with `left`: each in [0, count), none twice.
   void Restore(std::vector<int> left) { left_ = std::move(left); }
 
  private:
   int count_;
-  std::vector<int> left_;  // of this round, taken from the back
+  std::vector<int> left_;
 };
 
 }  // namespace pepeseg
