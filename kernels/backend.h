@@ -19,78 +19,111 @@
 
 namespace pepeseg {
 
-// Memory of a whole device, shared with other processes.
+// Memory of a whole device, which it shares with other processes.
 struct DeviceMemory {
-  int64_t free_bytes = 0;  // what this process could still have
-  int64_t total_bytes = 0;
-  bool is_host = false;  // the machine's own: data on the host come out of it too
+  int64_t free_bytes = 0;   // what this process could still allocate
+  int64_t total_bytes = 0;  // size of the device's memory, or the limit of this process
+  bool is_host = false;     // true: the machine's own memory, which also holds the host's data
 };
 
-// What a backend could not do.
+// The error that a backend keeps.
 struct BackendError {
-  std::string what;    // empty: nothing has failed
-  bool fatal = false;  // else memory, or room of another kind, that could not be had
+  std::string what;  // message; empty: nothing has failed
+  // True: the device or the caller is broken. False: memory, or another limited resource, ran out.
+  bool fatal = false;
 };
 
-// What a RenderScratch grows with.
+// The sizes that the memory of a RenderScratch depends on.
 struct ScratchSize {
   int64_t num_gaussians = 0, num_entries = 0, num_tiles = 0, num_pixels = 0;
-  bool for_backward = true;  // of RenderArgs
+  bool for_backward = true;  // see RenderArgs
 };
 
-// The arithmetic of the method on one device: its memory, and one virtual per pipeline step.
+// The arithmetic of the method on one device: its memory, and one virtual for each pipeline step.
 //
-// Ops return nothing: a backend keeps its first error, error() tells, and what is called after it
-// does nothing until TakeError forgets it. On CUDA they are asynchronous, in the order of the
-// calls. Spans must be memory of the same backend and not overlap unless an op says so. Ops may be
-// called from several threads at once as long as what they write is not shared. CPU results do not
-// depend on the number of threads.
+// Errors. Ops return nothing. The backend keeps its first error (on CUDA, a fatal one replaces one
+// that is not), and every op called after it returns without doing anything, so that outputs are
+// unspecified. error() reports the error; TakeError() clears it unless it is fatal.
+//
+// Order. On the CPU an op is done when it returns. On CUDA ops are asynchronous and run in the
+// order of the calls; only those that say so wait on the host. Arguments are copied by the call,
+// but the memory that they refer to must stay alive until the op has run. Freeing a Buffer is
+// ordered after the ops before it and needs no Sync.
+//
+// Memory. Spans must be memory of the same backend. They must not overlap unless an op says so.
+//
+// Threads. All virtuals may be called from several threads at once, as long as the outputs and
+// scratches of the calls differ. An error then stops all of them: threads that need their own
+// errors hold exclusive_use().
+//
+// Results do not depend on the number of threads of the CPU backend. They differ between devices
+// and instruction sets within rounding, see kernels/NUMERICS.md.
 class Backend {
  public:
   virtual ~Backend() = default;
 
-  virtual std::string name() const = 0;   // for reports, as in "cpu (2 threads, AVX3)"
-  virtual std::string error() const = 0;  // empty while nothing has failed
-  virtual void Sync() = 0;                // waits for everything that was called before
-  // Waits as Sync does and tells the error. One that is not fatal is forgotten by that: what was
-  // called since did nothing, and what is called next works again. A fatal one stays.
+  // Name for reports, such as "cpu (2 threads, AVX3)".
+  virtual std::string name() const = 0;
+  // Message of the error that is kept; empty: nothing has failed. Does not wait, so on CUDA it may
+  // miss the error of an op that has not run yet.
+  virtual std::string error() const = 0;
+  // Blocks until everything called before has run.
+  virtual void Sync() = 0;
+  // Blocks as Sync does, and returns the error. If the error is not fatal it is cleared, and ops
+  // work again; ops called since the error did nothing. A fatal error stays.
   virtual BackendError TakeError() = 0;
-  // For those who share a backend and want its errors to be their own: to be held from the first
-  // op to TakeError. No op takes it.
+  // Lock for threads that share a backend and need its errors to be their own. They hold it from
+  // their first op to TakeError. No virtual takes it.
   std::mutex& exclusive_use() { return exclusive_use_; }
 
-  // Memory; see Buffer.
+  // Memory. Called by Buffer, which is what callers should use.
+  //
+  // Returns zero-filled memory, or nullptr when out of memory, which becomes the error.
   virtual void* Allocate(size_t num_bytes) = 0;
+  // Frees memory of Allocate; works after an error, too. nullptr is allowed.
   virtual void Free(void* data) = 0;
+  // Copies from the host. `from_host` may be reused when it returns, unless it is pinned memory.
   virtual void CopyFromHost(void* to, const void* from_host, size_t num_bytes) = 0;
+  // Copies to the host, after the work that writes `from`. Blocks until the copy has arrived.
   virtual void CopyToHost(void* to_host, const void* from, size_t num_bytes) = 0;
+  // Copies within the backend.
   virtual void Copy(void* to, const void* from, size_t num_bytes) = 0;
+  // Sets bytes to 0.
   virtual void Zero(void* data, size_t num_bytes) = 0;
+  // Sum of the sizes passed to Allocate and not yet freed, and the largest value it has had.
   virtual size_t bytes_in_use() const = 0;
   virtual size_t peak_bytes_in_use() const = 0;
+  // Memory of the device now.
   virtual DeviceMemory memory() const = 0;
-  // Gives memory that was freed, and is kept for the next Allocate, back for other processes.
+  // Returns memory to other processes that was freed and is kept for the next Allocate. Blocks as
+  // Sync does.
   virtual void ReleaseFreed() = 0;
-  // What Render, ImageLoss and RenderBackward take at most of this memory for a scratch of this
-  // size and for themselves, depth left out.
+  // Upper bound, in bytes of Allocate, of what Render, ImageLoss and RenderBackward take for a
+  // scratch of this size and for themselves, without rendered depth.
   virtual int64_t ScratchBytes(const ScratchSize& size) const = 0;
 
-  // Runs `ops`, calls of this backend that wait for nothing (see RenderArgs::entry_room). On CUDA
-  // they are recorded and launched as one graph; the graph of the same key is kept and updated with
-  // what has changed in it.
+  // Runs `ops`, which calls ops of this backend that do not wait on the host (see
+  // RenderArgs::entry_room). On CUDA they are recorded and launched as one graph; the graph of the
+  // same key is kept and updated with what has changed. `ops` is called once, before this returns.
   virtual void Sequence(int key, const std::function<void()>& ops) = 0;
 
-  // Copies to the host that nobody waits for; see ReadbackQueue.
-  virtual void* AllocatePinned(size_t num_bytes) = 0;  // host memory; nullptr when there is none
+  // Copies to the host without waiting. Called by ReadbackQueue, which is what callers should use.
+  //
+  // Returns host memory for CopyToHostLater, or nullptr when there is none.
+  virtual void* AllocatePinned(size_t num_bytes) = 0;
+  // Frees memory of AllocatePinned. Blocks until copies to it have arrived.
   virtual void FreePinned(void* data) = 0;
-  // Returns a ticket for WaitFor. At most kMaxReadbacks may be under way.
+  // Queues a copy, after the ops before it, and returns a ticket for WaitFor. At most kMaxReadbacks
+  // copies of a backend may be under way.
   virtual int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) = 0;
+  // Blocks until the copy of this ticket has arrived. After an error it returns at once.
   virtual void WaitFor(int64_t ticket) = 0;
-  // How many steps of work the caller should queue before it waits for the oldest: 0 where calls
-  // are done when they return.
+  // Number of steps that the caller should queue before it waits for the oldest. 0: ops are done
+  // when they return.
   virtual int queue_depth() const = 0;
 
-  // Rendering and stage one (ops/render.h, ops/depth.h, ops/refine.h).
+  // Rendering and stage one (kernels/ops/render.h, depth.h, refine.h). Each op is described at its
+  // arguments.
   virtual void Render(const RenderArgs& args) = 0;
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
   virtual void DepthLoss(const DepthLossArgs& args) = 0;
@@ -98,15 +131,15 @@ class Backend {
   virtual void ProjectBackward(const ProjectBackwardArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
   virtual void RefineGaussians(const RefineGaussiansArgs& args) = 0;
-  // Density control (ops/density.h).
+  // Density control (kernels/ops/density.h).
   virtual void PlanDensity(const PlanDensityArgs& args) = 0;
   virtual void GatherRows(const GatherRowsArgs& args) = 0;
 
-  // Rows and features of a rendered view (ops/render.h).
+  // Rows and features of a rendered view (kernels/ops/render.h).
   virtual void CaptureRows(const CaptureRowsArgs& args) = 0;
   virtual void RenderFeatures(const RenderFeaturesArgs& args) = 0;
 
-  // Stage two and queries (ops/feature.h, ops/perception.h, ops/smooth.h).
+  // Stage two and queries (kernels/ops/feature.h, perception.h, smooth.h).
   virtual void TransposeRows(const TransposeRowsArgs& args) = 0;
   virtual void FeatureCatchUp(const FeatureCatchUpArgs& args) = 0;
   virtual void FeatureRows(const FeatureRowsArgs& args) = 0;
@@ -120,29 +153,33 @@ class Backend {
   virtual void Similarity(const SimilarityArgs& args) = 0;
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
-  // Clustering (ops/cluster.h).
+  // Clustering (kernels/ops/cluster.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;
 
  private:
   std::mutex exclusive_use_;
 };
 
+// Limit on the copies of CopyToHostLater under way in one backend, over all its queues.
 inline constexpr int kMaxReadbacks = 64;
 
-// num_threads = 0: as many as the machine has.
+// Makes the CPU backend. num_threads = 0: as many as the machine has.
 std::unique_ptr<Backend> MakeCpuBackend(int num_threads = 0);
 
-// Device time by kernel, of the calls since the last Sync that filled it.
+// Device time of one kernel.
 struct KernelTime {
   std::string name;
   double ms = 0;  // over all calls
   int64_t calls = 0;
 };
 struct CudaOptions {
-  int device = 0;
-  std::vector<KernelTime>* kernel_times = nullptr;  // filled by Sync; costs an event a kernel
+  int device = 0;  // CUDA's number of the device
+  // For benchmarks; may be null. Sync adds the times of the kernels launched since the last Sync.
+  // Costs an event for each kernel, and Sequence records no graphs. Must outlive the backend.
+  std::vector<KernelTime>* kernel_times = nullptr;
 };
-// nullptr and the reason in `error` when this build or this machine has no usable CUDA device.
+// Makes a CUDA backend. Returns nullptr, and the reason in `error`, if this build or this machine
+// has no usable CUDA device of that number.
 std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error);
 
 }  // namespace pepeseg

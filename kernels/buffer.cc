@@ -2,6 +2,8 @@
 
 #include "kernels/backend.h"
 
+// Forwards to the Backend, so that buffer.h need not include backend.h, which includes it.
+
 namespace pepeseg {
 
 void* AllocateBytes(Backend& backend, size_t num_bytes) { return backend.Allocate(num_bytes); }

@@ -11,7 +11,7 @@ namespace pepeseg {
 
 class Backend;
 
-// Raw memory of a backend; only Buffer calls these (buffer.cc forwards them to the Backend).
+// Raw memory of a backend, see the virtuals of Backend. Only Buffer calls these.
 void* AllocateBytes(Backend& backend, size_t num_bytes);  // zero-filled; nullptr when out of memory
 void FreeBytes(Backend& backend, void* data);
 void CopyToBackend(Backend& backend, void* to, const void* from_host, size_t num_bytes);
@@ -19,7 +19,8 @@ void CopyToHost(Backend& backend, void* to_host, const void* from, size_t num_by
 void CopyInBackend(Backend& backend, void* to, const void* from, size_t num_bytes);
 void ZeroBytes(Backend& backend, void* data, size_t num_bytes);
 
-// Borrowed memory of a backend: on CUDA the pointer must not be read on the host.
+// Borrowed memory of a backend, `size` elements from `data` on. On CUDA the host must not access
+// it. The owner must keep it alive until the ops that use it have run.
 template <class T>
 struct DeviceSpan {
   T* data = nullptr;
@@ -27,23 +28,29 @@ struct DeviceSpan {
 
   bool empty() const { return size == 0; }
   T& operator[](int64_t i) const { return data[i]; }
-  // Implicit as T* to const T* is.  NOLINTNEXTLINE(google-explicit-constructor)
+  // Implicit, as T* to const T* is.  NOLINTNEXTLINE(google-explicit-constructor)
   operator DeviceSpan<const T>() const { return {data, size}; }
+  // Elements [first, first + count), which must lie within the span.
   DeviceSpan Subspan(int64_t first, int64_t count) const {
     assert(first >= 0 && count >= 0 && first + count <= size);
     return {data + first, count};
   }
 };
 
-// Owns memory of a backend for `size()` trivially copyable elements. Movable; the backend must
+// Owns memory of a backend for `size()` trivially copyable elements. Movable. The backend must
 // outlive it. Not thread safe.
+//
+// When memory runs out the buffer is empty and the backend keeps the error, see Backend.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
+  // Empty, and of no backend until Reserve.
   Buffer() = default;
+  // Zero-filled.
   Buffer(Backend& backend, int64_t size) : backend_(&backend) { Resize(size); }
+  // A copy of `host`.
   Buffer(Backend& backend, std::span<const T> host)
       : Buffer(backend, static_cast<int64_t>(host.size())) {
     Upload(host);
@@ -60,8 +67,8 @@ class Buffer {
     if (data_ != nullptr) FreeBytes(*backend_, data_);
   }
 
-  // Makes room for `size` elements. The contents are kept when it shrinks or still fits, and are
-  // lost (new memory is zero) when it has to grow beyond what was ever asked for.
+  // Sets the size, in elements. If it fits the capacity, memory and contents are kept. Otherwise
+  // the contents are lost, and the new memory is zero. The buffer must have a backend.
   void Resize(int64_t size) {
     if (size > capacity_) {
       if (data_ != nullptr) FreeBytes(*backend_, data_);
@@ -70,24 +77,26 @@ class Buffer {
     }
     size_ = data_ == nullptr ? 0 : size;
   }
-  // As Resize, but leaves slack when it has to grow: for sizes that change from step to step.
-  // False, and empty, when out of memory.
+  // As Resize, but allocates a quarter more when it has to grow, for sizes that change from step to
+  // step. Returns false, and leaves the buffer empty, when out of memory.
   bool Reserve(Backend& backend, int64_t size) {
     backend_ = &backend;
     if (size > capacity_) Resize(size + size / 4);
     Resize(size);
     return size_ == size;
   }
+  // Sets all elements to 0.
   void Zero() {
     if (size_ > 0) ZeroBytes(*backend_, data_, static_cast<size_t>(size_) * sizeof(T));
   }
-  // Nothing is copied to or from a buffer that got no memory.
+  // Copies `host` to the elements from `first` on. Copies nothing if the buffer got no memory.
   void Upload(std::span<const T> host, int64_t first = 0) {
     assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
     if (data_ != nullptr && !host.empty())
       CopyToBackend(*backend_, data_ + first, host.data(), host.size_bytes());
   }
-  // Waits for the work that writes this memory.
+  // Copies the elements from `first` on to `host`. Blocks until the ops that write them have run.
+  // Copies nothing if the buffer got no memory.
   void Download(std::span<T> host, int64_t first = 0) const {
     assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
     if (data_ != nullptr && !host.empty())
@@ -95,7 +104,8 @@ class Buffer {
   }
 
   int64_t size() const { return size_; }
-  int64_t capacity() const { return capacity_; }  // the largest size that Resize keeps in place
+  // Largest size, in elements, that Resize takes without a new allocation.
+  int64_t capacity() const { return capacity_; }
   bool empty() const { return size_ == 0; }
   DeviceSpan<T> span() { return {data_, size_}; }
   DeviceSpan<const T> span() const { return {data_, size_}; }

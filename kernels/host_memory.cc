@@ -10,7 +10,7 @@ namespace {
 
 constexpr int64_t kUnlimited = std::numeric_limits<int64_t>::max();
 
-// The number behind a word in a file of lines of "word number"; -1: there is none.
+// Returns the number after `word` in a file with lines "WORD NUMBER ...", or -1 if there is none.
 int64_t NumberOf(const std::string& path, const std::string& word) {
   std::ifstream file(path);
   std::string found;
@@ -22,32 +22,33 @@ int64_t NumberOf(const std::string& path, const std::string& word) {
   return -1;
 }
 
-// The number that a file holds; -1: none ("max", or no such file).
+// Returns the number in a file, or -1 if it holds none ("max") or does not exist.
 int64_t NumberIn(const std::string& path) {
   std::ifstream file(path);
   int64_t number = -1;
   return file >> number ? number : -1;
 }
 
-// Where a version of control groups is mounted, and what it calls its numbers.
+// The files of one version of control groups.
 struct GroupFiles {
   std::string mount;
   const char* limit;
   const char* used;
-  const char* cached;  // a word in memory.stat
+  const char* cached;  // the word in memory.stat for pages that can be reclaimed
 };
 
+// Limit and free memory of one group; unlimited if it has no limit or cannot be read.
 DeviceMemory MemoryOfGroup(const std::string& folder, const GroupFiles& files) {
   const int64_t limit = NumberIn(folder + "/" + files.limit);
   const int64_t used = NumberIn(folder + "/" + files.used);
   if (limit < 0 || used < 0) return {kUnlimited, kUnlimited};
-  // Pages of files that nobody reads count as used, and are given up when they are asked for.
+  // Inactive pages of the file cache count as used, but the kernel reclaims them on demand.
   const int64_t cached = std::max<int64_t>(0, NumberOf(folder + "/memory.stat", files.cached));
   return {std::max<int64_t>(0, limit - used + cached), limit};
 }
 
-// The least of a group's and of all above it. In a container its own path may be the host's, which
-// is not mounted: then the mount's root is the container's group.
+// Returns the least of a group's memory and of all groups above it. In a container the path may be
+// the host's, which is not mounted there; then the root of the mount is the container's group.
 DeviceMemory MemoryOfGroups(std::string group, const GroupFiles& files) {
   DeviceMemory least{kUnlimited, kUnlimited};
   while (true) {
@@ -59,7 +60,7 @@ DeviceMemory MemoryOfGroups(std::string group, const GroupFiles& files) {
   }
 }
 
-// A line "NUMBER:CONTROLLERS:/GROUP" of /proc/self/cgroup.
+// A line "NUMBER:CONTROLLERS:/GROUP" of /proc/self/cgroup. Version 2 has one line, "0::/GROUP".
 struct GroupLine {
   explicit GroupLine(const std::string& line) {
     const size_t first = line.find(':'), second = line.find(':', first + 1);
@@ -74,6 +75,7 @@ struct GroupLine {
   std::string group;  // empty: the root
 };
 
+// Returns the least memory of the groups of this process, over both versions.
 DeviceMemory GroupMemory(const std::string& root) {
   const GroupFiles second{root + "/sys/fs/cgroup", "memory.max", "memory.current", "inactive_file"};
   const GroupFiles first{root + "/sys/fs/cgroup/memory", "memory.limit_in_bytes",

@@ -6,9 +6,10 @@
 
 namespace pepeseg {
 
-// The memory that this process may have of its machine: the machine's own, or the limit of the
-// control group (version 1 or 2) that it is in, or of one above that, whichever is less, as in a
-// container. `root`: of the file system with /proc and /sys, for tests.
+// Returns the memory of the machine that this process may use: total and free memory are each the
+// least of the machine's own and those of its control group (version 1 or 2), as in a container,
+// and of all groups above it. Linux only: both are INT64_MAX where nothing can be read. `root` is
+// the file system with /proc and /sys, for tests.
 DeviceMemory HostMemory(const std::string& root = "");
 
 }  // namespace pepeseg

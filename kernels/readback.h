@@ -10,16 +10,18 @@
 
 namespace pepeseg {
 
-// Small results of a device, read without stopping it: Push queues a copy of a span as it then
-// stands, Pop gives the oldest copy and waits only where it has not arrived. The host may so be
-// Backend::queue_depth() steps ahead, always the same number: what it decides from the results does
-// not depend on how fast anything runs. One thread at a time; the backend must outlive it.
+// Reads small results of a device without stopping it. Push queues a copy of a span as the ops
+// called so far leave it; Pop returns the oldest copy and blocks only until it has arrived. The
+// host can so be Backend::queue_depth() steps ahead. Since that number is fixed, what the host
+// decides from the results does not depend on timing. One thread at a time. The backend must
+// outlive it.
 template <class T>
 class ReadbackQueue {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
-  // Of `size` elements each; at most `capacity` under way.
+  // Holds at most `capacity` copies (1..kMaxReadbacks) of `size` elements. Check allocated() before
+  // the first Push.
   ReadbackQueue(Backend& backend, int64_t size, int capacity)
       : backend_(backend), size_(size), tickets_(static_cast<size_t>(capacity)) {
     pinned_ = static_cast<T*>(backend.AllocatePinned(tickets_.size() * BytesOfOne()));
@@ -30,15 +32,19 @@ class ReadbackQueue {
   ReadbackQueue(const ReadbackQueue&) = delete;
   ReadbackQueue& operator=(const ReadbackQueue&) = delete;
 
+  // False: there was no memory for the copies, and Push must not be called.
   bool allocated() const { return pinned_ != nullptr; }
+  // Number of copies pushed and not yet popped.
   int64_t num_pending() const { return num_pushed_ - num_popped_; }
 
+  // Queues a copy of `span`, which has `size` elements. num_pending() must be below the capacity.
   void Push(DeviceSpan<const T> span) {
     assert(span.size == size_ && num_pending() < static_cast<int64_t>(tickets_.size()));
     const size_t slot = Slot(num_pushed_++);
     tickets_[slot] = backend_.CopyToHostLater(At(slot), span.data, BytesOfOne());
   }
-  // Valid until as many pushes as the capacity.
+  // Returns the oldest copy; num_pending() must be above 0. The span is valid until `capacity`
+  // copies after it have been pushed. After an error of the backend its contents are unspecified.
   std::span<const T> Pop() {
     assert(num_pending() > 0);
     const size_t slot = Slot(num_popped_++);

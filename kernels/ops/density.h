@@ -5,42 +5,52 @@
 #include "kernels/buffer.h"
 #include "kernels/gaussian_planes.h"
 
+// Arguments of density control in stage one (METHOD.md section 1, "Density"). N is the number of
+// Gaussians before the op.
+
 namespace pepeseg {
 
-// How many rows of each kind density control made; read on the host.
+// Result of PlanDensity, on the host.
 struct DensityCounts {
-  int64_t num_rows = 0;  // after it
+  int64_t num_rows = 0;  // Gaussians after density control
+  // Gaussians that became two in place, that were replaced by two smaller ones, and that were
+  // removed.
   int64_t num_cloned = 0, num_split = 0, num_pruned = 0;
 };
 
-// Adaptive density control (Kerbl et al. 2023, section 5): the rows that follow on the present
-// ones, in Morton order of their means, so that neighbours in space become neighbours in memory. A
-// Gaussian fainter than min_opacity goes. Of the others, those whose mean gradient reaches
-// min_gradient are densified, while there is room for them below max_count the largest gradients
-// first (equal ones by index): a small one is cloned in place, a large one is replaced by two that
-// are drawn from it and are 1.6 times smaller. The host waits for the counts.
+// Adaptive density control (Kerbl et al. 2023, section 5). Lists the Gaussians that follow the
+// present ones, in Morton order of their means, so that neighbours in space are neighbours in
+// memory. GatherRows then moves the parameters.
+//
+// A Gaussian with an opacity below min_opacity is pruned. Of the others, those with a mean gradient
+// of at least min_gradient are densified; if max_count leaves no room for all of them, those with
+// the largest gradients are (equal ones by index). A small Gaussian is cloned in place; a large one
+// is replaced by two that are drawn from it and are 1.6 times smaller (kernels/math/density.h).
+//
+// The host waits for the counts. On an error the outputs are unspecified.
 struct PlanDensityArgs {
-  ConstGaussianPlanes gaussians;            // planes up to the opacity are read
-  DeviceSpan<const float> mean2d_grad_sum;  // [N], see DensityStats
-  DeviceSpan<const int32_t> num_visible;    // [N] likewise
-  float min_gradient = 0;                   // of the sum divided by num_visible
-  float clone_size = 0;                     // scene units: one with a larger deviation is split
-  float min_opacity = 0;                    // [0, 1)
-  int64_t max_count = 0;                    // Gaussians
-  uint32_t seed = 0;                        // of the children
-  Buffer<int32_t>* source = nullptr;        // [rows] <- row of `gaussians`, sized by the op
-  Buffer<uint8_t>* is_new = nullptr;        // [rows] no moments of its own, sized by the op
-  Buffer<float>* mean_log_scale = nullptr;  // [6, rows] planes kMeanPlane to 5, sized by the op
-  DensityCounts* counts = nullptr;
+  ConstGaussianPlanes gaussians;            // planes up to kOpacityPlane are read
+  DeviceSpan<const float> mean2d_grad_sum;  // [N] see DensityStats
+  DeviceSpan<const int32_t> num_visible;    // [N] see DensityStats
+  float min_gradient = 0;  // of mean2d_grad_sum / num_visible, which is 0 for a Gaussian never seen
+  float clone_size = 0;    // scene units; a Gaussian is split if a standard deviation exceeds it
+  float min_opacity = 0;   // [0, 1); 0 prunes none
+  int64_t max_count = 0;   // Gaussians to densify up to; does not prune
+  uint32_t seed = 0;       // of the children's positions
+  Buffer<int32_t>* source = nullptr;        // [num_rows] -> index in `gaussians`; sized by the op
+  Buffer<uint8_t>* is_new = nullptr;        // [num_rows] 1: starts without moments; sized by the op
+  Buffer<float>* mean_log_scale = nullptr;  // [6, num_rows] planes 0 to 5; sized by the op
+  DensityCounts* counts = nullptr;          // on the host
 };
 
-// Rows in another order or number: row i of `to` becomes row source[i] of `from`.
+// Reorders Gaussians: Gaussian i of `to` becomes Gaussian source[i] of `from`, in all planes.
 struct GatherRowsArgs {
-  DeviceSpan<const int32_t> source;        // [to.count], each in [0, from.count)
-  DeviceSpan<const uint8_t> is_zero = {};  // [to.count] where set, zeros instead; may be empty
+  DeviceSpan<const int32_t> source;  // [to.count] each in [0, from.count); repeats are allowed
+  DeviceSpan<const uint8_t> is_zero = {};  // [to.count] non-zero: write zeros; empty: none
   ConstGaussianPlanes from;
-  GaussianPlanes to;  // of the same degree; must not overlap `from`
-  // A number a row that goes along, as the step counts do with the moments; may be empty.
+  GaussianPlanes to;  // same sh_degree as `from`; must not overlap it
+  // One integer a Gaussian that is reordered alike, such as the step counts that belong to moments.
+  // Both are empty, or [from.count] and [to.count].
   DeviceSpan<const int32_t> number_from = {};
   DeviceSpan<int32_t> number_to = {};
 };

@@ -6,53 +6,66 @@
 #include "kernels/gaussian_planes.h"
 #include "kernels/ops/render.h"
 
-// Arguments of the Gaussian refinement of stage one (METHOD.md section 1).
+// Arguments of the Gaussian refinement of stage one (METHOD.md section 1, "Refinement").
 
 namespace pepeseg {
 
-// The overlapping masks of a view, one bit a mask: see MaskSet of core/scene/mask_set.h.
+// The overlapping masks of a view. Pixels under the same masks share a mask cell, which has a
+// bitset with one bit for each mask: bit m % 64 of word m / 64. See MaskSet in
+// core/scene/mask_set.h.
 struct PatchMap {
   int words = 0;                           // 64-bit words of a bitset
-  DeviceSpan<const uint32_t> pixel_patch;  // [H, W]
-  DeviceSpan<const uint64_t> patch_bits;   // [num_patches, words]
+  DeviceSpan<const uint32_t> pixel_patch;  // [H, W] -> mask cell
+  DeviceSpan<const uint64_t> patch_bits;   // [num_patches, words] masks of each cell
   DeviceSpan<const int64_t> mask_area;     // [num_masks] pixels; empty: nothing is refined
 };
 
 enum RefineCount {
-  kNumRefineRanked,      // refinable, seen, with the mean in the image where its depth is known
-  kNumRefineCandidates,  // the nearest to the rendered depth among them
+  kNumRefineRanked,      // refinable, visible, with the mean in the image where its depth is known
+  kNumRefineCandidates,  // those of them that are nearest to the rendered depth
   kNumRefined,           // made shorter
   kNumRefineSplit,       // outside parts written
   kNumRefineCounts,
 };
 
-// What one call needs, by the index space of RenderScratch's "visible". The backend sizes and fills
-// it.
+// Working memory of one call, in the index space "visible" of RenderScratch. The caller owns it;
+// the backend sizes and fills it.
 struct RefineScratch {
-  Buffer<uint64_t> keys;             // [2, visible] |rendered depth - z| as bits, then the index
-  Buffer<float> outside_shape;       // [6, visible]
-  Buffer<int32_t> outside_position;  // [2, visible] 1 where there is an outside part; their sum
+  // [2, visible] the bits of |rendered depth - z|, which order as the number does, above the index.
+  // The second half holds them sorted or compacted.
+  Buffer<uint64_t> keys;
+  Buffer<float> outside_shape;  // [6, visible] as RefineGaussiansArgs::outside_shape
+  // What became of each Gaussian. CPU: [visible] -1 unchanged, 0 made shorter, 1 with an outside
+  // part. CUDA: [2, visible] 1 with an outside part, else 0; then the running sum of that.
+  Buffer<int32_t> outside_position;
 };
 
-// Shortens Gaussians that cross the border of a mask, after Render with `render`, which must be of
-// the same Gaussians: their moments and step counts start at 0, and they are not refinable again.
-// One that was looked at and crosses nothing stays refinable: another view may show it crossing.
+// Shortens Gaussians that cross the border of a mask (kernels/math/refine.h). Runs after a Render
+// of the same Gaussians with the scratch `render`. The moments and step count of a shortened
+// Gaussian are set to 0, and it is not refinable again. A candidate that crosses nothing stays
+// refinable: another view may show it crossing.
+//
+// Candidates are the candidate_share of the ranked Gaussians with the smallest gap between their
+// own depth and the rendered depth (of the inverses, after a render of inverse depth).
 struct RefineGaussiansArgs {
   PinholeView view;
   PatchMap masks;
-  DeviceSpan<const float> alpha, depth;  // [H, W] of that render
-  double candidate_share = 0.1;          // of those ranked, by |rendered depth - z|; rounds down
-  bool split = false;                    // the part outside the mask becomes a Gaussian too
-  bool scale_all_axes = false;           // by 0.8 of the share, not only the axis that crosses
+  DeviceSpan<const float> alpha, depth;  // [H, W] as written by that Render
+  double candidate_share = 0.1;          // of the ranked Gaussians, rounded down; [0, 1]
+  bool split = false;                    // true: the part outside the mask becomes a Gaussian, too
+  bool scale_all_axes = false;           // true: scales all axes by 0.8 times the share inside,
+                                         // not only the axis that crosses, by the share
   const RenderScratch* render = nullptr;
   RefineScratch* scratch = nullptr;
-  GaussianPlanes gaussians, moment1, moment2;  // in and out
+  GaussianPlanes gaussians, moment1, moment2;  // in and out, same count and degree
   DeviceSpan<int32_t> num_steps;               // [N] in and out
   DeviceSpan<int32_t> refinable;               // [N] in and out: 0 or 1
-  // The outside parts in the order of their Gaussians: those beyond the room are left out.
-  DeviceSpan<int32_t> outside_source;  // [room] -> Gaussian
-  DeviceSpan<float> outside_shape;     // [6, room] mean and log scales, for planes 0 to 5
-  DeviceSpan<int64_t> counts;          // [kNumRefineCounts]
+  // The outside parts in the order of their Gaussians. Parts beyond the capacity are dropped; their
+  // Gaussians are shortened all the same.
+  DeviceSpan<int32_t>
+      outside_source;               // [capacity] -> Gaussian; counts[kNumRefineSplit] are written
+  DeviceSpan<float> outside_shape;  // [6, capacity] mean and log scales, for planes 0 to 5
+  DeviceSpan<int64_t> counts;       // [kNumRefineCounts]
 };
 
 }  // namespace pepeseg

@@ -6,135 +6,175 @@
 #include "kernels/gaussian_planes.h"
 #include "kernels/render_scratch.h"
 
-// Arguments of the pipeline steps of rendering and of stage one: const inputs first, outputs last.
-// Images are planar float [channels, height, width] where the backend writes them, and interleaved
-// u8 [height, width, channels] where they come from photographs.
+// Arguments of rendering and of the steps of stage one (METHOD.md section 1). Inputs come first,
+// outputs last. An op borrows all spans, planes and scratches until it has run: on CUDA until the
+// device has passed it. Unless a field says otherwise, an output is overwritten as a whole and
+// overlaps no other argument.
+//
+// Images that a backend writes are planar float, [channels, H, W]. Photographs are interleaved u8,
+// [H, W, channels]. H and W are the height and width of the view in pixels, N is the number of
+// Gaussians, S the number of sampled pixels.
 
 namespace pepeseg {
 
-// A pinhole view. OpenCV axes: x right, y down, z forward; pixel centres at integer + 0.5.
+// A pinhole view. OpenCV camera axes: x right, y down, z forward. Pixel centres lie at
+// integer + 0.5.
 struct PinholeView {
-  int width = 0;
-  int height = 0;
-  float fx = 0, fy = 0, cx = 0, cy = 0;  // pixels
-  float cam_from_world[12] = {};         // row-major [3, 4], a rigid transform
+  int width = 0;                         // pixels
+  int height = 0;                        // pixels
+  float fx = 0, fy = 0, cx = 0, cy = 0;  // focal lengths and principal point, pixels
+  float cam_from_world[12] = {};         // rigid transform, row-major [3, 4], scene units
 };
 
-// kernels/math/blend.h holds the constants of rasterisation (METHOD.md section 1).
+// Projects the Gaussians and blends them front to back. kernels/math/blend.h holds the constants
+// of rasterisation. Fills `scratch` for the ops that follow on the same render.
+//
+// Fails, without writing the images, when memory is short or when there are about 2^31 (Gaussian,
+// tile) entries (the CPU stops at kMaxTileEntries).
 struct RenderArgs {
   ConstGaussianPlanes gaussians;
   PinholeView view;
-  float near_plane = 0.01f;  // scene units: nearer Gaussians are culled
-  int active_sh_degree = 0;  // <= gaussians.sh_degree
-  float background[3] = {0, 0, 0};
-  RenderScratch* scratch = nullptr;
-  DeviceSpan<float> color;       // [3, H, W]
-  DeviceSpan<float> alpha = {};  // [H, W] accumulated alpha, 1 - T; may be empty
-  DeviceSpan<float> depth = {};  // [H, W] sum of weight * z, not normalised; may be empty
-  bool inverse_depth = false;    // `depth` is the sum of weight / z; nothing else changes
-  bool for_backward = true;      // else RenderBackward fails: what it reads need not be kept
-  // 0: the host waits until the (Gaussian, tile) entries are counted and makes room for them. More:
-  // it waits for nothing (so that a step can be a graph) and takes room for so many entries. Where
-  // that is too few the render is void: the images are background, RenderBackward and Update with
-  // the scratch change nothing and counters[kNumVoidRenders] goes up. The caller reads the counters
-  // when it suits it and repeats what was void, with 0. The sizes of the scratch's buffers are then
-  // bounds: the counters hold the numbers. The CPU backend always makes room.
+  float near_plane = 0.01f;          // scene units; a Gaussian with z <= near_plane is culled
+  int active_sh_degree = 0;          // 0..gaussians.sh_degree; higher coefficients are not read
+  float background[3] = {0, 0, 0};   // rgb, on the scale of `color`
+  RenderScratch* scratch = nullptr;  // in and out; buffers are reused between renders
+  DeviceSpan<float> color;           // [3, H, W] rgb; photographs lie in [0, 1]
+  DeviceSpan<float> alpha = {};      // [H, W] accumulated alpha, 1 - T; empty: not written
+  DeviceSpan<float> depth = {};      // [H, W] sum of weight * z, not normalised; empty: not written
+  bool inverse_depth = false;        // `depth` is the sum of weight / z; nothing else changes
+  bool for_backward = true;          // false: keeps less, and RenderBackward fails on this scratch
+  // Capacity in (Gaussian, tile) entries. 0: the host waits for the number of entries and makes
+  // room for them. Above 0: the host waits for nothing, so that a step can be recorded
+  // as a graph (Backend::Sequence), and the buffers of the scratch are sized for this capacity;
+  // their sizes are then bounds, and the counters hold the numbers.
+  //
+  // If the capacity is too small the render overflows: the images are background, RenderBackward
+  // and Update change nothing, and counters[kNumVoidRenders] rises by one. The caller reads the
+  // counters when convenient and repeats an overflowed render with 0.
+  //
+  // The CPU backend ignores this field and always makes room.
   int64_t entry_room = 0;
 };
 
-// Loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), means over the pixels that
-// count and 3 channels. SSIM: 11x11 Gaussian window, sigma 1.5, zero padding at the border,
-// C1 = 0.01^2, C2 = 0.03^2.
+// Photometric loss of one view: (1 - ssim_weight) * L1 + ssim_weight * (1 - SSIM), each a mean over
+// the pixels that count and 3 channels. SSIM (Wang et al. 2004) has an 11x11 Gaussian window with
+// sigma 1.5, zero padding at the border, C1 = 0.01^2 and C2 = 0.03^2 (kernels/math/ssim.h).
+//
+// An ignored pixel shows the photograph in both images before the windows are taken, and is left
+// out of all sums: it affects no other pixel, and its gradient is 0. With all pixels ignored, all
+// sums and gradients are 0.
 struct ImageLossArgs {
-  int width = 0;
-  int height = 0;
+  int width = 0;                          // pixels
+  int height = 0;                         // pixels
   DeviceSpan<const float> color;          // [3, H, W] rendered
-  DeviceSpan<const uint8_t> target;       // [H, W, 3] photograph
-  DeviceSpan<const uint8_t> ignore = {};  // [H, W] non-zero: leave the pixel out; may be empty
-  float ssim_weight = 0.2f;
-  DeviceSpan<float> color_grad = {};  // [3, H, W]; may be empty: evaluate only
-  DeviceSpan<double> sums;            // [kNumImageLossSums]
+  DeviceSpan<const uint8_t> target;       // [H, W, 3] photograph; 255 is 1
+  DeviceSpan<const uint8_t> ignore = {};  // [H, W] non-zero: ignore the pixel; empty: none
+  float ssim_weight = 0.2f;               // [0, 1]
+  DeviceSpan<float> color_grad = {};      // [3, H, W] d loss / d color; empty: evaluate only
+  DeviceSpan<double> sums;                // [kNumImageLossSums]
 };
-enum ImageLossSum { kSumL1, kSumSsim, kSumSquared, kSumPixelChannels, kNumImageLossSums };
-// So L1 = sums[kSumL1] / sums[kSumPixelChannels], SSIM and MSE likewise. An ignored pixel shows the
-// photograph in both images before the windows are taken and is left out of all sums: it neither
-// pulls nor leaks, and its gradient is 0. All pixels ignored: all sums and gradients are 0.
+// Sums over the pixels that count and 3 channels: L1 = sums[kSumL1] / sums[kSumPixelChannels], and
+// likewise the mean SSIM and the mean squared error.
+enum ImageLossSum {
+  kSumL1,             // |color - target|
+  kSumSsim,           // SSIM of the windows centred on them
+  kSumSquared,        // (color - target)^2
+  kSumPixelChannels,  // 1: three times the number of pixels that count
+  kNumImageLossSums
+};
 
-// After Render with the same gaussians, view and scratch. Writes scratch->visible_grad.
+// Backward pass of Render: writes d loss / d Splat to scratch->visible_grad. Runs after a Render of
+// the same view with the same scratch. Fails with a fatal error unless that Render had
+// `for_backward`. Changes nothing after an overflowed render.
 struct RenderBackwardArgs {
   PinholeView view;
-  float background[3] = {0, 0, 0};
+  float background[3] = {0, 0, 0};          // as given to Render
   DeviceSpan<const float> color_grad;       // [3, H, W]
-  DeviceSpan<const float> alpha_grad = {};  // [H, W]; may be empty
-  DeviceSpan<const float> depth_grad = {};  // [H, W] of what Render blended; may be empty
+  DeviceSpan<const float> alpha_grad = {};  // [H, W]; empty: 0
+  // [H, W] with respect to the sum that Render wrote to `depth`, so only after a Render with
+  // `depth`; empty: 0.
+  DeviceSpan<const float> depth_grad = {};
   RenderScratch* scratch = nullptr;
 };
 
-// Projection backward: from scratch->visible_grad to the gradients of the parameters.
+// Backward pass of the projection: from scratch->visible_grad to the gradients of the parameters.
+// Runs after RenderBackward; `gaussians`, `view` and `active_sh_degree` are those of the Render.
+// Gradients that are not finite are written as they are.
 struct ProjectBackwardArgs {
   ConstGaussianPlanes gaussians;
   PinholeView view;
-  int active_sh_degree = 0;
+  int active_sh_degree = 0;  // <= grad.sh_degree
   RenderScratch* scratch = nullptr;
-  GaussianPlanes grad;  // all rows written; zero where a Gaussian is not visible
+  GaussianPlanes grad;  // [planes, N] 0 for Gaussians not visible and planes beyond the degree
 };
 
+// Learning rates of Adam by group of planes, in units of the stored parameters (gaussian_planes.h);
+// that of the mean is in scene units.
 struct LearningRates {
   float mean = 0, log_scale = 0, rotation = 0, opacity = 0, sh_dc = 0, sh_rest = 0;
 };
 
-// Per-Gaussian statistics for density control, accumulated over steps. Any span may be empty.
+// Statistics of each Gaussian for density control, accumulated by Update over the steps. A step
+// counts where the Gaussian is visible and its gradient is finite. An empty span is not kept.
 struct DensityStats {
   DeviceSpan<float> mean2d_grad_sum;  // [N] |d loss / d mean2d| in NDC units: x by W/2, y by H/2
   DeviceSpan<int32_t> num_visible;    // [N] views in which the Gaussian touched a tile
   DeviceSpan<float> max_radius;       // [N] largest 3-sigma radius seen, pixels
 };
 
-// Projection backward fused with Adam (Kingma & Ba 2015), one pass over the Gaussians. A Gaussian
-// that is not visible gets the gradient 0 and still moves by its moments, as dense Adam does. The
-// step count is per Gaussian. Rows with a non-finite gradient are skipped and counted. SH
-// coefficients beyond the active degree are left alone.
+// Projection backward fused with one step of Adam (Kingma & Ba 2015), in one pass over the
+// Gaussians. Runs after RenderBackward with the same scratch. Changes nothing after an overflowed
+// render.
+//
+// A Gaussian that is not visible has the gradient 0 and still moves by its moments, as dense Adam
+// does. Steps are counted for each Gaussian, so that the first step of a new one is no larger than
+// another's. Where a gradient is not finite, the Gaussian's parameters, moments, step count and
+// statistics stay as they are, and counters[kNumSkippedGradientRows] counts it. SH coefficients
+// beyond the active degree are left alone.
 struct UpdateArgs {
-  PinholeView view;
-  int active_sh_degree = 0;
+  PinholeView view;          // as given to Render
+  int active_sh_degree = 0;  // as given to Render
   LearningRates learning_rates;
   float beta1 = 0.9f, beta2 = 0.999f, epsilon = 1e-15f;
-  float min_log_scale = 0, max_log_scale = 0;  // kept within, when max > min
+  float min_log_scale = 0, max_log_scale = 0;  // bounds of log scales; max <= min: no bounds
   RenderScratch* scratch = nullptr;
   GaussianPlanes gaussians;         // in and out
-  GaussianPlanes moment1, moment2;  // in and out
-  DeviceSpan<int32_t> num_steps;    // [N] in and out
+  GaussianPlanes moment1, moment2;  // in and out, of the same count and degree
+  DeviceSpan<int32_t> num_steps;    // [N] in and out: steps of Adam so far
   DensityStats stats;               // in and out
 };
 
-// The rows of the blend matrix for chosen pixels, after Render with the same scratch: pixel p's
-// colour (or feature) is the sum over its row of weight * value[Gaussian]. Exact: same order, same
-// thresholds as Render.
+// Rows of the blend matrix for sampled pixels: the colour (or feature) of a pixel is the sum over
+// its row of weight * value[Gaussian], plus transmittance * background. Runs after a Render with
+// the same scratch, which need not be for backward. Exact: the order and thresholds are Render's.
+// The host waits for the number of entries.
 struct CaptureRowsArgs {
-  DeviceSpan<const int32_t> pixels;  // [S] y * width + x, in [0, H * W)
-  RenderScratch* scratch = nullptr;
-  Buffer<int32_t>* row_first = nullptr;       // [S + 1], sized by the op
-  Buffer<int32_t>* entry_gaussian = nullptr;  // [entries], sized by the op
-  Buffer<float>* entry_weight = nullptr;      // [entries], a_i T_i, sized by the op
-  DeviceSpan<float> pixel_alpha = {};         // [S] sum of the row; may be empty
-  DeviceSpan<float> pixel_depth = {};         // [S] sum of weight * z, not normalised; may be empty
+  DeviceSpan<const int32_t> pixels;      // [S] y * width + x, in [0, H * W); repeats are allowed
+  RenderScratch* scratch = nullptr;      // only read
+  Buffer<int32_t>* row_first = nullptr;  // [S + 1] first entry of each row; sized by the op
+  Buffer<int32_t>* entry_gaussian = nullptr;  // [entries] front to back; sized by the op
+  Buffer<float>* entry_weight = nullptr;      // [entries] alpha_i T_i, above 0; sized by the op
+  DeviceSpan<float> pixel_alpha = {};  // [S] sum of the weights of the row; empty: not written
+  // [S] sum of weight * z, not normalised, in scene units even after a render of inverse depth;
+  // empty: not written.
+  DeviceSpan<float> pixel_depth = {};
 };
 
-inline constexpr int kFeatureSize = 32;
+inline constexpr int kFeatureSize = 32;  // numbers in the feature of a Gaussian
 
-// IEEE binary16 as stored; conversion is the backend's business.
+// IEEE 754 binary16 as stored. Each backend converts it with its own instructions.
 struct Half {
   uint16_t bits;
 };
 
-// A feature map of a view, after Render with the same scratch.
+// Feature map of a view. Runs after a Render with the same scratch, which need not be for backward.
 struct RenderFeaturesArgs {
   DeviceSpan<const float> features;  // [N, 32]
-  RenderScratch* scratch = nullptr;
-  // [H * W, 32] sum of weight * feature; with confidences the weights are shared out by them:
+  RenderScratch* scratch = nullptr;  // only read
+  // [H * W, 32] sum of weight * feature. With confidences the weights are redistributed by them:
   // sum(weight) * sum(weight * confidence * feature) / sum(weight * confidence).
   DeviceSpan<Half> map;
-  DeviceSpan<const float> confidence = {};  // [N] over 0; may be empty
+  DeviceSpan<const float> confidence = {};  // [N] above 0; empty: all are 1
 };
 
 }  // namespace pepeseg
