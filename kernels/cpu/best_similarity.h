@@ -11,7 +11,7 @@
 
 namespace pepeseg {
 
-// Queries as the SIMD kernel takes them: gated, of length 1.
+// Returns the queries as SimdKernels::similarity takes them, [num_queries, 32]: gated, of length 1.
 inline std::vector<float> GatedUnits(const float* psi, DeviceSpan<const float> queries) {
   std::vector<float> units(static_cast<size_t>(queries.size));
   for (int64_t first = 0; first < queries.size; first += kFeatureSize) {
@@ -20,7 +20,8 @@ inline std::vector<float> GatedUnits(const float* psi, DeviceSpan<const float> q
   return units;
 }
 
-// The largest of each column of [rows, count]; -infinity, where there is no row.
+// Writes the largest value of each column of [num_rows, count] to best[count]; -infinity if there
+// is no row. A NaN takes no part.
 inline void BestOfRows(const float* rows, int64_t num_rows, int64_t count, float* best) {
   std::fill_n(best, count, -std::numeric_limits<float>::infinity());
   for (int64_t row = 0; row < num_rows; ++row) {
@@ -29,12 +30,14 @@ inline void BestOfRows(const float* rows, int64_t num_rows, int64_t count, float
   }
 }
 
-// Each pixel's best similarity to the first num_positive queries and to the others: [count] each.
+// The largest similarity of each pixel to the positive queries and to the others, [count] each.
 struct BestSimilarity {
   const float* positive;
   const float* negative;
 };
-// `scratch`: [num_queries + 2, count].
+// Computes them for the `count` pixels of queries.map, of which the first num_positive queries are
+// positive. `units` is from GatedUnits. The result points into `scratch`, [num_queries + 2, count];
+// queries.similarity is not used.
 inline BestSimilarity BestSimilarityOf(const SimdKernels& simd, const SimilarityArgs& queries,
                                        const float* units, int num_positive, float* scratch) {
   const int64_t count = queries.map.size / kFeatureSize;

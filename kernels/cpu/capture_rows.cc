@@ -8,13 +8,18 @@
 #include "kernels/cpu/tile_splats.h"
 #include "kernels/math/blend.h"
 
+// Rows of the blend matrix. Sampled pixels are grouped by tile and pair of scanlines, because the
+// SIMD walk works on two scanlines at once; a task walks one group. The first pass counts the
+// entries of each row; after the prefix sum over the rows a second pass writes them. Each row is
+// written by one task, so the result does not depend on the number of threads.
+
 namespace pepeseg {
 namespace {
 
-// A sampled pixel by its place: the tile, the pair of rows in it, the pixel in these.
+// A sampled pixel, ordered by its place: the tile, the pair of scanlines in it, the pixel in these.
 struct Sample {
   int64_t place;
-  int64_t number;  // in the arguments
+  int64_t number;  // index in CaptureRowsArgs::pixels
 
   friend bool operator<(const Sample& a, const Sample& b) {
     return std::tie(a.place, a.number) < std::tie(b.place, b.number);
@@ -35,14 +40,14 @@ std::vector<Sample> SamplesByPlace(const RenderScratch& scratch, DeviceSpan<cons
   return samples;
 }
 
-// The samples in one pair of rows of a tile, which are walked at once.
+// The samples in one pair of scanlines of a tile, which are walked together.
 struct Group {
   std::span<const Sample> samples;
-  TileSplats tile = {};         // its entries up to the last that any of the pixels needs
-  std::vector<int32_t> pixels;  // in the tile, each once, ascending
+  TileSplats tile = {};         // cut after the last entry that any of the pixels has seen
+  std::vector<int32_t> pixels;  // within the tile, ascending, without repeats
   std::vector<float> weights;   // [pixels, tile.count]
 
-  // [tile.count] of one of the samples.
+  // Weights of one of the samples, [tile.count].
   const float* WeightsOf(const Sample& sample) const {
     const auto pixel = static_cast<int32_t>(sample.place % (kPairs * kPairPixels));
     const auto at = std::lower_bound(pixels.begin(), pixels.end(), pixel);
@@ -50,6 +55,7 @@ struct Group {
   }
 };
 
+// Splits sorted samples where the pair of scanlines changes.
 std::vector<Group> GroupsOf(std::span<const Sample> samples) {
   std::vector<Group> groups;
   for (size_t first = 0, end = 0; first < samples.size(); first = end) {
@@ -60,6 +66,7 @@ std::vector<Group> GroupsOf(std::span<const Sample> samples) {
   return groups;
 }
 
+// Computes the weights of all entries at the pixels of a group; 0 where an entry is skipped.
 void FindWeights(const SimdKernels& simd, const CaptureRowsArgs& args, Group& group) {
   const RenderScratch& scratch = *args.scratch;
   group.tile = TileAt(scratch, group.samples[0].place / (kPairs * kPairPixels));
@@ -74,7 +81,7 @@ void FindWeights(const SimdKernels& simd, const CaptureRowsArgs& args, Group& gr
   simd.pixel_weights(group.tile, group.pixels, group.weights.data());
 }
 
-// The entries of one sample, from its first on.
+// Writes the row of one sample, whose first entry is known, with its alpha and depth.
 void WriteRow(const CaptureRowsArgs& args, const Group& group, const Sample& sample) {
   const RenderScratch& scratch = *args.scratch;
   const int32_t* gaussians = scratch.visible_gaussian.span().data;

@@ -8,13 +8,15 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 64;  // pixels a task
+constexpr int64_t kChunk = 64;  // pixels of a task, and the granularity of the gate's sums
 
 struct NearCentroid {
   int index = -1;
   float cosine = 0;
 };
 
+// Returns the centroid with the largest cosine above min_cosine; index -1 if there is none. Of
+// equal ones the first.
 NearCentroid FindNear(const CentroidLossArgs& args, const float* unit) {
   NearCentroid best = {-1, args.min_cosine};
   for (int64_t k = 0; k < args.centroids.size / kFeatureSize; ++k) {
@@ -28,6 +30,8 @@ NearCentroid FindNear(const CentroidLossArgs& args, const float* unit) {
 
 }  // namespace
 
+// Two parallel passes over the pixels, with the mean's count summed serially in between. Gradients
+// of the gate are summed for each chunk, then over the chunks in their order.
 void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
   if (failed()) return;
   const int64_t num_pixels = args.pixel_features.size / kFeatureSize;

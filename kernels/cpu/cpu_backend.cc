@@ -9,12 +9,13 @@
 namespace pepeseg {
 namespace {
 
-// Ahead of every block stands its size, in a cache line of its own.
+// Each block is preceded by its size, in a cache line of its own.
 constexpr size_t kHeaderBytes = 64;
-// Blocks from a few of these up ask for huge pages: planes of Gaussians are walked a hundred at a
-// time, more than the address cache has entries for small pages.
+// Blocks of at least two huge pages ask for them. About a hundred planes of Gaussians are walked at
+// a time, more than the TLB has entries for small pages.
 constexpr size_t kHugePage = size_t{1} << 21;
 
+// Returns zero-filled memory, aligned to a cache line or a huge page, or nullptr.
 std::byte* AllocateZeros(size_t num_bytes) {
   const bool huge = num_bytes >= 2 * kHugePage;
   const size_t align = huge ? kHugePage : kHeaderBytes;
@@ -22,7 +23,7 @@ std::byte* AllocateZeros(size_t num_bytes) {
   void* block = std::aligned_alloc(align, total);
   if (block == nullptr) return nullptr;
 #ifdef MADV_HUGEPAGE
-  if (huge) madvise(block, total, MADV_HUGEPAGE);  // advice: no matter if it is not taken
+  if (huge) madvise(block, total, MADV_HUGEPAGE);  // only advice, so errors are ignored
 #endif
   std::memset(block, 0, num_bytes);
   return static_cast<std::byte*>(block);
@@ -67,6 +68,7 @@ void* CpuBackend::Allocate(size_t num_bytes) {
   }
   std::memcpy(block, &num_bytes, sizeof(num_bytes));
   const size_t now = bytes_in_use_ += num_bytes;
+  // Raises the peak without a lock; other threads allocate meanwhile.
   size_t peak = peak_bytes_;
   while (now > peak && !peak_bytes_.compare_exchange_weak(peak, now)) {
   }

@@ -11,7 +11,11 @@
 
 namespace pepeseg {
 
-// The CPU implementation: each op stands in the file of its name beside this one.
+// The CPU implementation. Each op is in the file of its name next to this one, and its inner loops
+// in simd/. An op splits its work into tasks whose size does not depend on the number of threads,
+// runs them on the pool, and adds the results of the tasks in their order: this is why results do
+// not depend on the number of threads. Ops called from several threads run their parallel parts one
+// at a time (ThreadPool).
 class CpuBackend final : public Backend {
  public:
   explicit CpuBackend(int num_threads);
@@ -69,15 +73,17 @@ class CpuBackend final : public Backend {
   void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
-  void Fail(const BackendError& error);    // the first one is kept
-  bool failed() const { return failed_; }  // then ops return at once
+  // Keeps the error if there is none yet. From any thread.
+  void Fail(const BackendError& error);
+  // True while an error is kept; every op then returns at once.
+  bool failed() const { return failed_; }
 
   ThreadPool pool_;
   const SimdKernels& simd_;
   std::atomic<size_t> bytes_in_use_ = 0, peak_bytes_ = 0;
-  std::atomic<bool> failed_ = false;
+  std::atomic<bool> failed_ = false;  // whether error_ is set, readable without the lock
   mutable std::mutex error_mutex_;
-  BackendError error_;
+  BackendError error_;  // guarded by error_mutex_
 };
 
 }  // namespace pepeseg

@@ -6,15 +6,22 @@
 #include "kernels/cpu/cpu_backend.h"
 #include "kernels/math/depth.h"
 
+// Depth loss in two passes over bands of scanlines: the first normalises the depth and sums the
+// moments of the fit, the second compares. Moments of windows are box sums: those of the columns
+// slide down the band, those of the window slide along each scanline. Each band starts its own
+// columns, so that its result does not depend on which thread had the band above. All moments are
+// double, because the sliding sums subtract what they added.
+
 namespace pepeseg {
 namespace {
 
-constexpr int kBandRows = 32;  // a task, and the order of the sums
+constexpr int kBandRows = 32;  // scanlines of a task, and the granularity of the sums
 
+// A task and its sums; `patch` is the rectangle of DepthLocalForm::kPatch.
 struct Band {
   int first_row, end_row;
   DepthMoments<double> view = {}, patch = {};
-  double view_error = 0, local_error = 0;
+  double view_error = 0, local_error = 0;  // sums of |residual|, not weighted
 };
 
 struct DepthJob {
@@ -27,11 +34,12 @@ bool IsInside(const PixelBox& box, int x, int y) {
   return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
 }
 
+// False also where there is no local term at all.
 bool FitsWindows(const DepthLossArgs& args) {
   return args.local_form == DepthLocalForm::kWindows && args.local_weight > 0;
 }
 
-// Writes the band's x and its moments.
+// Writes x and the moments of a band. Moments are summed for each scanline first.
 void GatherBand(const DepthJob& job, Band& band) {
   const DepthLossArgs& args = *job.args;
   for (int y = band.first_row; y < band.end_row; ++y) {
@@ -53,12 +61,12 @@ void GatherBand(const DepthJob& job, Band& band) {
   }
 }
 
-// Moments of the columns of a band of rows that moves down, as five planes of [width].
+// Moments of each column over the scanlines of the windows, as five planes of [width].
 class ColumnMoments {
  public:
   explicit ColumnMoments(int width) : width_(width), planes_(size_t{5} * width) {}
 
-  // sign: 1 to add the row, -1 to take it away.
+  // Adds a scanline with sign 1, removes it with sign -1. Branch-free, so that it vectorises.
   void AddRow(const float* x, const float* d, double sign) {
     double* const count = planes_.data();
     double *const sum_x = count + width_, *const sum_d = sum_x + width_;
@@ -83,6 +91,7 @@ class ColumnMoments {
   std::vector<double> planes_;
 };
 
+// Writes the gradients of one pixel that counts and adds its errors.
 void ComparePixel(const DepthJob& job, int64_t i, const ScaleShift<float>& local, float local_grad,
                   Band& band) {
   const DepthLossArgs& args = *job.args;
@@ -94,6 +103,7 @@ void ComparePixel(const DepthJob& job, int64_t i, const ScaleShift<float>& local
   band.local_error += compared.local_error;
 }
 
+// Slides the window along scanline y, of which `columns` holds the moments.
 void CompareRowInWindows(const DepthJob& job, const ColumnMoments& columns, int y, Band& band) {
   const DepthLossArgs& args = *job.args;
   const int radius = args.window_radius;
@@ -142,6 +152,7 @@ void CompareBandInPatch(const DepthJob& job, Band& band) {
   }
 }
 
+// Adds the bands in their order.
 Band SumOf(const std::vector<Band>& bands) {
   Band all = {};
   for (const Band& band : bands) {

@@ -5,10 +5,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 64;  // rows a task
+constexpr int64_t kChunk = 64;  // rows of a task
 
 }  // namespace
 
+// Each row is summed by one task, in the order of its entries.
 void CpuBackend::FeatureRows(const FeatureRowsArgs& args) {
   if (failed()) return;
   const int64_t count = args.rows.first.size - 1;

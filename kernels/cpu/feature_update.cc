@@ -6,7 +6,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 256;  // rows a task
+constexpr int64_t kChunk = 256;  // Gaussians of a task
 
 }  // namespace
 
@@ -19,6 +19,7 @@ void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
   });
 }
 
+// Columns are independent of each other. The gate, of kGateSize numbers, is updated serially.
 void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
   if (failed()) return;
   const int64_t count = args.columns.gaussian.size;
@@ -26,6 +27,7 @@ void CpuBackend::FeatureUpdate(const FeatureUpdateArgs& args) {
     simd_.feature_update(args, {i * kChunk, std::min(count, (i + 1) * kChunk)});
   });
   const FeatureRates& r = args.rates;
+  // c(step) holds both bias corrections, see FeatureState.
   const AdamRates<float> rates = {r.beta1, r.beta2, r.epsilon, r.correction[args.step], 1};
   for (int k = 0; k < kGateSize; ++k) {
     args.gate[k] += AdamStep(rates, r.learning_rate, args.gate_grad[k], args.gate_moment1[k],

@@ -5,6 +5,7 @@
 namespace pepeseg {
 namespace {
 
+// One plane, or the numbers that go with the Gaussians.
 template <class T>
 void Gather(const GatherRowsArgs& args, const T* from, T* to) {
   for (int64_t i = 0; i < args.source.size; ++i) {
@@ -16,6 +17,7 @@ void Gather(const GatherRowsArgs& args, const T* from, T* to) {
 
 }  // namespace
 
+// A task is a plane, so that reads stay within one stream of memory.
 void CpuBackend::GatherRows(const GatherRowsArgs& args) {
   if (failed()) return;
   assert(args.from.sh_degree == args.to.sh_degree && args.source.size == args.to.count);

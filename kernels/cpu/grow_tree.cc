@@ -6,6 +6,11 @@
 #include <numeric>
 #include <vector>
 
+// Prim's algorithm by components. The points outside the tree are kept as columns without gaps, so
+// that the SIMD kernel relaxes whole groups of them; a point that joins is replaced by the last
+// column. Columns are relaxed in parallel and independently, and the least edge is chosen serially
+// by the total order of edges, so the tree depends neither on threads nor on the order of columns.
+
 namespace pepeseg {
 namespace {
 
@@ -15,8 +20,9 @@ int32_t RoundUp(int32_t count, int32_t multiple) {
   return (count + multiple - 1) / multiple * multiple;
 }
 
-// The points outside of the tree, as columns [0, count). Behind them stand columns that are
-// infinitely far from everything and have the least edge that there can be at such a distance.
+// The points outside the tree, as columns [0, count). They are padded with columns that are
+// infinitely far from everything. Padding comes from point -1, which no row is below, so relaxing
+// never changes it.
 class Outside {
  public:
   Outside(const GrowTreeArgs& args, int32_t count)
@@ -34,8 +40,10 @@ class Outside {
   int32_t count() const { return count_; }
   int32_t padded() const { return RoundUp(count_, kTreeColumns); }
 
+  // Moves the last column into the place of `point`.
   void Remove(int32_t point) {
     const int32_t hole = place_[point], last = --count_;
+    // Channel c of a column is c * kTreeColumns after its channel 0 (tree_jobs.h).
     const auto channel0 = [&](int32_t column) {
       return columns_ + int64_t{column / kTreeColumns} * kTreeColumns * kFeatureSize +
              column % kTreeColumns;
@@ -52,9 +60,10 @@ class Outside {
     from_[last] = -1;
   }
 
+  // A job over the columns; the rows are still to be set.
   RelaxJob Job() { return {columns_, core_.data(), reach_.data(), from_.data(), {}, {}, {}, 0}; }
 
-  // The least edge between the tree and a point outside, which is written to `joining`.
+  // Returns the least edge between the tree and a point outside, and that point in `joining`.
   TreeEdge LeastEdge(const SimdKernels& simd, int32_t& joining) const {
     const float squared = simd.least_of(reach_.data(), padded());
     TreeEdge least = {squared, kNoPoint, kNoPoint};
@@ -77,7 +86,8 @@ class Outside {
   std::vector<int32_t> place_;         // point -> column
 };
 
-// Points that join the tree, padded with ones that are near nothing.
+// Points that join the tree, padded to a multiple of kTreeRows with points that are infinitely far
+// from everything.
 struct Joining {
   std::vector<float> rows, core;
   std::vector<int32_t> points;
@@ -96,13 +106,14 @@ struct Joining {
   }
 };
 
+// Shortens the edges from all points outside to the tree by way of the points that join.
 void Relax(const Joining& joining, const SimdKernels& simd, ThreadPool& pool, Outside& outside) {
   RelaxJob job = outside.Job();
   job.rows = joining.rows.data();
   job.row_core = joining.core.data();
   job.row_points = joining.points.data();
   job.num_rows = static_cast<int>(joining.points.size());
-  // Waking the pool takes as long as some thousands of pairs.
+  // Waking the pool takes as long as some thousands of pairs, so small jobs run on this thread.
   constexpr int32_t kPairsOfTask = 65536;
   const int32_t padded = outside.padded();
   const int32_t width = RoundUp(kPairsOfTask / job.num_rows + 1, kTreeColumns);
@@ -113,7 +124,7 @@ void Relax(const Joining& joining, const SimdKernels& simd, ThreadPool& pool, Ou
   });
 }
 
-// The points of each component: a span of `points` for the component's name.
+// The points of each component, in spans of `points` by the component's name.
 struct Members {
   std::vector<int32_t> points, first;
 

@@ -7,12 +7,13 @@
 namespace pepeseg {
 namespace {
 
+// Number of pixels that are not ignored.
 int64_t CountPixels(const ImageLossArgs& args) {
   if (args.ignore.empty()) return int64_t{args.width} * args.height;
   return std::count(args.ignore.data, args.ignore.data + args.ignore.size, uint8_t{0});
 }
 
-// Lays a band's rows out in `memory`, all zero.
+// Returns a band whose scanlines are laid out in `memory`, all zero: the margins must be.
 LossBand MakeBand(const ImageLossArgs& args, int64_t num_counted, std::vector<float>& memory) {
   LossBand band = {};
   band.args = &args;
@@ -33,6 +34,9 @@ LossBand MakeBand(const ImageLossArgs& args, int64_t num_counted, std::vector<fl
 
 }  // namespace
 
+// A task is a band of scanlines of one channel (simd/image_loss.cc). Bands have the same height
+// whatever the number of threads, and their sums are added in their order. Each thread has working
+// memory of its own.
 void CpuBackend::ImageLoss(const ImageLossArgs& args) {
   if (failed()) return;
   const int64_t num_counted = CountPixels(args);

@@ -5,22 +5,22 @@
 
 namespace pepeseg {
 
-inline constexpr int kLossBandRows = 48;  // of one channel: a task, and the order of the sums
-inline constexpr int kRowMargin = 16;     // floats of zero left and right of a row: >= any lanes
+inline constexpr int kLossBandRows = 48;  // scanlines of a task, and the granularity of the sums
+inline constexpr int kRowMargin = 16;  // zeros on either side of a scanline, >= kLanes and radius
 inline constexpr int kRingRows = 2 * kSsimRadius + 1;
 
-// Some rows of one channel and what is kept while streaming down them. Rows stand `pitch` apart,
-// and their pointers are at column 0, after the margin.
+// Scanlines [first_row, end_row) of one channel, and the working memory for streaming down them.
+// Scanlines are `pitch` floats apart, and pointers are at column 0, after the margin.
 struct LossBand {
   const ImageLossArgs* args;
-  float l1_weight, ssim_weight;  // of one pixel of one channel
+  float l1_weight, ssim_weight;  // of one pixel of one channel: loss weight / count
   int channel, first_row, end_row;
-  int pitch;                       // width rounded up to 16, and two margins
-  float *x, *y;                    // a row of both images
-  float* counts;                   // 1, or 0 where the pixel is left out
-  float* moment_grad[3];           // of the windows centred in a row
-  float* moments;                  // [4, kRingRows, pitch] filtered across; row r at r % kRingRows
-  float* gathered;                 // [3, kRingRows, pitch] moment_grad filtered across
+  int pitch;              // width rounded up to 16, and two margins
+  float *x, *y;           // a scanline of the rendered image and of the photograph
+  float* counts;          // 1, or 0 where the pixel is ignored
+  float* moment_grad[3];  // gradients of the moments of windows centred on a scanline
+  float* moments;   // [4, kRingRows, pitch] moments filtered across; scanline r at r % kRingRows
+  float* gathered;  // [3, kRingRows, pitch] moment_grad filtered across
   double sums[kNumImageLossSums];  // out
 };
 

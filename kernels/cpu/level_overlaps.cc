@@ -8,12 +8,13 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 1024;  // pixels a task: what is looked at stays in the cache
+constexpr int64_t kChunk = 1024;  // pixels of a task: its similarities stay in the cache
 
+// Writes the threshold levels of `count` pixels.
 void FillLevels(DeviceSpan<const float> thresholds, const BestSimilarity& best, int64_t count,
                 uint8_t* levels) {
   std::fill_n(levels, count, uint8_t{0});
-  for (int64_t t = 0; t < thresholds.size; ++t) {  // a pass each, which the compiler makes SIMD of
+  for (int64_t t = 0; t < thresholds.size; ++t) {  // one pass each, so that it vectorises
     const float threshold = thresholds.data[t];
     for (int64_t i = 0; i < count; ++i) levels[i] += best.positive[i] > threshold ? 1 : 0;
   }
@@ -22,8 +23,8 @@ void FillLevels(DeviceSpan<const float> thresholds, const BestSimilarity& best, 
   }
 }
 
-// Adds the pixels of a chunk to `counts` [scales, scales, side, side]. `levels`: of the chunk's
-// first pixel; that of the next scale stands `stride` after it.
+// Adds the pixels of a chunk to `counts` [scales, scales, side, side], for pairs of scales a <= b.
+// `levels` is at the chunk's first pixel; the next scale is `stride` after it.
 void CountPairs(const uint8_t* levels, int64_t stride, int64_t count, int num_scales, int side,
                 int32_t* counts) {
   uint8_t of_pixel[kMaxLevelScales];
@@ -40,6 +41,8 @@ void CountPairs(const uint8_t* levels, int64_t stride, int64_t count, int num_sc
 
 }  // namespace
 
+// A task takes its pixels through all scales. Each thread counts in an array of its own; counts are
+// integers, so the order in which the arrays are added does not matter.
 void CpuBackend::LevelOverlaps(const LevelOverlapsArgs& args) {
   if (failed()) return;
   const int64_t num_pixels = args.map.size / kFeatureSize;
@@ -72,7 +75,7 @@ void CpuBackend::LevelOverlaps(const LevelOverlapsArgs& args) {
   for (size_t i = 0; i < counts.size(); ++i) {
     args.overlaps.data[static_cast<int64_t>(i) % args.overlaps.size] += counts[i];
   }
-  // Where another scale has a level, a pixel of none at these two was counted, too.
+  // CountPairs also counted pixels of level 0 at both scales if they have a level at another.
   for (int64_t pair = 0; pair < args.overlaps.size; pair += side * side) {
     args.overlaps.data[pair] = 0;
   }

@@ -5,7 +5,7 @@
 
 namespace pepeseg {
 
-// Gaussian i of planes that the host may read.
+// Returns mean, log scales and rotation of Gaussian i. The host must be able to read the planes.
 inline GaussianShape<float> LoadShape(const ConstGaussianPlanes& planes, int64_t i) {
   const auto at = [&](int plane) { return planes.Plane(plane)[i]; };
   return {

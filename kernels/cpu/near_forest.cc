@@ -9,12 +9,14 @@
 namespace pepeseg {
 namespace {
 
-// What is known of the edges that leave a component.
+// What the lists tell about the edges that leave a component.
 struct Leaving {
-  TreeEdge least = {INFINITY, -1, -1};  // of those in the lists
-  float others = INFINITY;              // what all others are at least
+  TreeEdge least = {INFINITY, -1, -1};  // the least edge in the lists
+  float others = INFINITY;              // lower bound of all edges not in the lists, squared
 };
 
+// Returns the edges that leave each component, at the index of its name. An edge that is not in the
+// list of a point is at least as long as the last of the list.
 std::vector<Leaving> EdgesLeaving(const NeighbourLists& lists,
                                   const std::vector<int32_t>& component) {
   std::vector<Leaving> leaving(lists.num_points);
@@ -24,7 +26,7 @@ std::vector<Leaving> EdgesLeaving(const NeighbourLists& lists,
     own.others = std::min(own.others, list[lists.k - 1].squared);
     for (int i = 0; i < lists.k; ++i) {
       const int32_t other = list[i].point;
-      // Distances ascend, and an edge is no shorter than its distance.
+      // Distances ascend, and an edge is never shorter than its distance.
       if (other < 0 || list[i].squared > own.least.squared) break;
       if (component[other] == component[point]) continue;
       const float squared = MutualReach(list[i].squared, lists.core[point], lists.core[other]);
@@ -35,23 +37,25 @@ std::vector<Leaving> EdgesLeaving(const NeighbourLists& lists,
   return leaving;
 }
 
+// Returns the root of a point in the union-find forest, halving the path.
 int32_t RootOf(std::vector<int32_t>& parent, int32_t point) {
   while (parent[point] != point) point = parent[point] = parent[parent[point]];
   return point;
 }
 
-// Adds the least edge of each component that is known to have it; false when there is none.
+// One round of Boruvka: adds the least edge of each component for which the lists prove it. Returns
+// false if there was none.
 bool Round(const NeighbourLists& lists, Forest& forest) {
   const size_t before = forest.edges.size();
   std::vector<int32_t>& component = forest.component;
   std::vector<int32_t> parent(lists.num_points);
   std::iota(parent.begin(), parent.end(), 0);
   for (const Leaving& leaving : EdgesLeaving(lists, component)) {
-    // An equal edge outside of the lists might be the one of the lower points.
+    // Strictly less: an equal edge outside the lists might join lower points and come first.
     if (!(leaving.least.squared < leaving.others)) continue;
     const int32_t a = RootOf(parent, component[leaving.least.a]);
     const int32_t b = RootOf(parent, component[leaving.least.b]);
-    if (a == b) continue;  // the other component's least edge is the same
+    if (a == b) continue;  // the other component chose the same edge
     parent[std::max(a, b)] = std::min(a, b);
     forest.edges.push_back(leaving.least);
   }

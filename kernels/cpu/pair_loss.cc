@@ -8,6 +8,7 @@
 namespace pepeseg {
 namespace {
 
+// sums[k] = share * the sum over the blocks in their order, for k from first to last.
 void AddSums(const std::vector<PairBlock>& blocks, PairLossSum first, PairLossSum last,
              double share, DeviceSpan<double> sums) {
   for (int k = first; k <= last; ++k) {
@@ -16,8 +17,10 @@ void AddSums(const std::vector<PairBlock>& blocks, PairLossSum first, PairLossSu
   }
 }
 
+// 1 / count, or 0 for none.
 float Inverse(double count) { return count == 0 ? 0.0f : static_cast<float>(1 / count); }
 
+// Adds the blocks' gradients of psi in their order and passes them on to the gate.
 void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
   const PairLossArgs& args = *job.args;
   std::fill_n(args.gate_grad.data, kGateSize, 0.0f);
@@ -35,9 +38,10 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
 
 }  // namespace
 
-// Correlations in blocks of pixels p against all q; each block writes its own gradients, so the
-// order of all sums is fixed. Positives and negatives are gathered apart because their means need
-// counts that are known only at the end.
+// A task is a block of kPairRows pixels p, which it compares with all pixels q. Each ordered pair
+// is thus evaluated once, twice the work of unordered ones, but each block writes only the
+// gradients of its own pixels, in a fixed order. Gradients of positives and negatives are gathered
+// apart, because their means need counts that are known only after all blocks.
 void CpuBackend::PairLoss(const PairLossArgs& args) {
   if (failed()) return;
   PairPlan plan(args);
@@ -54,7 +58,7 @@ void CpuBackend::PairLoss(const PairLossArgs& args) {
   for_each_block([&](PairBlock& block) { simd_.gate_pixels(job, block.first, block.end); });
   for_each_block([&](PairBlock& block) { simd_.pair_rows(job, block); });
 
-  AddSums(blocks, kPositiveLoss, kNumNegatives, 0.5, args.sums);
+  AddSums(blocks, kPositiveLoss, kNumNegatives, 0.5, args.sums);  // ordered pairs count twice
   args.sums[kNumNormPixels] = static_cast<double>(
       std::count_if(args.pixel_alpha.data, args.pixel_alpha.data + job.num_pixels,
                     [&](float alpha) { return alpha > args.min_norm_alpha; }));

@@ -9,7 +9,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMinHardShare = 0.05;  // of all pairs, for the number of easy ones
+// Share of all pairs that counts as hard at least, for the number of easy ones.
+constexpr double kMinHardShare = 0.05;
 
 }  // namespace
 
@@ -38,6 +39,7 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
   job.unit_grad = unit_grad_.data();
 }
 
+// psi of each scale.
 void PairPlan::GateScales(const PairLossArgs& args) {
   psi_.resize(args.scales.size * kFeatureSize);
   for (int64_t scale = 0; scale < args.scales.size; ++scale) {
@@ -45,6 +47,8 @@ void PairPlan::GateScales(const PairLossArgs& args) {
   }
 }
 
+// Compares the labels of all pairs of mask cells at all scales, so that the loop over pixel pairs
+// needs only a table look-up. Padding pixels are in cell 0; they are masked out later.
 void PairPlan::ComparePatches(const PairLossArgs& args) {
   patch_.assign(job.padded, 0);
   std::copy_n(args.pixel_patch.data, job.num_pixels, patch_.begin());
@@ -62,7 +66,8 @@ void PairPlan::ComparePatches(const PairLossArgs& args) {
   }
 }
 
-// So that the draws give the asked number of easy pairs on average.
+// Chooses the limits of the hash so that the draw yields the wanted number of easy pairs on
+// average. Pairs are counted by mask cell.
 void PairPlan::LimitDraws(const PairLossArgs& args) {
   std::vector<double> num_pixels(args.num_patches);
   for (int p = 0; p < job.num_pixels; ++p) ++num_pixels[args.pixel_patch[p]];
@@ -76,7 +81,7 @@ void PairPlan::LimitDraws(const PairLossArgs& args) {
       (agrees == all ? positive : agrees == 0 ? negative : hard) += pairs;
     }
   }
-  // Masks that do not nest make no hard pair; something must hold objects together all the same.
+  // Masks that do not nest make no hard pairs, but objects must be held together all the same.
   hard = std::max(hard, kMinHardShare * (hard + positive + negative));
   const auto limit = [&](double available) {
     const double share = available == 0 ? 0 : std::min(1.0, args.easy_share * hard / available);
@@ -86,6 +91,8 @@ void PairPlan::LimitDraws(const PairLossArgs& args) {
   job.negative_limit = limit(negative);
 }
 
+// Finds base and slope that map the products of pixel weights to [1, 10]. The extreme products are
+// those of the two smallest and of the two largest weights.
 void PairPlan::ScaleWeights(const PairLossArgs& args) {
   pixel_weight_.assign(job.padded, 0.0f);
   std::copy_n(args.pixel_weight.data, job.num_pixels, pixel_weight_.begin());
@@ -95,7 +102,7 @@ void PairPlan::ScaleWeights(const PairLossArgs& args) {
   std::sort(sorted.begin(), sorted.end());
   const double low = double{sorted[0]} * sorted[1];
   const double high = double{sorted[sorted.size() - 1]} * sorted[sorted.size() - 2];
-  constexpr double kRange = 9;  // to [1, 10]
+  constexpr double kRange = 9;  // from 1 to 10
   if (high - low <= 1e-6 * high) return;
   job.weight_slope = static_cast<float>(kRange / (high - low));
   job.weight_base = static_cast<float>(1 - kRange * low / (high - low));

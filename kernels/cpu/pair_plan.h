@@ -6,7 +6,8 @@
 
 namespace pepeseg {
 
-// What PairLoss knows before it sees a feature, and the memory of its passes.
+// Everything of PairLoss that does not depend on features, and the working memory of its passes.
+// `job` points into the plan and into `args`, which must outlive it.
 struct PairPlan {
   explicit PairPlan(const PairLossArgs& args);
 

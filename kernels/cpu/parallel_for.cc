@@ -2,6 +2,13 @@
 
 #include <algorithm>
 
+// Locking. mutex_ guards body_, count_, generation_, num_working_ and stopping_. next_ is atomic,
+// so that tasks are taken without the lock; while the pool is idle only the caller changes it. Each
+// parallel region has a number, generation_: a worker that finds a new one copies body and count,
+// takes tasks until none is left and signs off by num_working_. ParallelFor returns only when all
+// workers have signed off, so no worker can see a body that is gone, and everything that the tasks
+// wrote is visible to the caller. caller_mutex_ is held for the whole region and taken first.
+
 namespace pepeseg {
 
 ThreadPool::ThreadPool(int num_threads) {

@@ -8,7 +8,8 @@
 
 namespace pepeseg {
 
-// Runs the SIMD update over all `count` Gaussians in chunks; returns the rows that were skipped.
+// Runs SimdKernels::update over all job.count Gaussians, in chunks, and returns the number of
+// Gaussians that were skipped. Sets splats, grads, visible and the range of each chunk's job.
 inline int64_t UpdateInChunks(ThreadPool& pool, const SimdKernels& simd,
                               const RenderScratch& scratch, ParameterJob job) {
   constexpr int64_t kChunk = 512;
@@ -21,6 +22,7 @@ inline int64_t UpdateInChunks(ThreadPool& pool, const SimdKernels& simd,
     ParameterJob part = job;
     part.first = chunk * kChunk;
     part.count = std::min(kChunk, count - part.first);
+    // Inverts the part of visible_gaussian that lies in the chunk; it ascends.
     int32_t visible_of[kChunk];
     std::fill_n(visible_of, kChunk, -1);
     const int32_t* end = visible.data + visible.size;

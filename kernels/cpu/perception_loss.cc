@@ -7,9 +7,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kBlock = 32;  // pixels a task
+constexpr int64_t kBlock = 32;  // pixels of a task, and the granularity of the sums
 
-// Blocks sum in their order, whatever thread had them.
+// Adds the blocks in their order, whichever thread had them. Each pair is listed twice, hence 0.5.
 void SumBlocks(const PerceptionJob& job, const std::vector<PerceptionBlock>& blocks) {
   const PerceptionLossArgs& args = *job.args;
   args.loss[0] = 0;
@@ -26,6 +26,8 @@ void SumBlocks(const PerceptionJob& job, const std::vector<PerceptionBlock>& blo
 
 }  // namespace
 
+// Two passes over the pixels: the gated unit vectors of all pixels with a pair, then the pairs. A
+// task writes only the gradients of its own pixels.
 void CpuBackend::PerceptionLoss(const PerceptionLossArgs& args) {
   if (failed()) return;
   const int64_t num_pixels = args.first.size - 1;

@@ -11,19 +11,22 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kNumMoved = 6;  // planes that a child has of its own: mean and log scale
+constexpr int kNumMoved = 6;  // planes in which a child differs: mean and log scale
 
+// A Gaussian after density control.
 struct Row {
   int32_t source;
   bool is_new;
   float moved[kNumMoved];
 };
 
+// Mean gradient of a Gaussian over the views that showed it; 0 if none did.
 float MeanGradient(const PlanDensityArgs& args, int64_t i) {
   const int32_t views = args.num_visible[i];
   return views == 0 ? 0.0f : args.mean2d_grad_sum[i] / static_cast<float>(views);
 }
 
+// The fate of Gaussian i where there is room for all.
 DensityFate FateOf(const PlanDensityArgs& args, const DensityBounds& bounds, int64_t i) {
   const ConstGaussianPlanes& planes = args.gaussians;
   float largest = planes.Plane(kLogScalePlane)[i];
@@ -33,7 +36,8 @@ DensityFate FateOf(const PlanDensityArgs& args, const DensityBounds& bounds, int
   return FateOf(bounds, planes.Plane(kOpacityPlane)[i], largest, MeanGradient(args, i));
 }
 
-// Where room is short, those with the smaller gradients are only kept.
+// Keeps the densified Gaussians with the smallest gradients as they are if there is not room for
+// all of them. Each densified Gaussian takes one more place.
 void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   std::vector<int64_t> densified;
   int64_t num_left = 0;
@@ -49,6 +53,8 @@ void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   for (size_t k = room; k < densified.size(); ++k) fates[densified[k]] = kFateKept;
 }
 
+// Appends what becomes of Gaussian i: nothing, itself, itself and a copy, or two children. The draw
+// depends on the seed, the index and the number of the child only.
 void AddRows(const PlanDensityArgs& args, int64_t i, DensityFate fate, std::vector<Row>& rows) {
   const GaussianShape<float> shape = LoadShape(args.gaussians, i);
   const auto source = static_cast<int32_t>(i);
@@ -66,6 +72,8 @@ void AddRows(const PlanDensityArgs& args, int64_t i, DensityFate fate, std::vect
   }
 }
 
+// Returns the rows in Morton order of their means within their bounding box; equal codes in their
+// order.
 std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
   float min[3], max[3];
   for (int axis = 0; axis < 3; ++axis) {
@@ -88,6 +96,7 @@ std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
 
 }  // namespace
 
+// Serial: density control runs only once in many steps.
 void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
   if (failed()) return;
   const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),

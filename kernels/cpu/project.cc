@@ -7,12 +7,16 @@
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/cpu/tile_cover.h"
 
+// Projection in two steps. Chunks of Gaussians are projected in parallel, each into its own range
+// of the candidate buffers, without gaps. After a prefix sum of their counts the chunks are moved
+// together, so that "visible" is in the order of the Gaussians for any number of threads.
+
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 1024;  // Gaussians a task
+constexpr int64_t kChunk = 1024;  // Gaussians of a task
 
-// Of a chunk, then of all the chunks before it.
+// Counts of a chunk, then sums over all chunks up to its end.
 struct ChunkCount {
   int64_t num_visible = 0;
   int64_t num_degenerate = 0;
@@ -25,7 +29,8 @@ ChunkCount operator+(const ChunkCount& a, const ChunkCount& b) {
           a.num_entries + b.num_entries, a.num_runs + b.num_runs};
 }
 
-// Fills the chunk's part of the candidates, without gaps, and appends their runs of tiles.
+// Projects the chunk from `first` on: fills its part of the candidates and appends their tile runs
+// to `runs`. A splat that reaches no tile is dropped.
 ChunkCount ProjectChunk(const SimdKernels& simd, const RenderArgs& args, int64_t first,
                         std::vector<TileRun>& runs) {
   RenderScratch& scratch = *args.scratch;
@@ -56,7 +61,7 @@ ChunkCount ProjectChunk(const SimdKernels& simd, const RenderArgs& args, int64_t
   return out;
 }
 
-// firsts[i] = start + the sum of counts before i, for i in [0, count].
+// Writes firsts[i] = start + the sum of counts before i, for i in [0, count].
 void WriteFirsts(const int32_t* counts, int64_t count, int64_t start, int32_t* firsts) {
   auto next = static_cast<int32_t>(start);
   for (int64_t i = 0; i < count; ++i) {
@@ -66,7 +71,8 @@ void WriteFirsts(const int32_t* counts, int64_t count, int64_t start, int32_t* f
   firsts[count] = next;
 }
 
-// From the chunk's candidates to the visible; `before` and `after` are the counts up to its ends.
+// Moves the candidates of the chunk at `first` to the visible. `before` and `after` are the sums up
+// to its begin and end. Adjacent chunks write the same value where they meet.
 void MoveChunk(RenderScratch& scratch, int64_t first, const ChunkCount& before,
                const ChunkCount& after) {
   const int64_t to = before.num_visible, count = after.num_visible - to;

@@ -5,15 +5,15 @@
 
 namespace pepeseg {
 
-// Entries are counted in 32 bits.
+// Limit on (Gaussian, tile) entries, which are counted in 32 bits.
 inline constexpr int64_t kMaxTileEntries = 2'000'000'000;
 
 class Backend;
 struct SimdKernels;
 
-// Projects the Gaussians and fills visible_gaussian, visible_splat and visible_first_slot of
-// args.scratch, whose sizes in tiles are set, and the counters. Nothing is filled but the counters
-// when there are more than kMaxTileEntries.
+// Projects the Gaussians and fills visible_gaussian, visible_splat, visible_first_slot,
+// visible_first_run, runs and the counters of args.scratch, whose sizes in tiles must be set. Fills
+// only the counters if there are more than kMaxTileEntries. Out of memory is kept by `backend`.
 void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& simd,
                       const RenderArgs& args);
 

@@ -3,6 +3,7 @@
 
 namespace pepeseg {
 
+// The update without Adam: the same kernel stores the gradients instead.
 void CpuBackend::ProjectBackward(const ProjectBackwardArgs& args) {
   if (failed()) return;
   ParameterJob job = {};

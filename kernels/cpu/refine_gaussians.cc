@@ -6,14 +6,19 @@
 #include "kernels/cpu/load_shape.h"
 #include "kernels/math/refine.h"
 
+// Refinement in three steps: rank the visible Gaussians in parallel, find the key of the last
+// candidate serially, refine the candidates in parallel. Each task writes only its own Gaussians;
+// outside parts go to slots by visible and are compacted serially, in their order.
+
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 256;  // visible Gaussians a task
+constexpr int64_t kChunk = 256;  // visible Gaussians of a task
 constexpr uint64_t kNoCandidate = ~uint64_t{0};
 
-// The key of a visible Gaussian: its distance to the rendered depth, whose bits order as it does,
-// then its index, so that equal distances are in the order of their index.
+// Returns the rank of a visible Gaussian: the bits of its distance to the rendered depth, which
+// order as the distance does, above its index, which orders equal distances. kNoCandidate if it is
+// not refinable, or its mean is outside the image or at a pixel of unknown depth.
 uint64_t CandidateKey(const RefineGaussiansArgs& args, int64_t visible) {
   const RenderScratch& render = *args.render;
   if (args.refinable[render.visible_gaussian.span()[visible]] == 0) return kNoCandidate;
@@ -28,7 +33,7 @@ uint64_t CandidateKey(const RefineGaussiansArgs& args, int64_t visible) {
   return uint64_t{std::bit_cast<uint32_t>(gap)} << 32 | static_cast<uint64_t>(visible);
 }
 
-// The largest key of a candidate; 0 when there is none.
+// Writes the first two counts and returns the largest key of a candidate, or 0 if there is none.
 uint64_t LastCandidateKey(const RefineGaussiansArgs& args) {
   const int64_t num_visible = args.render->visible_gaussian.size();
   const uint64_t* keys = args.scratch->keys.span().data;
@@ -45,12 +50,14 @@ uint64_t LastCandidateKey(const RefineGaussiansArgs& args) {
   return ranked[num_candidates - 1];
 }
 
+// Writes mean and log scale to six planes, `stride` apart.
 void StoreShape(const GaussianShape<float>& shape, float* first, int64_t stride) {
   const float values[] = {shape.mean.x,      shape.mean.y,      shape.mean.z,
                           shape.log_scale.x, shape.log_scale.y, shape.log_scale.z};
   for (int64_t k = 0; k < 6; ++k) first[k * stride] = values[k];
 }
 
+// Makes Gaussian i start Adam from scratch.
 void ForgetMoments(const RefineGaussiansArgs& args, int64_t i) {
   for (int k = 0; k < NumPlanes(args.gaussians.sh_degree); ++k) {
     args.moment1.Plane(k)[i] = args.moment2.Plane(k)[i] = 0;
@@ -58,7 +65,8 @@ void ForgetMoments(const RefineGaussiansArgs& args, int64_t i) {
   args.num_steps[i] = 0;
 }
 
-// outside_position says what was done: -1 nothing, 0 made shorter, 1 with a part outside.
+// Refines one candidate if it crosses a mask, and sets its outside_position to 0 (made shorter) or
+// 1 (with an outside part); it stays -1 if nothing is done.
 void RefineOne(const RefineGaussiansArgs& args, const ProjectionCamera<float>& camera,
                int64_t visible) {
   const int64_t num_visible = args.render->visible_gaussian.size();
@@ -78,7 +86,8 @@ void RefineOne(const RefineGaussiansArgs& args, const ProjectionCamera<float>& c
   if (split) StoreShape(part(true), args.scratch->outside_shape.span().data + visible, num_visible);
 }
 
-// In the order of the visible.
+// Moves the outside parts together, in the order of the visible, up to the capacity, and writes the
+// last two counts.
 void CompactOutsideParts(const RefineGaussiansArgs& args) {
   const int64_t num_visible = args.render->visible_gaussian.size();
   const int64_t room = args.outside_source.size;

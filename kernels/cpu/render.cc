@@ -6,6 +6,8 @@
 #include "kernels/cpu/tile_splats.h"
 
 namespace pepeseg {
+// Projects the Gaussians, lists their entries by tile and depth, then blends the tiles in parallel.
+// Each pixel is blended by one task, front to back.
 void CpuBackend::Render(const RenderArgs& args) {
   if (failed()) return;
   RenderScratch& scratch = *args.scratch;

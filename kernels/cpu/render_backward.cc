@@ -20,7 +20,8 @@ SplatGrad operator+(const SplatGrad& a, const SplatGrad& b) {
           a.depth + b.depth};
 }
 
-// Over the slots of each visible, in their order.
+// Sums the slots of each visible Gaussian in their order, so that the sum does not depend on which
+// tile was done first. Turns the gradient of an inverse depth into that of z.
 void SumSlots(ThreadPool& pool, RenderScratch& scratch) {
   constexpr int64_t kChunk = 2048;
   const int64_t num_visible = scratch.visible_splat.size();
@@ -40,6 +41,7 @@ void SumSlots(ThreadPool& pool, RenderScratch& scratch) {
 
 }  // namespace
 
+// Tiles run in parallel; each writes the slots of its own entries.
 void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
   if (failed()) return;
   RenderScratch& scratch = *args.scratch;

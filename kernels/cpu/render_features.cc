@@ -7,6 +7,8 @@
 
 namespace pepeseg {
 
+// Tiles run in parallel. A tile is summed in float, in the working memory of its thread, and
+// rounded to half once.
 void CpuBackend::RenderFeatures(const RenderFeaturesArgs& args) {
   if (failed()) return;
   const RenderScratch& scratch = *args.scratch;

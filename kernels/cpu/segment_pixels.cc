@@ -9,12 +9,13 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 1024;  // pixels a task: its similarities stay in the cache
+constexpr int64_t kChunk = 1024;  // pixels of a task: its similarities stay in the cache
 
 struct ChunkSums {
   int64_t inside = 0, similarity = 0;
 };
 
+// Writes the mask of `count` pixels from `first` on, and their similarities if wanted.
 ChunkSums FillMask(const SegmentPixelsArgs& args, const BestSimilarity& best, int64_t first,
                    int64_t count) {
   ChunkSums sums;
@@ -32,6 +33,7 @@ ChunkSums FillMask(const SegmentPixelsArgs& args, const BestSimilarity& best, in
 
 }  // namespace
 
+// Sums are of integers, so that the order of the chunks does not matter.
 void CpuBackend::SegmentPixels(const SegmentPixelsArgs& args) {
   if (failed()) return;
   const std::vector<float> units = GatedUnits(args.psi.data, args.queries);

@@ -4,7 +4,8 @@
 
 namespace pepeseg {
 
-// One for each set that kernels/CMakeLists.txt compiles kernels/cpu/simd for.
+// One namespace for each instruction set that kernels/CMakeLists.txt compiles kernels/cpu/simd for.
+// Other processors than x86-64 have one set, chosen by the compiler's flags.
 #if HWY_ARCH_X86
 namespace N_AVX3 {
 const SimdKernels& GetSimdKernels();
@@ -16,6 +17,7 @@ namespace N_SSE4 {
 const SimdKernels& GetSimdKernels();
 }
 
+// SSE4 (x86-64-v2) is assumed without a test.
 const SimdKernels& BestSimdKernels() {
   const auto targets = hwy::SupportedTargets();
   if ((targets & HWY_AVX3) != 0) return N_AVX3::GetSimdKernels();

@@ -7,10 +7,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 256;  // rows a task
+constexpr int64_t kChunk = 256;  // Gaussians of a task
 
 }  // namespace
 
+// All rows have the same number of entries, so their places are known. A task is a group.
 void CpuBackend::NeighborRows(const NeighborRowsArgs& args) {
   if (failed()) return;
   const int64_t count = args.gaussian.size;
@@ -36,6 +37,7 @@ void CpuBackend::NeighborRows(const NeighborRowsArgs& args) {
   });
 }
 
+// Each Gaussian gathers from its neighbours.
 void CpuBackend::SmoothFeatures(const SmoothFeaturesArgs& args) {
   if (failed()) return;
   const int64_t count = args.gaussian.empty() ? args.inv_length.size : args.gaussian.size;
@@ -44,6 +46,7 @@ void CpuBackend::SmoothFeatures(const SmoothFeaturesArgs& args) {
   });
 }
 
+// Each touched Gaussian gathers from the sampled pixels of its column.
 void CpuBackend::SmoothBackward(const SmoothBackwardArgs& args) {
   if (failed()) return;
   const int64_t count = args.columns.gaussian.size;

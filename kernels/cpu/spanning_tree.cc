@@ -8,10 +8,11 @@
 namespace pepeseg {
 namespace {
 
-// Neighbours beyond those that the core distance needs: with them more of the tree is decided
-// without a look at all pairs.
+// Neighbours beyond those that the core distance needs: with them the lists decide more of the
+// tree, without examining all pairs.
 constexpr int kMoreNeighbours = 3;
 
+// Transposes the points of one group to columns (tree_jobs.h).
 void GroupColumns(const float* points, int32_t num_points, int32_t group, float* columns) {
   const int32_t first = group * kTreeColumns, end = std::min(num_points, first + kTreeColumns);
   float* to = columns + int64_t{first} * kFeatureSize;
@@ -24,9 +25,10 @@ void GroupColumns(const float* points, int32_t num_points, int32_t group, float*
 
 }  // namespace
 
-// Nearest neighbours of all points, the part of the tree that they decide, and the rest by Prim's
-// algorithm from component to component. Prim's from point to point looks at each pair once as
-// well, but reads all points for each: twice the time.
+// Finds the nearest neighbours of all points (in parallel, n^2 distances), the part of the tree
+// that they decide (JoinNear), and the rest by Prim's algorithm from component to component
+// (GrowTree). Prim's algorithm from point to point examines each pair once, too, but reads all
+// points for each point: twice the time.
 void CpuBackend::SpanningTree(const SpanningTreeArgs& args) {
   if (failed()) return;
   assert(args.min_samples >= 1 && args.min_samples <= kMaxMinSamples);

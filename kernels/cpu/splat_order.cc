@@ -10,14 +10,18 @@
 #include "kernels/backend.h"
 #include "kernels/math/blend.h"
 
+// Sorting the visible splats once by depth and then appending each to its tiles gives every tile's
+// entries in order of depth, without sorting the far more numerous entries. Serial and stable, so
+// the order is fixed.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kDigitBits = 11;
 constexpr int kNumDigits = 1 << kDigitBits;
 
-// Stable least-significant-digit radix sort on the upper 32 bits. Returns where the result stands,
-// `keys` or `spare`.
+// Stable least-significant-digit radix sort by the upper 32 bits. Both arrays are overwritten;
+// returns the one that holds the result.
 uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
   constexpr int kNumPasses = 3;
   std::array<std::array<int32_t, kNumDigits>, kNumPasses> starts = {};
@@ -36,8 +40,9 @@ uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
   return keys;
 }
 
-// The visible in the order of their depth. Depths are positive, so their bits order as they do.
-// Once ordered they are inverted, where it is the inverse that is blended. Null: out of memory.
+// Returns the visible by ascending depth, in the lower 32 bits, or nullptr when out of memory.
+// Depths are positive, so their bits order as they do. Once the keys are taken, depths are inverted
+// if the inverse is to be blended.
 const uint64_t* SortByDepth(Backend& backend, RenderScratch& scratch) {
   const int64_t num_visible = scratch.visible_splat.size();
   if (!scratch.sort_keys.Reserve(backend, 2 * num_visible)) return nullptr;
@@ -69,7 +74,8 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   int32_t* entry_slot = scratch.entry_slot.span().data;
   assert(tile_first != nullptr);
 
-  // Where a run starts the number of entries of a tile rises by one, where it ends it falls.
+  // Counts the entries of each tile by differences: plus one where a run starts, minus one where it
+  // ends. Their running sum is the count, and the running sum of counts the first entry.
   std::vector<int32_t> change(num_tiles + 1), next(num_tiles);
   for (int64_t i = 0; i < scratch.runs.size(); ++i) {
     ++change[runs[i].first_tile];

@@ -8,11 +8,12 @@
 
 namespace pepeseg {
 
+// Number of tiles of the last render.
 inline int NumTilesOf(const RenderScratch& scratch) {
   return scratch.num_tiles_x * scratch.num_tiles_y;
 }
 
-// One tile of the last render.
+// Returns one tile of the last render; it points into the scratch.
 inline TileSplats TileAt(const RenderScratch& scratch, int64_t tile) {
   const int x = static_cast<int>(tile % scratch.num_tiles_x) * kTileSize;
   const int y = static_cast<int>(tile / scratch.num_tiles_x) * kTileSize;
@@ -27,7 +28,7 @@ inline TileSplats TileAt(const RenderScratch& scratch, int64_t tile) {
           std::min(kTileSize, scratch.height - y)};
 }
 
-// Calls fn(pixel of the image, pixel of the tile) for the tile's pixels inside the image.
+// Calls fn(index in the image, index in the tile) for the tile's pixels inside the image.
 template <class Fn>
 inline void ForEachTilePixel(const TileSplats& tile, int image_width, Fn&& fn) {
   const int64_t corner = static_cast<int64_t>(tile.y) * image_width + static_cast<int64_t>(tile.x);

@@ -7,18 +7,19 @@
 namespace pepeseg {
 namespace {
 
-// The rows of one group, and where its columns and entries go.
+// The rows of one group, and where its columns and entries are written.
 struct Group {
   int64_t first_row, end_row;
   int64_t first_column, first_entry;
 };
 
+// The arrays that are written, see ColumnSpan.
 struct Columns {
   int32_t *gaussian, *first, *pixel;
   float* weight;  // null: the rows have none
 };
 
-// counts[gaussian] entries; returns how many Gaussians have one.
+// Sets counts[gaussian] to the number of entries; returns the number of Gaussians with an entry.
 int64_t CountEntries(const RowSpan& rows, const Group& group, std::vector<int32_t>& counts) {
   std::fill(counts.begin(), counts.end(), 0);
   for (int32_t e = rows.first[group.first_row]; e < rows.first[group.end_row]; ++e) {
@@ -27,7 +28,8 @@ int64_t CountEntries(const RowSpan& rows, const Group& group, std::vector<int32_
   return static_cast<int64_t>(counts.size()) - std::count(counts.begin(), counts.end(), 0);
 }
 
-// A counting sort by Gaussian; stable, so pixels stay ascending. `next` has the counts.
+// Counting sort by Gaussian; stable, so pixels stay ascending. `next` holds the counts, and is used
+// for the next free place of each Gaussian.
 void SortEntries(const RowSpan& rows, const Group& group, std::vector<int32_t>& next,
                  const Columns& out) {
   auto place = static_cast<int32_t>(group.first_entry);
@@ -49,6 +51,7 @@ void SortEntries(const RowSpan& rows, const Group& group, std::vector<int32_t>& 
   }
 }
 
+// The row ranges of the groups; columns and entries are still to be set.
 std::vector<Group> GroupsOf(const TransposeRowsArgs& args) {
   if (args.group_first.empty()) return {{0, args.rows.first.size - 1, 0, 0}};
   std::vector<Group> groups;
@@ -60,6 +63,8 @@ std::vector<Group> GroupsOf(const TransposeRowsArgs& args) {
 
 }  // namespace
 
+// A task is a group. Groups are counted twice, before and after their sizes are known, rather than
+// keeping a count of all Gaussians for each of them.
 void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
   if (failed()) return;
   const RowSpan& rows = args.rows;

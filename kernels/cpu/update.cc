@@ -8,13 +8,15 @@
 namespace pepeseg {
 namespace {
 
-// After this many steps 0.999^t is below half an ulp of 1 in float.
+// Later steps use the last correction: 0.999^t is then far below half an ulp of 1 in float. A beta2
+// much nearer to 1 would need more.
 constexpr int32_t kMaxCorrections = 1 << 15;
 
 struct BiasCorrections {
-  std::vector<float> first, second;  // by step, see ParameterJob
+  std::vector<float> first, second;  // by step, see ParameterJob::correction1 and 2
 };
 
+// Corrections for steps 1 to num_steps; powers are of double.
 BiasCorrections MakeCorrections(const UpdateArgs& args, int32_t num_steps) {
   BiasCorrections out = {std::vector<float>(num_steps + 1, 1.0f),
                          std::vector<float>(num_steps + 1, 1.0f)};
@@ -30,6 +32,8 @@ BiasCorrections MakeCorrections(const UpdateArgs& args, int32_t num_steps) {
 
 }  // namespace
 
+// Chunks of Gaussians run in parallel (parameter_chunks.h). The table of corrections goes as far as
+// the Gaussian with the most steps needs.
 void CpuBackend::Update(const UpdateArgs& args) {
   if (failed()) return;
   RenderScratch& scratch = *args.scratch;

@@ -1,15 +1,20 @@
 #include "kernels/cpu/simd/kernels.h"
 #include "kernels/cpu/simd/tile_walk.h"
 
+// Forward blending of a tile: colours and depth, the weights at some pixels, or features. All walk
+// the tile's entries front to back (WalkTile) with a vector of adjacent pixels of a scanline at a
+// time, and keep the sums of the whole tile in arrays that stay in the first-level cache.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
+// sum[0 .. kLanes) += weight * value.
 PEPESEG_HD void AddTo(float* sum, Lanes weight, Lanes value) {
   MulAdd(weight, value, Lanes::Load(sum)).Store(sum);
 }
 
-// Pixels outside the image are out of play from the start.
+// Starts all pixels with transmittance 1, and those outside the image with 0, which the walk skips.
 PEPESEG_HD void ClearTransmittance(const TileSplats& tile, float* transmittance) {
   for (int i = 0; i < kTilePixels; ++i) {
     const bool inside = i % kTileSize < tile.width && i / kTileSize < tile.height;
@@ -17,14 +22,15 @@ PEPESEG_HD void ClearTransmittance(const TileSplats& tile, float* transmittance)
   }
 }
 
-// Rows of kTileSize pixels.
+// Sums of a tile, in scanlines of kTileSize pixels.
 struct TileColors {
   alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
   alignas(64) float transmittance[kTilePixels];
-  alignas(64) float last[kTilePixels];  // the pixel has seen the entries before this one
+  alignas(64) float last[kTilePixels];  // end of the entries that the pixel has seen, as a float
 };
 
-// In a row of pixels in which some have ended before entry k, and not before.
+// Records entry k as the end for the pixels of a scanline that have stopped now: their
+// transmittance is negative, and their end is still the `count` that all start with.
 PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
   for (int pixel = row; pixel < row + kTileSize; pixel += kLanes) {
     const Lanes last = Lanes::Load(out.last + pixel);
@@ -34,6 +40,7 @@ PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
   }
 }
 
+// Blends colours, and depth if wanted, without background.
 template <bool kWithDepth>
 PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
   for (int i = 0; i < kTilePixels; ++i) {
@@ -57,7 +64,7 @@ PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
       });
 }
 
-// The part of the tile that lies inside the image.
+// Adds the background and writes the part of the tile that lies inside the image.
 PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
                           const ImageColors& image) {
   const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
@@ -94,7 +101,7 @@ void BlendTile(const TileSplats& tile, const ImageColors& image) {
 }
 
 void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float* weights) {
-  // All but the pixels asked for are out of play: the walk ends with them.
+  // Only the given pixels are in play, so the walk ends when the last of them stops.
   alignas(64) float transmittance[kTilePixels] = {};
   int32_t number[kTilePixels];
   for (size_t i = 0; i < pixels.size(); ++i) {
@@ -102,7 +109,7 @@ void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float
     number[pixels[i]] = static_cast<int32_t>(i);
   }
   for (size_t i = 0; i < pixels.size() * tile.count; ++i) weights[i] = 0;
-  const int row = pixels[0] / kTileSize & -2;
+  const int row = pixels[0] / kTileSize & -2;  // the first of the pair of scanlines
   WalkTile(
       tile, {row, row + 2, 0, kVectorsPerRow}, transmittance,
       [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
@@ -116,6 +123,8 @@ void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float
       [](int32_t, uint32_t) {});
 }
 
+// A pixel's 32 sums are contiguous, so for features the vector runs along the channels and the
+// lanes of the walk are taken one by one.
 void BlendFeatures(const TileSplats& tile, const float* features, const float* confidence,
                    const int32_t* visible_gaussian, float* sums) {
   alignas(64) float transmittance[kTilePixels];
@@ -141,6 +150,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const float* c
       },
       [](int32_t, uint32_t) {});
   if (confidence == nullptr) return;
+  // The weights sum to 1 - transmittance; a stopped pixel's is negative.
   for (int i = 0; i < kTilePixels; ++i) {
     if (confident[i] == 0) continue;
     const float factor = (1 - __builtin_fabsf(transmittance[i])) / confident[i];

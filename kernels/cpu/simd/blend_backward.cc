@@ -1,19 +1,23 @@
 #include "kernels/cpu/simd/kernels.h"
 #include "kernels/cpu/simd/tile_walk.h"
 
+// Backward pass of a tile. Entries are walked back to front from the last one that any pixel has
+// seen. The transmittance before a splat is recovered from that after it by a division by 1 -
+// alpha, which alpha <= 0.99 keeps stable. Each entry's sums over the tile go to a slot of its own.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Rows of kTileSize pixels.
+// State of the pixels of a tile, in scanlines of kTileSize pixels.
 struct TileGrads {
   alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
-  alignas(64) float behind[kTilePixels];         // of the background, see math/blend.h
-  alignas(64) float transmittance[kTilePixels];  // after the last splat
-  alignas(64) float last[kTilePixels];
+  alignas(64) float behind[kTilePixels];         // behind_dot of math/blend.h, so far
+  alignas(64) float transmittance[kTilePixels];  // after the splat that is next
+  alignas(64) float last[kTilePixels];           // end of the entries seen; 0: not in play
 };
 
-// Sums over the pixels of one splat, a lane for each column of pixels.
+// Sums over the pixels of one splat. Lanes are summed only at its end (Reduced).
 struct SplatSums {
   PowerMoments<Lanes> moments;
   Lanes r, g, b, depth;
@@ -24,7 +28,8 @@ PEPESEG_HD SplatSums ZeroSums() {
   return {{zero, zero, zero, zero, zero, zero}, zero, zero, zero, zero};
 }
 
-// One vector of pixels, given its alphas.
+// Adds one vector of pixels with these alphas and moves their state to before the splat. Lanes that
+// are not live change nothing.
 template <bool kWithDepth>
 PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes dx, float dy,
                           TileGrads& pixels, int pixel, SplatSums& sums) {
@@ -56,7 +61,7 @@ PEPESEG_HD void AddPixels(const Splat& splat, Lanes alpha, LaneMask live, Lanes 
   Select(live, BehindStep(alpha, value, behind), behind).Store(pixels.behind + pixel);
 }
 
-// One entry at the two vectors of a block; returns whether it is blended there.
+// Adds one entry at the two vectors of a block. Returns whether it was blended at any pixel.
 template <bool kWithDepth>
 PEPESEG_HD bool AddBlock(const Splat& splat, const WalkedSplat& s, Lanes index, const Block& block,
                          const float* dy, TileGrads& pixels, SplatSums& sums) {
@@ -75,6 +80,7 @@ PEPESEG_HD bool AddBlock(const Splat& splat, const WalkedSplat& s, Lanes index, 
   return true;
 }
 
+// Sums the lanes and turns the moments into gradients of the splat.
 PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
   float sums[12];
   StoreSums(s.moments.sum, s.moments.x, s.moments.y, s.moments.xx, sums);
@@ -87,9 +93,9 @@ PEPESEG_HD SplatGrad Reduced(const Splat& splat, const SplatSums& s) {
           shape.opacity, sums[6], sums[7],        sums[8],        sums[9]};
 }
 
-// The tile's part of the gradients; pixels outside the image have seen no entry, and those whose
-// gradients are all zero (ignored ones, say) count as if they had not. Returns how many entries
-// have been blended somewhere else.
+// Loads the tile's part of the gradients. Pixels outside the image, and those with gradients of
+// zero only (such as ignored ones), count as having seen no entry. Returns the end of the entries
+// that any other pixel has seen.
 PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, TileGrads& out) {
   float most = 0;
   const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
@@ -125,6 +131,8 @@ PEPESEG_HD int32_t LoadTile(const TileSplats& tile, const ImageGrads& image, Til
   return static_cast<int32_t>(most);
 }
 
+// Walks the entries before num_blended back to front and writes the slots of all entries; those of
+// entries that no pixel has blended are zero.
 template <bool kWithDepth>
 PEPESEG_HD void WalkBack(const TileSplats& tile, int32_t num_blended, TileGrads& pixels,
                          SplatGrad* slot_grad) {

@@ -7,7 +7,8 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-// A feature vector is kVectors vectors of lanes.
+// A feature of 32 numbers is kVectors vectors of lanes. The templates of kernels/math/pair.h take
+// it as an array of `count` = kVectors elements; Total sums the lanes of one, into all lanes.
 inline constexpr int kVectors = kFeatureSize / kLanes;
 
 using pepeseg::Total;
@@ -33,6 +34,7 @@ PEPESEG_HD FeatureLanes ZeroFeature() {
   for (int k = 0; k < kVectors; ++k) f.v[k] = Lanes(0.0f);
   return f;
 }
+// to += scale * from[0 .. 32).
 PEPESEG_HD void AddScaled(float scale, const float* from, FeatureLanes& to) {
   HWY_UNROLL(kVectors)
   for (int k = 0; k < kVectors; ++k) {
@@ -40,7 +42,7 @@ PEPESEG_HD void AddScaled(float scale, const float* from, FeatureLanes& to) {
   }
 }
 
-// sum over the entries of column i of weight * rows[pixel].
+// Returns the sum over the entries of column i of weight * rows[pixel], in their order.
 PEPESEG_HD FeatureLanes GatherColumn(const ColumnSpan& columns, int64_t i, const float* rows) {
   FeatureLanes sum = ZeroFeature();
   const bool weighted = columns.weight.size != 0;

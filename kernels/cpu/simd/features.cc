@@ -8,11 +8,13 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-// What k steps without a gradient do to a row (FeatureState).
+// What k steps without a gradient do to a row, see FeatureState.
 struct Replay {
-  double move;            // the sum of that comment
+  double move;            // the sum over j in that comment
   double decay1, decay2;  // beta^k
 };
+// For the steps after last_step up to `step`. The sum and decay1 are cut after kMaxReplay steps;
+// decay2 is near 1 and needs them all.
 Replay ReplayOf(const FeatureRates& rates, int last_step, int step) {
   const double beta1 = static_cast<double>(rates.beta1), beta2 = static_cast<double>(rates.beta2);
   const double ratio = beta1 / __builtin_sqrt(beta2);
@@ -29,10 +31,11 @@ Replay ReplayOf(const FeatureRates& rates, int last_step, int step) {
   return replay;
 }
 
+// Brings one row up to date with args.step.
 PEPESEG_HD void CatchUpRow(const FeatureCatchUpArgs& args, int64_t gaussian) {
   const FeatureState& state = args.state;
   int32_t& last_step = state.last_step.data[gaussian];
-  // Step 0 leaves no moments behind.
+  // A row that was never updated has no moments, so nothing moves it.
   if (last_step > 0 && last_step < args.step) {
     const Replay replay = ReplayOf(args.rates, last_step, args.step);
     const Lanes move(static_cast<float>(-replay.move) * args.rates.learning_rate);
@@ -60,6 +63,7 @@ void FeatureCatchUpRange(const FeatureCatchUpArgs& args, FeatureRange range) {
   }
 }
 
+// Reads the weights of the rows, which must have them.
 void FeatureRowsRange(const FeatureRowsArgs& args, FeatureRange range) {
   for (int64_t p = range.first; p < range.end; ++p) {
     FeatureLanes sum = ZeroFeature();
@@ -71,6 +75,8 @@ void FeatureRowsRange(const FeatureRowsArgs& args, FeatureRange range) {
   }
 }
 
+// For each touched Gaussian: gathers the gradient from its column, passes it through the direction
+// if asked, adds the norm term and applies Adam.
 void FeatureUpdateRange(const FeatureUpdateArgs& args, FeatureRange range) {
   const AdamRates<Lanes> rates = {Lanes(args.rates.beta1), Lanes(args.rates.beta2),
                                   Lanes(args.rates.epsilon),
@@ -102,6 +108,7 @@ void FeatureUpdateRange(const FeatureUpdateArgs& args, FeatureRange range) {
   }
 }
 
+// A pixel at a time against all queries, which stay in the cache.
 void SimilarityRange(const SimilarityArgs& args, const float* query_units, FeatureRange range) {
   const hn::Rebind<hwy::float16_t, FloatTag> half_tag;
   const FeatureLanes psi = LoadFeature(args.psi.data);

@@ -8,9 +8,9 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-// Gaussians first .. first + count of some planes, count <= kLanes.
+// 1 to kLanes adjacent Gaussians of some planes, one for each lane. Lanes beyond `count` hold 0.
 struct GaussianGroup {
-  const float* data;  // of the first of them
+  const float* data;  // plane 0 of the first of them
   int64_t stride;
   int count;
 
@@ -24,7 +24,7 @@ PEPESEG_HD GaussianShape<Lanes> LoadShape(const GaussianGroup& g) {
            g.At(kRotationPlane + 3)}};
 }
 
-// One channel before ShChannel.
+// Returns one colour channel before ShChannel: the sum of basis * coefficient.
 PEPESEG_HD Lanes WeightedSum(const GaussianGroup& g, const Lanes* basis, int num_coefficients,
                              int channel) {
   Lanes sum(0.0f);

@@ -3,19 +3,27 @@
 #include "kernels/cpu/simd/lanes.h"
 #include "kernels/math/ssim.h"
 
+// L1, SSIM and their gradients for one band of scanlines of one channel, in one pass down. The
+// 11x11 window is separable: each scanline is filtered across into a ring of the last 11, which is
+// then filtered down. The gradient of SSIM with respect to a pixel gathers the gradients of all
+// windows that hold it, which is the same filter again, through a second ring. A band reads up
+// to 10 scanlines above and below itself, so bands are independent of each other.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
+// Weight of the window at distance k from its middle, 0..kSsimRadius.
 PEPESEG_HD Lanes Tap(int k) { return Lanes(static_cast<float>(kSsimTaps[k])); }
 
+// Returns scanline `row` of one plane of a ring, [planes, kRingRows, pitch].
 PEPESEG_HD float* RingRow(const LossBand& band, float* ring, int plane, int row) {
-  const int slot = (row + 4 * kRingRows) % kRingRows;  // rows start above the image
+  const int slot = (row + 4 * kRingRows) % kRingRows;  // rows may be negative
   return ring + int64_t{plane * kRingRows + slot} * band.pitch;
 }
 
-// Rows outside the image are zero and count nothing, as the margins do. A pixel that is left out
-// shows the photograph in both.
+// Loads scanline `row` of both images into x and y. Scanlines outside the image are zero and do not
+// count, like the margins. An ignored pixel shows the photograph in both images.
 void LoadRow(const LossBand& band, int row) {
   const ImageLossArgs& args = *band.args;
   const int width = args.width;
@@ -40,7 +48,7 @@ void LoadRow(const LossBand& band, int row) {
   }
 }
 
-// Horizontal pass of a row: from x and y to the four moments.
+// Filters x and y across: writes the four moments of SsimMoments of scanline `row` to their ring.
 void FilterRowMoments(const LossBand& band, int row) {
   float* out[4];
   for (int k = 0; k < 4; ++k) out[k] = RingRow(band, band.moments, k, row);
@@ -63,6 +71,7 @@ void FilterRowMoments(const LossBand& band, int row) {
   }
 }
 
+// Filters one scanline across.
 void FilterRow(const float* in, int width, float* out) {
   for (int i = 0; i < width; i += kLanes) {
     Lanes sum = Tap(0) * Lanes::Load(in + i);
@@ -73,7 +82,7 @@ void FilterRow(const float* in, int width, float* out) {
   }
 }
 
-// The rows of one plane of a ring, about its middle.
+// The 11 scanlines of one plane of a ring about a middle one.
 struct RingColumn {
   const float* rows[kRingRows];
 };
@@ -84,7 +93,7 @@ PEPESEG_HD RingColumn ColumnAbout(const LossBand& band, float* ring, int plane, 
   }
   return column;
 }
-// Vertical pass.
+// Filters down, at kLanes columns from i on.
 PEPESEG_HD Lanes Filter(const RingColumn& column, int i) {
   Lanes sum = Tap(0) * Lanes::Load(column.rows[kSsimRadius] + i);
   for (int k = 1; k <= kSsimRadius; ++k) {
@@ -94,6 +103,7 @@ PEPESEG_HD Lanes Filter(const RingColumn& column, int i) {
   return sum;
 }
 
+// Sums the lanes in double, in their order.
 PEPESEG_HD double Sum(Lanes x) {
   float values[kLanes];
   x.Store(values);
@@ -102,8 +112,8 @@ PEPESEG_HD double Sum(Lanes x) {
   return sum;
 }
 
-// The sum of SSIM over the windows centred in a row, and the gradients of their moments for a loss
-// of -ssim_weight * SSIM.
+// Returns the sum of SSIM over the windows centred on scanline `row`, and writes the gradients of
+// their moments for a loss of -ssim_weight * SSIM. Windows centred on ignored pixels do not count.
 double SsimRow(LossBand& band, int row) {
   const bool want_grad = band.args->color_grad.size > 0;
   RingColumn columns[4];
@@ -123,7 +133,8 @@ double SsimRow(LossBand& band, int row) {
   return Sum(total);
 }
 
-// The gradient of a row: L1's and, gathered over the windows, SSIM's.
+// Writes the gradient of scanline `row`, which is loaded: that of L1 and, gathered over the
+// windows, that of SSIM.
 void GradRow(const LossBand& band, int row) {
   const ImageLossArgs& args = *band.args;
   float* grad = args.color_grad.data + (int64_t{band.channel} * args.height + row) * args.width;
@@ -140,6 +151,7 @@ void GradRow(const LossBand& band, int row) {
   }
 }
 
+// Adds |x - y| and its square over the scanline that is loaded.
 void AddDifferences(LossBand& band) {
   Lanes absolute(0.0f), squared(0.0f);
   for (int i = 0; i < band.args->width; i += kLanes) {
@@ -152,7 +164,8 @@ void AddDifferences(LossBand& band) {
   band.sums[kSumSquared] += Sum(squared);
 }
 
-// The windows centred in a row, on to their gradients filtered across.
+// Evaluates the windows centred on scanline `row` and filters the gradients of their moments
+// across, into the second ring. Only the band's own scanlines add to its sums.
 void WindowRow(LossBand& band, int row) {
   LoadRow(band, row);
   const double ssim = SsimRow(band, row);
@@ -163,7 +176,7 @@ void WindowRow(LossBand& band, int row) {
   if (band.args->color_grad.size == 0) return;
   const int width = band.args->width;
   for (int k = 0; k < 3; ++k) {
-    // The vector that spans the border wrote beyond it.
+    // The last vector wrote beyond the border, where the margin must be zero.
     for (int i = width; i < width + kLanes; ++i) band.moment_grad[k][i] = 0;
     FilterRow(band.moment_grad[k], width, RingRow(band, band.gathered, k, row));
   }
@@ -171,8 +184,8 @@ void WindowRow(LossBand& band, int row) {
 
 }  // namespace
 
-// Streams down the rows: row r is filtered across, then the windows centred on r - 5 are complete,
-// and then the gradients of r - 10.
+// Streams down the scanlines. Once scanline r is filtered across, the windows centred on r - 5 are
+// complete, and with them the gradients of r - 10.
 void ImageLossBand(LossBand& band) {
   const bool want_grad = band.args->color_grad.size > 0;
   const int end = band.end_row + (want_grad ? 2 : 1) * kSsimRadius;

@@ -3,6 +3,7 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
+// Positional: in the order of the members of SimdKernels.
 const SimdKernels& GetSimdKernels() {
   static constexpr SimdKernels kKernels = {
       HWY_STR(HWY_NAMESPACE), BlendTile,        BlendTileBackward,  PixelWeights,

@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-// The entries of SimdKernels for this instruction set.
+// Returns the table of this instruction set. The functions below are its members, described there.
 const SimdKernels& GetSimdKernels();
 
 void BlendTile(const TileSplats& tile, const ImageColors& image);

@@ -6,10 +6,15 @@
 
 #include "kernels/math/hd.h"
 
-// A vector of floats that the templates of kernels/math take for a scalar. The files of this folder
-// are compiled once for each instruction set, each time in a namespace of its own (HWY_NAMESPACE).
-// They call nothing inline of the standard library or of ours outside kernels/math: a copy of it
-// compiled for a newer CPU could replace the one that older CPUs need.
+// A vector of floats that the templates of kernels/math take as a scalar.
+//
+// Dispatch: the files of this folder are compiled once for each instruction set, each time in a
+// namespace of its own (HWY_NAMESPACE). Vectors have 4 lanes with SSE4, 8 with AVX2 and 16 with
+// AVX-512. BestSimdKernels (kernels/cpu/simd_kernels.h) chooses a set at run time.
+//
+// Files of this folder must not call inline functions of the standard library, nor of ours outside
+// kernels/math, which is always inlined: the linker keeps one copy of such a function, and one that
+// was compiled for a newer CPU could replace the copy that older CPUs need.
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
@@ -18,7 +23,7 @@ using FloatTag = hn::CappedTag<float, 16>;
 using IntTag = hn::RebindToSigned<FloatTag>;
 inline constexpr int kLanes = HWY_MIN(HWY_LANES(float), 16);
 
-// Beside the overloads for Lanes below.
+// Names the scalar overloads next to those for Lanes below.
 using pepeseg::Exp;
 using pepeseg::Exp2;
 using pepeseg::Log2;
@@ -29,9 +34,11 @@ using pepeseg::NegMulAdd;
 using pepeseg::Select;
 using pepeseg::Sqrt;
 
+// One bool for each lane.
 struct LaneMask {
   hn::Mask<FloatTag> m;
 };
+// kLanes floats. Load and Store need no alignment.
 struct Lanes {
   hn::Vec<FloatTag> v;
 
@@ -41,7 +48,7 @@ struct Lanes {
   static PEPESEG_HD Lanes Load(const float* p) { return Lanes(hn::LoadU(FloatTag(), p)); }
   PEPESEG_HD void Store(float* p) const { hn::StoreU(v, FloatTag(), p); }
 };
-// first, first + 1, ...
+// Returns first, first + 1, ... in the lanes.
 PEPESEG_HD Lanes Ramp(float first) { return Lanes(hn::Iota(FloatTag(), first)); }
 
 PEPESEG_HD Lanes operator+(Lanes a, Lanes b) { return Lanes(hn::Add(a.v, b.v)); }
@@ -52,10 +59,11 @@ PEPESEG_HD LaneMask operator<(Lanes a, Lanes b) { return {hn::Lt(a.v, b.v)}; }
 PEPESEG_HD LaneMask operator<=(Lanes a, Lanes b) { return {hn::Le(a.v, b.v)}; }
 PEPESEG_HD LaneMask operator&(LaneMask a, LaneMask b) { return {hn::And(a.m, b.m)}; }
 PEPESEG_HD LaneMask operator|(LaneMask a, LaneMask b) { return {hn::Or(a.m, b.m)}; }
+// yes and not no.
 PEPESEG_HD LaneMask AndNot(LaneMask no, LaneMask yes) { return {hn::AndNot(no.m, yes.m)}; }
 PEPESEG_HD bool None(LaneMask a) { return hn::AllFalse(FloatTag(), a.m); }
 PEPESEG_HD int Count(LaneMask a) { return static_cast<int>(hn::CountTrue(FloatTag(), a.m)); }
-// One bit a lane.
+// Returns one bit for each lane, lane 0 the lowest.
 PEPESEG_HD uint32_t BitsOf(LaneMask a) {
   uint8_t bytes[8] = {};
   hn::StoreMaskBits(FloatTag(), a.m, bytes);
@@ -68,12 +76,13 @@ PEPESEG_HD Lanes Select(LaneMask m, Lanes a, Lanes b) {
 PEPESEG_HD Lanes Min(Lanes a, Lanes b) { return Lanes(hn::Min(a.v, b.v)); }
 PEPESEG_HD Lanes Max(Lanes a, Lanes b) { return Lanes(hn::Max(a.v, b.v)); }
 PEPESEG_HD Lanes Sqrt(Lanes a) { return Lanes(hn::Sqrt(a.v)); }
+// Rounded once where the set has fused multiply-adds (not SSE4).
 PEPESEG_HD Lanes MulAdd(Lanes a, Lanes b, Lanes c) { return Lanes(hn::MulAdd(a.v, b.v, c.v)); }
 PEPESEG_HD Lanes NegMulAdd(Lanes a, Lanes b, Lanes c) {
   return Lanes(hn::NegMulAdd(a.v, b.v, c.v));
 }
 
-// Adds the blocks of four lanes of a vector.
+// Adds the blocks of four lanes of a vector, pairwise.
 template <int kNumLanes, class V>
 PEPESEG_HD auto SumOfBlocks(V v) {
   if constexpr (kNumLanes <= 4) {
@@ -83,7 +92,8 @@ PEPESEG_HD auto SumOfBlocks(V v) {
     return SumOfBlocks<kNumLanes / 2>(hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
   }
 }
-// Writes the sums of four vectors: with fewer shuffles than four single sums take.
+// Writes the sums of the lanes of four vectors to sums[4], with fewer shuffles than four single
+// sums.
 PEPESEG_HD void StoreSums(Lanes a, Lanes b, Lanes c, Lanes e, float* sums) {
   const FloatTag d;
   const hn::RepartitionToWide<IntTag> wide;
@@ -96,23 +106,24 @@ PEPESEG_HD void StoreSums(Lanes a, Lanes b, Lanes c, Lanes e, float* sums) {
   hn::StoreU(SumOfBlocks<kLanes>(blocks), hn::CappedTag<float, 4>(), sums);
 }
 
-// 1 / a to about 2 ulp, for a in [1e-30, 1e30].
+// Returns 1 / a to about 2 ulp, for a in [1e-30, 1e30]: one step of Newton on the hardware's
+// estimate.
 PEPESEG_HD Lanes FastInverse(Lanes a) {
   const auto r = hn::ApproximateReciprocal(a.v);
   return Lanes(hn::Mul(r, hn::NegMulAdd(a.v, r, hn::Set(FloatTag(), 2.0f))));
 }
 
-// 2^x for x in [-126, 127], anything beyond; relative error below 2e-7. 2^round(x) goes into the
-// exponent, the rest through a minimax polynomial on [-0.5, 0.5].
+// Returns 2^x with a relative error below 2e-7 for x in [-126, 127]; unspecified beyond. 2^round(x)
+// goes into the exponent, the rest through a minimax polynomial on [-0.5, 0.5].
 PEPESEG_HD Lanes Exp2(Lanes x) {
   const FloatTag d;
   const IntTag di;
-  // Adding 1.5 * 2^23 rounds to an integer, which then stands in the low bits.
+  // Adding 1.5 * 2^23 rounds to an integer, which is then in the low bits.
   const auto magic = hn::Set(d, 12582912.0f);
   const auto shifted = hn::Add(x.v, magic);
   const auto whole = hn::BitCast(di, shifted);
   const auto f = hn::Sub(x.v, hn::Sub(shifted, magic));
-  // In pairs of coefficients: a shorter chain of operations than Horner's.
+  // Coefficients in pairs give a shorter chain of operations than Horner's scheme.
   const auto f2 = hn::Mul(f, f);
   const auto p01 = hn::MulAdd(hn::Set(d, 6.9314697e-1f), f, hn::Set(d, 1.0000001f));
   const auto p23 = hn::MulAdd(hn::Set(d, 5.5507133e-2f), f, hn::Set(d, 2.4022120e-1f));
@@ -120,10 +131,12 @@ PEPESEG_HD Lanes Exp2(Lanes x) {
   const auto p = hn::MulAdd(hn::MulAdd(p45, f2, p23), f2, p01);
   return Lanes(hn::BitCast(d, hn::Add(hn::BitCast(di, p), hn::ShiftLeft<23>(whole))));
 }
-// Any x: the result is held in [2^-126, 2^127], and NaN stays NaN (by the order of the operands).
+// Returns e^x clamped to [2^-126, 2^127] for any x. NaN stays NaN, by the order of the operands of
+// Max and Min.
 PEPESEG_HD Lanes Exp(Lanes x) {
   return Exp2(Min(Lanes(127.0f), Max(Lanes(-126.0f), x * Lanes(1.44269504f))));
 }
+// Lane by lane, by the compiler's log2f.
 PEPESEG_HD Lanes Log2(Lanes x) {
   float values[kLanes];
   x.Store(values);
@@ -131,7 +144,8 @@ PEPESEG_HD Lanes Log2(Lanes x) {
   return Lanes::Load(values);
 }
 
-// The first `count` of kLanes values; the rest are 0, resp. left alone.
+// Loads and stores the first `count` of kLanes values. LoadSome sets the rest to 0, StoreSome
+// leaves the rest of the memory alone.
 PEPESEG_HD Lanes LoadSome(const float* p, int count) {
   if (count >= kLanes) return Lanes::Load(p);
   float values[kLanes] = {};

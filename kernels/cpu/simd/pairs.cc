@@ -2,22 +2,30 @@
 #include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
 
+// The passes of PairLoss over a block of pixels p against all pixels q. Tiles of 8 pixels p and 16
+// pixels q are correlated at all scales, the pairs that count are chosen from the cosines, and
+// their terms are added at once: cosines are never stored for more than one tile. A tile's pixels q
+// are a word of bits, so that terms are added for the chosen pairs only. Each p gathers its own
+// gradients in ascending order of q.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-constexpr int kTileRows = 8;  // correlations of 8 pixels p are held in registers
+constexpr int kTileRows = 8;  // pixels p of a tile, whose correlations are held in registers
 constexpr int kColumnVectors = kPairColumns / kLanes;
 
-// cosine[row][scale][column] of a tile: correlations live no longer than this.
+// Cosines of a tile by pixel p, scale and pixel q.
 struct Cosines {
   alignas(64) float at[kTileRows][kMaxScales][kPairColumns];
 };
 
+// Unit vector of a pixel at a scale; those of the following pixels are behind it.
 PEPESEG_HD const float* UnitOf(const PairJob& job, int scale, int pixel) {
   return job.unit + (int64_t{scale} * job.padded + pixel) * kFeatureSize;
 }
 
+// Fills the cosines of the pixels p from `p` on with the pixels q from `q` on.
 PEPESEG_HD void Correlate(const PairJob& job, int p, int q, Cosines& cosines) {
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const float* rows = UnitOf(job, scale, p);
@@ -45,12 +53,14 @@ using UintTag = hn::RebindToUnsigned<FloatTag>;
 PEPESEG_HD uint32_t BitsOf(hn::Mask<IntTag> mask) {
   return BitsOf(LaneMask{hn::RebindMask(FloatTag(), mask)});
 }
+// The inverse of BitsOf.
 PEPESEG_HD LaneMask MaskOf(uint32_t bits) {
   const uint8_t bytes[8] = {static_cast<uint8_t>(bits), static_cast<uint8_t>(bits >> 8)};
   return {hn::LoadMaskBits(FloatTag(), bytes)};
 }
 
-// 31 random bits for each pair of a pixel p and the pixels from q on; the same for (p, q), (q, p).
+// Returns 31 random bits for each pair of pixel p and the kLanes pixels from q on, as a hash of the
+// pair and the seed: the same for (p, q) and (q, p). Pixels are below 2^16.
 PEPESEG_HD IntLanes PairHash(uint32_t p, uint32_t q, uint32_t seed) {
   const UintTag d;
   const IntTag di;
@@ -63,13 +73,14 @@ PEPESEG_HD IntLanes PairHash(uint32_t p, uint32_t q, uint32_t seed) {
   return hn::BitCast(di, hn::ShiftRight<1>(hn::Xor(h, hn::ShiftRight<16>(h))));
 }
 
-// Which of the pixels q a pixel p is paired with, and their labels.
+// The pixels q that a pixel p is paired with, and whether their labels agree.
 struct Choice {
-  uint32_t chosen;              // a bit for each q
-  uint32_t agrees[kMaxScales];  // likewise: G = 1
+  uint32_t chosen;              // a bit for each q: the pair counts
+  uint32_t agrees[kMaxScales];  // a bit for each q: G = 1 at that scale
 };
 
-// For kLanes pixels from q on.
+// Chooses among kLanes pixels from q on, whose bits start at `offset`. The rules are those of
+// PairLossArgs: hard, drawn or wrong.
 PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
                             int offset, Choice& choice) {
   const IntTag d;
@@ -97,19 +108,20 @@ PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosi
   choice.chosen |= BitsOf(LaneMask{chosen}) << offset;
 }
 
+// Chooses among the kPairColumns pixels from q on.
 PEPESEG_HD Choice Choose(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns]) {
   Choice choice = {};
   for (int offset = 0; offset < kPairColumns; offset += kLanes) {
     ChooseLanes(job, p, q + offset, cosine, offset, choice);
   }
-  // Neither with itself nor with the padding.
+  // A pixel is paired neither with itself nor with padding.
   const int num_columns = job.num_pixels - q < kPairColumns ? job.num_pixels - q : kPairColumns;
   choice.chosen &= (1u << num_columns) - 1u;
   if (p >= q && p < q + kPairColumns) choice.chosen &= ~(1u << (p - q));
   return choice;
 }
 
-// grad += sum over the set bits j of weight[j] * unit[j].
+// Adds weight[j] * unit[j] to grad for each set bit j, in ascending order.
 PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units, float* grad) {
   if (bits == 0) return;
   FeatureLanes sum = LoadFeature(grad);
@@ -120,14 +132,15 @@ PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units,
   StoreFeature(sum, grad);
 }
 
-// A pair's terms at one scale, with what AddUnits needs of them.
+// The terms of the pairs (p, q) of a tile at one scale, and their weights for AddUnits.
 struct Terms {
   alignas(64) float positive_grad[kPairColumns];
   alignas(64) float negative_grad[kPairColumns];
-  uint32_t pushes;  // a bit for each q: the negative term has a gradient
-  Lanes positive_sum, negative_sum;
+  uint32_t pushes;                   // a bit for each q: the negative term has a gradient, C > 0
+  Lanes positive_sum, negative_sum;  // of the terms, over all scales so far
 };
 
+// Evaluates the terms at one scale and adds them to the sums of `terms`.
 PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, uint32_t positive,
                               uint32_t negative, Terms& terms) {
   const Lanes zero(0.0f);
@@ -144,6 +157,7 @@ PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, uint32_t
   terms.pushes &= negative;
 }
 
+// Adds the chosen pairs of pixel p at all scales to the gradients of p and the sums of the block.
 PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
                          const Choice& choice, PairBlock& block) {
   const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
@@ -175,6 +189,7 @@ PEPESEG_HD FeatureLanes PsiOf(const PairJob& job, int scale) {
   return LoadFeature(job.psi + scale * kFeatureSize);
 }
 
+// Adds the norm term of one pixel, (|F| - 1)^2, and its gradient.
 PEPESEG_HD void AddNormTerm(const PairJob& job, const FeatureLanes& feature, PairBlock& block,
                             FeatureLanes& grad) {
   block.sums[kNormLoss] += static_cast<double>(First(NormTerm(feature.v, kVectors)));
@@ -184,6 +199,7 @@ PEPESEG_HD void AddNormTerm(const PairJob& job, const FeatureLanes& feature, Pai
 
 }  // namespace
 
+// Fills the unit vectors of pixels [first, end) in both layouts.
 void GatePixels(const PairJob& job, int first, int end) {
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const FeatureLanes psi = PsiOf(job, scale);
@@ -202,6 +218,8 @@ void GatePixels(const PairJob& job, int first, int end) {
   }
 }
 
+// Adds all pairs of the block's pixels. Columns are the outer loop, so that a group of pixels q
+// stays in the cache for all p of the block.
 void PairRows(const PairJob& job, PairBlock& block) {
   Cosines cosines;
   for (int q = 0; q < job.num_pixels; q += kPairColumns) {
@@ -215,7 +233,8 @@ void PairRows(const PairJob& job, PairBlock& block) {
   }
 }
 
-// From the gradients of the units to those of the features and of the gate.
+// Turns the gradients of the unit vectors into those of the features and of psi, once the counts of
+// positives and negatives are known, and adds the norm term.
 void PairRowsVjp(const PairJob& job, PairBlock& block) {
   const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
   FeatureLanes psi_grad[kMaxScales];

@@ -2,6 +2,9 @@
 #include "kernels/cpu/simd/feature_lanes.h"
 #include "kernels/cpu/simd/kernels.h"
 
+// The passes of PerceptionLoss. Pairs are sparse, so each is evaluated by itself, a feature across
+// the lanes.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
@@ -19,13 +22,15 @@ PEPESEG_HD bool HasPair(const PerceptionJob& job, int64_t pixel) {
   return job.args->first.data[pixel] < job.args->first.data[pixel + 1];
 }
 
+// Of unit vectors.
 PEPESEG_HD float Cosine(const FeatureLanes& a, const FeatureLanes& b) {
   Lanes sum(0.0f);
   for (int k = 0; k < kVectors; ++k) sum = MulAdd(a.v[k], b.v[k], sum);
   return First(Total(sum));
 }
 
-// One pair at all scales: its terms' sum, and its gradients of the units of the first pixel.
+// Returns the sum of the terms of one entry at all scales, and adds their gradients with respect to
+// the unit vectors of pixel p. The other pixel gets its gradient from the entry of its own.
 PEPESEG_HD float AddPair(const PerceptionJob& job, int64_t p, int32_t entry,
                          FeatureLanes* unit_grads) {
   const PerceptionLossArgs& args = *job.args;
@@ -46,6 +51,7 @@ PEPESEG_HD float AddPair(const PerceptionJob& job, int64_t p, int32_t entry,
 
 }  // namespace
 
+// Fills the unit vectors of pixels that have a pair.
 void PerceptionUnits(const PerceptionJob& job, FeatureRange range) {
   for (int64_t p = range.first; p < range.end; ++p) {
     if (!HasPair(job, p)) continue;
@@ -58,6 +64,8 @@ void PerceptionUnits(const PerceptionJob& job, FeatureRange range) {
   }
 }
 
+// Adds the entries of each pixel in their order, then passes the gradients of its unit vectors on
+// to its feature and to psi.
 void PerceptionRows(const PerceptionJob& job, PerceptionBlock& block) {
   FeatureLanes psi_grad[kMaxScales];
   for (FeatureLanes& grad : psi_grad) grad = ZeroFeature();

@@ -3,10 +3,14 @@
 #include "kernels/math/blend.h"
 #include "kernels/math/tile_cover.h"
 
+// Projection, a Gaussian for each lane. Tests yield bits of lanes; a Gaussian that fails one is
+// counted at the first test that it fails.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
+// Splats of a group, a lane each.
 struct SplatLanes {
   float x[kLanes], y[kLanes], root_xx[kLanes], root_xy[kLanes], root_yy[kLanes], opacity[kLanes];
   float r[kLanes], g[kLanes], b[kLanes], depth[kLanes], min_power[kLanes], half_height[kLanes];
@@ -14,7 +18,7 @@ struct SplatLanes {
 
 PEPESEG_HD uint32_t LanesBelow(int count) { return (1u << count) - 1u; }
 
-// Colours of a group; returns the lanes in which they are usable.
+// Computes the colours of a group seen along `dir`. Returns the lanes in which they are usable.
 PEPESEG_HD uint32_t Colors(const ProjectJob& job, const GaussianGroup& group, Vec3<Lanes> dir,
                            SplatLanes& out) {
   const int degree = job.args->active_sh_degree;
@@ -31,7 +35,8 @@ PEPESEG_HD uint32_t Colors(const ProjectJob& job, const GaussianGroup& group, Ve
   return BitsOf(usable);
 }
 
-// Projects a group; returns the lanes that may be seen.
+// Projects a group. Returns the lanes that are in front of the camera, usable and in reach of the
+// image, and counts the degenerate ones. Colours are evaluated only if there is any such lane.
 PEPESEG_HD uint32_t ProjectGroup(ProjectJob& job, const GaussianGroup& group,
                                  const ProjectionCamera<Lanes>& camera, SplatLanes& out) {
   const RenderArgs& args = *job.args;
@@ -77,6 +82,7 @@ PEPESEG_HD uint32_t ProjectGroup(ProjectJob& job, const GaussianGroup& group,
 
 }  // namespace
 
+// Writes the visible lanes of each group one after another, so that outputs have no gaps.
 void ProjectGaussians(ProjectJob& job) {
   const ProjectionCamera<Lanes> camera = MakeProjectionCamera<Lanes>(job.args->view);
   const auto& planes = job.args->gaussians;

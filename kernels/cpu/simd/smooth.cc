@@ -6,6 +6,7 @@
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
+// Adds the directions of the drawn neighbours in the order of the columns, and normalises the sum.
 void SmoothFeaturesRange(const SmoothFeaturesArgs& args, FeatureRange range) {
   const bool every = args.gaussian.size == 0;
   for (int64_t i = range.first; i < range.end; ++i) {
@@ -26,6 +27,7 @@ void SmoothFeaturesRange(const SmoothFeaturesArgs& args, FeatureRange range) {
   }
 }
 
+// Gathers d loss / d fbar from the pixels of each column and passes it through the normalisation.
 void SmoothBackwardRange(const SmoothBackwardArgs& args, FeatureRange range) {
   for (int64_t i = range.first; i < range.end; ++i) {
     FeatureLanes grad = GatherColumn(args.columns, i, args.pixel_grad.data);

@@ -6,8 +6,12 @@ namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Distances that are held in registers: 8 rows x 1 vector where there are 32 registers, 4 x 2 where
-// there are 16.
+// Distances of the spanning tree, in tiles of some rows and the columns of a vector or two.
+// Channels are added one by one in their order, so that every distance has the same bits wherever
+// it is computed.
+
+// The distances of a tile are held in registers: 8 rows x 1 vector with 32 registers (AVX-512), 4 x
+// 2 with 16.
 constexpr int kTileRows = kLanes == 16 ? 8 : 4;
 constexpr int kTileVectors = kLanes == 16 ? 1 : 2;
 constexpr int kTileColumns = kTileVectors * kLanes;
@@ -17,7 +21,7 @@ struct Tile {
   Lanes squared[kTileRows][kTileVectors];
 };
 
-// columns: kTileColumns of a group, from its channel 0 on.
+// Computes the squared distances of a tile. `columns` is at channel 0 of the first column.
 PEPESEG_HD void SquaredDistances(const float* rows, const float* columns, Tile& tile) {
   HWY_UNROLL(kTileRows)
   for (int i = 0; i < kTileRows; ++i) {
@@ -41,12 +45,14 @@ PEPESEG_HD void SquaredDistances(const float* rows, const float* columns, Tile& 
   }
 }
 
-// The nearest so far of kNearestRows rows.
+// State of the search for kNearestRows rows. The lists themselves are in NearestJob::nearest.
 struct Lists {
-  float farthest[kNearestRows];  // of the list
+  float farthest[kNearestRows];  // squared distance of the last one in each list
   int32_t first_row, num_rows;
 };
 
+// Inserts a candidate, which is nearer than the last of the list, and drops the last. Behind equal
+// ones, so that the lower point, which is offered first, comes first.
 PEPESEG_HD void Insert(Neighbour candidate, int count, Neighbour* list) {
   int place = count - 1;
   for (; place > 0 && list[place - 1].squared > candidate.squared; --place) {
@@ -55,7 +61,8 @@ PEPESEG_HD void Insert(Neighbour candidate, int count, Neighbour* list) {
   list[place] = candidate;
 }
 
-// Distances of one row to kLanes columns, of which `first` is the first.
+// Offers the distances of one row to the kLanes points from `first` on. Skips the point itself and
+// padding.
 PEPESEG_HD void Offer(const NearestJob& job, Lanes squared, int32_t first, int row, Lists& lists) {
   uint32_t nearer = BitsOf(squared < Lanes(lists.farthest[row]));
   if (nearer == 0) return;
@@ -74,11 +81,12 @@ PEPESEG_HD void Offer(const NearestJob& job, Lanes squared, int32_t first, int r
   }
 }
 
-// Moves kTileColumns columns nearer to the tree where one of a tile's rows is.
+// The least edges of kTileColumns columns to the tree.
 struct Reach {
   Lanes squared[kTileVectors];
   hn::Vec<IntTag> from[kTileVectors];
 };
+// Replaces them where an edge to one of the tile's rows comes first.
 PEPESEG_HD void RelaxTile(const RelaxJob& job, const Tile& tile, int first_row, const Lanes* core,
                           Reach& reach) {
   const FloatTag d;
@@ -90,7 +98,7 @@ PEPESEG_HD void RelaxTile(const RelaxJob& job, const Tile& tile, int first_row, 
     HWY_UNROLL(kTileVectors)
     for (int v = 0; v < kTileVectors; ++v) {
       const Lanes squared = MutualReach(tile.squared[i][v], core[v], row_core);
-      // Of two edges from one column, that to the lower point comes first in the order of edges.
+      // Of two equal edges from one column, the one to the lower point comes first.
       const auto lower = hn::RebindMask(d, hn::Lt(point, reach.from[v]));
       const auto same = hn::Eq(squared.v, reach.squared[v].v);
       const auto nearer = hn::Or(hn::Lt(squared.v, reach.squared[v].v), hn::And(same, lower));
@@ -102,11 +110,12 @@ PEPESEG_HD void RelaxTile(const RelaxJob& job, const Tile& tile, int first_row, 
 
 }  // namespace
 
+// Compares kNearestRows points with all points. Each group of columns is read once for all rows.
 void NearestNeighbours(const NearestJob& job, FeatureRange range) {
   alignas(64) float rows[kNearestRows * kFeatureSize];
   Lists lists = {{}, static_cast<int32_t>(range.first), static_cast<int>(range.end - range.first)};
   for (int row = 0; row < kNearestRows; ++row) {
-    // Rows behind the last one are worked on as that one, and their list stays full.
+    // Rows after the last one repeat it. Their distance limit of -1 keeps them from being offered.
     const int64_t point = Min(range.first + row, range.end - 1);
     StoreFeature(LoadFeature(job.points + point * kFeatureSize), rows + row * kFeatureSize);
     lists.farthest[row] = row < lists.num_rows ? INFINITY : -1.0f;
@@ -133,6 +142,7 @@ void NearestNeighbours(const NearestJob& job, FeatureRange range) {
   }
 }
 
+// Columns are the outer loop: their state stays in registers over all rows.
 void RelaxColumns(const RelaxJob& job, ColumnRange range) {
   const IntTag di;
   for (int32_t first = range.first; first < range.end; first += kTileColumns) {

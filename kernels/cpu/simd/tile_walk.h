@@ -4,29 +4,34 @@
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/blend.h"
 
+// The walk over the entries of a tile that all forward blending shares, and the steps of it that
+// the backward pass uses, too. The power of a splat is tested before the exponential, so that
+// blocks that a splat does not reach cost little.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
 inline constexpr int kVectorsPerRow = kTileSize / kLanes;
-// The walks work on two vectors at a time, one below or beside the other: two chains of operations
-// that do not wait for each other.
+// The walks work on a block of two vectors at a time, one below the other (16 lanes) or next to it:
+// two chains of operations that do not wait for each other.
 inline constexpr int kBlockRows = kVectorsPerRow == 1 ? 2 : 1;
 inline constexpr int kBlockColumns = 2 / kBlockRows;  // in vectors
 
-// Rows of the tile that a splat can reach.
+// Scanlines [first, end) of the tile that a splat can reach.
 struct RowRange {
   int first, end;
 };
 PEPESEG_HD RowRange RowsInReach(const Splat& s, float tile_y) {
   const float center = s.y - tile_y - 0.5f;
-  // Beyond the tile on either side before the conversion: the values may be huge.
+  // Clamped to just outside the tile before the conversion to int: the values may be huge.
   const float first = Min(Max(center - s.half_height, -0.5f), 16.0f);
   const float end = Min(Max(center + s.half_height, -1.0f), 15.0f);
   const int first_row = static_cast<int>(first);
   return {first_row + (static_cast<float>(first_row) < first), static_cast<int>(end + 1.0f)};
 }
 
-// The splats of a tile lie anywhere in memory: each is asked for some entries ahead of its turn.
+// The splats of a tile are scattered in memory, so each is prefetched some entries ahead. A splat
+// may span two cache lines.
 inline constexpr int32_t kPrefetchAhead = 6;
 PEPESEG_HD void PrefetchSplat(const TileSplats& tile, int32_t k) {
   if (k < 0 || k >= tile.count) return;
@@ -35,11 +40,11 @@ PEPESEG_HD void PrefetchSplat(const TileSplats& tile, int32_t k) {
   __builtin_prefetch(splat + sizeof(Splat) - 1);
 }
 
-// A splat as the loop over its pixels wants it.
+// A splat prepared for the loop over the pixels of a tile.
 struct WalkedSplat {
   PowerRoot<float> root;
   Lanes root_xx, min_power, opacity;
-  Lanes dx[kVectorsPerRow];
+  Lanes dx[kVectorsPerRow];  // offsets of the pixel columns from the mean, pixels
 };
 PEPESEG_HD WalkedSplat PrepareSplat(const Splat& s, float tile_x) {
   WalkedSplat out;
@@ -53,7 +58,7 @@ PEPESEG_HD WalkedSplat PrepareSplat(const Splat& s, float tile_x) {
   return out;
 }
 
-// Two vectors of pixels of a tile, the first of them in row `row` and vector `column`.
+// A block: vector b = 0 is in scanline `row` at vector `column`, vector 1 below or next to it.
 struct Block {
   int row, column;
 
@@ -61,18 +66,20 @@ struct Block {
   PEPESEG_HD int ColumnOf(int b) const { return column + (kBlockRows == 2 ? 0 : b); }
   PEPESEG_HD int PixelOf(int b) const { return RowOf(b) * kTileSize + ColumnOf(b) * kLanes; }
 };
+// The power of a splat (math/blend.h) at offsets (dx, dy) from its mean.
 PEPESEG_HD Lanes PowerOf(const WalkedSplat& s, float dy, Lanes dx) {
   const PowerRow<float> row = PowerAtRow(s.root, dy);
   return Power(s.root_xx, PowerRow<Lanes>{Lanes(row.shift), Lanes(row.drop)}, dx);
 }
 
-// The pixels that a walk visits, in whole blocks.
+// The pixels that a walk visits, as whole blocks.
 struct WalkWindow {
   int first_row, end_row;
   int first_column, end_column;  // in vectors
 };
 inline constexpr WalkWindow kWholeTile = {0, kTileSize, 0, kVectorsPerRow};
 
+// True while any pixel of the window is in play, with a transmittance above 0.
 PEPESEG_HD bool AnyLivePixel(const WalkWindow& window, const float* transmittance) {
   Lanes most(0.0f);
   for (int y = window.first_row; y < window.end_row; ++y) {
@@ -83,7 +90,8 @@ PEPESEG_HD bool AnyLivePixel(const WalkWindow& window, const float* transmittanc
   return !None(Lanes(0.0f) < most);
 }
 
-// One entry at the two vectors of a block; returns a bit for each row with pixels that end.
+// Blends one entry at the two vectors of a block. Returns a bit for each scanline with pixels that
+// stop at this entry.
 template <class Visit>
 PEPESEG_HD uint32_t BlendBlock(const WalkedSplat& s, const Block& block, const float* dy,
                                float* transmittance, Visit&& visit) {
@@ -110,10 +118,13 @@ PEPESEG_HD uint32_t BlendBlock(const WalkedSplat& s, const Block& block, const f
   return stop_rows;
 }
 
-// Blends front to back: calls visit(k, pixel, live, weight) for vectors of pixels that entry k
-// hits, `pixel` the index of the first of them in the tile, weight = a_i T_i and 0 where not live;
-// then stop(k, rows) with a bit for each row in which pixels ended before entry k. A transmittance
-// of 0 or less marks a pixel out of play: one that has stopped keeps its own, negative.
+// Blends front to back until all pixels of the window have stopped. Calls visit(k, pixel, live,
+// weight) for vectors of pixels that entry k hits, where `pixel` is the index of the first of them
+// in the tile and weight = alpha_k T_k, 0 where not live. Then calls stop(k, rows) with a bit for
+// each scanline in which pixels stopped before entry k.
+//
+// `transmittance`, [kTilePixels], is in and out. A value of 0 or less marks a pixel out of play: a
+// pixel that has stopped keeps its transmittance with a negative sign.
 template <class Visit, class Stop>
 PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float* transmittance,
                          Visit&& visit, Stop&& stop) {

@@ -3,29 +3,34 @@
 #include "kernels/math/adam.h"
 #include "kernels/math/blend.h"
 
+// Backward pass of the projection, a Gaussian for each lane, and Adam. A block of Gaussians first
+// gets all its gradients and then Adam plane by plane. Gaussians that are not visible take part in
+// Adam with the gradient 0; those with a gradient that is not finite are masked out of it.
+
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
 constexpr int kMaxPlanes = NumPlanes(kMaxShDegree);
 
-// SplatGrad as planes, for the lanes of a group.
+// The ten fields of SplatGrad, in their order, for the lanes of a group.
 struct SplatGradLanes {
   alignas(64) float values[10][kLanes];
 };
 
-// What a group of Gaussians is worked on with.
+// What the groups of a job share.
 struct Group {
   ProjectionCamera<Lanes> camera;
   const Splat* splats;
   const SplatGrad* grads;
   int degree;
-  int num_planes;  // of the active degree
+  int num_planes;  // planes of the active degree
 };
 
 PEPESEG_HD Lanes Field(const SplatGradLanes& g, int field) { return Lanes::Load(g.values[field]); }
 
-// Transposes the gradients of the group's visible Gaussians; returns their lanes.
+// Transposes the gradients of the group's visible Gaussians and returns their lanes. `visible`
+// holds an index into `grads` or -1. The other lanes are 0.
 PEPESEG_HD uint32_t Transpose(const SplatGrad* grads, const int32_t* visible, int count,
                               SplatGradLanes& out) {
   uint32_t bits = 0;
@@ -40,7 +45,8 @@ PEPESEG_HD uint32_t Transpose(const SplatGrad* grads, const int32_t* visible, in
   return bits;
 }
 
-// The colour's part: fills the SH planes of `grad` and returns what goes on to the mean.
+// Backward pass of the colour: fills the SH planes of `grad` and returns the gradient of the offset
+// from the camera to the mean.
 PEPESEG_HD Vec3<Lanes> ColorVjp(const Group& group, const GaussianGroup& values, Vec3<Lanes> offset,
                                 const SplatGradLanes& splat_grad, Lanes* grad) {
   const Vec3<Lanes> dir = Normalize(offset);
@@ -60,8 +66,8 @@ PEPESEG_HD Vec3<Lanes> ColorVjp(const Group& group, const GaussianGroup& values,
   return NormalizeVjp(offset, ShBasisVjp(dir, group.degree, basis_grad));
 }
 
-// From the gradients of the splats to those of all planes. Lanes that are not visible hold
-// anything. Returns the lanes in which all are finite.
+// Turns the gradients of the splats into those of all active planes. Lanes that are not visible
+// hold arbitrary values. Returns the lanes in which all gradients are finite and below 1e30.
 PEPESEG_HD uint32_t ParameterVjp(const Group& group, const GaussianGroup& values,
                                  const SplatGradLanes& s, Lanes* grad) {
   const GaussianShape<Lanes> shape = LoadShape(values);
@@ -80,11 +86,13 @@ PEPESEG_HD uint32_t ParameterVjp(const Group& group, const GaussianGroup& values
   return BitsOf(usable);
 }
 
+// The inverse of BitsOf.
 PEPESEG_HD LaneMask MaskOf(uint32_t bits) {
   const uint8_t bytes[8] = {static_cast<uint8_t>(bits), static_cast<uint8_t>(bits >> 8)};
   return {hn::LoadMaskBits(FloatTag(), bytes)};
 }
 
+// Learning rate of a plane.
 PEPESEG_HD float RateOf(const LearningRates& rates, int plane) {
   if (plane < kLogScalePlane) return rates.mean;
   if (plane < kRotationPlane) return rates.log_scale;
@@ -93,13 +101,13 @@ PEPESEG_HD float RateOf(const LearningRates& rates, int plane) {
   return plane < kShPlane + 3 ? rates.sh_dc : rates.sh_rest;
 }
 
-// Gaussians that are worked on together: all their gradients first, then Adam plane by plane, so
-// that memory is walked in long strides of few streams.
+// Gaussians of a block. Adam then reads long runs of each plane, which are few streams of memory at
+// a time.
 constexpr int kBlock = 256;
 struct BlockGrads {
   alignas(64) float values[kMaxPlanes][kBlock];
   alignas(64) float correction1[kBlock], correction2[kBlock];
-  uint32_t updated[kBlock / kLanes];  // a bit for each lane of a group
+  uint32_t updated[kBlock / kLanes];  // of each group, a bit for each lane that Adam moves
 };
 
 // Counts the steps of the Gaussians that are updated and looks up their bias corrections.
@@ -116,7 +124,7 @@ PEPESEG_HD void CountSteps(const ParameterJob& job, int64_t first, int count, Bl
   }
 }
 
-// Adam on one plane of a block.
+// Runs Adam on one plane of a block, and clamps log scales to their bounds.
 PEPESEG_HD void AdamPlane(const UpdateArgs& args, int plane, int64_t first, int count,
                           const BlockGrads& block) {
   const Lanes learning_rate(RateOf(args.learning_rates, plane));
@@ -143,6 +151,7 @@ PEPESEG_HD void AdamPlane(const UpdateArgs& args, int plane, int64_t first, int 
   }
 }
 
+// Adds one visible Gaussian to the statistics that are kept, see DensityStats.
 PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& splat,
                          const SplatGrad& grad) {
   const DensityStats& stats = args.stats;
@@ -157,7 +166,8 @@ PEPESEG_HD void AddStats(const UpdateArgs& args, int64_t gaussian, const Splat& 
   radius = Max(radius, 3 * LongAxis(PowerRoot<float>{splat.root_xx, splat.root_xy, splat.root_yy}));
 }
 
-// The gradients and statistics of one group, `at` of the block.
+// Computes gradients and statistics of one group, which starts at `at` in the block. Gradients are
+// 0 in lanes that are not visible or not finite; the latter are counted as skipped.
 PEPESEG_HD void FillGroup(ParameterJob& job, const Group& group, int64_t first, int count,
                           const int32_t* visible, int at, BlockGrads& block) {
   const UpdateArgs& args = *job.update;
@@ -193,6 +203,8 @@ PEPESEG_HD void UpdateBlock(ParameterJob& job, const Group& group, int64_t first
   for (int k = 0; k < group.num_planes; ++k) AdamPlane(*job.update, k, first, count, block);
 }
 
+// Writes the gradients of one group to all planes: 0 where not visible and beyond the active
+// degree.
 PEPESEG_HD void StoreGradients(const ParameterJob& job, const Group& group, int64_t first,
                                int count, const int32_t* visible) {
   const ProjectBackwardArgs& args = *job.grad;
@@ -214,6 +226,7 @@ PEPESEG_HD void StoreGradients(const ParameterJob& job, const Group& group, int6
 
 }  // namespace
 
+// Adam works in blocks of kBlock Gaussians, plain gradients in groups of kLanes.
 void UpdateParameters(ParameterJob& job) {
   const bool updates = job.update != nullptr;
   const int degree = updates ? job.update->active_sh_degree : job.grad->active_sh_degree;
