@@ -2,59 +2,65 @@
 
 #include "kernels/math/hd.h"
 
-// The constants and the step of front-to-back blending, the same forward and backward.
+// Constants and the step of front-to-back blending (Kerbl et al. 2023; METHOD.md section 1,
+// "Rendering"). The forward and the backward pass share them and therefore make the same decisions
+// (NUMERICS.md, "Bounds and rules"). Offsets dx, dy lead from a splat's mean to a pixel centre, in
+// pixels.
 
 namespace pepeseg {
 
 inline constexpr int kTileSize = 16;                    // pixels a side
-inline constexpr float kMaxAlpha = 0.99f;               // so that transmittance never is 0
-inline constexpr float kMinAlpha = 1.0f / 255.0f;       // fainter: skipped
+inline constexpr float kMaxAlpha = 0.99f;               // keeps the transmittance above 0
+inline constexpr float kMinAlpha = 1.0f / 255.0f;       // fainter splats are skipped
 inline constexpr float kMinTransmittance = 1e-4f;       // a pixel stops before it falls below
-inline constexpr float kMinSquaredQuaternion = 1e-20f;  // shorter: degenerate
+inline constexpr float kMinSquaredQuaternion = 1e-20f;  // Gaussians with a shorter one are culled
 
+// 1 / (1 + exp(-x)), which turns a logit into an opacity.
 template <class T>
 PEPESEG_HD T Sigmoid(T x) {
   return T(1) / (T(1) + Exp(T(0) - x));
 }
+// Gradient of x, from that of `sigmoid`, the value.
 template <class T>
 PEPESEG_HD T SigmoidVjp(T sigmoid, T grad) {
   return grad * sigmoid * (T(1) - sigmoid);
 }
 
-// Powers are of 2: a Gaussian's value at an offset from its mean is Exp2(Power(...)).
+// Powers are of 2: the value of a Gaussian at an offset from its mean is Exp2(Power(...)).
 //
-// The smallest power at which a splat of this opacity still reaches kMinAlpha: -log2(255 o). It is
-// tested in the place of alpha, before the exponential.
+// The smallest power at which a splat of this opacity reaches kMinAlpha: -log2(255 o). The power is
+// compared with it, in place of alpha with kMinAlpha, so that skipped splats need no exponential.
 template <class T>
 PEPESEG_HD T MinPower(T opacity) {
   return T(0) - Log2(opacity * T(1.0f / kMinAlpha));
 }
 
-// The triangular root of the conic: power = -(xx dx + xy dy)^2 - (yy dy)^2. Against the sum of
-// three products it is cheaper, never positive, and loses nothing to cancellation on a long thin
-// splat.
+// Triangular root of log2(e) / 2 times the conic, the inverse of the dilated covariance:
+// power = -(xx dx + xy dy)^2 - (yy dy)^2. Compared with the sum of three products it is cheaper,
+// never positive, and does not cancel for a long thin splat.
 template <class T>
 struct PowerRoot {
   T xx, xy, yy;
 };
 inline constexpr float kHalfLog2E = 0.72134752044448170f;  // log2(e) / 2
+// `determinant` is that of the covariance, so conic_xx * determinant is the covariance's yy.
 template <class T>
 PEPESEG_HD PowerRoot<T> MakePowerRoot(T conic_xx, T conic_xy, T determinant) {
   const T xx = Sqrt(T(kHalfLog2E) * conic_xx);
-  // `determinant` is the covariance's: conic_xx * determinant is its yy.
   return {xx, T(kHalfLog2E) * conic_xy / xx, Sqrt(T(kHalfLog2E) / (conic_xx * determinant))};
 }
-// The standard deviation along the splat's longer axis, pixels.
+// Standard deviation along the splat's longer axis, in pixels.
 template <class T>
 PEPESEG_HD T LongAxis(const PowerRoot<T>& root) {
-  // From the larger eigenvalue of kHalfLog2E * conic over its determinant, which is a square.
+  // With M = kHalfLog2E * conic it is the root of kHalfLog2E / (smaller eigenvalue of M), which is
+  // kHalfLog2E * larger / det M. The root of det M is at hand: root.xx * root.yy.
   const T mid = T(0.5f) * (root.xx * root.xx + root.xy * root.xy + root.yy * root.yy);
   const T root_of_det = root.xx * root.yy;
   const T larger = mid + Sqrt(Max(T(0), (mid - root_of_det) * (mid + root_of_det)));
   return Sqrt(T(kHalfLog2E) * larger) / root_of_det;
 }
 
-// The parts of one row of pixels: xy dy and -(yy dy)^2.
+// The parts of the power that a row of pixels shares: xy dy and -(yy dy)^2.
 template <class T>
 struct PowerRow {
   T shift, drop;
@@ -70,12 +76,14 @@ PEPESEG_HD T Power(T root_xx, const PowerRow<T>& row, T dx) {
   return NegMulAdd(u, u, row.drop);
 }
 
+// Alpha of a splat at a pixel, where `gaussian` is its value there, in (0, 1].
 template <class T>
 PEPESEG_HD T Alpha(T opacity, T gaussian) {
   return Min(T(kMaxAlpha), opacity * gaussian);
 }
 
-// A splat is seen with weight = alpha * transmittance, which is what the transmittance loses.
+// One step of blending. The splat counts with weight = alpha * transmittance, and the transmittance
+// falls by the same amount.
 template <class T>
 struct Blended {
   T weight, transmittance;
@@ -86,9 +94,11 @@ PEPESEG_HD Blended<T> BlendStep(T alpha, T transmittance) {
   return {weight, transmittance - weight};
 }
 
-// d loss / d alpha of one splat at one pixel. `value_dot` is the splat's colour (and depth) against
-// the pixel's gradient; `behind_dot` the same of everything behind it, background included, as if
-// seen with transmittance 1 - which is followed back to front by BehindStep, with no division.
+// Gradient of alpha of one splat at one pixel. `transmittance` is that before the splat.
+// `value_dot` is the dot product of the splat's colour (and depth) with the gradient of the pixel;
+// `behind_dot` is that of everything behind the splat, background included, as seen with
+// transmittance 1. BehindStep takes `behind_dot` one splat further to the front, without a
+// division.
 template <class T>
 PEPESEG_HD T AlphaVjp(T transmittance, T value_dot, T behind_dot) {
   return transmittance * (value_dot - behind_dot);
@@ -97,24 +107,26 @@ template <class T>
 PEPESEG_HD T BehindStep(T alpha, T value_dot, T behind_dot) {
   return MulAdd(alpha, value_dot - behind_dot, behind_dot);
 }
-// d loss / d ln of the Gaussian: none where alpha is held at its maximum.
+// Gradient of the logarithm of the Gaussian's value, from that of alpha: alpha = o G, so it is
+// alpha times as large, and 0 where alpha is clamped to kMaxAlpha.
 template <class T>
 PEPESEG_HD T GaussianVjp(T alpha, T alpha_grad) {
   return Select(alpha < T(kMaxAlpha), alpha * alpha_grad, T(0));
 }
 
-// What is blended in the place of the depth where nearness is compared (a disparity).
+// 1 / z, which is blended in place of the depth where the prior is a disparity.
 template <class T>
 PEPESEG_HD T InverseDepth(T z) {
   return T(1) / z;
 }
+// Gradient of z, from that of 1 / z.
 template <class T>
 PEPESEG_HD T InverseDepthVjp(T inverse_depth, T grad) {
   return T(0) - grad * inverse_depth * inverse_depth;
 }
 
-// Moments of d loss / d ln of the Gaussian over the pixels of a splat, offsets from its mean: all
-// that its gradients need.
+// Moments of GaussianVjp over the pixels of a splat: its sum, and its sums times dx, dy, dx^2, dx
+// dy and dy^2. The gradients of the splat's shape and opacity need nothing else.
 template <class T>
 struct PowerMoments {
   T sum, x, y, xx, xy, yy;
@@ -123,6 +135,8 @@ template <class T>
 struct SplatShapeGrad {
   T x, y, conic_xx, conic_xy, conic_yy, opacity;
 };
+// Gradients of mean, conic and opacity of a splat, from the moments. That of conic_xy counts both
+// off-diagonal elements.
 template <class T>
 PEPESEG_HD SplatShapeGrad<T> SplatShapeVjp(const PowerRoot<T>& root, T opacity,
                                            const PowerMoments<T>& m) {

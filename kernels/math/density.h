@@ -5,26 +5,30 @@
 #include "kernels/math/projection.h"
 #include "kernels/math/vec.h"
 
-// Density control (Kerbl et al. 2023, section 5), one Gaussian at a time.
+// Density control (Kerbl et al. 2023, section 5; METHOD.md section 1, "Density"), one Gaussian at a
+// time: whether it is pruned, kept, cloned or split, where children are drawn, and the order of
+// Gaussians in memory. The argument structs are in kernels/ops/density.h.
 
 namespace pepeseg {
 
-// log(1.6): a child is smaller than its parent by 0.8 times the number of children.
+// log(1.6): a child's standard deviations are 1 / (0.8 * number of children) of its parent's, and
+// there are two children.
 inline constexpr float kLogSplitShrink = 0.47000363f;
 
-// What becomes of a Gaussian.
+// Fate of a Gaussian.
 enum DensityFate : uint8_t { kFatePruned = 0, kFateKept = 1, kFateCloned = 2, kFateSplit = 3 };
+// Number of Gaussians that one of this fate leaves: 0, 1, 2 or 2.
 PEPESEG_HD int NumRowsOf(DensityFate fate) {
   return fate == kFateSplit ? 2 : static_cast<int>(fate);
 }
 
-// Bounds of a Gaussian's fate as the parameters are stored.
+// Bounds that decide a fate, in the units in which parameters are stored.
 struct DensityBounds {
-  float min_gradient;
-  float clone_log_scale;
-  float min_logit;
+  float min_gradient;     // mean gradient of the position on screen from which on it is densified
+  float clone_log_scale;  // largest log scale of a Gaussian that is cloned and not split
+  float min_logit;        // of the opacity; fainter Gaussians, and NaN, are pruned
 };
-// The fate where there is room for all.
+// Returns the fate before the limit on the number of Gaussians is applied.
 PEPESEG_HD DensityFate FateOf(const DensityBounds& bounds, float logit, float largest_log_scale,
                               float mean_gradient) {
   if (!(logit >= bounds.min_logit)) return kFatePruned;
@@ -32,21 +36,22 @@ PEPESEG_HD DensityFate FateOf(const DensityBounds& bounds, float logit, float la
   return largest_log_scale <= bounds.clone_log_scale ? kFateCloned : kFateSplit;
 }
 
-// 32 bits, every one of which depends on all of x.
+// Hash of 32 bits (lowbias32 of Wellons' hash-prospector): every bit depends on all bits of x.
 PEPESEG_HD uint32_t MixBits(uint32_t x) {
   x = (x ^ x >> 16) * 0x7feb352du;
   x = (x ^ x >> 15) * 0x846ca68bu;
   return x ^ x >> 16;
 }
 
-// Numbers 0, 1, ... of a stream that `seed` and `row` name, in (0, 1).
+// Element `number` of the random stream that `seed` and `row` name. Uniform in (0, 1]; 1 occurs
+// only where float rounds the largest value up.
 template <class T>
 PEPESEG_HD T UniformNumber(uint32_t seed, uint32_t row, uint32_t number) {
   const uint32_t bits = MixBits(MixBits(MixBits(seed) ^ row) ^ number);
   return (static_cast<T>(bits >> 8) + T(0.5)) * T(1.0 / (1 << 24));
 }
 
-// Three standard normal numbers (Box & Muller 1958).
+// Three independent standard normal numbers (Box & Muller 1958) for child 0 or 1 of Gaussian `row`.
 template <class T>
 PEPESEG_HD Vec3<T> NormalNumbers(uint32_t seed, uint32_t row, uint32_t child) {
   constexpr T kTwoPi = T(6.283185307179586);
@@ -56,7 +61,7 @@ PEPESEG_HD Vec3<T> NormalNumbers(uint32_t seed, uint32_t row, uint32_t child) {
   return {r0 * Cos(kTwoPi * u[2]), r0 * Cos(kTwoPi * (u[2] - T(0.25))), r1 * Cos(kTwoPi * u[3])};
 }
 
-// A place drawn from the Gaussian.
+// Position of a child, drawn from the Gaussian by a standard normal vector.
 template <class T>
 PEPESEG_HD Vec3<T> ChildMean(const GaussianShape<T>& shape, Vec3<T> normal) {
   const Vec3<T> deviation = {Exp(shape.log_scale.x), Exp(shape.log_scale.y),
@@ -64,13 +69,14 @@ PEPESEG_HD Vec3<T> ChildMean(const GaussianShape<T>& shape, Vec3<T> normal) {
   return shape.mean + RotationFromQuaternion(shape.rotation) * Scale(deviation, normal);
 }
 
-// The Morton code of a place in a box of cells, 21 bits an axis, x lowest; a coordinate that is not
-// finite counts as the box's smallest.
+// Cells of a box, 2^21 an axis, which a Morton code numbers so that neighbours in space are mostly
+// neighbours in memory.
 struct MortonGrid {
-  double min[3];
-  double cells_per_unit[3];
+  double min[3];             // corner of the box, scene units
+  double cells_per_unit[3];  // 0 along an axis on which the box has no extent
 };
 inline constexpr int kMortonBits = 21;
+// `min` and `max` are the corners of the box, x, y, z.
 PEPESEG_HD MortonGrid MakeMortonGrid(const float* min, const float* max) {
   MortonGrid grid;
   for (int axis = 0; axis < 3; ++axis) {
@@ -80,7 +86,7 @@ PEPESEG_HD MortonGrid MakeMortonGrid(const float* min, const float* max) {
   }
   return grid;
 }
-// Two zero bits between any two of the low 21 bits.
+// Spreads the low 21 bits of x, with two zero bits between neighbours.
 PEPESEG_HD uint64_t SpreadBits(uint64_t x) {
   x &= 0x1fffff;
   x = (x | x << 32) & 0x001f00000000ffff;
@@ -89,6 +95,8 @@ PEPESEG_HD uint64_t SpreadBits(uint64_t x) {
   x = (x | x << 4) & 0x10c30c30c30c30c3;
   return (x | x << 2) & 0x1249249249249249;
 }
+// Morton code of a position x, y, z: 21 bits an axis, interleaved, x lowest. A coordinate that is
+// not finite, or outside the box, counts as cell 0.
 PEPESEG_HD uint64_t MortonCode(const MortonGrid& grid, const float* place) {
   constexpr double kLast = (1 << kMortonBits) - 1;
   uint64_t code = 0;

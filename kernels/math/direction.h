@@ -2,9 +2,13 @@
 
 #include "kernels/math/pair.h"
 
+// Normalised features of the smoothing over neighbours (METHOD.md section 3, "Smoothing"). Vectors
+// are `count` elements of T, as in pair.h.
+
 namespace pepeseg {
 
-// direction = f / |f|, for vectors as of pair.h; returns 1 / |f|.
+// Writes direction = f / |f| and returns 1 / |f|, where |f|^2 is raised by kSquaredNormFloor: f = 0
+// has the direction 0.
 template <class T>
 PEPESEG_HD T Direction(const T* feature, int count, T* direction) {
   T squares = T(0);
@@ -13,7 +17,7 @@ PEPESEG_HD T Direction(const T* feature, int count, T* direction) {
   for (int k = 0; k < count; ++k) direction[k] = feature[k] * inv_length;
   return inv_length;
 }
-// grad is that of the direction, and becomes that of the feature.
+// Turns `grad`, the gradient of the direction, into that of the feature, in place.
 template <class T>
 PEPESEG_HD void DirectionVjp(const T* direction, T inv_length, int count, T* grad) {
   T along = T(0);

@@ -2,18 +2,21 @@
 
 #include "kernels/math/hd.h"
 
-// The scale-aware contrastive loss. Feature vectors are `count` elements of T: 32 numbers, or fewer
-// vectors of lanes. Total(x) adds the lanes of a T and is the number itself for a number.
+// Terms of the losses of stage two (METHOD.md section 3, "Contrastive loss" and "Norms"). Feature
+// vectors are `count` elements of T: 32 numbers, or fewer vectors of lanes. Total(x) is the sum of
+// the lanes of x, in every lane; for a number it is the number.
 
 namespace pepeseg {
 
 PEPESEG_HD float Total(float x) { return x; }
 PEPESEG_HD double Total(double x) { return x; }
 
-// Added to squared norms, so that a pixel on which nothing was blended has a direction of length 0.
+// Added to squared norms, so that a pixel on which nothing was blended gets the direction 0 and not
+// NaN.
 inline constexpr float kSquaredNormFloor = 1e-12f;
 
-// unit = psi * f / |psi * f|; returns 1 / |psi * f|.
+// Writes unit = psi * f / |psi * f|, with the elementwise product, and returns 1 / |psi * f|. The
+// cosine C of two pixels is the dot product of their units.
 template <class T>
 PEPESEG_HD T GatedUnit(const T* psi, const T* feature, int count, T* unit) {
   T squares = T(0);
@@ -25,7 +28,7 @@ PEPESEG_HD T GatedUnit(const T* psi, const T* feature, int count, T* unit) {
   for (int k = 0; k < count; ++k) unit[k] = unit[k] * inv_norm;
   return inv_norm;
 }
-// Adds to feature_grad and psi_grad.
+// Adds the gradients of f and psi, from that of `unit`, to feature_grad and psi_grad.
 template <class T>
 PEPESEG_HD void GatedUnitVjp(const T* psi, const T* feature, int count, const T* unit_grad,
                              T* feature_grad, T* psi_grad) {
@@ -44,7 +47,8 @@ PEPESEG_HD void GatedUnitVjp(const T* psi, const T* feature, int count, const T*
   }
 }
 
-// -w C where the labels agree, w max(C, 0) where they do not.
+// Terms of one pair: -w C where the labels agree, w max(C, 0) where they do not. The Vjps are their
+// derivatives with respect to C.
 template <class T>
 PEPESEG_HD T PositiveTerm(T weight, T cosine) {
   return T(0) - weight * cosine;
@@ -62,7 +66,7 @@ PEPESEG_HD T NegativeTermVjp(T weight, T cosine) {
   return Select(T(0) < cosine, weight, T(0));
 }
 
-// (|f| - 1)^2.
+// Norm term (|f| - 1)^2 of one vector.
 template <class T>
 PEPESEG_HD T NormTerm(const T* feature, int count) {
   T squares = T(0);
@@ -70,7 +74,7 @@ PEPESEG_HD T NormTerm(const T* feature, int count) {
   const T excess = Sqrt(Total(squares) + T(kSquaredNormFloor)) - T(1);
   return excess * excess;
 }
-// The gradient is this times f.
+// Returns the factor of f in the gradient of f, from the gradient `grad` of the norm term.
 template <class T>
 PEPESEG_HD T NormTermVjp(const T* feature, int count, T grad) {
   T squares = T(0);

@@ -2,10 +2,14 @@
 
 #include "kernels/math/vec.h"
 
+// Projection of a Gaussian to a splat of the image (EWA splatting, Zwicker et al. 2001; Kerbl et
+// al. 2023; METHOD.md section 1, "Rendering"). Lengths are in scene units, image coordinates in
+// pixels with pixel centres at integer + 0.5. Camera axes: x right, y down, z forward.
+
 namespace pepeseg {
 
-// Added to both variances of the projected Gaussian, squared pixels: no splat is thinner than the
-// sampling allows (3DGS).
+// Added to both variances of the projected Gaussian, squared pixels, so that no splat is thinner
+// than a pixel can sample (3DGS).
 inline constexpr float kDilation = 0.3f;
 
 // A pinhole camera as the projection reads it.
@@ -14,8 +18,8 @@ struct ProjectionCamera {
   Mat3<T> rotation;  // cam_from_world
   Vec3<T> translation;
   T fx, fy, cx, cy;
-  // Where the Jacobian is clamped, x / z and y / z: 1.3 tan(fov) for a centred principal point,
-  // else the image's edges plus 0.3 tan(fov).
+  // Bounds on x / z and y / z in the Jacobian: the edges of the image plus 0.3 tan(fov / 2), which
+  // is 1.3 tan(fov / 2), as in 3DGS, for a centred principal point.
   T min_x, max_x, min_y, max_y;
 };
 
@@ -39,12 +43,13 @@ PEPESEG_HD ProjectionCamera<T> MakeProjectionCamera(const View& view) {
   return camera;
 }
 
-// Where the camera stands, in the world.
+// Position of the camera in the world.
 template <class T>
 PEPESEG_HD Vec3<T> CameraCenter(const ProjectionCamera<T>& camera) {
   return T(-1) * MulTransposed(camera.rotation, camera.translation);
 }
 
+// `mean`, a point of the world, in camera axes.
 template <class T>
 PEPESEG_HD Vec3<T> MeanInCam(const ProjectionCamera<T>& camera, Vec3<T> mean) {
   return camera.rotation * mean + camera.translation;
@@ -56,12 +61,13 @@ struct Sym2 {
   T xx, xy, yy;
 };
 
-// J W R as two rows, J the Jacobian of the pinhole projection at the mean (EWA splatting): column k
-// is the image of the k-th axis of the Gaussian, for one unit of its length.
+// J W R as two rows: J is the Jacobian of the pinhole projection at the mean, W the rotation of the
+// camera and R that of the Gaussian. Column k is the image of the k-th axis of the Gaussian, in
+// pixels for one scene unit of its length.
 template <class T>
 struct ProjectedAxes {
-  Vec3<T> jw0, jw1;  // J W
-  Vec3<T> row0, row1;
+  Vec3<T> jw0, jw1;    // J W
+  Vec3<T> row0, row1;  // J W R
 };
 template <class T>
 PEPESEG_HD ProjectedAxes<T> ProjectAxes(const ProjectionCamera<T>& camera, Vec3<T> mean_in_cam,
@@ -84,14 +90,16 @@ PEPESEG_HD Sym2<T> ProjectCovariance(const ProjectedAxes<T>& axes, Vec3<T> scale
   return {Dot(u0, u0), Dot(u0, u1), Dot(u1, u1)};
 }
 
+// A projected Gaussian.
 template <class T>
 struct Projection {
   Vec3<T> mean_in_cam;
   T x, y;         // pixels
   Sym2<T> conic;  // inverse of the dilated covariance
-  T determinant;  // of the dilated covariance: not positive and finite only for unusable input
+  T determinant;  // of the dilated covariance; positive and finite unless the input is unusable
 };
 
+// Geometry of a Gaussian as it is stored (kernels/gaussian_planes.h).
 template <class T>
 struct GaussianShape {
   Vec3<T> mean;
@@ -99,6 +107,7 @@ struct GaussianShape {
   Quaternion<T> rotation;
 };
 
+// The mean must have z > 0 in camera axes; the caller culls the others.
 template <class T>
 PEPESEG_HD Projection<T> Project(const ProjectionCamera<T>& camera, const GaussianShape<T>& shape) {
   Projection<T> out;
@@ -111,7 +120,7 @@ PEPESEG_HD Projection<T> Project(const ProjectionCamera<T>& camera, const Gaussi
       ProjectAxes(camera, out.mean_in_cam, RotationFromQuaternion(shape.rotation));
   const Vec3<T> u0 = Scale(axes.row0, scale), u1 = Scale(axes.row1, scale);
   const T xx = Dot(u0, u0), xy = Dot(u0, u1), yy = Dot(u1, u1);
-  // det(U U^T) = |u0 x u1|^2: no cancellation for a needle, and positive with the dilation.
+  // det(U U^T) = |u0 x u1|^2, which does not cancel for a needle and is positive when dilated.
   const Vec3<T> cross = Cross(u0, u1);
   const T dilation = T(kDilation);
   out.determinant = Dot(cross, cross) + dilation * (xx + yy) + dilation * dilation;
@@ -120,13 +129,16 @@ PEPESEG_HD Projection<T> Project(const ProjectionCamera<T>& camera, const Gaussi
   return out;
 }
 
+// Gradients of the outputs of Project.
 template <class T>
 struct ProjectionGrad {
   T x, y;
-  Sym2<T> conic;  // of the three numbers, so xy stands for both off-diagonal elements
+  Sym2<T> conic;  // of the three numbers; that of xy counts both off-diagonal elements
   T depth;        // of mean_in_cam.z
 };
 
+// Gradients of mean, log scales and quaternion, from those of the projection. Projects again, so
+// that nothing has to be kept from the forward pass.
 template <class T>
 PEPESEG_HD GaussianShape<T> ProjectVjp(const ProjectionCamera<T>& camera,
                                        const GaussianShape<T>& shape,
@@ -142,11 +154,13 @@ PEPESEG_HD GaussianShape<T> ProjectVjp(const ProjectionCamera<T>& camera,
   const T cov_xx = Dot(u0, u0) + dilation, cov_yy = Dot(u1, u1) + dilation;
   const T inv_det = T(1) / (Dot(cross, cross) + dilation * (cov_xx + cov_yy) - dilation * dilation);
   const T cxx = cov_yy * inv_det, cxy = T(0) - Dot(u0, u1) * inv_det, cyy = cov_xx * inv_det;
-  // d cov = -C G C with C the conic and G the gradient as a symmetric matrix.
+  // The gradient of the covariance is -C G C, where C is the conic and G its gradient as a
+  // symmetric matrix, each off-diagonal element half of grad.conic.xy.
   const T half_xy = T(0.5f) * grad.conic.xy;
   const T gc00 = grad.conic.xx * cxx + half_xy * cxy, gc01 = grad.conic.xx * cxy + half_xy * cyy;
   const T gc10 = half_xy * cxx + grad.conic.yy * cxy, gc11 = half_xy * cxy + grad.conic.yy * cyy;
-  const T cov_grad_xx = T(-2) * (cxx * gc00 + cxy * gc10);  // twice, as cov = U U^T
+  // Twice that, as cov = U U^T and so the gradient of U is 2 (-C G C) U.
+  const T cov_grad_xx = T(-2) * (cxx * gc00 + cxy * gc10);
   const T cov_grad_xy = T(-2) * (cxx * gc01 + cxy * gc11);
   const T cov_grad_yy = T(-2) * (cxy * gc01 + cyy * gc11);
   const Vec3<T> axes_grad0 = Scale(cov_grad_xx * u0 + cov_grad_xy * u1, scale);
@@ -159,7 +173,8 @@ PEPESEG_HD GaussianShape<T> ProjectVjp(const ProjectionCamera<T>& camera,
                                  axes.jw0.z * axes_grad0 + axes.jw1.z * axes_grad1};
   out.rotation = RotationFromQuaternionVjp(shape.rotation, rotation_grad);
 
-  // Through J: where x / z is clamped, J no longer depends on x / z.
+  // Mean: directly, and through J, which depends on 1 / z and, unless they are clamped, on x / z
+  // and y / z.
   const Vec3<T> jw_grad0 = rotation * axes_grad0, jw_grad1 = rotation * axes_grad1;
   const T x = mean.x * inv_z, y = mean.y * inv_z;
   const T fx = camera.fx * inv_z, fy = camera.fy * inv_z;

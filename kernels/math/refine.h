@@ -4,26 +4,31 @@
 
 #include "kernels/math/projection.h"
 
-// Gaussian refinement of one Gaussian in one view (METHOD.md section 1), in scalars.
+// Refinement of one Gaussian in one view (METHOD.md section 1, "Refinement"): finds where its major
+// axis on screen crosses the border of a mask, and cuts it there. Templates on a plain scalar only,
+// not on vector lanes. Points and lengths on screen are in pixels, others in scene units. The
+// argument structs are in kernels/ops/refine.h.
 
 namespace pepeseg {
 
-inline constexpr float kAxisReach = 3;              // standard deviations to either end of the axis
-inline constexpr float kMinHalfAxis = 1;            // pixels
-inline constexpr float kMaxVariance = 1e12f;        // pixels^2: beyond, both ends leave any image
-inline constexpr float kMinAxisShare = 0.05f;       // of the axis: no part is shorter
-inline constexpr float kMinCarriedAxis = 0.8f;      // of the axis on screen, by one axis in space
-inline constexpr float kAllAxesShrink = 0.8f;       // times the share, where all axes are scaled
+inline constexpr float kAxisReach = 3;    // standard deviations from the mean to an end of the axis
+inline constexpr float kMinHalfAxis = 1;  // pixels; a shorter axis is not cut
+inline constexpr float kMaxVariance = 1e12f;   // pixels^2; beyond it both ends leave any image
+inline constexpr float kMinAxisShare = 0.05f;  // least share of the axis that a part keeps
+// Least share of the axis on screen that the longest-appearing axis in space must account for.
+inline constexpr float kMinCarriedAxis = 0.8f;
+inline constexpr float kAllAxesShrink = 0.8f;       // times the share, when all axes are scaled
 inline constexpr float kMinRefinementAlpha = 0.5f;  // fainter pixels have no depth
 
 // The masks of a view as the formulas read them; see PatchMap of kernels/ops/refine.h.
 struct PatchMapView {
-  int width, height;
-  int words, num_masks;
-  const uint32_t* pixel_patch;
-  const uint64_t* patch_bits;
-  const int64_t* mask_area;
+  int width, height;            // pixels
+  int words, num_masks;         // 64-bit words of a bitset, number of masks
+  const uint32_t* pixel_patch;  // [H, W] -> mask cell
+  const uint64_t* patch_bits;   // [cells, words] masks of each cell
+  const int64_t* mask_area;     // [num_masks] pixels
 
+  // Bitset of the masks that cover a pixel.
   PEPESEG_HD const uint64_t* BitsAt(int x, int y) const {
     return patch_bits +
            static_cast<int64_t>(pixel_patch[static_cast<int64_t>(y) * width + x]) * words;
@@ -42,7 +47,8 @@ PatchMapView MakePatchMapView(const Masks& masks, const View& view) {
           masks.mask_area.data};
 }
 
-// The smallest of the masks that cover one of two pixels only, or -1; of equal ones the first.
+// Returns the smallest of the masks that cover exactly one of two pixels, the first of equal ones,
+// or -1 if there is none. `a` and `b` are the bitsets of the pixels.
 PEPESEG_HD int SmallestCrossedMask(const PatchMapView& map, const uint64_t* a, const uint64_t* b) {
   int smallest = -1;
   for (int word = 0; word < map.words; ++word) {
@@ -70,7 +76,7 @@ template <class T>
 PEPESEG_HD PrincipalAxis<T> MajorAxis(const Sym2<T>& cov) {
   const T mid = T(0.5f) * (cov.xx + cov.yy), half = T(0.5f) * (cov.xx - cov.yy);
   const T root = Sqrt(half * half + cov.xy * cov.xy);
-  // The eigenvector without cancellation.
+  // Of the two forms of the eigenvector, the one in which nothing cancels.
   const bool wide = half >= T(0);
   const T x = wide ? half + root : cov.xy, y = wide ? cov.xy : root - half;
   const T norm = Sqrt(x * x + y * y);
@@ -79,13 +85,14 @@ PEPESEG_HD PrincipalAxis<T> MajorAxis(const Sym2<T>& cov) {
   return {{x / norm, y / norm}, deviation};
 }
 
-// How far a ray from inside [0, width] x [0, height] goes until it leaves it, at most `length`.
+// Distance that a ray from inside [0, width] x [0, height] goes until it leaves it, at most
+// `length`.
 template <class T>
 PEPESEG_HD T DistanceToEdge(const PatchMapView& map, Point2<T> from, Point2<T> direction,
                             T length) {
   const T to_x = (direction.x > T(0) ? T(map.width) - from.x : from.x) / Abs(direction.x);
   const T to_y = (direction.y > T(0) ? T(map.height) - from.y : from.y) / Abs(direction.y);
-  // Against a direction of 0 no comparison with infinity or NaN takes the place of `length`.
+  // Where a component of the direction is 0, to_x or to_y is infinite or NaN, and `length` stays.
   T distance = length;
   if (to_x < distance) distance = to_x;
   if (to_y < distance) distance = to_y;
@@ -95,18 +102,20 @@ PEPESEG_HD T DistanceToEdge(const PatchMapView& map, Point2<T> from, Point2<T> d
 struct Pixel {
   int x, y;
 };
-// The pixel of a point of the closed image.
+// The pixel that holds a point of the closed image [0, width] x [0, height].
 template <class T>
 PEPESEG_HD Pixel PixelAt(const PatchMapView& map, Point2<T> point) {
   const int x = static_cast<int>(point.x), y = static_cast<int>(point.y);
   return {x < map.width ? x : map.width - 1, y < map.height ? y : map.height - 1};
 }
 
-// How far a ray goes, pixel by pixel, until it enters one that the mask does not cover; at most
-// `length`.
+// Distance that a ray goes, pixel by pixel (Amanatides and Woo 1987), until it enters one that the
+// mask does not cover or leaves the image; at most `length`.
 template <class T>
 PEPESEG_HD T DistanceToExit(const PatchMapView& map, int mask, Point2<T> from, Point2<T> direction,
                             T length) {
+  // next_x and next_y are the distances to the next vertical and horizontal border of a pixel.
+  // `far` bounds them where the ray is parallel to the border.
   const bool right = direction.x > T(0), down = direction.y > T(0);
   const T far = T(4) * T(map.width + map.height);
   const T per_x = T(1) / Max(Abs(direction.x), T(1e-9f));
@@ -137,10 +146,11 @@ template <class T>
 struct MaskCrossing {
   bool found;
   T inside;  // +1 or -1: the end that the mask covers
-  T share;   // of the axis, from that end to the first exit
+  T share;   // r: share of the axis from that end to the first exit, in [kMinAxisShare, 1]
 };
-// The mean lies in the image. An axis that leaves the image at one end is followed up to its edge,
-// and the mask there is taken to go on beyond it.
+// `mean` must lie in the image; `direction` has length 1. The smallest mask that covers exactly one
+// end decides. If one end lies outside the image, the axis is followed up to the edge, and the mask
+// is assumed to continue beyond it; if both do, nothing is found.
 template <class T>
 PEPESEG_HD MaskCrossing<T> FindCrossing(const PatchMapView& map, Point2<T> mean,
                                         Point2<T> direction, T reach) {
@@ -163,14 +173,16 @@ PEPESEG_HD MaskCrossing<T> FindCrossing(const PatchMapView& map, Point2<T> mean,
   return {true, ends_inside ? T(1) : T(-1), Min(Max(share, T(kMinAxisShare)), T(1))};
 }
 
-// The axis in space that crosses the mask.
+// The axis in space that crosses the border of a mask.
 template <class T>
 struct Refinement {
   bool found;
-  T share;         // of it inside the mask
-  int axis;        // 0, 1, 2
-  Vec3<T> to_end;  // from the mean to its end inside the mask, 3 standard deviations
+  T share;         // r: share of the axis inside the mask
+  int axis;        // 0, 1 or 2: the axis of the Gaussian
+  Vec3<T> to_end;  // from the mean to the end inside the mask, 3 standard deviations long
 };
+// Finds nothing if the mean is not in the image, or if no single axis in space makes up
+// kMinCarriedAxis of the major axis on screen.
 template <class T>
 PEPESEG_HD Refinement<T> FindRefinement(const ProjectionCamera<T>& camera,
                                         const GaussianShape<T>& shape, const PatchMapView& map) {
@@ -188,7 +200,7 @@ PEPESEG_HD Refinement<T> FindRefinement(const ProjectionCamera<T>& camera,
   const Sym2<T> cov = ProjectCovariance(axes, scale);
   if (!(cov.xx + cov.yy < T(kMaxVariance))) return out;
   const PrincipalAxis<T> major = MajorAxis(cov);
-  // What each axis in space spans along the one on screen, signed.
+  // Signed extent of one standard deviation of each axis in space along the major axis on screen.
   const Vec3<T> spans = Scale(major.direction.x * axes.row0 + major.direction.y * axes.row1, scale);
   T span = spans.x;
   Vec3<T> axis = {rotation.row0.x, rotation.row1.x, rotation.row2.x};
@@ -211,9 +223,11 @@ PEPESEG_HD Refinement<T> FindRefinement(const ProjectionCamera<T>& camera,
   return out;
 }
 
-// The part of a Gaussian on one side of the border: `share` of its axis, whose 3-sigma segment ends
-// where the Gaussian's does. share = r at +to_end inside, 1 - r at -to_end outside:
-// sigma* = r sigma, mu* = mu + 3 (1 - r) sigma v.
+// The part of a Gaussian on one side of the border. Its 3-sigma segment along the axis is a share
+// of the Gaussian's and ends where that ends: the part inside the mask has the share r and ends at
+// +to_end, the part outside has 1 - r and ends at -to_end. For the part inside (METHOD.md section
+// 1): sigma* = r sigma, mu* = mu + 3 (1 - r) sigma v. With scale_all_axes all three standard
+// deviations are scaled, by kAllAxesShrink times the share.
 template <class T>
 PEPESEG_HD GaussianShape<T> PartOf(GaussianShape<T> shape, const Refinement<T>& refinement,
                                    bool outside, bool scale_all_axes) {
@@ -231,13 +245,15 @@ PEPESEG_HD GaussianShape<T> PartOf(GaussianShape<T> shape, const Refinement<T>& 
                                               refinement.axis == 2 ? change : T(0)};
   return shape;
 }
-// An outside part that is hardly there is not worth a Gaussian.
+// Returns whether the part outside is long enough to become a Gaussian.
 template <class T>
 PEPESEG_HD bool HasOutsidePart(const Refinement<T>& refinement) {
   return T(1) - refinement.share >= T(kMinAxisShare);
 }
 
-// The rank of a candidate: its distance to the rendered depth, or -1 where there is none.
+// Distance of a Gaussian at depth z from the rendered depth, by which candidates are ranked. -1:
+// the pixel has no depth. `depth` is the sum of weight * z over the pixel; after a render of
+// inverse depth both are of 1 / z.
 template <class T>
 PEPESEG_HD T DepthGap(T alpha, T depth, T z) {
   if (!(alpha > T(kMinRefinementAlpha))) return T(-1);

@@ -2,9 +2,12 @@
 
 #include "kernels/math/vec.h"
 
+// Colour by direction (Kerbl et al. 2023): real spherical harmonics up to degree 3, with the signs
+// and the order of 3DGS. `dir` is the unit vector from the camera to the Gaussian, in the world.
+
 namespace pepeseg {
 
-// Real spherical harmonics up to degree 3 with the signs and order of 3DGS. `dir` is a unit vector.
+// Normalisation constants of the basis functions, named by degree and, from degree 2 on, by shape.
 inline constexpr float kSh0 = 0.28209479177387814f;
 inline constexpr float kSh1 = 0.4886025119029199f;
 inline constexpr float kSh20 = 1.0925484305920792f, kSh21 = 0.31539156525252005f,
@@ -13,7 +16,7 @@ inline constexpr float kSh30 = 0.5900435899266435f, kSh31 = 2.890611442640554f,
                        kSh32 = 0.4570457994644658f, kSh33 = 0.3731763325901154f,
                        kSh34 = 1.445305721320277f;
 
-// Fills basis[0 .. (degree + 1)^2).
+// Writes the values of the basis functions to basis[0 .. (degree + 1)^2). degree: 0..3.
 template <class T>
 PEPESEG_HD void ShBasis(Vec3<T> dir, int degree, T* basis) {
   const T x = dir.x, y = dir.y, z = dir.z;
@@ -39,7 +42,8 @@ PEPESEG_HD void ShBasis(Vec3<T> dir, int degree, T* basis) {
   basis[15] = T(-kSh30) * x * (xx - T(3) * yy);
 }
 
-// The gradient of `dir` (not yet projected onto the sphere).
+// Gradient of `dir`, from the gradients g[0 .. (degree + 1)^2) of the basis values. NormalizeVjp
+// projects it onto the sphere.
 template <class T>
 PEPESEG_HD Vec3<T> ShBasisVjp(Vec3<T> dir, int degree, const T* g) {
   const T x = dir.x, y = dir.y, z = dir.z;
@@ -67,11 +71,13 @@ PEPESEG_HD Vec3<T> ShBasisVjp(Vec3<T> dir, int degree, const T* g) {
   return out;
 }
 
-// One channel: max(0, 0.5 + sum of basis * coefficient).
+// One channel of the colour: max(0, 0.5 + sum of basis * coefficient), so that coefficients of 0
+// are mid-grey. Photographs lie in [0, 1]; the colour may exceed 1.
 template <class T>
 PEPESEG_HD T ShChannel(T weighted_sum) {
   return Max(weighted_sum + T(0.5f), T(0));
 }
+// Gradient of the weighted sum, from that of the channel: 0 where the channel is clamped to 0.
 template <class T>
 PEPESEG_HD T ShChannelVjp(T weighted_sum, T color_grad) {
   return Select(T(0) < weighted_sum + T(0.5f), color_grad, T(0));

@@ -2,19 +2,23 @@
 
 #include "kernels/math/hd.h"
 
-// Structural similarity (Wang et al. 2004) of one window, from its Gaussian-weighted moments.
+// Structural similarity (Wang et al. 2004; SSIM in METHOD.md section 1) of one window in one
+// channel, from its Gaussian-weighted moments. Values of photographs lie in [0, 1]. SSIM lies in
+// [-1, 1] and is 1 for equal windows.
 
 namespace pepeseg {
 
-// The 11 taps of a Gaussian of sigma 1.5, normalised: tap k is kSsimTaps[|k|].
+// The window is the outer product of 11 taps, a Gaussian of sigma 1.5 pixels that sums to 1: tap k
+// of -5..5 is kSsimTaps[|k|].
 inline constexpr int kSsimRadius = 5;
 inline constexpr double kSsimTaps[kSsimRadius + 1] = {0.2660117248617943,   0.21300553771125366,
                                                       0.1093606895097,      0.03600077212843082,
                                                       0.007598758135239184, 0.0010283800844791099};
-inline constexpr double kSsimC1 = 0.01 * 0.01;  // for a peak of 1
+inline constexpr double kSsimC1 = 0.01 * 0.01;  // C1 and C2 of the paper, for a peak value of 1
 inline constexpr double kSsimC2 = 0.03 * 0.03;
 
-// Only the sum of the two variances enters, so the squares of both images share a moment.
+// Weighted moments of a window in images x (rendered) and y (photograph). SSIM needs only the sum
+// of the two variances, so the squares of both images share a moment.
 template <class T>
 struct SsimMoments {
   T x, y;         // means
@@ -22,6 +26,7 @@ struct SsimMoments {
   T product;      // mean of x y
 };
 
+// (2 mx my + C1) / (mx^2 + my^2 + C1) times (2 cov_xy + C2) / (var_x + var_y + C2).
 template <class T>
 PEPESEG_HD T Ssim(const SsimMoments<T>& m) {
   const T means = m.x * m.y, squared_means = m.x * m.x + m.y * m.y;
@@ -31,11 +36,12 @@ PEPESEG_HD T Ssim(const SsimMoments<T>& m) {
   return luminance * contrast;
 }
 
-// Gradients of the moments that move with x.
+// Gradients of the moments that depend on x; y is constant.
 template <class T>
 struct SsimMomentsGrad {
   T x, sum_squares, product;
 };
+// Gradients of the moments, from the gradient `grad` of SSIM.
 template <class T>
 PEPESEG_HD SsimMomentsGrad<T> SsimVjp(const SsimMoments<T>& m, T grad) {
   const T means = m.x * m.y, squared_means = m.x * m.x + m.y * m.y;
@@ -51,8 +57,8 @@ PEPESEG_HD SsimMomentsGrad<T> SsimVjp(const SsimMoments<T>& m, T grad) {
   return out;
 }
 
-// The gradient of a pixel x whose counterpart is y, from the moments' gradients gathered (with the
-// taps) over the windows that hold it.
+// Gradient of a pixel x of the rendered image; y is the same pixel of the photograph. `gathered` is
+// the sum of the moments' gradients over the windows that hold the pixel, weighted with the taps.
 template <class T>
 PEPESEG_HD T SsimPixelVjp(const SsimMomentsGrad<T>& gathered, T x, T y) {
   return gathered.x + T(2) * gathered.sum_squares * x + gathered.product * y;

@@ -4,7 +4,8 @@
 
 namespace pepeseg {
 
-// Plain aggregates: they stay in registers where a matrix library's types do not.
+// Vectors, matrices and quaternions of three dimensions. Plain aggregates: they stay in registers
+// where the types of a matrix library do not.
 template <class T>
 struct Vec3 {
   T x, y, z;
@@ -35,11 +36,13 @@ PEPESEG_HD Vec3<T> Scale(Vec3<T> a, Vec3<T> b) {
   return {a.x * b.x, a.y * b.y, a.z * b.z};
 }
 
+// a / |a|. Not finite for a = 0.
 template <class T>
 PEPESEG_HD Vec3<T> Normalize(Vec3<T> a) {
   return (T(1) / Sqrt(Dot(a, a))) * a;
 }
-// u = a / |a|: the part of the gradient along u is lost.
+// Gradient of a, from that of u = a / |a|: (u_grad - (u . u_grad) u) / |a|. The part along u
+// vanishes, because the length of a does not matter.
 template <class T>
 PEPESEG_HD Vec3<T> NormalizeVjp(Vec3<T> a, Vec3<T> u_grad) {
   const T inv_norm = T(1) / Sqrt(Dot(a, a));
@@ -47,7 +50,7 @@ PEPESEG_HD Vec3<T> NormalizeVjp(Vec3<T> a, Vec3<T> u_grad) {
   return inv_norm * (u_grad - Dot(u, u_grad) * u);
 }
 
-// Row-major 3x3.
+// 3x3 matrix by rows.
 template <class T>
 struct Mat3 {
   Vec3<T> row0, row1, row2;
@@ -64,6 +67,7 @@ PEPESEG_HD Vec3<T> MulTransposed(const Mat3<T>& m, Vec3<T> a) {
           MulAdd(a.x, m.row0.z, MulAdd(a.y, m.row1.z, a.z * m.row2.z))};
 }
 
+// Rotation quaternion, real part first. It need not have length 1.
 template <class T>
 struct Quaternion {
   T w, x, y, z;
@@ -73,7 +77,7 @@ PEPESEG_HD T SquaredNorm(Quaternion<T> q) {
   return q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
 }
 
-// The rotation matrix of q / |q|.
+// The rotation matrix of q / |q|. Not finite for q = 0.
 template <class T>
 PEPESEG_HD Mat3<T> RotationFromQuaternion(Quaternion<T> q) {
   const T s = T(2) / SquaredNorm(q);
@@ -84,11 +88,14 @@ PEPESEG_HD Mat3<T> RotationFromQuaternion(Quaternion<T> q) {
           {xy + wz, T(1) - xx - zz, yz - wx},
           {xz - wy, yz + wx, T(1) - xx - yy}};
 }
+// Gradient of q, from that of the matrix. It is perpendicular to q: the length of q does not
+// matter.
 template <class T>
 PEPESEG_HD Quaternion<T> RotationFromQuaternionVjp(Quaternion<T> q, const Mat3<T>& r_grad) {
   const T inv_norm2 = T(1) / SquaredNorm(q);
   const T s = T(2) * inv_norm2;
-  // R = I + s P(q) with P quadratic in q, so dR = s dP - (2 q.dq / |q|^2) s P.
+  // R = I + s P(q), s = 2 / |q|^2 and P quadratic in q, so dR = s dP - (2 q.dq / |q|^2) s P. Below,
+  // g__ are the combinations of r_grad that multiply the products of components in P.
   const T gxy = r_grad.row0.y + r_grad.row1.x, gxz = r_grad.row0.z + r_grad.row2.x;
   const T gyz = r_grad.row1.z + r_grad.row2.y;
   const T gwx = r_grad.row2.y - r_grad.row1.z, gwy = r_grad.row0.z - r_grad.row2.x;
@@ -99,7 +106,8 @@ PEPESEG_HD Quaternion<T> RotationFromQuaternionVjp(Quaternion<T> q, const Mat3<T
                         s * (q.y * gxy + q.z * gxz + q.w * gwx - T(2) * q.x * gx),
                         s * (q.x * gxy + q.z * gyz + q.w * gwy - T(2) * q.y * gy),
                         s * (q.x * gxz + q.y * gyz + q.w * gwz - T(2) * q.z * gz)};
-  // <grad, q> is twice the term that the normalisation removes: R does not change along q.
+  // `grad` is that of s dP. P is quadratic, so grad . q = 2 s <P, r_grad>, and the second term is
+  // (grad . q) / |q|^2 times q.
   const T along = (grad.w * q.w + grad.x * q.x + grad.y * q.y + grad.z * q.z) * inv_norm2;
   return {grad.w - along * q.w, grad.x - along * q.x, grad.y - along * q.y, grad.z - along * q.z};
 }
