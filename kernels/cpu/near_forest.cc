@@ -9,7 +9,7 @@
 namespace pepeseg {
 namespace {
 
-// What the lists tell about the edges that leave a component.
+// Bounds that the lists give on the edges that leave a component.
 struct Leaving {
   TreeEdge least = {INFINITY, -1, -1};  // the least edge in the lists
   float others = INFINITY;              // lower bound of all edges not in the lists, squared

@@ -22,10 +22,11 @@ struct DensityCounts {
 // present ones, in Morton order of their means, so that neighbours in space are neighbours in
 // memory. GatherRows then moves the parameters.
 //
-// A Gaussian with an opacity below min_opacity is pruned. Of the others, those with a mean gradient
-// of at least min_gradient are densified; if max_count leaves no room for all of them, those with
-// the largest gradients are (equal ones by index). A small Gaussian is cloned in place; a large one
-// is replaced by two that are drawn from it and are 1.6 times smaller (kernels/math/density.h).
+// A Gaussian with an opacity below min_opacity, or NaN, is pruned. Of the others, those with a mean
+// gradient of at least min_gradient are densified; if max_count leaves no room for all of them,
+// those with the largest gradients are (equal ones by index). A small Gaussian is cloned in place;
+// a large one is replaced by two that are drawn from it and are 1.6 times smaller
+// (kernels/math/density.h).
 //
 // The host waits for the counts. On an error the outputs are unspecified.
 struct PlanDensityArgs {

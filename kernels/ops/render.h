@@ -73,8 +73,8 @@ struct ImageLossArgs {
   DeviceSpan<float> color_grad = {};      // [3, H, W] d loss / d color; empty: evaluate only
   DeviceSpan<double> sums;                // [kNumImageLossSums]
 };
-// Sums over the pixels that count and 3 channels: L1 = sums[kSumL1] / sums[kSumPixelChannels], and
-// likewise the mean SSIM and the mean squared error.
+// Sums over the pixels that count and 3 channels. Divided by sums[kSumPixelChannels] they give L1,
+// the mean SSIM and the mean squared error.
 enum ImageLossSum {
   kSumL1,             // |color - target|
   kSumSsim,           // SSIM of the windows centred on them

@@ -8,12 +8,13 @@
 namespace pepeseg {
 namespace {
 
-// A backend that does not know of the instruction sets above the asked one.
+// Makes a CPU backend of 2 threads with this instruction set, or returns nullptr if the machine
+// lacks it.
 std::unique_ptr<Backend> MakeCpu(int64_t target) {
   if ((hwy::SupportedTargets() & target) == 0) return nullptr;
   hwy::SetSupportedTargetsForTest(target);
   auto backend = MakeCpuBackend(2);
-  hwy::SetSupportedTargetsForTest(0);  // back to what the machine has
+  hwy::SetSupportedTargetsForTest(0);  // the sets of the machine again
   return backend;
 }
 

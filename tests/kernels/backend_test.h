@@ -10,26 +10,29 @@
 
 namespace pepeseg {
 
-// A test that runs on every backend: TEST_P(RenderTest, Fact) with
+// A backend that tests run on. For a test on every backend write TEST_P(RenderTest, DoesThis) and
 // INSTANTIATE_TEST_SUITE_P(Backends, RenderTest, AllBackends(), BackendName).
 struct BackendCase {
   const char* name;
-  std::unique_ptr<Backend> (*make)();  // nullptr where this machine lacks the device
+  std::unique_ptr<Backend> (*make)();  // returns nullptr if this machine lacks it
 };
 
-// The CPU with each of its instruction sets.
+// Make the CPU backend with one instruction set; nullptr if this machine lacks it.
 std::unique_ptr<Backend> MakeCpuAvx3();
 std::unique_ptr<Backend> MakeCpuAvx2();
 std::unique_ptr<Backend> MakeCpuSse4();
-// nullptr without a device; with PEPESEG_REQUIRE_CUDA=1 in the environment that is a failure.
+// Makes the CUDA backend. Returns nullptr without a device, which is a failure of the test with
+// PEPESEG_REQUIRE_CUDA=1 in the environment.
 std::unique_ptr<Backend> MakeCuda();
 
+// Base of tests on every backend. Skips those that this machine lacks, and fails if an error is
+// left at the end.
 class BackendTest : public ::testing::TestWithParam<BackendCase> {
  protected:
   void SetUp() override {
     backend_ = GetParam().make();
     if (backend_ != nullptr) return;
-    if (HasFailure()) FAIL();  // a test that has failed is not skipped: its body would run
+    if (HasFailure()) FAIL();  // GTEST_SKIP would not stop a failed test from running
     GTEST_SKIP() << "this machine has no " << GetParam().name;
   }
 
@@ -42,7 +45,7 @@ class BackendTest : public ::testing::TestWithParam<BackendCase> {
   std::unique_ptr<Backend> backend_;
 };
 
-// The CUDA backend beside the CPU's; skipped without a device.
+// Base of tests that compare the CUDA backend with the CPU's. Skipped without a device.
 class CudaAndCpuTest : public ::testing::Test {
  protected:
   void SetUp() override {

@@ -8,7 +8,7 @@
 
 namespace pepeseg {
 
-// d f / d x by central differences with Richardson extrapolation: an error of O(step^4).
+// Returns d f / d x by central differences with Richardson extrapolation; the error is O(step^4).
 inline std::vector<double> CentralDifferences(
     const std::function<double(const std::vector<double>&)>& f, std::vector<double> x,
     double step = 1e-3) {
@@ -28,7 +28,8 @@ inline std::vector<double> CentralDifferences(
   return gradient;
 }
 
-// |a - b| / max(|a|, |b|) over vectors: the norm of the difference against the norm.
+// Returns the norm of a - b over the norm of the larger of a and b, element by element. 0 if both
+// are 0.
 inline double RelativeError(const std::vector<double>& a, const std::vector<double>& b) {
   double difference = 0, norm = 0;
   for (size_t i = 0; i < a.size(); ++i) {

@@ -18,6 +18,7 @@ constexpr double kScale = 0.7, kWeight = 0.3, kMinCosine = 0.55;
 class CentroidLossTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, CentroidLossTest, AllBackends(), BackendName);
 
+// Random centroids of length 1.
 Values Centroids() {
   const std::vector<float> values = RandomValues(kCentroids * kSize, 4);
   Values centroids(values.begin(), values.end());
@@ -29,7 +30,7 @@ Values Centroids() {
   return centroids;
 }
 
-// Every other pixel lies about a centroid, as the gate sees it.
+// Features of the pixels, then the gate. Once gated, every other pixel is near a centroid.
 Values PixelsAndGate() {
   const std::vector<float> noise = RandomValues(kPixels * kSize, 5);
   const std::vector<float> gate = RandomValues(kGateSize, 6);
@@ -45,8 +46,9 @@ Values PixelsAndGate() {
   return x;
 }
 
+// The loss in double, from its definition.
 struct Reference {
-  double loss = 0;  // mean, weighted
+  double loss = 0;  // mean, times the weight
   int num_near = 0;
 };
 Reference Evaluate(const Values& x) {
@@ -75,9 +77,10 @@ Reference Evaluate(const Values& x) {
 }
 
 struct Result {
-  Values grad;  // of the pixels, then the gate
+  Values grad;  // of the pixels, then the gate; less `start`
   std::vector<double> sums;
 };
+// Runs the op with gradients that hold `start` beforehand.
 Result RunOp(Backend& backend, const Values& x, float min_cosine, float start) {
   const Values centroid_values = Centroids();
   const Buffer<float> features = Upload(backend, {x.begin(), x.begin() + kPixels * kSize});
@@ -117,10 +120,10 @@ TEST_P(CentroidLossTest, AddsToTheGradients) {
   const Values x = PixelsAndGate();
   const Result alone = RunOp(*backend_, x, kMinCosine, 0),
                added = RunOp(*backend_, x, kMinCosine, 1);
-  EXPECT_LT(RelativeError(added.grad, alone.grad), 1e-3);  // beside 1 the digits are few
+  EXPECT_LT(RelativeError(added.grad, alone.grad), 1e-3);  // added to 1, few digits are left
 }
 
-TEST_P(CentroidLossTest, FarPixelsAreLeftAlone) {
+TEST_P(CentroidLossTest, LeavesFarPixelsAlone) {
   const Result got = RunOp(*backend_, PixelsAndGate(), 0.99999f, 0);
   EXPECT_EQ(got.sums, (std::vector<double>{0, 0}));
   for (const double g : got.grad) ASSERT_EQ(g, 0);

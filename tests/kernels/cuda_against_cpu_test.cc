@@ -8,20 +8,22 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/rendered.h"
 
-// The CUDA backend against the CPU's on scenes too large for the reference, and what only it does.
+// Compares the CUDA backend with the CPU's on scenes too large for the reference, and tests what
+// only CUDA does: tile-entry capacity and sequences.
 
 namespace pepeseg {
 namespace {
 
 class CudaAgainstCpuTest : public CudaAndCpuTest {};
 
-// A splat at the very edge of its reach, or a pixel at the very end of its transmittance, may go
-// either way: few pixels, by no more than what such a splat carries, and to both sides.
+// Bounds of a comparison. A splat at the very edge of its reach, or a pixel at the very end of its
+// transmittance, may be decided either way. This affects few pixels (the band), each by at most
+// what such a splat contributes, and in both directions.
 struct Band {
   double inside;   // largest difference outside the band
-  double share;    // of pixels that may be in the band
-  double in_band;  // largest difference there
-  double mean;     // largest signed mean
+  double share;    // largest share of values in the band
+  double in_band;  // largest difference in the band
+  double mean;     // largest absolute value of the signed mean
 };
 
 void ExpectClose(const std::vector<float>& got, const std::vector<float>& want, const Band& band) {
@@ -44,6 +46,7 @@ void ExpectClose(const std::vector<float>& got, const std::vector<float>& want, 
   EXPECT_LE(std::abs(mean), band.mean);
 }
 
+// Makes nine of sixteen Gaussians degenerate, invisible, huge or needles.
 HostGaussians WithDegenerateOnes(HostGaussians scene) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   for (int64_t i = 0; i + 16 <= scene.count; i += 16) {
@@ -62,8 +65,9 @@ HostGaussians WithDegenerateOnes(HostGaussians scene) {
   return scene;
 }
 
-// Those that fill the image and the needles a scene unit long: their gradients are differences of
-// sums far larger, and those of the CPU's own instruction sets differ by up to their size.
+// True for Gaussians of WithDegenerateOnes that fill the image and for needles a scene unit long.
+// Their gradients are differences of far larger sums; even the CPU's instruction sets differ by up
+// to the size of the gradient.
 bool IsHugeOrNeedle(int64_t i) { return i % 16 == 7 || i % 16 == 8; }
 
 struct Case {
@@ -71,7 +75,7 @@ struct Case {
   HostGaussians scene;
   PinholeView view;
   bool inverse_depth = false;
-  bool (*is_ill_conditioned)(int64_t) = nullptr;  // by float: only finite gradients are asked for
+  bool (*is_ill_conditioned)(int64_t) = nullptr;  // in float: gradients need only be finite
 };
 
 std::vector<Case> Cases() {
@@ -88,7 +92,7 @@ std::vector<Case> Cases() {
        TestView(200, 150), true}};
 }
 
-TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
+TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesLikeTheCpu) {
   for (const Case& c : Cases()) {
     SCOPED_TRACE(c.name);
     Rendered cpu(*cpu_, c.scene, c.view), cuda(*cuda_, c.scene, c.view);
@@ -97,7 +101,7 @@ TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesTheSame) {
     cuda.Render();
     EXPECT_EQ(cuda.Counter(kNumVisible), cpu.Counter(kNumVisible));
     EXPECT_EQ(cuda.Counter(kNumCulledDegenerate), cpu.Counter(kNumCulledDegenerate));
-    // The slack of the extent rounds differently.
+    // The slack of the extent (kExtentSlack) rounds differently.
     EXPECT_NEAR(static_cast<double>(cuda.Counter(kNumTileEntries)),
                 static_cast<double>(cpu.Counter(kNumTileEntries)),
                 1e-4 * static_cast<double>(cpu.Counter(kNumTileEntries)) + 2);
@@ -137,7 +141,7 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
     EXPECT_EQ(Download(cuda.scratch.tile_first_entry), Download(cpu.scratch.tile_first_entry));
     const auto got = Download(cuda.scratch.entry_visible),
                want = Download(cpu.scratch.entry_visible);
-    // Depths that are equal but for rounding may change places.
+    // Depths that are equal within rounding may be in either order.
     size_t num_moved = 0;
     for (size_t i = 0; i < want.size(); ++i) num_moved += got[i] != want[i];
     EXPECT_LT(static_cast<double>(num_moved), 1e-3 * static_cast<double>(want.size()));
@@ -147,6 +151,7 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
 struct Bytes {
   std::vector<float> color, gaussians, moment2;
 };
+// Trains five steps with this tile-entry capacity.
 Bytes Train(Backend& backend, const HostGaussians& host, int64_t entry_room) {
   Rendered scene(backend, host, TestView(200, 150));
   for (int step = 0; step < 5; ++step) {
@@ -158,7 +163,7 @@ Bytes Train(Backend& backend, const HostGaussians& host, int64_t entry_room) {
   return {Download(scene.color), Download(scene.gaussians), Download(scene.moment2)};
 }
 
-TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndInAGivenRoom) {
+TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndWithAGivenCapacity) {
   const HostGaussians host = RandomScene({.count = 5'000, .max_scale = 0.1f});
   const Bytes once = Train(*cuda_, host, 0), again = Train(*cuda_, host, 0);
   EXPECT_EQ(once.color, again.color);
@@ -169,8 +174,9 @@ TEST_F(CudaAgainstCpuTest, GivesTheSameBytesEachTimeAndInAGivenRoom) {
   EXPECT_EQ(once.gaussians, kept.gaussians);
 }
 
-// As a graph, whose memory all comes while it is recorded; the views take turns, so that the graph
-// kept is that of another number of tiles.
+// Trains six steps, as graphs or directly. All memory is allocated while the graph is recorded.
+// Views of two sizes alternate, so that the graph that is kept has to be updated to another number
+// of tiles.
 Bytes TrainInSequences(Backend& backend, const HostGaussians& host, bool in_sequences) {
   Rendered scene(backend, host, TestView(200, 150));
   constexpr int64_t kRoom = 1'000'000;
@@ -203,7 +209,7 @@ TEST_F(CudaAgainstCpuTest, GivesTheSameBytesInASequence) {
   EXPECT_EQ(direct.moment2, sequence.moment2);
 }
 
-TEST_F(CudaAgainstCpuTest, ARenderWithoutRoomIsVoidAndChangesNothing) {
+TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   HostGaussians host = RandomScene({.count = 500, .min_scale = 0.01f, .max_scale = 0.02f});
   Rendered scene(*cuda_, host, TestView(200, 150));
   scene.Render();
@@ -259,7 +265,7 @@ TEST_F(CudaAgainstCpuTest, GathersRows) {
   }
 }
 
-TEST(CudaBackend, SaysWhyItIsNotThere) {
+TEST(CudaBackend, ReportsWhyThereIsNoDevice) {
   std::string error;
   const auto backend = MakeCudaBackend({.device = 1000}, &error);
   EXPECT_EQ(backend, nullptr);

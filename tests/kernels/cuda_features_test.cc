@@ -9,7 +9,7 @@
 #include "tests/kernels/pair_op.h"
 #include "tests/kernels/sparse_rows.h"
 
-// Stage two on CUDA against the CPU, on batches too large for the reference.
+// Compares stage two on CUDA with the CPU, on batches too large for the reference.
 
 namespace pepeseg {
 namespace {
@@ -18,6 +18,7 @@ constexpr int kSize = kFeatureSize;
 
 class CudaFeaturesTest : public CudaAndCpuTest {};
 
+// Rows of the CPU, copied to another backend.
 struct UploadedRows {
   UploadedRows(Backend& backend, const SparseRows& rows)
       : first(backend, std::span<const int32_t>(Download(rows.first))),
@@ -45,14 +46,14 @@ TEST_F(CudaFeaturesTest, DrawsTheSamePairsAsTheCpu) {
   }
 }
 
-TEST_F(CudaFeaturesTest, ALargeBatchHasTheLossAndGradientsOfTheCpu) {
+TEST_F(CudaFeaturesTest, MatchesThePairLossOfTheCpuOnALargeBatch) {
   for (const int num_scales : {1, 10, 16}) {
     SCOPED_TRACE(num_scales);
     const PairBatch batch = RandomPairBatch(997, num_scales, 3, 40 + num_scales);
     const PairOpResult want = RunPairLoss(*cpu_, batch, 0.5f);
     const PairOpResult got = RunPairLoss(*cuda_, batch, 0.5f);
     for (const PairLossSum count : {kNumPositives, kNumNegatives}) {
-      // Pairs whose cosine rounds to the other side of a threshold.
+      // The cosine of a few pairs rounds to the other side of a threshold.
       EXPECT_NEAR(got.sums[count], want.sums[count], 20 + 1e-5 * want.sums[count]);
       EXPECT_GT(want.sums[count], 10'000);
     }
@@ -63,7 +64,7 @@ TEST_F(CudaFeaturesTest, ALargeBatchHasTheLossAndGradientsOfTheCpu) {
   }
 }
 
-TEST_F(CudaFeaturesTest, PairLossGivesTheSameBytesWhateverRanBefore) {
+TEST_F(CudaFeaturesTest, GivesTheSamePairLossWhateverRanBefore) {
   const PairBatch batch = RandomPairBatch(700, 10, 2, 8);
   const PairOpResult once = RunPairLoss(*cuda_, batch, 0.5f);
   RunPairLoss(*cuda_, RandomPairBatch(1100, 4, 1, 9), 0.5f);
@@ -90,7 +91,7 @@ TEST_F(CudaFeaturesTest, TransposesPartOfTheRowsAsTheCpuDoes) {
   EXPECT_EQ(Download(got.weight), Download(want.weight));
 }
 
-TEST_F(CudaFeaturesTest, RowsWithoutEntriesTransposeToNothing) {
+TEST_F(CudaFeaturesTest, TransposesRowsWithoutEntriesToNothing) {
   const Buffer<int32_t> first(*cuda_, 6), gaussian(*cuda_, 0);
   const Buffer<float> weight(*cuda_, 0);
   const SparseColumns got(*cuda_, {first.span(), gaussian.span(), weight.span()}, 100);
@@ -99,7 +100,8 @@ TEST_F(CudaFeaturesTest, RowsWithoutEntriesTransposeToNothing) {
   EXPECT_EQ(got.pixel.size(), 0);
 }
 
-// Some steps of training, on rows that the CPU has captured; features and gate in the end.
+// Runs some steps of training on rows that the CPU has captured. Returns the features, then the
+// gate.
 std::vector<float> Train(Backend& backend, int num_steps) {
   const PinholeView view = TestView(160, 120);
   constexpr int kGaussians = 2'000;
@@ -164,8 +166,8 @@ TEST_F(CudaFeaturesTest, TrainsAsTheCpuDoes) {
   constexpr int kSteps = 12;
   const std::vector<float> want = Train(*cpu_, kSteps), got = Train(*cuda_, kSteps);
   ASSERT_EQ(got.size(), want.size());
-  // Adam takes a step of full length however small a gradient is: where it is rounding, that goes
-  // either way.
+  // Adam takes a step of full length however small the gradient is. Where the gradient is only
+  // rounding, the step may have either sign.
   size_t num_apart = 0;
   double mean = 0;
   for (size_t i = 0; i < want.size(); ++i) {
@@ -176,10 +178,10 @@ TEST_F(CudaFeaturesTest, TrainsAsTheCpuDoes) {
   }
   EXPECT_LT(static_cast<double>(num_apart), 5e-3 * static_cast<double>(want.size()));
   EXPECT_LT(std::abs(mean), 1e-6);
-  EXPECT_GT(Difference(want, Train(*cpu_, 0)), 1e-3);  // it has moved
+  EXPECT_GT(Difference(want, Train(*cpu_, 0)), 1e-3);  // training has moved the features
 }
 
-TEST_F(CudaFeaturesTest, TrainingGivesTheSameBytesEachTime) {
+TEST_F(CudaFeaturesTest, TrainsToTheSameBytesEachTime) {
   EXPECT_EQ(Train(*cuda_, 4), Train(*cuda_, 4));
 }
 

@@ -1,4 +1,4 @@
-// Memory of a device that could not be had.
+// Out of memory on the device, and memory returned to it.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -12,17 +12,18 @@ namespace {
 
 class CudaMemoryTest : public CudaAndCpuTest {};
 
-TEST_F(CudaMemoryTest, ThatCouldNotBeHadIsForgottenOnceTold) {
+TEST_F(CudaMemoryTest, ClearsAnOutOfMemoryErrorOnceTaken) {
   const std::vector<float> values = {1, 2, 3};
   const Buffer<float> before(*cuda_, std::span<const float>(values));
   const size_t in_use = cuda_->bytes_in_use();
   Buffer<float> reused(*cuda_, 10);
   for (int i = 0; i < 3; ++i) {
-    // Twice what the device has.
+    // As floats this is twice the memory of the device.
     EXPECT_FALSE(reused.Reserve(*cuda_, cuda_->memory().total_bytes / 2));
     EXPECT_TRUE(reused.empty());
     EXPECT_NE(cuda_->error().find("out of memory"), std::string::npos) << cuda_->error();
-    EXPECT_TRUE(Buffer<float>(*cuda_, 10).empty()) << "nothing is done until it is told";
+    EXPECT_TRUE(Buffer<float>(*cuda_, 10).empty())
+        << "nothing is allocated until the error is taken";
     const BackendError error = cuda_->TakeError();
     EXPECT_NE(error.what.find("out of memory"), std::string::npos) << error.what;
     EXPECT_FALSE(error.fatal);
@@ -36,10 +37,10 @@ TEST_F(CudaMemoryTest, ThatCouldNotBeHadIsForgottenOnceTold) {
   }
 }
 
-TEST_F(CudaMemoryTest, GoesBackToTheDevice) {
+TEST_F(CudaMemoryTest, ReleasesFreedMemoryToTheDevice) {
   const int64_t size = int64_t{1} << 28;
   const Buffer<float> kept(*cuda_, 1000);
-  EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());  // and freed at once
+  EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());  // freed at once
   cuda_->ReleaseFreed();
   EXPECT_EQ(cuda_->error(), "");
   EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());

@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Runs every test of CUDA on this machine's GPU, then the kernels' tests under compute-sanitizer, and
-# writes a summary that is committed with the code it was run on.
+# Runs the tests of CUDA in the programs below on this machine's GPU, then those of the kernels under
+# compute-sanitizer, and writes a summary that is committed with the code it was run on.
 #   cuda_test.sh BUILD SUMMARY [COMMIT]
-# BUILD has the programs in bin/; logs go to BUILD/cuda-test. COMMIT: by default that of the checkout.
-# Exits with 1 if a test failed or was skipped, or if a sanitizer found anything. About 6 minutes.
+# BUILD has the programs in bin/; logs are written to BUILD/cuda-test. COMMIT defaults to that of
+# the checkout. Exits with 1 if a test failed or was skipped, or if a sanitizer found anything.
+# Takes about 6 minutes.
 set -euo pipefail
 if (($# < 2)); then
   echo "usage: $0 BUILD SUMMARY [COMMIT]" >&2
@@ -15,15 +16,17 @@ logs=$build/cuda-test
 kernels=(kernels_render_test kernels_image_loss_test kernels_depth_loss_test kernels_refine_test
   kernels_features_test kernels_cluster_test)
 others=(core_features_test stress_numerics_test)
-# Whole trainings and images of a megapixel take minutes under a sanitizer, trees of 16,384 points
-# take minutes under racecheck, and none of them runs another kernel.
+# Tests left out under each sanitizer. Whole trainings and images of a megapixel take minutes under
+# both, trees of 16,384 points take minutes under racecheck, and none of them runs a kernel that no
+# other test runs.
 declare -A long=([memcheck]='*Train*:*Megapixel*:*LongRuns*')
-long[racecheck]=${long[memcheck]}:CudaSpanningTreeTest.IsTheCpus
+long[racecheck]=${long[memcheck]}:CudaSpanningTreeTest.MatchesTheCpu
 
 mkdir -p "$logs" "$(dirname "$summary")"
 failed=0
 
-# Runs a command into a log and adds a line to the summary: its name, tests passed, seconds.
+# measure NAME LOG COMMAND...: runs a command with its output in LOG.log and adds a line to the
+# summary: name, result, tests passed, seconds.
 # shellcheck disable=SC2317
 measure() {
   local name=$1 log=$logs/$2.log start=$SECONDS status=passed

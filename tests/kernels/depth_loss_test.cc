@@ -21,8 +21,8 @@ struct Size {
   int width, height;
 };
 
-// A prior that follows the depth up to scale, shift and a slow error, with holes, outliers, faint
-// pixels and an ignored corner.
+// Images whose prior is the depth up to scale, shift and a slowly varying error, with unknown
+// pixels, outliers, faint pixels and an ignored corner.
 DepthImages RandomImages(Size size, uint64_t seed) {
   DepthImages images;
   images.width = size.width;
@@ -71,7 +71,7 @@ OpLoss RunOp(Backend& backend, const DepthImages& images) {
   const Buffer<float> alpha = Upload(backend, images.alpha), depth = Upload(backend, images.depth);
   const Buffer<float> prior = Upload(backend, images.prior);
   const Buffer<uint8_t> ignore(backend, std::span<const uint8_t>(images.ignore));
-  // What stood there before must not matter.
+  // The op must overwrite what the gradients held before.
   Buffer<float> alpha_grad = Upload(backend, std::vector<float>(images.alpha.size(), 7));
   Buffer<float> depth_grad = Upload(backend, std::vector<float>(images.alpha.size(), 7));
   Buffer<double> sums(backend, kNumDepthLossSums);
@@ -93,6 +93,7 @@ OpLoss RunOp(Backend& backend, const DepthImages& images) {
   return out;
 }
 
+// Compares gradients, except at pixels where rounding decides the sign of a residual.
 void ExpectGradient(const std::vector<float>& got, const Values& want,
                     const std::vector<uint8_t>& close_call) {
   Values far_got, far_want;
@@ -122,7 +123,7 @@ void ExpectMatchesReference(Backend& backend, const DepthImages& images) {
 class DepthLossTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, DepthLossTest, AllBackends(), BackendName);
 
-TEST_P(DepthLossTest, InWindowsMatchesReference) {
+TEST_P(DepthLossTest, MatchesReferenceInWindows) {
   ExpectMatchesReference(*backend_, WithWindows({70, 61}, 3));
   ExpectMatchesReference(*backend_, WithWindows({131, 40}, 7));
   ExpectMatchesReference(*backend_, WithWindows({300, 33}, 2));
@@ -130,13 +131,13 @@ TEST_P(DepthLossTest, InWindowsMatchesReference) {
   ExpectMatchesReference(*backend_, WithWindows({20, 16}, 1));
 }
 
-TEST_P(DepthLossTest, InAPatchMatchesReference) {
+TEST_P(DepthLossTest, MatchesReferenceInARectangle) {
   ExpectMatchesReference(*backend_, WithPatch({70, 61}, {10, 20, 25, 14}));
   ExpectMatchesReference(*backend_, WithPatch({131, 90}, {0, 0, 131, 90}));
   ExpectMatchesReference(*backend_, WithPatch({131, 90}, {127, 30, 4, 60}));
 }
 
-TEST_P(DepthLossTest, APatchThatCarriesNoFitLeavesTheViewAlone) {
+TEST_P(DepthLossTest, ComparesTheViewAloneIfTheRectangleCarriesNoFit) {
   const DepthImages images = WithPatch({70, 61}, {10, 20, 4, 4});
   const OpLoss got = RunOp(*backend_, images);
   EXPECT_EQ(got.sums[kDepthSkipped], 0);
@@ -156,6 +157,7 @@ TEST_P(DepthLossTest, FindsScaleAndShift) {
   EXPECT_NEAR(got.sums[kSumDepthView], 0, 1e-7);
 }
 
+// Expects that the view is skipped: no gradient and no sum but kDepthSkipped.
 void ExpectSkipped(Backend& backend, const DepthImages& images) {
   const OpLoss got = RunOp(backend, images);
   for (int k = 0; k < kNumDepthLossSums; ++k) {
@@ -182,7 +184,7 @@ TEST_P(DepthLossTest, SkipsAViewWithoutAFit) {
   ExpectSkipped(*backend_, WithWindows({1, 1}, 3));
 }
 
-TEST_P(DepthLossTest, WhatDoesNotCountNeitherPullsNorLeaks) {
+TEST_P(DepthLossTest, IgnoresPixelsThatDoNotCount) {
   DepthImages images = WithWindows({70, 61}, 3);
   const OpLoss before = RunOp(*backend_, images);
   for (size_t i = 0; i < images.prior.size(); ++i) {
@@ -208,7 +210,7 @@ TEST_P(DepthLossTest, GivesTheSameBytesEachTime) {
   EXPECT_EQ(once.alpha_grad, again.alpha_grad);
 }
 
-TEST(DepthLoss, SameBytesForAnyNumberOfThreads) {
+TEST(DepthLoss, GivesTheSameBytesForAnyNumberOfThreads) {
   const DepthImages images = WithWindows({131, 150}, 6);
   const OpLoss one = RunOp(*MakeCpuBackend(1), images);
   for (const int threads : {2, 3}) {
@@ -219,6 +221,7 @@ TEST(DepthLoss, SameBytesForAnyNumberOfThreads) {
   }
 }
 
+// Moments of 50 points about a line.
 DepthMoments<double> SomeMoments() {
   DepthMoments<double> m = {};
   for (int i = 0; i < 50; ++i) m = m + DepthMomentsOf(1 + 0.03 * i, 0.5 + 0.02 * i + 0.1 * (i % 3));

@@ -6,13 +6,15 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kClose = 2e-6;
+constexpr double kClose = 2e-6;  // residuals below it are close calls
 
+// d = scale x + shift.
 struct Line {
   double scale = 0, shift = 0;
   bool found = false;
 };
 
+// Statistics of the pixels of a box; variance is that of x.
 struct Fit {
   double n = 0, mean_x = 0, mean_d = 0, variance = 0, covariance = 0;
 };
@@ -80,6 +82,7 @@ class Comparison {
     return fit;
   }
 
+  // The line of a fit, unless the box carries none: few pixels, little spread, or the wrong sign.
   static Line LineOf(const Fit& fit) {
     if (fit.n < 32 || std::sqrt(fit.variance) <= 1e-3 * fit.mean_x || fit.covariance <= 0) {
       return {};

@@ -8,23 +8,23 @@
 
 namespace pepeseg {
 
-// Of the ops that ask questions of a feature map.
+// Base of the tests of queries on a feature map.
 class FeatureMapTest : public BackendTest {
  protected:
   static constexpr int kSize = kFeatureSize;
-  static constexpr int kPixels = 5003;  // no multiple of a block or a task
+  static constexpr int kPixels = 5003;  // not a multiple of a block or a task
   static constexpr float kMinNorm = 0.4f;
 
   void SetUp() override;
 
-  // Gates at some scales: [num_scales, 32], on the backend.
+  // Returns random gates at some scales, [num_scales, 32], on the backend.
   Buffer<float> Gates(int num_scales);
 
-  // What Similarity says, put together on the host: the best to the queries of either kind.
+  // The largest similarity of a pixel to the positive and to the negative queries.
   struct Best {
     float positive, negative;
   };
-  // psi: [32].
+  // Computes them on the host from the result of Similarity. psi is [32].
   std::vector<Best> BestSimilarities(DeviceSpan<const float> psi, const Buffer<float>& queries,
                                      int num_positive);
 

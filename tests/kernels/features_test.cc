@@ -23,7 +23,7 @@ constexpr int kSize = kFeatureSize;
 class FeaturesTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, FeaturesTest, AllBackends(), BackendName);
 
-TEST_P(FeaturesTest, SparseRowsEqualTheDenseFeatureMap) {
+TEST_P(FeaturesTest, GivesTheDenseFeatureMapFromSparseRows) {
   const PinholeView view = TestView(70, 50);
   Rendered scene(*backend_, RandomScene({.count = 300}), view);
   const std::vector<int32_t> pixels = EveryPixel(view, 7);
@@ -45,13 +45,13 @@ TEST_P(FeaturesTest, SparseRowsEqualTheDenseFeatureMap) {
   const std::vector<float> values = Download(got);
   for (size_t i = 0; i < pixels.size(); ++i) {
     for (int k = 0; k < kSize; ++k) {
-      // The map is rounded to half precision: 11 bits.
+      // The map is rounded to half precision, 11 bits.
       ASSERT_NEAR(values[i * kSize + k], FloatFromHalf(want[pixels[i] * kSize + k]), 1e-3);
     }
   }
 }
 
-TEST_P(FeaturesTest, TransposedRowsHoldTheSameEntries) {
+TEST_P(FeaturesTest, KeepsTheEntriesOfRowsThatItTransposes) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = 120}), view);
   SparseRows rows(*backend_, scene, EveryPixel(view, 11));
@@ -76,7 +76,7 @@ TEST_P(FeaturesTest, TransposedRowsHoldTheSameEntries) {
   EXPECT_EQ(got, want);
 }
 
-// Adam as the paper has it, in double, over every row at every step.
+// Adam as in the paper, in double, on every row at every step.
 struct DenseAdam {
   explicit DenseAdam(const std::vector<float>& start)
       : x(start.begin(), start.end()), m(start.size()), v(start.size()) {}
@@ -92,7 +92,7 @@ struct DenseAdam {
   Values x, m, v;
 };
 
-// A run of updates where each row is touched by chance; rare rows wait longer than any replay.
+// State of a run of updates.
 struct LazyRun {
   LazyRun(Backend& backend, int num_rows, int num_steps)
       : num_rows(num_rows),
@@ -124,7 +124,8 @@ struct LazyRun {
   FeatureRates rates;
 };
 
-// One pixel a row, weight 1: the pixel's gradient is the row's.
+// Updates these rows. Each has one pixel of weight 1, so the gradient of the pixel is that of the
+// row.
 void LazyStep(Backend& backend, LazyRun& run, const std::vector<int32_t>& rows,
               const std::vector<float>& grad, int step) {
   const auto count = static_cast<int32_t>(rows.size());
@@ -154,7 +155,7 @@ void LazyStep(Backend& backend, LazyRun& run, const std::vector<int32_t>& rows,
   backend.FeatureUpdate(args);
 }
 
-TEST_P(FeaturesTest, LazyAdamEqualsDenseAdam) {
+TEST_P(FeaturesTest, MatchesDenseAdamWithLazyAdam) {
   constexpr int kRows = 12, kSteps = 900;
   LazyRun run(*backend_, kRows, kSteps);
   DenseAdam dense(run.start);
@@ -164,7 +165,8 @@ TEST_P(FeaturesTest, LazyAdamEqualsDenseAdam) {
     std::vector<float> grad;
     Values dense_grad(kRows * kSize);
     for (int row = 0; row < kRows; ++row) {
-      // Row 0 never, row 1 at every step, the others less and less often.
+      // Row 0 is never touched, row 1 at every step, the others at random and ever less often: the
+      // rarest wait longer than kMaxReplay steps.
       if (row == 0 || engine() % (row * row * row) != 0) continue;
       rows.push_back(row);
       for (int k = 0; k < kSize; ++k) {
@@ -180,14 +182,14 @@ TEST_P(FeaturesTest, LazyAdamEqualsDenseAdam) {
   const std::vector<float> got = Download(run.features);
   double moved = 0;
   for (int i = 0; i < kRows * kSize; ++i) {
-    // 900 roundings of float; a wrong replay is off by whole steps of 2.5e-3.
+    // Allows for 900 roundings of float. A wrong replay is off by whole steps of 2.5e-3.
     ASSERT_NEAR(got[i], dense.x[i], 2e-5) << "row " << i / kSize;
     moved = std::max(moved, std::abs(dense.x[i] - double{run.start[i]}));
   }
   EXPECT_GT(moved, 0.1);
 }
 
-TEST_P(FeaturesTest, UpdateGathersBackwardThroughTheRowsAndAddsTheNorm) {
+TEST_P(FeaturesTest, GathersGradientsThroughTheRowsAndAddsTheNorm) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = 120}), view);
   SparseRows rows(*backend_, scene, EveryPixel(view, 11));
@@ -227,7 +229,7 @@ TEST_P(FeaturesTest, UpdateGathersBackwardThroughTheRowsAndAddsTheNorm) {
       want[row * kSize + k] += 2.0 / touched.size() * 2 * (norm - 1) * f[k] / norm;
     }
   }
-  // After one step from nothing the first moment is a tenth of the gradient.
+  // After one step from 0 the first moment is a tenth of the gradient.
   for (const float m : Download(run.moment1)) got.push_back(m / (1 - double{0.9f}));
   EXPECT_LT(RelativeError(got, want), 1e-5);
 }

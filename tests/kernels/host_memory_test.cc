@@ -12,7 +12,7 @@ namespace {
 
 constexpr int64_t kMib = 1 << 20;
 
-// A machine of 1000 MiB with 600 available, as its files say.
+// A folder with the files of a machine that has 1000 MiB, of which 600 are available.
 struct HostMemoryTest : ::testing::Test {
   HostMemoryTest() {
     Write("proc/meminfo", "MemTotal:  1024000 kB\nMemFree: 1 kB\nMemAvailable:  614400 kB\n");
@@ -31,9 +31,9 @@ struct HostMemoryTest : ::testing::Test {
   const testing::TempFolder root;
 };
 
-TEST_F(HostMemoryTest, IsTheMachinesWithoutControlGroups) { ExpectMib(600, 1000); }
+TEST_F(HostMemoryTest, ReportsTheMachineWithoutControlGroups) { ExpectMib(600, 1000); }
 
-TEST_F(HostMemoryTest, IsTheLeastOfAGroupAndThoseAboveIt) {
+TEST_F(HostMemoryTest, TakesTheLeastOfAGroupAndThoseAboveIt) {
   Write("proc/self/cgroup", "0::/pods/one\n");
   Write("sys/fs/cgroup/pods/one/memory.max", "max\n");
   Write("sys/fs/cgroup/pods/one/memory.current", "10485760\n");
@@ -48,7 +48,7 @@ TEST_F(HostMemoryTest, IsTheLeastOfAGroupAndThoseAboveIt) {
 
 TEST_F(HostMemoryTest, ReadsVersionOneOfControlGroups) {
   Write("proc/self/cgroup", "5:cpu,memory:/none\n4:memory:/docker/abc\n0::/\n");
-  // The container's own group is mounted as the root: its path is the host's.
+  // In a container its own group is mounted as the root, while the path is the host's.
   Write("sys/fs/cgroup/memory/memory.limit_in_bytes", "209715200\n");
   Write("sys/fs/cgroup/memory/memory.usage_in_bytes", "104857600\n");
   ExpectMib(100, 200);

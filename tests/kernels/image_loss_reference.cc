@@ -18,13 +18,14 @@ double Color(const LossImages& images, int channel, int x, int y) {
   return images.color[(channel * images.height + y) * images.width + x];
 }
 
-// Not from kernels/math: exp(-k^2 / (2 1.5^2)), normalised in two dimensions.
+// Weight of the window, not from kernels/math: exp(-d^2 / (2 1.5^2)), normalised in two dimensions.
 double WindowWeight(int dx, int dy) {
   double sum = 0;
   for (int k = -5; k <= 5; ++k) sum += std::exp(-k * k / 4.5);
   return std::exp(-(dx * dx + dy * dy) / 4.5) / (sum * sum);
 }
 
+// Calls fn(u, v, weight) for the pixels of the window about (x, y) that are in the image.
 template <class Fn>
 void ForEachInWindow(const LossImages& images, int x, int y, Fn&& fn) {
   for (int dy = -5; dy <= 5; ++dy) {
@@ -48,7 +49,7 @@ SsimMoments<double> Moments(const LossImages& images, int channel, int x, int y)
   return m;
 }
 
-// Written out from the paper, with separate variances.
+// SSIM as written in the paper, with separate variances.
 double WindowSsim(const SsimMoments<double>& m) {
   const double c1 = 1e-4, c2 = 9e-4;
   const double variances = m.sum_squares - m.x * m.x - m.y * m.y;

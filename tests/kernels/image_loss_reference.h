@@ -5,13 +5,14 @@
 
 namespace pepeseg {
 
-// The loss of ImageLossArgs in double, straight from its definition: one 11x11 window at a time.
+// Input of ImageLoss on the host.
 struct LossImages {
   int width = 0, height = 0;
   std::vector<double> color;    // [3, H, W]
   std::vector<uint8_t> target;  // [H, W, 3]
-  std::vector<uint8_t> ignore;  // [H, W] or empty
+  std::vector<uint8_t> ignore;  // [H, W]; may be empty
 };
+// The loss of ImageLossArgs in double, straight from its definition, one 11x11 window at a time.
 struct ReferenceLoss {
   double l1 = 0, ssim = 0, mse = 0;  // means
   double num_pixel_channels = 0;
@@ -22,7 +23,7 @@ struct ReferenceLoss {
 };
 ReferenceLoss ComputeReferenceLoss(const LossImages& images);
 
-// d Total / d color, by the chain rule over windows; [3, H, W].
+// Returns d Total / d color, [3, H, W], by the chain rule over windows.
 std::vector<double> ComputeReferenceLossGradient(const LossImages& images, double ssim_weight);
 
 }  // namespace pepeseg

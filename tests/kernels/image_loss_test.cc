@@ -17,6 +17,8 @@ struct LossCase {
   bool with_ignore;
 };
 
+// A random photograph, and an image that differs from it by noise. The upper right quarter may be
+// ignored.
 LossImages RandomImages(const LossCase& c, uint64_t seed) {
   LossImages images = {c.width, c.height, {}, {}, {}};
   std::mt19937_64 engine(seed);
@@ -65,7 +67,7 @@ OpLoss RunOp(Backend& backend, const LossImages& images, bool want_grad = true) 
   return out;
 }
 
-// Sizes under, at and over the lanes, the windows and the bands.
+// Sizes below, at and above those of vectors, windows and bands.
 constexpr LossCase kCases[] = {{70, 61, false}, {70, 61, true}, {16, 48, false}, {33, 49, true},
                                {5, 3, false},   {1, 1, false},  {17, 100, true}, {100, 12, false}};
 
@@ -87,7 +89,7 @@ TEST_P(ImageLossTest, MatchesDoubleReference) {
   }
 }
 
-TEST_P(ImageLossTest, IgnoredPixelsNeitherPullNorLeak) {
+TEST_P(ImageLossTest, KeepsIgnoredPixelsFromAffectingOthers) {
   LossImages images = RandomImages({40, 60, true}, 3);
   const OpLoss before = RunOp(*backend_, images);
   for (size_t i = 0; i < images.color.size(); ++i) {
@@ -100,7 +102,7 @@ TEST_P(ImageLossTest, IgnoredPixelsNeitherPullNorLeak) {
   EXPECT_EQ(before.grad, after.grad);
 }
 
-TEST_P(ImageLossTest, EverythingIgnoredIsZero) {
+TEST_P(ImageLossTest, IsZeroIfEverythingIsIgnored) {
   LossImages images = RandomImages({20, 20, true}, 3);
   images.ignore.assign(400, 1);
   const OpLoss got = RunOp(*backend_, images);
@@ -108,7 +110,7 @@ TEST_P(ImageLossTest, EverythingIgnoredIsZero) {
   EXPECT_EQ(got.grad, std::vector<float>(1200));
 }
 
-TEST_P(ImageLossTest, EqualImagesHaveSsimOne) {
+TEST_P(ImageLossTest, GivesEqualImagesAnSsimOfOne) {
   LossImages images = RandomImages({30, 30, false}, 3);
   for (int i = 0; i < 2700; ++i) images.color[i] = images.target[i % 900 * 3 + i / 900] / 255.0;
   const OpLoss got = RunOp(*backend_, images);
@@ -116,12 +118,12 @@ TEST_P(ImageLossTest, EqualImagesHaveSsimOne) {
   EXPECT_NEAR(got.sums[kSumL1] / 2700, 0, 1e-7);
 }
 
-TEST_P(ImageLossTest, WithoutGradientTheSumsAreTheSame) {
+TEST_P(ImageLossTest, GivesTheSameSumsWithoutGradient) {
   const LossImages images = RandomImages({70, 61, true}, 5);
   EXPECT_EQ(RunOp(*backend_, images, false).sums, RunOp(*backend_, images, true).sums);
 }
 
-TEST(ImageLoss, SameBytesForAnyNumberOfThreads) {
+TEST(ImageLoss, GivesTheSameBytesForAnyNumberOfThreads) {
   const LossImages images = RandomImages({130, 150, true}, 9);
   const OpLoss one = RunOp(*MakeCpuBackend(1), images);
   for (int threads : {2, 3}) {
@@ -137,7 +139,7 @@ TEST(SsimVjp, MatchesCentralDifferences) {
     const auto f = [&](const Values& color) {
       LossImages moved = images;
       moved.color = color;
-      // SSIM alone: L1 has corners.
+      // SSIM alone, as L1 has corners.
       return 1 - ComputeReferenceLoss(moved).ssim;
     };
     const Values want = CentralDifferences(f, images.color, 1e-3);

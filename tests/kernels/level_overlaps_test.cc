@@ -10,7 +10,7 @@ namespace {
 
 class LevelOverlapsTest : public FeatureMapTest {
  protected:
-  // Levels put together on the host from what Similarity says at each scale.
+  // Computes the levels on the host from the result of Similarity at each scale.
   std::vector<uint8_t> Levels(const Buffer<float>& psi, const Buffer<float>& queries,
                               int num_positive, std::span<const float> thresholds) {
     std::vector<uint8_t> levels;
@@ -26,6 +26,7 @@ class LevelOverlapsTest : public FeatureMapTest {
     return levels;
   }
 
+  // Runs the op and compares levels and overlaps with those counted on the host.
   void ExpectCounts(int num_scales, int num_queries, int num_positive,
                     const std::vector<float>& thresholds) {
     const Buffer<float> psi = Gates(num_scales);
@@ -64,7 +65,7 @@ TEST_P(LevelOverlapsTest, CountsThePixelsOfEachPairOfLevels) {
   ExpectCounts(5, 3, 2, {-0.1f, 0.0f, 0.1f, 0.2f, 0.3f});
 }
 
-TEST_P(LevelOverlapsTest, AsManyScalesThresholdsAndQueriesAsThereMayBe) {
+TEST_P(LevelOverlapsTest, AcceptsTheMostScalesThresholdsAndQueries) {
   std::vector<float> thresholds;
   thresholds.reserve(kMaxThresholds);
   for (int t = 0; t < kMaxThresholds; ++t) thresholds.push_back(0.02f * static_cast<float>(t));

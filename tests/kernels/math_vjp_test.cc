@@ -23,6 +23,7 @@ Values Random(int count, double low, double high, uint64_t seed) {
   return values;
 }
 
+// The scalar product, as the loss that gradients are taken of.
 double Against(const Values& weights, const Values& values) {
   double sum = 0;
   for (size_t i = 0; i < values.size(); ++i) sum += weights[i] * values[i];
@@ -81,7 +82,7 @@ TEST(ProjectVjp, MatchesCentralDifferencesWhereTheJacobianIsClamped) {
   }
 }
 
-TEST(ProjectVjp, ClampedJacobianDiffersFromTheFreeOne) {
+TEST(ProjectVjp, ClampsTheJacobianOutsideTheImage) {
   Values inside = RandomShape(1), outside = inside;
   outside[0] += 4;
   auto camera = MakeProjectionCamera<double>(TestView(64, 48));
@@ -120,7 +121,7 @@ TEST(NormalizeVjp, MatchesCentralDifferences) {
 TEST(ShBasisVjp, MatchesCentralDifferencesAtEveryDegree) {
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
     for (uint64_t seed = 1; seed <= 5; ++seed) {
-      // ShBasis is a polynomial of any vector, so no unit norm is needed here.
+      // ShBasis is a polynomial of any vector, so the vector need not have length 1 here.
       const Values x = Random(3, -1, 1, seed);
       const Values w = Random(16, -1, 1, seed + 10);
       const auto f = [&](const Values& v) {
@@ -164,7 +165,7 @@ TEST(AdamStep, MatchesTheFormulaOfThePaper) {
   }
 }
 
-TEST(AdamStep, FirstStepIsTheLearningRate) {
+TEST(AdamStep, TakesAFirstStepOfTheLearningRate) {
   double moment1 = 0, moment2 = 0;
   const AdamRates<double> rates = {0.9, 0.999, 1e-15, 10, 1 / std::sqrt(0.001)};
   EXPECT_NEAR(AdamStep(rates, 0.01, -3e-5, moment1, moment2), 0.01, 1e-9);

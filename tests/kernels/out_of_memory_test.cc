@@ -1,5 +1,5 @@
-// Every allocation of a training step, of row queries and of clustering fails once: the backend
-// keeps the error, and nothing is written where there is no memory.
+// Makes each allocation of a training step, of row queries and of clustering fail in turn, and all
+// after it. The backend must keep the error and write nowhere without memory.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -11,11 +11,11 @@
 namespace {
 
 constexpr int kUnlimited = -1;
-int allocations_left = kUnlimited;
+int allocations_left = kUnlimited;  // allocations that still succeed
 
 }  // namespace
 
-// In place of the C library's, for this program only: it is what the CPU backend allocates with.
+// Replaces the C library's function in this program. The CPU backend allocates with it.
 extern "C" void* aligned_alloc(size_t alignment, size_t size) {
   if (allocations_left == 0) return nullptr;
   if (allocations_left > 0) --allocations_left;
@@ -66,7 +66,7 @@ void UseEveryOpThatAllocates(Backend& backend) {
   JoinPoints(backend);
 }
 
-TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {
+TEST(OutOfMemoryTest, KeepsTheErrorAndWritesNothing) {
   for (int allowed = 0;; ++allowed) {
     SCOPED_TRACE(allowed);
     ASSERT_LT(allowed, 1000) << "the last allocation was never reached";
@@ -80,7 +80,7 @@ TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {
       EXPECT_GT(allowed, 20);
       break;
     }
-    // With none left to spare the last one may just have been served.
+    // No error if the last allocation that was allowed was the last one needed.
     if (backend->error().empty()) continue;
     EXPECT_NE(backend->error().find("out of memory"), std::string::npos) << backend->error();
     EXPECT_EQ(backend->bytes_in_use(), 0u);
@@ -93,7 +93,7 @@ TEST(OutOfMemoryTest, IsKeptAndNothingIsWritten) {
   }
 }
 
-TEST(OutOfMemoryTest, AFatalErrorStays) {
+TEST(OutOfMemoryTest, KeepsAFatalError) {
   const std::unique_ptr<Backend> backend = MakeCpuBackend(1);
   Rendered scene(*backend, RandomScene({.count = 30}), TestView(40, 30));
   scene.Render();

@@ -19,7 +19,8 @@ INSTANTIATE_TEST_SUITE_P(Backends, PairLossTest, AllBackends(), BackendName);
 TEST_P(PairLossTest, MatchesDoubleReference) {
   for (const int num_pixels : {1, 2, 15, 40, 67}) {
     for (const bool every_pair : {false, true}) {
-      if (every_pair && num_pixels < 15) continue;  // easy pairs come with hard ones
+      if (every_pair && num_pixels < 15)
+        continue;  // easy pairs are drawn only if there are hard ones
       PairBatch batch = RandomPairBatch(num_pixels, 2 + num_pixels % 9, 1 + num_pixels % 2,
                                         static_cast<uint64_t>(num_pixels));
       batch.every_pair = every_pair;
@@ -51,7 +52,7 @@ TEST_P(PairLossTest, DrawsEasyPairsWhereFewAreHard) {
   EXPECT_NEAR(got.sums[kNumNegatives] / 2, expected, 5 * std::sqrt(expected));
 }
 
-TEST_P(PairLossTest, PixelsWithoutAnyFeatureHaveFiniteGradients) {
+TEST_P(PairLossTest, GivesFiniteGradientsForPixelsWithoutFeatures) {
   PairBatch batch = RandomPairBatch(20, 3, 1, 5);
   std::fill_n(batch.features.begin(), 5 * kFeatureSize, 0.0);
   const PairOpResult got = RunPairLoss(*backend_, batch, 0.5f);
@@ -59,7 +60,7 @@ TEST_P(PairLossTest, PixelsWithoutAnyFeatureHaveFiniteGradients) {
   for (const float g : got.gate_grad) EXPECT_TRUE(std::isfinite(g));
 }
 
-TEST(PairLoss, SameBytesForAnyNumberOfThreads) {
+TEST(PairLoss, GivesTheSameBytesForAnyNumberOfThreads) {
   const PairBatch batch = RandomPairBatch(150, 10, 2, 8);
   const PairOpResult one = RunPairLoss(*MakeCpuBackend(1), batch, 0.5f);
   for (const int threads : {2, 3}) {
@@ -73,7 +74,7 @@ TEST(PairLoss, SameBytesForAnyNumberOfThreads) {
 TEST(PairLossVjp, MatchesCentralDifferences) {
   PairBatch batch = RandomPairBatch(6, 3, 1, 4);
   batch.every_pair = true;  // else a step may move a pair across a threshold
-  // Where a cosine changes its sign, max(C, 0) has a corner: keep them positive.
+  // max(C, 0) has a corner where a cosine changes its sign, so all are kept positive.
   for (double& f : batch.features) f += 0.5;
   const PairReference got = ComputePairReference(batch);
   const auto of_features = [&](const Values& x) {

@@ -7,7 +7,7 @@
 
 namespace pepeseg {
 
-// What PairLoss gives for a batch.
+// Result of PairLoss on a batch.
 struct PairOpResult {
   std::vector<double> sums = std::vector<double>(kNumPairLossSums);
   std::vector<float> feature_grad, gate_grad;
@@ -16,8 +16,9 @@ struct PairOpResult {
 };
 PairOpResult RunPairLoss(Backend& backend, const PairBatch& batch, float easy_share);
 
-// Pixels of three patches: 0 and 1 agree at one of two scales, 2 with nothing, each with itself
-// always. Nothing violates: features are equal within a patch and orthogonal between them.
+// A batch of three mask cells with this many pixels. Cells 0 and 1 agree at one of two scales, cell
+// 2 agrees with no other, and each agrees with itself. No pair is wrong: features are equal within
+// a cell and orthogonal between cells.
 PairBatch PatchesBatch(int size0, int size1, int size2);
 
 }  // namespace pepeseg

@@ -43,6 +43,7 @@ double Cosine(const PairBatch& batch, const std::vector<double>& psi, int p, int
   return pq / std::sqrt((pp + 1e-12) * (qq + 1e-12));
 }
 
+// Whether a pair counts: it is hard or wrong at some scale.
 bool Counts(const PairBatch& batch, const std::vector<double>& cosines, int p, int q) {
   if (batch.every_pair) return true;
   int agreeing = 0;
@@ -67,7 +68,7 @@ double PairWeight(const PairBatch& batch, int p, int q) {
   return 1 + 9 * (batch.weight[p] * batch.weight[q] - low) / (high - low);
 }
 
-// One side of a pair: the other's unit vector pulls or pushes.
+// Adds the gradient of a cosine with respect to one pixel of its pair, p.
 void AddCosineGrad(const PairBatch& batch, const std::vector<double>& psi, int p, int q,
                    double cosine_grad, PairReference& out, std::vector<double>& psi_grad) {
   std::vector<double> unit(kSize);
@@ -79,7 +80,7 @@ void AddCosineGrad(const PairBatch& batch, const std::vector<double>& psi, int p
 
 struct Term {
   int scale, p, q;
-  double cosine_grad;  // of the sum that it belongs to
+  double cosine_grad;  // d sum / d cosine, for the sum that the term is in
   bool positive;
 };
 
@@ -169,7 +170,7 @@ PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint6
     batch.scales.push_back(static_cast<float>(1.2 * uniform(engine)));
   }
   for (int i = 0; i < num_scales * batch.num_patches * label_words; ++i) {
-    // Few bits, in different words, so that both intersecting and disjoint ones are frequent.
+    // Few bits, so that both intersecting and disjoint labels are frequent.
     batch.labels.push_back(uint64_t{1} << (engine() % 3) | uint64_t{engine() % 2} << 40);
   }
   for (uint64_t& word : batch.labels) word = engine() % 4 == 0 ? 0 : word;

@@ -7,18 +7,19 @@
 
 namespace pepeseg {
 
-// A batch for PairLoss on the host, in double; the draw of easy pairs is all or nothing.
+// A batch for PairLoss on the host, in double. Easy pairs are either all drawn or none.
 struct PairBatch {
   int num_pixels = 0, num_scales = 0, num_patches = 0, label_words = 1;
   std::vector<double> features, gate;  // [S, 32], [kGateSize]
   std::vector<double> weight, alpha, scales;
   std::vector<int32_t> patch;
   std::vector<uint64_t> labels;
-  bool every_pair = false;  // else hard and violating ones only
+  bool every_pair = false;  // false: hard and wrong pairs only
 };
 
 PairBatch RandomPairBatch(int num_pixels, int num_scales, int label_words, uint64_t seed);
 
+// The losses of PairLoss and their gradients.
 struct PairReference {
   double positive_loss = 0, negative_loss = 0, norm_loss = 0;  // sums
   double num_positives = 0, num_negatives = 0, num_norm_pixels = 0;
@@ -31,7 +32,7 @@ struct PairReference {
   }
 };
 
-// Straight from the definition, one pair and one scale at a time.
+// Computes them straight from the definition, one pair and one scale at a time.
 PairReference ComputePairReference(const PairBatch& batch);
 
 }  // namespace pepeseg

@@ -26,7 +26,8 @@ struct Pair {
   PairCues cues;
 };
 
-// Every tenth pixel has no pair; nothing is dissimilar at scale 1, and nothing counts at scale 3.
+// Random pairs and cues. Every tenth pixel has no pair, no pair is dissimilar at scale 1, and none
+// has a cue at scale 3.
 std::vector<Pair> RandomPairs() {
   std::mt19937 random(3);
   std::vector<Pair> pairs;
@@ -45,7 +46,7 @@ std::vector<Pair> RandomPairs() {
   return pairs;
 }
 
-// Pixels' features, then the gate.
+// Features of the pixels, then the gate.
 Values RandomInput() {
   const std::vector<float> values = RandomValues(kPixels * kSize + kGateSize, 8);
   return {values.begin(), values.end()};
@@ -64,7 +65,7 @@ double CosineOf(const Values& x, int p, int q, double scale) {
   return pq / std::sqrt(pp * qq);
 }
 
-// Straight from the formula.
+// L_p in double, straight from the formula.
 double Loss(const Values& x, const std::vector<Pair>& pairs) {
   double loss = 0;
   for (int k = 0; k < kScales; ++k) {
@@ -86,6 +87,7 @@ double Loss(const Values& x, const std::vector<Pair>& pairs) {
   return loss;
 }
 
+// The pairs as PerceptionLossArgs takes them.
 struct Lists {
   std::vector<int32_t> first = {0}, other;
   std::vector<PairCues> cues;
@@ -113,9 +115,10 @@ Lists ListPairs(const std::vector<Pair>& pairs) {
 }
 
 struct Result {
-  std::vector<float> grad;  // of the pixels, then the gate; less what was there
+  std::vector<float> grad;  // of the pixels, then the gate; less `start`
   double loss;
 };
+// Runs the op with gradients that hold `start` beforehand.
 Result RunOp(Backend& backend, const Values& x, const std::vector<Pair>& pairs, float start) {
   const Lists lists = ListPairs(pairs);
   const Buffer<float> features = Upload(backend, {x.begin(), x.begin() + kPixels * kSize});
@@ -162,10 +165,10 @@ TEST_P(PerceptionLossTest, AddsToTheGradients) {
   const Values x = RandomInput();
   const Result alone = RunOp(*backend_, x, RandomPairs(), 0),
                added = RunOp(*backend_, x, RandomPairs(), 1);
-  EXPECT_LT(RelativeError(Doubles(added.grad), Doubles(alone.grad)), 1e-3);  // few digits beside 1
+  EXPECT_LT(RelativeError(Doubles(added.grad), Doubles(alone.grad)), 1e-3);  // few digits left
 }
 
-TEST_P(PerceptionLossTest, PixelsWithoutAPairAreLeftAlone) {
+TEST_P(PerceptionLossTest, LeavesPixelsWithoutAPairAlone) {
   const Result got = RunOp(*backend_, RandomInput(), RandomPairs(), 0);
   for (int i = 0; i < kSize; ++i) {
     EXPECT_EQ(got.grad[7 * kSize + i], 0);
@@ -173,13 +176,13 @@ TEST_P(PerceptionLossTest, PixelsWithoutAPairAreLeftAlone) {
   }
 }
 
-TEST_P(PerceptionLossTest, NoPairNoLoss) {
+TEST_P(PerceptionLossTest, IsZeroWithoutPairs) {
   const Result got = RunOp(*backend_, RandomInput(), {}, 0);
   EXPECT_EQ(got.loss, 0);
   for (const float g : got.grad) ASSERT_EQ(g, 0);
 }
 
-TEST(PerceptionLoss, SameBytesForAnyNumberOfThreads) {
+TEST(PerceptionLoss, GivesTheSameBytesForAnyNumberOfThreads) {
   const auto run = [](int num_threads) {
     return RunOp(*MakeCpuBackend(num_threads), RandomInput(), RandomPairs(), 0);
   };

@@ -13,9 +13,10 @@ namespace {
 
 using ::testing::ElementsAre;
 
+// A Gaussian without rotation that four views have shown.
 struct Blob {
   float x;          // the mean is (x, 0, 0)
-  float deviation;  // isotropic
+  float deviation;  // standard deviation of all axes
   float opacity;
   float mean_gradient;
 };
@@ -51,11 +52,13 @@ struct Plan {
   DensityCounts counts;
 
   float At(int plane, size_t row) const { return mean_log_scale[plane * source.size() + row]; }
+  // Number of Gaussians that come from this one.
   int CountOf(int32_t row) const {
     return static_cast<int>(std::count(source.begin(), source.end(), row));
   }
 };
 
+// Numbers of PlanDensityArgs.
 struct Rules {
   float min_gradient = 1e-3f;
   float clone_size = 0.1f;
@@ -96,7 +99,7 @@ class PlanDensityTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, PlanDensityTest, AllBackends(), BackendName);
 
-TEST_P(PlanDensityTest, LeavesQuietGaussiansAlone) {
+TEST_P(PlanDensityTest, LeavesGaussiansWithSmallGradientsAlone) {
   const Plan plan = Run(MakeInput({{0, 0.05f, 0.5f, 9e-4f}, {1, 0.5f, 0.5f, 0}}));
   EXPECT_THAT(plan.source, ElementsAre(0, 1));
   EXPECT_THAT(plan.is_new, ElementsAre(0, 0));
@@ -127,7 +130,7 @@ TEST_P(PlanDensityTest, SplitsALargeGaussianIntoTwoSmallerOnes) {
 }
 
 TEST_P(PlanDensityTest, DrawsChildrenWithTheParentsCovariance) {
-  // Long along its own x axis, which a quarter turn about z puts along the world's y.
+  // Long along its own x axis, which a quarter turn about z makes the world's y.
   constexpr int64_t kCount = 4000;
   Input input = MakeInput(std::vector<Blob>(kCount, {0, 0.2f, 0.5f, 2e-3f}));
   for (int64_t i = 0; i < kCount; ++i) {
@@ -169,7 +172,7 @@ TEST_P(PlanDensityTest, MayLeaveNothing) {
   EXPECT_EQ(plan.counts.num_rows, 0);
 }
 
-TEST_P(PlanDensityTest, NeverSeenMeansNoGradient) {
+TEST_P(PlanDensityTest, DoesNotDensifyAGaussianThatWasNeverSeen) {
   Input input = MakeInput({{0, 0.05f, 0.5f, 1}});
   input.num_visible[0] = 0;
   EXPECT_EQ(Run(input).source.size(), 1u);
@@ -187,12 +190,12 @@ TEST_P(PlanDensityTest, RespectsTheCapAndPrefersLargeGradients) {
   for (const int32_t row : {1, 2}) EXPECT_EQ(plan.CountOf(row), 2) << row;
   EXPECT_EQ(plan.counts.num_cloned, 1);
   EXPECT_EQ(plan.counts.num_split, 1);
-  // Already over it: nothing is added, nothing bright is lost.
+  // With more Gaussians than max_count none is added, and none is pruned for it.
   EXPECT_EQ(Run(input, {.max_count = 2}).source.size(), 5u);
 }
 
 TEST_P(PlanDensityTest, OrdersRowsAlongTheMortonCurve) {
-  // Gaussian i is the corner of a cube with the bits of 7 - i: x lowest.
+  // Gaussian i is at the corner of a cube given by the bits of 7 - i, x the lowest.
   Input input = MakeInput(std::vector<Blob>(8, {0, 0.05f, 0.5f, 0}));
   for (int64_t i = 0; i < 8; ++i) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -202,7 +205,7 @@ TEST_P(PlanDensityTest, OrdersRowsAlongTheMortonCurve) {
   EXPECT_THAT(Run(input).source, ElementsAre(7, 6, 5, 4, 3, 2, 1, 0));
 }
 
-TEST_P(PlanDensityTest, KeepsEveryRowEvenOfMeansThatAreNotFinite) {
+TEST_P(PlanDensityTest, KeepsGaussiansWithMeansThatAreNotFinite) {
   Input input = MakeInput(std::vector<Blob>(4, {1, 0.05f, 0.5f, 0}));
   input.gaussians.At(kMeanPlane, 1) = std::nanf("");
   input.gaussians.At(kMeanPlane + 1, 2) = std::numeric_limits<float>::infinity();

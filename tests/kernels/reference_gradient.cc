@@ -10,12 +10,13 @@
 namespace pepeseg {
 namespace {
 
+// A projected Gaussian and its gradients.
 struct DoubleSplat {
   int64_t gaussian;
   Projection<double> p;
   PowerRoot<double> root;
   double opacity;
-  double depth;  // what is blended: z or 1 / z
+  double depth;  // z or 1 / z, whichever is blended
   double rgb[3], weighted_sum[3];
   PowerMoments<double> moments;
   double rgb_grad[3], depth_grad;
@@ -45,11 +46,13 @@ DoubleSplat MakeSplat(const ReferenceScene& scene, const ProjectionCamera<double
   return out;
 }
 
+// A splat at a pixel, with the transmittance before it.
 struct Seen {
   DoubleSplat* splat;
   double dx, dy, alpha, transmittance;
 };
 
+// Returns the splats that are blended at a pixel, front to back.
 std::vector<Seen> BlendPixel(std::vector<DoubleSplat>& splats, double x, double y) {
   std::vector<Seen> blended;
   double transmittance = 1;
@@ -65,6 +68,8 @@ std::vector<Seen> BlendPixel(std::vector<DoubleSplat>& splats, double x, double 
   return blended;
 }
 
+// Adds the gradients of a pixel to its splats. g is that of its colour; `behind` is behind_dot of
+// the background (kernels/math/blend.h).
 void BackwardPixel(const std::vector<Seen>& blended, const double* g, double depth_grad,
                    double behind) {
   for (auto it = blended.rbegin(); it != blended.rend(); ++it) {

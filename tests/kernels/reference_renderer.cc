@@ -11,8 +11,9 @@ namespace {
 using Matrix = std::array<std::array<double, 3>, 3>;
 using Vector = std::array<double, 3>;
 
+// A projected Gaussian.
 struct Blob {
-  double u, v, z;  // pixels, and depth
+  double u, v, z;  // mean in pixels, and depth
   double a, b, c;  // inverse covariance [[a, b], [b, c]]
   double opacity;
   Vector rgb;
@@ -45,7 +46,7 @@ Matrix Rotation(std::array<double, 4> q) {
            {2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z}}};
 }
 
-// The table of real spherical harmonics from its definition: normalisation times polynomial.
+// Real spherical harmonics from their definition: normalisation times polynomial.
 std::array<double, 16> Harmonics(const Vector& d) {
   const double pi = std::acos(-1.0);
   const auto [x, y, z] = d;
@@ -67,6 +68,7 @@ std::array<double, 16> Harmonics(const Vector& d) {
           -0.25 * std::sqrt(35 / (2 * pi)) * x * (x * x - 3 * y * y)};
 }
 
+// Colour of a Gaussian seen from the camera of `view`.
 Vector Color(const ReferenceScene& scene, int64_t i, const PinholeView& view) {
   const float* m = view.cam_from_world;
   Vector d;
@@ -89,6 +91,7 @@ Vector Color(const ReferenceScene& scene, int64_t i, const PinholeView& view) {
   return rgb;
 }
 
+// Projects a Gaussian by the full matrix product J W R S S R^T W^T J^T.
 Blob Splatted(const ReferenceScene& scene, int64_t i, const PinholeView& view) {
   const auto at = [&](int plane) { return scene.planes[plane * scene.count + i]; };
   const float* m = view.cam_from_world;

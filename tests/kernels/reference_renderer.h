@@ -7,13 +7,13 @@
 
 namespace pepeseg {
 
-// A renderer as plain as can be, in double and with formulas of its own (nothing of kernels/math):
-// every pixel looks at every Gaussian in the order of depth.
+// Result of the simplest possible renderer, in double and with formulas of its own (nothing of
+// kernels/math): every pixel blends every Gaussian in the order of depth.
 struct ReferenceImage {
   std::vector<double> color;         // [3, H, W]
   std::vector<double> alpha, depth;  // [H, W]
-  // [H, W] 1 where a decision was so close to its threshold (1/255, 0.99, 1e-4) that rounding or a
-  // small change of the parameters can turn it.
+  // [H, W] 1 where a value is so close to its threshold (1/255, 0.99, 1e-4) that rounding or a
+  // small change of the parameters can change the decision.
   std::vector<uint8_t> close_call;
 };
 
@@ -27,7 +27,7 @@ struct ReferenceOptions {
   double near_plane = 0.01;
   double background[3] = {0, 0, 0};
   bool inverse_depth = false;  // blend 1 / z
-  double close = 1e-3;         // relative distance to a threshold that makes a close call
+  double close = 1e-3;         // relative distance to a threshold below which it is a close call
 };
 
 ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& view,

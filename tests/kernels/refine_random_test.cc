@@ -1,4 +1,4 @@
-// Refinement of random scenes against the reference.
+// Compares the refinement of random scenes with the reference.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ HostGaussians RandomNeedles() {
   return RandomScene(options);
 }
 
-// Two objects, parts inside one of them, and a chessboard of more masks than a word has bits.
+// Two objects, two parts inside one of them, and a chessboard of more masks than a word has bits.
 MaskImages SomeMasks(const PinholeView& view) {
   MaskImages masks;
   masks.push_back(MaskWhere(view, [](int x, int y) { return x < 50 && y < 60; }));
@@ -58,7 +58,8 @@ class RefineRandomTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, RefineRandomTest, AllBackends(), BackendName);
 
-// Index and distance to the rendered depth of those that have one, nearest first, in double.
+// Returns distance to the rendered depth, in double, and index of the Gaussians for which the
+// rendered depth is known, nearest first.
 std::vector<std::pair<double, int64_t>> Ranked(const Refined& refined) {
   const auto gaussians = Download(refined.rendered.scratch.visible_gaussian);
   const auto splats = Download(refined.rendered.scratch.visible_splat);
@@ -93,7 +94,7 @@ TEST_P(RefineRandomTest, MatchesTheReference) {
     if (!want.refined) continue;
     const int plane = kLogScalePlane + want.axis;
     const double share = std::exp(double{result.At(plane, i)} - scene_.At(plane, i));
-    EXPECT_NEAR(share, want.share, 0.02) << i;  // the reference walks in steps
+    EXPECT_NEAR(share, want.share, 0.02) << i;  // the reference walks in steps of 0.01 pixels
     for (int k = 0; k < 3; ++k) {
       EXPECT_NEAR(result.At(k, i) - scene_.At(k, i), (1 - share) * want.to_end[k], 2e-6) << i;
       if (k != want.axis) {
@@ -109,12 +110,12 @@ TEST_P(RefineRandomTest, MatchesTheReference) {
   EXPECT_GT(num_compared, static_cast<int64_t>(ranked.size()) / 2);
 }
 
-TEST_P(RefineRandomTest, CandidatesAreTheNearestToTheRenderedDepth) {
+TEST_P(RefineRandomTest, TakesTheNearestToTheRenderedDepthAsCandidates) {
   const Refined all = Run(1, false), some = Run(0.1, false);
   const auto ranked = Ranked(some);
   const auto num_candidates = static_cast<size_t>(0.1 * static_cast<double>(ranked.size()));
   ASSERT_GT(num_candidates, 60u);
-  // Else rounding could swap the last candidate.
+  // Otherwise rounding could exchange the last candidate.
   ASSERT_GT(ranked[num_candidates].first - ranked[num_candidates - 1].first, 2e-6);
   EXPECT_EQ(some.Count(kNumRefineCandidates), static_cast<int64_t>(num_candidates));
   std::vector<bool> candidate(scene_.count);
@@ -127,7 +128,7 @@ TEST_P(RefineRandomTest, CandidatesAreTheNearestToTheRenderedDepth) {
   }
 }
 
-TEST_P(RefineRandomTest, PartsMeetAtTheBorder) {
+TEST_P(RefineRandomTest, SplitsIntoPartsThatMeetAtTheBorder) {
   const Refined refined = Run(1, true);
   const HostGaussians inside = refined.Result();
   const int64_t num_split = refined.Count(kNumRefineSplit);
@@ -146,7 +147,7 @@ TEST_P(RefineRandomTest, PartsMeetAtTheBorder) {
       const bool is_cut = inside.At(k, i) != scene_.At(k, i);
       EXPECT_NEAR(both / whole, is_cut ? 1 : 2, 1e-5);
       if (!is_cut) continue;
-      // The means part by half of the whole 6-sigma segment.
+      // The distance of the means is half of the whole 6-sigma segment.
       double squared = 0;
       for (int c = 0; c < 3; ++c) {
         squared += std::pow(double{inside.At(c, i)} - outside.At(c, n), 2);

@@ -11,7 +11,7 @@ struct Point {
   double x, y;
 };
 
-constexpr double kWalk = 0.01;  // pixels
+constexpr double kWalk = 0.01;  // pixels of one step along the axis
 
 Vector Along(const Vector& from, const Vector& direction, double length) {
   return {from[0] + length * direction[0], from[1] + length * direction[1],
@@ -28,7 +28,7 @@ Point OnScreen(const PinholeView& view, const Vector& world) {
   return {view.fx * p[0] / p[2] + view.cx, view.fy * p[1] / p[2] + view.cy};
 }
 
-// The q-rotated unit vector of an axis, as q e q*.
+// Returns an axis of a Gaussian in space, as the rotation q e q* of a unit vector.
 Vector SpaceAxis(const HostGaussians& scene, int64_t i, int axis) {
   double q[4], norm = 0;
   for (int k = 0; k < 4; ++k) {
@@ -44,10 +44,11 @@ Vector SpaceAxis(const HostGaussians& scene, int64_t i, int axis) {
   return out;
 }
 
+// A Gaussian on screen.
 struct ScreenGaussian {
   Point mean;
   Vector axes[3];   // in space, unit
-  Point images[3];  // of one standard deviation
+  Point images[3];  // of one standard deviation along each axis, pixels
   double sigma[3];
   Point major;       // unit
   double deviation;  // along it, pixels
@@ -79,7 +80,7 @@ ScreenGaussian Project(const HostGaussians& scene, int64_t i, const PinholeView&
   return out;
 }
 
-// Steps `s` along the axis, in units of kWalk from its middle.
+// A walk along the major axis; s counts steps of kWalk from its middle.
 class Walk {
  public:
   Walk(const ScreenGaussian& gaussian, const PinholeView& view, Point shift)
@@ -105,10 +106,11 @@ class Walk {
 
 struct Crossing {
   int mask = -1;
-  bool ahead = false;  // the end inside
+  bool ahead = false;  // the end at positive s is inside the mask
   double share = 0;
 };
 
+// Finds the crossing of a Gaussian's major axis, moved by `shift` pixels.
 Crossing Cross(const ScreenGaussian& gaussian, const PinholeView& view, const MaskImages& masks,
                Point shift) {
   const Walk walk(gaussian, view, shift);
@@ -154,6 +156,8 @@ ReferenceRefinement RefineReference(const HostGaussians& scene, int64_t i, const
   const double sign = (span[out.axis] > 0) == crossing.ahead ? 3 : -3;
   for (int k = 0; k < 3; ++k) out.to_end[k] = sign * g.sigma[out.axis] * g.axes[out.axis][k];
 
+  // Close calls: no clear major axis, a value near its limit, two axes that span nearly the same,
+  // or another outcome if the Gaussian moves by 0.02 pixels.
   out.close_call = g.round || std::abs(carried / g.deviation - 0.8) < 0.01 ||
                    std::abs(3 * g.deviation - 1) < 0.02;
   for (int k = 0; k < 3; ++k) {

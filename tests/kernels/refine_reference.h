@@ -6,14 +6,14 @@
 
 namespace pepeseg {
 
-// What the refinement of one Gaussian should be, found in double the plain way: the Jacobian by
-// differences, the axis walked in hundredths of a pixel, masks looked up as images.
+// The refinement of one Gaussian, computed in double by the simplest means: the Jacobian by
+// differences, a walk along the axis in steps of 0.01 pixels, and masks as images.
 struct ReferenceRefinement {
   bool refined = false;
   double share = 0;                // of the axis inside the mask
-  int axis = 0;                    // in space
+  int axis = 0;                    // the axis in space that is cut
   std::array<double, 3> to_end{};  // from the mean to the end inside the mask
-  // A small change of the Gaussian turns a decision: single precision may decide the other way.
+  // A small change of the Gaussian changes a decision, so single precision may decide otherwise.
   bool close_call = false;
 };
 ReferenceRefinement RefineReference(const HostGaussians& scene, int64_t i, const PinholeView& view,

@@ -1,4 +1,4 @@
-// Refinement of Gaussians whose outcome can be told by hand.
+// Refinement of Gaussians whose result can be computed by hand.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +13,8 @@ namespace {
 
 constexpr float kDepth = 2;
 
-// At the origin, looking along z: 50 pixels a scene unit at kDepth, on an image of 100 x 40.
+// A camera at the origin that looks along z: an image of 100 x 40 with 50 pixels to a scene unit at
+// kDepth.
 PinholeView FrontView() {
   PinholeView view;
   view.width = 100;
@@ -25,9 +26,10 @@ PinholeView FrontView() {
   return view;
 }
 
+// A Gaussian that is long along x.
 struct Needle {
-  float x = 50;     // pixels, of the mean
-  float half = 30;  // pixels, 3 standard deviations along x
+  float x = 50;     // of the mean, pixels
+  float half = 30;  // 3 standard deviations along x, pixels
   float opacity_logit = 4;
 };
 
@@ -45,11 +47,12 @@ HostGaussians Needles(const std::vector<Needle>& needles) {
   return scene;
 }
 
+// A mask of the columns [first, end).
 std::vector<uint8_t> Columns(int first, int end) {
   return MaskWhere(FrontView(), [=](int x, int) { return x >= first && x < end; });
 }
 
-// The ends of a needle on screen, pixels.
+// Returns the ends of a needle on screen, pixels.
 std::pair<double, double> Ends(const HostGaussians& scene, int64_t i) {
   const double x = 50 + 50 * double{scene.At(kMeanPlane, i)};
   const double half = 150 * std::exp(double{scene.At(kLogScalePlane, i)});
@@ -92,7 +95,7 @@ TEST_P(RefineTest, ShortensTheAxisToWhatLiesInTheMask) {
   ExpectEnds({.x = 50.3f}, {Columns(33, 100)}, {33, 80.3});
 }
 
-TEST_P(RefineTest, ForgetsTheMomentsOfWhatItTouched) {
+TEST_P(RefineTest, ResetsTheMomentsOfWhatItRefines) {
   const Refined refined = Run(Needles({{.half = 6}, {}}), {Columns(0, 60)});
   EXPECT_THAT(Download(refined.refinable), ::testing::ElementsAre(1, 0));
   EXPECT_THAT(Download(refined.rendered.num_steps), ::testing::ElementsAre(7, 0));
@@ -107,13 +110,13 @@ TEST_P(RefineTest, ForgetsTheMomentsOfWhatItTouched) {
 
 TEST_P(RefineTest, TakesTheSmallestMaskThatTheAxisCrosses) {
   ExpectEnds({}, {Columns(0, 60), Columns(0, 45), Columns(30, 40)}, {20, 45});
-  // Of a mask in pieces, the first exit.
+  // In a mask of several pieces the first exit counts.
   auto pieces = Columns(0, 60);
   for (size_t i = 0; i < pieces.size(); ++i) pieces[i] &= i % 100 < 35 || i % 100 >= 40;
   ExpectEnds({}, {pieces}, {20, 35});
 }
 
-TEST_P(RefineTest, LooksAtEveryWordOfTheBitsets) {
+TEST_P(RefineTest, ReadsEveryWordOfTheBitsets) {
   MaskImages masks(130, Columns(0, 100));  // no axis crosses these
   masks[129] = Columns(0, 60);
   masks[70] = Columns(0, 55);
@@ -128,15 +131,16 @@ TEST_P(RefineTest, FollowsTheAxisToTheEdgeOfTheImage) {
   ExpectEnds({.x = 90}, {Columns(75, 100)}, {75, 120});
   ExpectEnds({.x = 90}, {Columns(0, 75)}, {60, 75});
   ExpectEnds({.x = 10}, {Columns(0, 25)}, {-20, 25});
-  ExpectUntouched(Needles({{.half = 75}}), {Columns(0, 60)});  // out at both ends
+  ExpectUntouched(Needles({{.half = 75}}), {Columns(0, 60)});  // leaves the image at both ends
 }
 
 TEST_P(RefineTest, LeavesAloneWhatCrossesNothing) {
   ExpectUntouched(Needles({{}}), {Columns(0, 100)});
   ExpectUntouched(Needles({{}}), {Columns(0, 10), Columns(90, 100)});
-  ExpectUntouched(Needles({{}}), {Columns(40, 60)});  // both ends are out of it
+  ExpectUntouched(Needles({{}}), {Columns(40, 60)});  // both ends are outside the mask
   ExpectUntouched(Needles({{}}), {});
-  ExpectUntouched(Needles({{.x = 120}, {.x = -20}}), {Columns(0, 97)});  // the mean is out of sight
+  ExpectUntouched(Needles({{.x = 120}, {.x = -20}}),
+                  {Columns(0, 97)});  // the means are outside the image
 }
 
 TEST_P(RefineTest, LeavesAloneHalfAxesBelowAPixel) {
@@ -146,7 +150,7 @@ TEST_P(RefineTest, LeavesAloneHalfAxesBelowAPixel) {
 
 TEST_P(RefineTest, LeavesAloneAnAxisThatNoneInSpaceCarries) {
   HostGaussians scene = Needles({{}});
-  // Two equal axes at 45 degrees to the image: each carries 0.71 of what is seen.
+  // Two equal axes at 45 degrees to the image: each carries 0.71 of the axis on screen.
   scene.At(kLogScalePlane + 2, 0) = scene.At(kLogScalePlane, 0);
   scene.At(kRotationPlane, 0) = std::cos(std::acos(-1.0f) / 8);
   scene.At(kRotationPlane + 2, 0) = std::sin(std::acos(-1.0f) / 8);
@@ -158,7 +162,7 @@ TEST_P(RefineTest, LeavesAloneWhereTheDepthIsUnknown) {
   ExpectEnds({.opacity_logit = 0.1f}, {Columns(0, 60)}, {20, 60});
 }
 
-TEST_P(RefineTest, OfEqualDistancesTakesTheFirst) {
+TEST_P(RefineTest, TakesTheFirstOfEqualDistances) {
   const HostGaussians scene = Needles(std::vector<Needle>(21));
   Refined refined(*backend_, scene, FrontView(), {Columns(0, 60)});
   std::vector<int32_t> refinable(21, 1);
@@ -173,11 +177,11 @@ TEST_P(RefineTest, OfEqualDistancesTakesTheFirst) {
   for (int64_t i = 0; i < 21; ++i) EXPECT_EQ(refined.WasRefined(i), i < 6) << i;
 }
 
-TEST_P(RefineTest, WithoutCandidatesTouchesNothing) {
+TEST_P(RefineTest, ChangesNothingWithoutCandidates) {
   const HostGaussians scene = Needles({{}, {}, {}});
   Refined refined(*backend_, scene, FrontView(), {Columns(0, 60)});
   RefineGaussiansArgs args = refined.MakeArgs();
-  args.candidate_share = 0.3;  // of 3: none
+  args.candidate_share = 0.3;  // 0.3 of 3 rounds down to none
   args.split = true;
   backend_->RefineGaussians(args);
   EXPECT_THAT(Download(refined.counts), ::testing::ElementsAre(3, 0, 0, 0));
@@ -188,11 +192,11 @@ TEST_P(RefineTest, WithoutCandidatesTouchesNothing) {
   EXPECT_EQ(refined.Result().planes, scene.planes);
 }
 
-TEST_P(RefineTest, AnEmptyViewTouchesNothing) {
+TEST_P(RefineTest, ChangesNothingInAnEmptyView) {
   ExpectUntouched(Needles({{.x = 4000}}), {Columns(0, 60)});
 }
 
-TEST_P(RefineTest, IsNotDisturbedByDegenerateRows) {
+TEST_P(RefineTest, IgnoresDegenerateGaussians) {
   HostGaussians scene = Needles({{}, {}, {}, {}, {}});
   const float nan = std::numeric_limits<float>::quiet_NaN();
   scene.At(kMeanPlane, 0) = nan;
@@ -207,11 +211,11 @@ TEST_P(RefineTest, IsNotDisturbedByDegenerateRows) {
   EXPECT_NEAR(last, 60, 1e-3);
 }
 
-TEST_P(RefineTest, SplitAddsTheOutsideParts) {
+TEST_P(RefineTest, AddsTheOutsidePartsWhenSplitting) {
   const Refined refined =
       Run(Needles({{}, {.half = 5}, {.x = 56}, {.x = 89.5f}}), {Columns(0, 60)}, true);
   EXPECT_EQ(refined.Count(kNumRefined), 3);
-  // The last needle's part outside has 29.5 + 30 of 60 pixels; its part inside is one twentieth.
+  // The last needle has 59.5 of its 60 pixels outside; its part inside is raised to one twentieth.
   ASSERT_EQ(refined.Count(kNumRefineSplit), 3);
   const std::vector<int32_t> source = Download(refined.outside_source);
   EXPECT_THAT(std::vector(source.begin(), source.begin() + 3), ::testing::ElementsAre(0, 2, 3));
@@ -226,13 +230,13 @@ TEST_P(RefineTest, SplitAddsTheOutsideParts) {
   }
 }
 
-TEST_P(RefineTest, AFaintOutsidePartIsLeftOut) {
+TEST_P(RefineTest, LeavesOutAShortOutsidePart) {
   const Refined refined = Run(Needles({{}}), {Columns(0, 78)}, true);
   EXPECT_EQ(refined.Count(kNumRefined), 1);
   EXPECT_EQ(refined.Count(kNumRefineSplit), 0);
 }
 
-TEST_P(RefineTest, SplitStopsAtTheRoomThatIsLeft) {
+TEST_P(RefineTest, StopsSplittingAtTheCapacity) {
   Refined refined(*backend_, Needles({{}, {.x = 51}, {.x = 52}}), FrontView(), {Columns(0, 60)});
   RefineGaussiansArgs args = refined.MakeArgs();
   args.split = true;

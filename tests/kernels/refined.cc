@@ -13,7 +13,7 @@ Refined::Refined(Backend& backend, const HostGaussians& scene, const PinholeView
       outside_source(backend, scene.count),
       outside_shape(backend, 6 * scene.count),
       counts(backend, kNumRefineCounts) {
-  // A patch for each pixel: a patch map need not be the smallest one.
+  // One mask cell for each pixel: the map need not be minimal.
   const int64_t num_pixels = int64_t{view.width} * view.height;
   std::vector<uint32_t> patches(num_pixels);
   std::iota(patches.begin(), patches.end(), 0);

@@ -11,7 +11,7 @@ namespace pepeseg {
 // Masks of a view as plain images [H, W] of 0 and 1.
 using MaskImages = std::vector<std::vector<uint8_t>>;
 
-// The mask of the pixels for which inside(x, y) holds.
+// Returns the mask of the pixels for which inside(x, y) holds.
 template <class Inside>
 std::vector<uint8_t> MaskWhere(const PinholeView& view, Inside inside) {
   std::vector<uint8_t> mask;
@@ -22,12 +22,13 @@ std::vector<uint8_t> MaskWhere(const PinholeView& view, Inside inside) {
 }
 
 // A rendered scene with the masks of its view and everything that a refinement needs. Moments and
-// step counts start at 7, all rows are refinable.
+// step counts start at 7, and all Gaussians are refinable.
 struct Refined {
   Refined(Backend& backend, const HostGaussians& scene, const PinholeView& view,
           const MaskImages& masks);
 
-  RefineGaussiansArgs MakeArgs();  // to be adjusted and given to Backend::RefineGaussians
+  // Arguments for Backend::RefineGaussians, which the caller may adjust. All ranked are candidates.
+  RefineGaussiansArgs MakeArgs();
   int64_t Count(RefineCount count) const { return Download(counts)[count]; }
   HostGaussians Result() const;
   bool WasRefined(int64_t i) const { return Download(refinable)[i] == 0; }

@@ -30,7 +30,8 @@ ReferenceOptions OptionsOf(const Rendered& scene) {
   return options;
 }
 
-// Gradients of an image with 0 at the pixels with a close call, so that what is compared is smooth.
+// Returns random gradients of an image that are 0 at pixels with a close call, so that the loss is
+// smooth.
 ImageGrad SmoothGrad(const ReferenceImage& image, uint64_t seed) {
   const auto num_pixels = static_cast<int64_t>(image.alpha.size());
   ImageGrad grad = {InDouble(RandomValues(3 * num_pixels, seed)),
@@ -44,7 +45,7 @@ ImageGrad SmoothGrad(const ReferenceImage& image, uint64_t seed) {
   return grad;
 }
 
-// The rows of one plane.
+// Returns the values of one plane.
 std::vector<double> PlaneOf(const std::vector<double>& planes, int64_t count, int plane) {
   return {planes.begin() + plane * count, planes.begin() + (plane + 1) * count};
 }
@@ -79,6 +80,7 @@ TEST(RenderChainVjp, MatchesCentralDifferencesWithInverseDepth) {
   ExpectMatchesCentralDifferences(true);
 }
 
+// Compares the backend's gradients of all parameters, plane by plane, with those in double.
 void ExpectMatchesReferenceGradient(Rendered& scene) {
   scene.Render();
   const ReferenceScene reference = InDouble(scene.host);
@@ -131,8 +133,8 @@ TEST_P(RenderBackwardTest, MatchesReferenceGradientOfInverseDepth) {
   }
 }
 
-// A pixel counts if any of its gradients is not zero.
-TEST_P(RenderBackwardTest, IsTheSumOfWhatEachImageGivesAlone) {
+// Pixels with gradients of zero only are skipped; one with any other must not be.
+TEST_P(RenderBackwardTest, IsTheSumOfTheGradientsOfEachImage) {
   constexpr int64_t kNumPixels = 40 * 30;
   Rendered scene(*backend_, RandomScene({.count = 80}), TestView(40, 30));
   scene.Render();
@@ -160,7 +162,7 @@ TEST_P(RenderBackwardTest, IsTheSumOfWhatEachImageGivesAlone) {
   EXPECT_LT(RelativeError(sum, want), 1e-5);
 }
 
-TEST_P(RenderBackwardTest, EmptyAlphaAndDepthGradientsAreZeros) {
+TEST_P(RenderBackwardTest, TakesEmptyAlphaAndDepthGradientsAsZeros) {
   Rendered scene(*backend_, RandomScene({.count = 50}), TestView(40, 30));
   scene.Render();
   const auto color_grad = RandomValues(3 * 40 * 30, 1);

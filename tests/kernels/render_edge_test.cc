@@ -14,7 +14,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 class RenderEdgeTest : public BackendTest {
  protected:
-  // Renders and goes back; whatever the scene holds, all that comes out must be finite.
+  // Renders forward and backward. Whatever the scene holds, images and gradients must be finite.
   void ExpectFinite(Rendered& scene) {
     scene.Render();
     const int64_t num_pixels = scene.alpha.size();
@@ -28,7 +28,7 @@ class RenderEdgeTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, RenderEdgeTest, AllBackends(), BackendName);
 
-// Small opaque balls on the axis of an untilted camera, one behind the other from z = 2 on.
+// Small balls on the axis of AxisView's camera, one behind the other from z = 2 on, of opacity 0.5.
 HostGaussians Balls(int64_t count) {
   HostGaussians out{count, 0, std::vector<float>(count * NumPlanes(0))};
   for (int64_t i = 0; i < count; ++i) {
@@ -51,8 +51,8 @@ PinholeView AxisView(int width, int height) {
   return view;
 }
 
-TEST_P(RenderEdgeTest, ARenderOfItsOwnShowsTheSameAndHasNoBackward) {
-  const auto backend = GetParam().make();  // for the error that it keeps
+TEST_P(RenderEdgeTest, ShowsTheSameWithoutBackwardAndThenRefusesIt) {
+  const auto backend = GetParam().make();  // of its own, because an error is left in it
   Rendered scene(*backend, Balls(60), AxisView(40, 30));
   scene.Render();
   const std::vector<float> color = Download(scene.color), depth = Download(scene.depth);
@@ -65,7 +65,7 @@ TEST_P(RenderEdgeTest, ARenderOfItsOwnShowsTheSameAndHasNoBackward) {
   EXPECT_NE(backend->error(), "");
 }
 
-TEST_P(RenderEdgeTest, NoGaussiansGiveTheBackground) {
+TEST_P(RenderEdgeTest, ShowsTheBackgroundWithoutGaussians) {
   Rendered scene(*backend_, HostGaussians{0, 3, {}}, TestView(33, 17));
   ExpectFinite(scene);
   const std::vector<float> color = Download(scene.color);
@@ -76,26 +76,27 @@ TEST_P(RenderEdgeTest, NoGaussiansGiveTheBackground) {
   backend_->Update(scene.MakeUpdateArgs());
 }
 
-TEST_P(RenderEdgeTest, AnImageMayHaveOnePixel) {
+TEST_P(RenderEdgeTest, AcceptsAnImageOfOnePixel) {
   Rendered scene(*backend_, RandomScene({.count = 50}), TestView(1, 1));
   ExpectFinite(scene);
   EXPECT_GT(Download(scene.alpha)[0], 0.5f);
 }
 
-TEST_P(RenderEdgeTest, AnyImageSizeWorks) {
+TEST_P(RenderEdgeTest, AcceptsAnyImageSize) {
   for (const auto& [width, height] : {std::pair{15, 17}, {16, 16}, {17, 31}, {1, 40}, {65, 2}}) {
     Rendered scene(*backend_, RandomScene({.count = 80}), TestView(width, height));
     ExpectFinite(scene);
   }
 }
 
+// A parameter of a ball and its new value.
 struct Broken {
   int plane;
   float value;
-  bool degenerate;  // else merely out of sight
+  bool degenerate;  // false: only out of sight
 };
 
-TEST_P(RenderEdgeTest, BrokenGaussiansAreCulledAndCounted) {
+TEST_P(RenderEdgeTest, CullsAndCountsDegenerateGaussians) {
   const Broken cases[] = {{kMeanPlane, kNan, true},         {kMeanPlane + 1, kInfinity, true},
                           {kMeanPlane + 2, kNan, true},     {kMeanPlane + 2, -3, false},
                           {kMeanPlane + 2, 0.01f, false},   {kLogScalePlane, kNan, true},
@@ -114,7 +115,7 @@ TEST_P(RenderEdgeTest, BrokenGaussiansAreCulledAndCounted) {
   }
 }
 
-TEST_P(RenderEdgeTest, ExtremeSizesStayFinite) {
+TEST_P(RenderEdgeTest, StaysFiniteForExtremeSizes) {
   HostGaussians balls = Balls(6);
   const float log_scales[6][3] = {{8, 8, 8},   {-30, -30, -30}, {3, -20, -20},
                                   {0, 0, -40}, {12, -12, 0},    {-3, -3, -3}};
@@ -128,7 +129,7 @@ TEST_P(RenderEdgeTest, ExtremeSizesStayFinite) {
   for (const float x : Download(scene.gaussians)) ASSERT_TRUE(std::isfinite(x));
 }
 
-TEST_P(RenderEdgeTest, ATinyGaussianStillCoversItsPixel) {
+TEST_P(RenderEdgeTest, ShowsATinyGaussianOnItsPixel) {
   HostGaussians ball = Balls(1);
   for (int k = 0; k < 3; ++k) ball.At(kLogScalePlane + k, 0) = -30;
   Rendered scene(*backend_, ball, AxisView(21, 21));
@@ -136,12 +137,12 @@ TEST_P(RenderEdgeTest, ATinyGaussianStillCoversItsPixel) {
   EXPECT_NEAR(Download(scene.alpha)[10 * 21 + 10], 0.5f, 1e-4f);
 }
 
-TEST_P(RenderEdgeTest, SeventyThousandMayShareOneTile) {
-  constexpr int64_t kCount = 70000;  // over 2^16
+TEST_P(RenderEdgeTest, BlendsSeventyThousandGaussiansInOneTile) {
+  constexpr int64_t kCount = 70000;  // above 2^16
   HostGaussians balls = Balls(kCount);
   for (int64_t i = 0; i < kCount; ++i) {
     balls.At(kMeanPlane + 2, i) = 2 + 3e-5f * static_cast<float>(kCount - i);
-    balls.At(kOpacityPlane, i) = -5.2f;  // barely above 1/255: none of them ends a pixel
+    balls.At(kOpacityPlane, i) = -5.2f;  // an opacity barely above 1/255, so that no pixel stops
   }
   Rendered scene(*backend_, balls, AxisView(16, 16));
   ExpectFinite(scene);
@@ -149,7 +150,7 @@ TEST_P(RenderEdgeTest, SeventyThousandMayShareOneTile) {
   EXPECT_GT(Download(scene.alpha)[8 * 16 + 8], 0.9998f);
 }
 
-TEST_P(RenderEdgeTest, NearerGaussiansComeFirstAndEqualDepthsByIndex) {
+TEST_P(RenderEdgeTest, OrdersByDepthAndEqualDepthsByIndex) {
   HostGaussians balls = Balls(3);
   for (int64_t i = 0; i < 3; ++i) balls.At(kMeanPlane + 2, i) = 2;
   balls.At(kMeanPlane + 2, 2) = 1.5f;
@@ -158,7 +159,7 @@ TEST_P(RenderEdgeTest, NearerGaussiansComeFirstAndEqualDepthsByIndex) {
   EXPECT_EQ(Download(scene.scratch.entry_visible), (std::vector<int32_t>{2, 0, 1}));
 }
 
-TEST_P(RenderEdgeTest, TheNearPlaneCulls) {
+TEST_P(RenderEdgeTest, CullsAtTheNearPlane) {
   Rendered scene(*backend_, Balls(3), AxisView(16, 16));
   scene.near_plane = 2.005f;
   scene.Render();

@@ -13,11 +13,12 @@ namespace {
 class RenderTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, RenderTest, AllBackends(), BackendName);
 
+// Difference of an image from the reference.
 struct Difference {
   double largest = 0;        // among the pixels without a close call
   double largest_close = 0;  // among the others
-  double mean = 0;           // signed, over all: an unbiased renderer has next to none
-  double close_share = 0;    // of the pixels
+  double mean = 0;           // signed, over all pixels; nearly 0 for an unbiased renderer
+  double close_share = 0;    // share of the pixels with a close call
 };
 
 Difference Compare(const std::vector<float>& got, const std::vector<double>& want,
@@ -33,6 +34,7 @@ Difference Compare(const std::vector<float>& got, const std::vector<double>& wan
   return out;
 }
 
+// Renders the scene with the reference.
 ReferenceImage Reference(const Rendered& scene) {
   const std::vector<float>& planes = scene.host.planes;
   ReferenceOptions options;
@@ -43,8 +45,8 @@ ReferenceImage Reference(const Rendered& scene) {
                          scene.view, options);
 }
 
-// Pixels with a close call may differ by one skipped splat: 1/255 of the largest colour or depth,
-// or, at the end of the transmittance, 1e-4 of it.
+// Renders and compares with the reference. Pixels with a close call may differ by one skipped
+// splat: 1/255 of the largest colour or depth, or 1e-4 of it at the end of the transmittance.
 void ExpectMatchesReference(Rendered& scene) {
   scene.Render();
   const ReferenceImage want = Reference(scene);
@@ -97,7 +99,7 @@ TEST_P(RenderTest, MatchesReferenceBehindOpaqueWalls) {
   ExpectMatchesReference(scene);
 }
 
-TEST_P(RenderTest, InverseDepthMatchesReferenceAndChangesNothingElse) {
+TEST_P(RenderTest, MatchesReferenceWithInverseDepthAndChangesNothingElse) {
   Rendered plain(*backend_, RandomScene({.count = 300, .seed = 2}), TestView(97, 61));
   plain.Render();
   Rendered scene(*backend_, RandomScene({.count = 300, .seed = 2}), TestView(97, 61));
@@ -109,7 +111,7 @@ TEST_P(RenderTest, InverseDepthMatchesReferenceAndChangesNothingElse) {
   EXPECT_NE(Download(scene.depth), Download(plain.depth));
 }
 
-TEST_P(RenderTest, CountersAddUp) {
+TEST_P(RenderTest, CountsWhatTheScratchHolds) {
   Rendered scene(*backend_, RandomScene({.count = 300}), TestView(97, 61));
   scene.Render();
   EXPECT_EQ(scene.Counter(kNumVisible), scene.scratch.visible_gaussian.size());

@@ -7,16 +7,19 @@
 
 namespace pepeseg {
 
-// A scene in a backend's memory with everything that a step of training needs.
+// A scene in the memory of a backend, with everything that a step of training needs. Members from
+// `view` to `entry_room` may be changed before Render, see RenderArgs.
 struct Rendered {
   Rendered(Backend& backend, const HostGaussians& scene, const PinholeView& view);
 
   void Render();
-  // Gradients of `color`, and of alpha and depth where not empty.
+  // Runs RenderBackward with these gradients of colour, alpha and depth; the last two may be empty.
   void Backward(const std::vector<float>& color_grad, const std::vector<float>& alpha_grad = {},
                 const std::vector<float>& depth_grad = {});
-  std::vector<float> ParameterGradient();  // [planes, count], of the last Backward
-  UpdateArgs MakeUpdateArgs();             // to be adjusted and given to Backend::Update
+  // Runs ProjectBackward after Backward. Returns [planes, count].
+  std::vector<float> ParameterGradient();
+  // Arguments for Backend::Update, which the caller may adjust.
+  UpdateArgs MakeUpdateArgs();
   int64_t Counter(RenderCounter counter) const;
 
   Backend& backend;
@@ -24,9 +27,9 @@ struct Rendered {
   PinholeView view;
   float background[3] = {0.1f, 0.3f, 0.2f};
   float near_plane = 0.05f;
-  bool inverse_depth = false;  // likewise
-  bool for_backward = true;    // likewise
-  int64_t entry_room = 0;      // see RenderArgs
+  bool inverse_depth = false;
+  bool for_backward = true;
+  int64_t entry_room = 0;
   Buffer<float> gaussians, moment1, moment2;
   Buffer<int32_t> num_steps;
   Buffer<float> color, alpha, depth;

@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kWidth = 53, kHeight = 39, kNumPixels = kWidth * kHeight;
 
+// Results of CaptureRows.
 struct Rows {
   Buffer<int32_t> first, gaussian;
   Buffer<float> weight;
@@ -45,6 +46,7 @@ class RowsTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, RowsTest, AllBackends(), BackendName);
 
+// All pixels in descending order, which is not that of the tiles.
 std::vector<int32_t> EveryPixelBackwards() {
   std::vector<int32_t> pixels(kNumPixels);
   std::iota(pixels.rbegin(), pixels.rend(), 0);
@@ -90,7 +92,7 @@ TEST_P(RowsTest, GiveZAlsoAfterARenderOfInverseDepth) {
   for (size_t i = 0; i < pixels.size(); ++i) ASSERT_NEAR(got[i], want[i], 1e-5f) << i;
 }
 
-TEST_P(RowsTest, OfNoPixelsAreEmpty) {
+TEST_P(RowsTest, AreEmptyForNoPixels) {
   Rendered scene = Render();
   Rows rows;
   Capture(scene, {}, rows);
@@ -123,7 +125,7 @@ TEST_P(RowsTest, GiveTheRenderedFeatures) {
   }
 }
 
-TEST_P(RowsTest, ShareTheWeightsOutByConfidence) {
+TEST_P(RowsTest, RedistributeTheWeightsByConfidence) {
   Rendered scene = Render();
   const std::vector<int32_t> pixels = EveryPixelBackwards();
   Rows rows;
@@ -159,7 +161,7 @@ TEST_P(RowsTest, ShareTheWeightsOutByConfidence) {
   }
 }
 
-TEST_P(RowsTest, OneConfidenceOfAllChangesNothing) {
+TEST_P(RowsTest, AreUnchangedByOneConfidenceForAll) {
   Rendered scene = Render();
   const Buffer<float> features = Upload(*backend_, RandomValues(400 * kFeatureSize, 3));
   const Buffer<float> confidence = Upload(*backend_, std::vector<float>(400, 0.25f));
@@ -173,8 +175,9 @@ TEST_P(RowsTest, OneConfidenceOfAllChangesNothing) {
   }
 }
 
-// [H * W, 32] in double, three channels at a time as the colours of the reference renderer, black
-// behind. close_call: see ReferenceImage.
+// Returns the feature map [H * W, 32] in double: the reference renderer blends three channels at a
+// time as colours, over black. Also sets close_call, see ReferenceImage. Features must not be
+// negative.
 std::vector<double> DenseFeatures(const Rendered& scene, const std::vector<float>& features,
                                   std::vector<uint8_t>& close_call) {
   const double of_degree_0 = 0.5 / std::sqrt(std::acos(-1.0));
@@ -208,7 +211,7 @@ TEST_P(RowsTest, GiveTheFeaturesOfADenseRenderInDouble) {
                  TestView(kWidth, kHeight));
   scene.Render();
   std::vector<float> features = RandomValues(400 * kFeatureSize, 3);
-  for (float& value : features) value = 1 + 0.5f * value;  // colours are not negative
+  for (float& value : features) value = 1 + 0.5f * value;  // the reference clamps colours at 0
   const std::vector<int32_t> pixels = EveryPixelBackwards();
   Rows rows;
   Capture(scene, pixels, rows);

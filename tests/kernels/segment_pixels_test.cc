@@ -15,7 +15,7 @@ class SegmentPixelsTest : public FeatureMapTest {
     if (!IsSkipped()) psi_ = Gates(1);
   }
 
-  // What Similarity says, put together on the host.
+  // Mask and sums computed on the host from the result of Similarity.
   struct Want {
     std::vector<uint8_t> mask;
     std::vector<float> similarity;
@@ -33,6 +33,7 @@ class SegmentPixelsTest : public FeatureMapTest {
     return want;
   }
 
+  // Runs the op and compares it with them.
   void ExpectAsSimilarity(int num_queries, int num_positive, float threshold) {
     const Buffer<float> queries = Upload(*backend_, RandomValues(num_queries * kSize, 2));
     const Want want = FromSimilarity(queries, num_positive, threshold);
@@ -61,14 +62,14 @@ class SegmentPixelsTest : public FeatureMapTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, SegmentPixelsTest, AllBackends(), BackendName);
 
-TEST_P(SegmentPixelsTest, IsTheMaskThatSimilarityGives) {
+TEST_P(SegmentPixelsTest, GivesTheMaskOfTheSimilarities) {
   ExpectAsSimilarity(1, 1, 0.1f);
   ExpectAsSimilarity(5, 3, 0.05f);
   ExpectAsSimilarity(kMaxQueries, 100, 0.3f);
-  ExpectAsSimilarity(2, 1, -0.2f);  // negative similarities are added up, too
+  ExpectAsSimilarity(2, 1, -0.2f);  // negative similarities count in the sum, too
 }
 
-TEST_P(SegmentPixelsTest, SimilaritiesNeedNotBeKept) {
+TEST_P(SegmentPixelsTest, WorksWithoutKeepingSimilarities) {
   const Buffer<float> queries = Upload(*backend_, RandomValues(2 * kSize, 2));
   const Want want = FromSimilarity(queries, 1, 0.1f);
   Buffer<uint8_t> mask(*backend_, kPixels);

@@ -1,6 +1,7 @@
 #!/bin/sh
-# simd_objects_test.sh NM OBJECT...: fails when an object holds a weak function outside the
-# namespaces of its instruction set (N_AVX3, N_AVX2).
+# simd_objects_test.sh NM OBJECT...
+# Exits with 1 if an object defines a weak function outside the namespaces of the instruction sets
+# (N_AVX3, N_AVX2), and lists those functions.
 nm=$1
 shift
 [ $# -gt 0 ] || { echo "no objects given"; exit 1; }

@@ -18,8 +18,8 @@ INSTANTIATE_TEST_SUITE_P(Backends, SimilarityTest, AllBackends(), BackendName);
 TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
   constexpr int kPixels = 37, kQueries = 3;
   std::vector<float> features = RandomValues(kPixels * kSize, 1);
-  std::fill_n(features.begin() + kSize, kSize, 0.0f);                // pixel 1: nothing was blended
-  for (int k = 0; k < kSize; ++k) features[2 * kSize + k] *= 1e-3f;  // pixel 2: hardly anything was
+  std::fill_n(features.begin() + kSize, kSize, 0.0f);                // pixel 1: nothing is blended
+  for (int k = 0; k < kSize; ++k) features[2 * kSize + k] *= 1e-3f;  // pixel 2: little is blended
   const std::vector<float> queries = RandomValues(kQueries * kSize, 2);
   std::vector<float> psi = RandomValues(kSize, 3);
   for (float& value : psi) value = std::abs(value);

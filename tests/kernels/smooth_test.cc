@@ -19,7 +19,7 @@ constexpr uint32_t kDrawn = 0b101101;
 class SmoothTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, SmoothTest, AllBackends(), BackendName);
 
-// Any graph will do: each Gaussian, and others at random.
+// Each Gaussian itself, then others at random: the op accepts any graph.
 std::vector<int32_t> RandomGraph() {
   std::mt19937_64 engine(3);
   std::vector<int32_t> neighbors;
@@ -31,7 +31,7 @@ std::vector<int32_t> RandomGraph() {
   return neighbors;
 }
 
-// The formula, in double.
+// The formula of kernels/ops/smooth.h in double.
 Values Smooth(const Values& features, const std::vector<int32_t>& graph, uint32_t drawn) {
   Values smoothed(features.size());
   for (int i = 0; i < kGaussians; ++i) {
@@ -48,6 +48,7 @@ Values Smooth(const Values& features, const std::vector<int32_t>& graph, uint32_
   return smoothed;
 }
 
+// A graph and features on a backend, with room for the result.
 struct Smoothing {
   Smoothing(Backend& backend, const std::vector<float>& start)
       : neighbors(backend, std::span<const int32_t>(RandomGraph())),
@@ -88,13 +89,13 @@ TEST_P(SmoothTest, WritesOnlyTheRowsAskedFor) {
   }
 }
 
-TEST_P(SmoothTest, NothingIsSmoothedToNothing) {
+TEST_P(SmoothTest, SmoothsZerosToZeros) {
   Smoothing smoothing(*backend_, std::vector<float>(kGaussians * kSize));
   smoothing.Run(*backend_, {});
   for (const float value : Download(smoothing.smoothed)) ASSERT_EQ(value, 0);
 }
 
-TEST_P(SmoothTest, RowsOfNeighborsFollowTheDrawOfTheirGroup) {
+TEST_P(SmoothTest, ListsNeighborsByTheDrawOfTheirGroup) {
   Smoothing smoothing(*backend_, std::vector<float>(kGaussians * kSize));
   const std::vector<int32_t> gaussians = {0, 7, 9, 2, 7}, group_first = {0, 3, 3, 5};
   const std::vector<uint32_t> drawn = {0b11, 0b110, 0b100001};
@@ -114,7 +115,7 @@ TEST_P(SmoothTest, RowsOfNeighborsFollowTheDrawOfTheirGroup) {
   EXPECT_EQ(Download(row_gaussian), want);
 }
 
-TEST_P(SmoothTest, GroupsOfRowsTransposeEachForItself) {
+TEST_P(SmoothTest, TransposesEachGroupOfRowsByItself) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = kGaussians}), view);
   const SparseRows rows(*backend_, scene, EveryPixel(view, 11));
@@ -156,7 +157,8 @@ TEST_P(SmoothTest, GroupsOfRowsTransposeEachForItself) {
   }
 }
 
-// Gradient of sum_p <grad_p, F(p)> as the first moment of Adam has it after one step.
+// Returns the gradient of sum_p <grad_p, F(p)> with respect to the features, taken from the first
+// moment of Adam after one step.
 std::vector<float> FeatureGradient(Backend& backend, const SparseRows& rows,
                                    const std::vector<float>& start,
                                    const std::vector<float>& pixel_grad) {
@@ -204,7 +206,7 @@ std::vector<float> FeatureGradient(Backend& backend, const SparseRows& rows,
   return grad;
 }
 
-TEST_P(SmoothTest, GradientsGoBackThroughRowsAndNeighbors) {
+TEST_P(SmoothTest, PassesGradientsBackThroughRowsAndNeighbors) {
   const PinholeView view = TestView(40, 30);
   Rendered scene(*backend_, RandomScene({.count = kGaussians}), view);
   const SparseRows rows(*backend_, scene, EveryPixel(view, 37));

@@ -33,7 +33,7 @@ bool SameBytes(const TreeResult& a, const TreeResult& b) {
 
 class SpanningTreeTest : public BackendTest {
  protected:
-  // Of points whose distances have no rounding: the very edges of the reference.
+  // For points whose distances are exact in float: expects the same edges as the reference.
   void ExpectExact(const std::vector<float>& points, int min_samples) {
     const ReferenceTree want = ReferenceSpanningTree(points, min_samples);
     const TreeResult got = SpanningTreeOf(*backend_, points, min_samples);
@@ -49,12 +49,12 @@ class SpanningTreeTest : public BackendTest {
     }
   }
 
-  // Otherwise two edges may change places within rounding. The ascending weights of all minimum
-  // trees are the same.
+  // For other points two edges may be exchanged within rounding. All minimum spanning trees have
+  // the same ascending weights, so these are compared.
   void ExpectNear(const std::vector<float>& points, int min_samples) {
     const ReferenceTree want = ReferenceSpanningTree(points, min_samples);
     const TreeResult got = SpanningTreeOf(*backend_, points, min_samples);
-    constexpr double kTolerance = 3e-6;  // 32 roundings at most, of 6e-8 each
+    constexpr double kTolerance = 3e-6;  // at most 32 roundings of 6e-8 each
     for (size_t i = 0; i < want.core_squared.size(); ++i) {
       ASSERT_NEAR(got.core_squared[i], want.core_squared[i], kTolerance * want.core_squared[i]);
     }
@@ -66,7 +66,7 @@ class SpanningTreeTest : public BackendTest {
       const TreeEdge edge = got.edges[i];
       ASSERT_NEAR(edge.squared, want.edges[i].squared, kTolerance * want.edges[i].squared) << i;
       const int from = component[edge.a], to = component[edge.b];
-      ASSERT_NE(from, to) << "a ring";
+      ASSERT_NE(from, to) << "the edge closes a cycle";
       std::replace(component.begin(), component.end(), from, to);
       num_same += edge.a == want.edges[i].a && edge.b == want.edges[i].b ? 1 : 0;
     }
@@ -75,7 +75,7 @@ class SpanningTreeTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, SpanningTreeTest, AllBackends(), BackendName);
 
-TEST_P(SpanningTreeTest, OfRandomPointsIsTheReference) {
+TEST_P(SpanningTreeTest, MatchesReferenceForRandomPoints) {
   for (const int count : {33, 257, 500}) {
     for (const int min_samples : {1, 2, 5, 20, kMaxMinSamples}) {
       SCOPED_TRACE(testing::Message() << count << " points, min_samples " << min_samples);
@@ -84,7 +84,7 @@ TEST_P(SpanningTreeTest, OfRandomPointsIsTheReference) {
   }
 }
 
-TEST_P(SpanningTreeTest, OfClusteredPointsIsTheReference) {
+TEST_P(SpanningTreeTest, MatchesReferenceForClusteredPoints) {
   for (const float spread : {0.01f, 0.2f, 0.6f}) {
     SCOPED_TRACE(spread);
     ExpectNear(ClusteredPoints(450, 6, spread, 1), 5);
@@ -92,7 +92,7 @@ TEST_P(SpanningTreeTest, OfClusteredPointsIsTheReference) {
   }
 }
 
-TEST_P(SpanningTreeTest, OfExactDistancesIsTheReferencesToTheLastEdge) {
+TEST_P(SpanningTreeTest, MatchesEveryEdgeForExactDistances) {
   for (const int min_samples : {1, 2, 3, 5, 12, kMaxMinSamples}) {
     SCOPED_TRACE(min_samples);
     ExpectExact(LatticePoints(300, kFeatureSize, 40, 1), min_samples);
@@ -100,8 +100,8 @@ TEST_P(SpanningTreeTest, OfExactDistancesIsTheReferencesToTheLastEdge) {
   }
 }
 
-// Most edges have equals: the order of their points decides.
-TEST_P(SpanningTreeTest, OfEqualDistancesIsTheFirstInTheOrderOfEdges) {
+// Most edges have others of equal length, so the order of their points decides.
+TEST_P(SpanningTreeTest, TakesTheFirstOfEqualEdges) {
   for (uint64_t seed = 0; seed < 8; ++seed) {
     for (const int min_samples : {1, 2, 5, 30}) {
       SCOPED_TRACE(testing::Message() << "seed " << seed << " min_samples " << min_samples);
@@ -111,7 +111,7 @@ TEST_P(SpanningTreeTest, OfEqualDistancesIsTheFirstInTheOrderOfEdges) {
   }
 }
 
-TEST_P(SpanningTreeTest, OfEqualPointsIsAStar) {
+TEST_P(SpanningTreeTest, IsAStarForEqualPoints) {
   const std::vector<float> points(100 * kFeatureSize, 0.25f);
   ExpectExact(points, 5);
   const TreeResult tree = SpanningTreeOf(*backend_, points, 5);
@@ -122,7 +122,7 @@ TEST_P(SpanningTreeTest, OfEqualPointsIsAStar) {
   }
 }
 
-TEST_P(SpanningTreeTest, OfPointsOnALineFollowsIt) {
+TEST_P(SpanningTreeTest, FollowsPointsOnALine) {
   std::vector<float> equal_gaps(301 * kFeatureSize), growing_gaps(301 * kFeatureSize);
   for (int i = 0; i < 301; ++i) {
     equal_gaps[i * kFeatureSize + 7] = static_cast<float>(i);
@@ -136,7 +136,7 @@ TEST_P(SpanningTreeTest, OfPointsOnALineFollowsIt) {
   }
 }
 
-TEST_P(SpanningTreeTest, OfFewPointsIsTheReference) {
+TEST_P(SpanningTreeTest, MatchesReferenceForFewPoints) {
   for (int count = 0; count <= 20; ++count) {
     for (const int min_samples : {1, 2, 5, 20}) {
       SCOPED_TRACE(testing::Message() << count << " points, min_samples " << min_samples);
@@ -145,7 +145,7 @@ TEST_P(SpanningTreeTest, OfFewPointsIsTheReference) {
   }
 }
 
-TEST_P(SpanningTreeTest, WithMoreSamplesThanPointsIsInfinite) {
+TEST_P(SpanningTreeTest, IsInfiniteWithMoreSamplesThanPoints) {
   const TreeResult tree = SpanningTreeOf(*backend_, LatticePoints(4, 3, 9, 1), 5);
   for (const float core : tree.core_squared) EXPECT_EQ(core, kInfinity);
   for (int i = 0; i < 3; ++i) {
@@ -155,7 +155,7 @@ TEST_P(SpanningTreeTest, WithMoreSamplesThanPointsIsInfinite) {
   }
 }
 
-TEST_P(SpanningTreeTest, HoldsRowsWithoutAPlaceInfinitelyFarAway) {
+TEST_P(SpanningTreeTest, TreatsPointsThatAreNotFiniteAsInfinitelyFar) {
   for (const int min_samples : {1, 2, 5}) {
     SCOPED_TRACE(min_samples);
     std::vector<float> points = LatticePoints(120, 4, 6, 5);
@@ -169,7 +169,7 @@ TEST_P(SpanningTreeTest, HoldsRowsWithoutAPlaceInfinitelyFarAway) {
   }
 }
 
-TEST_P(SpanningTreeTest, HoldsDistancesBeyondFloatInfinite) {
+TEST_P(SpanningTreeTest, TreatsDistancesBeyondFloatAsInfinite) {
   std::vector<float> points = LatticePoints(20, 4, 6, 5);
   points[7 * kFeatureSize] = 3e38f;
   const TreeResult tree = SpanningTreeOf(*backend_, points, 3);
@@ -180,13 +180,13 @@ TEST_P(SpanningTreeTest, HoldsDistancesBeyondFloatInfinite) {
   EXPECT_EQ(tree.edges[18].b, 7);
 }
 
-TEST_P(SpanningTreeTest, OfASecondCallIsTheSame) {
+TEST_P(SpanningTreeTest, IsTheSameInASecondCall) {
   const std::vector<float> points = ClusteredPoints(2000, 20, 0.25f, 4);
   const TreeResult first = SpanningTreeOf(*backend_, points, 5);
   EXPECT_TRUE(SameBytes(first, SpanningTreeOf(*backend_, points, 5)));
 }
 
-TEST(SpanningTree, OnTheCpuDoesNotDependOnTheNumberOfThreads) {
+TEST(SpanningTree, GivesTheSameBytesForAnyNumberOfThreads) {
   for (const int min_samples : {1, 5}) {
     const std::vector<float> points = ClusteredPoints(5000, 15, 0.25f, 3);
     const auto one = MakeCpuBackend(1);
@@ -200,7 +200,7 @@ TEST(SpanningTree, OnTheCpuDoesNotDependOnTheNumberOfThreads) {
 
 class CudaSpanningTreeTest : public CudaAndCpuTest {};
 
-TEST_F(CudaSpanningTreeTest, IsTheCpus) {
+TEST_F(CudaSpanningTreeTest, MatchesTheCpu) {
   for (const int min_samples : {1, 5, 32}) {
     for (const int count : {1000, 4096, 16384}) {
       SCOPED_TRACE(testing::Message() << count << " points, min_samples " << min_samples);
@@ -208,7 +208,7 @@ TEST_F(CudaSpanningTreeTest, IsTheCpus) {
            {ClusteredPoints(count, 30, 0.25f, 6), LatticePoints(count, 4, 9, 7),
             RandomValues(int64_t{count} * kFeatureSize, 8)}) {
         const TreeResult want = SpanningTreeOf(*cpu_, points, min_samples);
-        // To the last bit where the CPU, too, has a fused multiply-add.
+        // Equal to the last bit if the CPU has fused multiply-adds, as the device has.
         EXPECT_TRUE(SameBytes(SpanningTreeOf(*cuda_, points, min_samples), want));
       }
     }

@@ -6,7 +6,7 @@
 
 namespace pepeseg {
 
-// Rows of some pixels of a rendered scene.
+// Renders a scene and captures the rows of some pixels.
 struct SparseRows {
   SparseRows(Backend& backend, Rendered& scene, const std::vector<int32_t>& at)
       : pixels(backend, std::span<const int32_t>(at)) {
@@ -25,6 +25,7 @@ struct SparseRows {
   Buffer<float> weight;
 };
 
+// The columns of some rows.
 struct SparseColumns {
   SparseColumns(Backend& backend, const RowSpan& rows, int64_t num_gaussians) {
     TransposeRowsArgs args;
@@ -42,6 +43,7 @@ struct SparseColumns {
   Buffer<float> weight;
 };
 
+// Returns every `stride`-th pixel of a view.
 inline std::vector<int32_t> EveryPixel(const PinholeView& view, int stride) {
   std::vector<int32_t> pixels;
   for (int i = 0; i < view.width * view.height; i += stride) pixels.push_back(i);

@@ -26,16 +26,19 @@ struct RandomSceneOptions {
   uint64_t seed = 1;
 };
 
-// Gaussians in front of the camera of TestView, some of them beyond its edges.
+// Returns random Gaussians in front of the camera of TestView, some of them beyond the image.
 HostGaussians RandomScene(const RandomSceneOptions& options);
 
-// About 2 scene units in front of the origin, slightly turned, principal point off centre.
+// Returns a camera about 2 scene units in front of the origin, slightly turned, with its principal
+// point off centre.
 PinholeView TestView(int width, int height);
 
-// The gradient of a made-up loss: any numbers in [-1, 1].
+// Returns random numbers in [-1, 1], for instance as the gradient of some loss.
 std::vector<float> RandomValues(int64_t count, uint64_t seed);
 
+// The planes of `gaussians` in a buffer of their size.
 GaussianPlanes PlanesIn(Buffer<float>& buffer, const HostGaussians& gaussians);
+// Copies to and from a backend.
 Buffer<float> Upload(Backend& backend, const std::vector<float>& values);
 template <class T>
 std::vector<T> Download(const Buffer<T>& buffer) {

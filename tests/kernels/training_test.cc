@@ -7,7 +7,7 @@
 #include "tests/kernels/reference_gradient.h"
 #include "tests/kernels/rendered.h"
 
-// Steps of training as a whole: what they lead to, and that threads do not change it.
+// Whole steps of training: the losses they lead to, and that the number of threads does not matter.
 
 namespace pepeseg {
 namespace {
@@ -17,7 +17,7 @@ constexpr int kWidth = 75, kHeight = 50;
 class TrainingTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, TrainingTest, AllBackends(), BackendName);
 
-// Mean squared error against another scene, its gradient, and one update.
+// Runs one step with the mean squared error against an image, and returns that error.
 double Step(Rendered& scene, const std::vector<float>& target) {
   scene.Render();
   std::vector<float> grad = Download(scene.color);
@@ -43,8 +43,8 @@ Rendered Start(Backend& backend) {
   return Rendered(backend, RandomScene({.count = 250, .seed = 22}), TestView(kWidth, kHeight));
 }
 
-// Recorded from the AVX-512 build; the double reference below follows the same path.
-TEST_P(TrainingTest, TenStepsGiveTheGoldenLosses) {
+// The losses were recorded with AVX-512. The reference in double below has the same.
+TEST_P(TrainingTest, GivesTheGoldenLossesInTenSteps) {
   constexpr double kLosses[10] = {0.0503754616, 0.0489915472, 0.0476047969, 0.0462481876,
                                   0.0449117348, 0.0435701541, 0.0423070647, 0.0410678436,
                                   0.0398621413, 0.0386862695};
@@ -59,7 +59,7 @@ TEST_P(TrainingTest, TenStepsGiveTheGoldenLosses) {
   EXPECT_NEAR(sum_of_squares, kSumOfSquares, 1e-6 * kSumOfSquares);
 }
 
-// The same ten steps in double, with the renderer and the gradients of the reference.
+// Returns the losses of the same ten steps in double, with the reference's renderer and gradients.
 std::vector<double> ReferenceLosses(const std::vector<float>& target, const Rendered& start) {
   ReferenceScene scene = {
       start.host.count, start.host.sh_degree, {start.host.planes.begin(), start.host.planes.end()}};
@@ -94,7 +94,7 @@ std::vector<double> ReferenceLosses(const std::vector<float>& target, const Rend
   return losses;
 }
 
-TEST_P(TrainingTest, TenStepsFollowTheDoubleReference) {
+TEST_P(TrainingTest, FollowsTheDoubleReferenceForTenSteps) {
   const std::vector<float> target = Target(*backend_);
   Rendered scene = Start(*backend_);
   const std::vector<double> want = ReferenceLosses(target, scene);
@@ -120,7 +120,7 @@ struct Outcome {
 Outcome TrainWith(int num_threads) {
   const auto backend = MakeCpuBackend(num_threads);
   const std::vector<float> target = Target(*backend);
-  // More Gaussians than one chunk of any loop holds.
+  // More Gaussians than any loop's chunk.
   Rendered scene(*backend, RandomScene({.count = 5000, .seed = 23}), TestView(kWidth, kHeight));
   for (int step = 0; step < 4; ++step) Step(scene, target);
   return {Download(scene.color),

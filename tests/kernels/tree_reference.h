@@ -7,6 +7,7 @@
 
 namespace pepeseg {
 
+// Result of SpanningTree on the host.
 struct TreeResult {
   std::vector<float> core_squared;
   std::vector<TreeEdge> edges;
@@ -16,18 +17,20 @@ struct ReferenceEdge {
   double squared;
   int32_t a, b;
 };
+// The tree in double, edges ascending.
 struct ReferenceTree {
   std::vector<double> core_squared;
   std::vector<ReferenceEdge> edges;
 };
 
-// All distances in double, all edges, Kruskal. points [n, 32].
+// Computes the tree of points [n, 32] by Kruskal's algorithm on all edges, in double.
 ReferenceTree ReferenceSpanningTree(const std::vector<float>& points, int min_samples);
 
-// Whole numbers in [0, range) in the first num_channels channels, 0 in the others: all distances
-// are exact in fp32, and many are equal when the range is small.
+// Returns points with random integers in [0, range) in the first num_channels channels and 0 in the
+// others. All squared distances are exact in fp32, and many are equal when the range is small.
 std::vector<float> LatticePoints(int count, int num_channels, int range, uint64_t seed);
-// Unit vectors around num_clusters directions; every tenth one in a direction of its own.
+// Returns unit vectors around num_clusters random directions; every tenth one is in a random
+// direction.
 std::vector<float> ClusteredPoints(int count, int num_clusters, float spread, uint64_t seed);
 
 }  // namespace pepeseg

@@ -13,7 +13,7 @@ namespace {
 
 class UpdateTest : public BackendTest {
  protected:
-  // A scene that has gone through a render and its backward pass.
+  // Returns a scene after a render and its backward pass, ready for Update.
   Rendered Stepped(const HostGaussians& scene) {
     Rendered out(*backend_, scene, TestView(60, 45));
     out.Render();
@@ -64,7 +64,7 @@ TEST_P(UpdateTest, MovesAGaussianOutOfSightByItsMoments) {
   host.At(kMeanPlane + 2, 7) = -50;  // behind the camera
   Rendered scene = Stepped(host);
   std::vector<float> moment1(host.planes.size()), moment2(host.planes.size());
-  moment1[7] = 0.3f;  // of its x
+  moment1[7] = 0.3f;  // of x of Gaussian 7
   moment2[7] = 0.5f;
   scene.moment1.Upload(moment1);
   scene.moment2.Upload(moment2);
@@ -102,7 +102,7 @@ TEST_P(UpdateTest, CountsTheStepsOfEachGaussian) {
   const std::vector<int32_t> after = Download(scene.num_steps);
   EXPECT_EQ(after[4], 101);
   EXPECT_EQ(after[5], 1);
-  // A first step is as long as the learning rate, whatever the others have behind them.
+  // A first step is as long as the learning rate, however many steps other Gaussians have done.
   const float moved =
       Download(scene.gaussians)[kOpacityPlane * 30 + 5] - scene.host.At(kOpacityPlane, 5);
   EXPECT_NEAR(std::abs(moved), 5e-2f, 1e-5f);
@@ -149,7 +149,7 @@ TEST_P(UpdateTest, LeavesCoefficientsBeyondTheActiveDegreeAlone) {
   EXPECT_NE(got[first - 25], scene.host.planes[first - 25]);
 }
 
-TEST_P(UpdateTest, AccumulatesWhatDensityControlNeeds) {
+TEST_P(UpdateTest, AccumulatesTheStatisticsOfDensityControl) {
   HostGaussians host = RandomScene({.count = 20});
   for (int k = 0; k < 3; ++k) {
     host.At(kMeanPlane + k, 3) = 0;
@@ -172,7 +172,7 @@ TEST_P(UpdateTest, AccumulatesWhatDensityControlNeeds) {
   const SplatGrad grad = Download(scene.scratch.visible_grad)[at];
   EXPECT_NEAR(Download(grad_sum)[3], 2 * std::hypot(30 * grad.x, 22.5f * grad.y),
               1e-5f * Download(grad_sum)[3]);
-  // A ball of sigma 0.1 at z = 2.2 near the axis, dilated.
+  // The dilated image of a ball with a deviation of 0.1 at z = 2.2 near the axis.
   const float sigma_y = 0.1f * 0.95f * 60 / 2.2f;
   EXPECT_NEAR(Download(radius)[3], 3 * std::sqrt(sigma_y * sigma_y + 0.3f), 0.05f);
 }
