@@ -28,6 +28,7 @@ struct Sample {
 constexpr int64_t kPairPixels = 2 * kTileSize;
 constexpr int64_t kPairs = kTileSize / 2;
 
+// Returns the samples sorted by place. Equal pixels stay in the order of the arguments.
 std::vector<Sample> SamplesByPlace(const RenderScratch& scratch, DeviceSpan<const int32_t> pixels) {
   std::vector<Sample> samples(pixels.size);
   for (int64_t i = 0; i < pixels.size; ++i) {
@@ -70,6 +71,7 @@ std::vector<Group> GroupsOf(std::span<const Sample> samples) {
 void FindWeights(const SimdKernels& simd, const CaptureRowsArgs& args, Group& group) {
   const RenderScratch& scratch = *args.scratch;
   group.tile = TileAt(scratch, group.samples[0].place / (kPairs * kPairPixels));
+  // Entries after the last one that any of the pixels has seen have no weight.
   group.tile.count = 0;
   for (const Sample& sample : group.samples) {
     const auto pixel = static_cast<int32_t>(sample.place % (kPairs * kPairPixels));
@@ -127,6 +129,7 @@ void CpuBackend::CaptureRows(const CaptureRowsArgs& args) {
           std::count_if(weights, weights + group.tile.count, [](float w) { return w > 0; }));
     }
   });
+  // Counts become first entries.
   for (int64_t i = 0; i < num_pixels; ++i) row_first[i + 1] += row_first[i];
 
   if (!args.entry_gaussian->Reserve(*this, row_first[num_pixels]) ||

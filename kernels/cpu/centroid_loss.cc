@@ -50,6 +50,7 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
     GatedUnit(psi, args.pixel_features.data + p * kFeatureSize, kFeatureSize, unit);
     near[p] = FindNear(args, unit);
   });
+  // Serial, in the order of the pixels.
   args.sums[kCentroidLoss] = args.sums[kNumNearCentroids] = 0;
   for (const NearCentroid& of_pixel : near) {
     if (of_pixel.index < 0) continue;
@@ -57,6 +58,7 @@ void CpuBackend::CentroidLoss(const CentroidLossArgs& args) {
     ++args.sums[kNumNearCentroids];
   }
   if (args.sums[kNumNearCentroids] == 0) return;
+  // d(1 - C) / d unit = -centroid, over the number of pixels near one.
   const auto pull = static_cast<float>(-double{args.weight} / args.sums[kNumNearCentroids]);
   std::vector<float> psi_grads(num_chunks * kFeatureSize);
   for_each_pixel([&](int64_t p, int64_t chunk) {

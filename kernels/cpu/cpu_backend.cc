@@ -44,6 +44,7 @@ std::string CpuBackend::error() const {
   return error_.what;
 }
 
+// Ops are done when they return, so there is nothing to wait for.
 BackendError CpuBackend::TakeError() {
   const std::lock_guard lock(error_mutex_);
   BackendError error = error_;
@@ -54,6 +55,7 @@ BackendError CpuBackend::TakeError() {
   return error;
 }
 
+// failed_ is set under the lock, so that TakeError cannot clear it between the two writes.
 void CpuBackend::Fail(const BackendError& error) {
   const std::lock_guard lock(error_mutex_);
   if (error_.what.empty()) error_ = error;
@@ -75,6 +77,7 @@ void* CpuBackend::Allocate(size_t num_bytes) {
   return block + kHeaderBytes;
 }
 
+// The size in the header keeps bytes_in_use right without a table of blocks.
 void CpuBackend::Free(void* data) {
   if (data == nullptr) return;
   std::byte* block = static_cast<std::byte*>(data) - kHeaderBytes;

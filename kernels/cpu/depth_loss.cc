@@ -56,6 +56,7 @@ void GatherBand(const DepthJob& job, Band& band) {
       row = row + moments;
       if (IsInside(args.patch, column, y)) in_patch = in_patch + moments;
     }
+    // Per scanline first, so that small terms are not added to a large sum one by one.
     band.view = band.view + row;
     band.patch = band.patch + in_patch;
   }
@@ -107,6 +108,7 @@ void ComparePixel(const DepthJob& job, int64_t i, const ScaleShift<float>& local
 void CompareRowInWindows(const DepthJob& job, const ColumnMoments& columns, int y, Band& band) {
   const DepthLossArgs& args = *job.args;
   const int radius = args.window_radius;
+  // The window of column 0 without its last column, which the loop adds.
   DepthMoments<double> window = {};
   for (int column = 0; column < std::min(radius, args.width); ++column) {
     window = window + columns.At(column);
@@ -122,6 +124,7 @@ void CompareRowInWindows(const DepthJob& job, const ColumnMoments& columns, int 
   }
 }
 
+// Slides the columns down the band: those of scanline y hold y - radius to y + radius.
 void CompareBandInWindows(const DepthJob& job, Band& band) {
   const DepthLossArgs& args = *job.args;
   ColumnMoments columns(args.width);
@@ -140,6 +143,7 @@ void CompareBandInWindows(const DepthJob& job, Band& band) {
   }
 }
 
+// Compares all pixels with the view's fit, and those in the rectangle with its own as well.
 void CompareBandInPatch(const DepthJob& job, Band& band) {
   const DepthLossArgs& args = *job.args;
   for (int y = band.first_row; y < band.end_row; ++y) {
@@ -164,6 +168,8 @@ Band SumOf(const std::vector<Band>& bands) {
   return all;
 }
 
+// The gradients at a pixel are the weights over the counts, so they turn sums of errors into
+// losses.
 void StoreSums(const DepthLossArgs& args, const DepthFit& fit, const Band& all) {
   args.sums[kSumDepthView] = fit.view_grad * all.view_error;
   args.sums[kSumDepthLocal] = fit.local_grad * all.local_error;
@@ -187,6 +193,7 @@ void CpuBackend::DepthLoss(const DepthLossArgs& args) {
     bands[i].end_row = std::min(args.height, bands[i].first_row + kBandRows);
     GatherBand(job, bands[i]);
   });
+  // The fit needs the moments of all bands, the second pass needs the fit.
   const Band all = SumOf(bands);
   const bool in_windows = FitsWindows(args);
   job.fit =

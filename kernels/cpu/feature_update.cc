@@ -10,6 +10,7 @@ constexpr int64_t kChunk = 256;  // Gaussians of a task
 
 }  // namespace
 
+// Rows are independent of each other.
 void CpuBackend::FeatureCatchUp(const FeatureCatchUpArgs& args) {
   if (failed()) return;
   const int64_t count =

@@ -144,6 +144,7 @@ struct Members {
 
 }  // namespace
 
+// Starts with the component of point 0 and ends when no point is outside.
 void GrowTree(const GrowTreeArgs& args, const SimdKernels& simd, ThreadPool& pool, Forest& forest) {
   const auto num_points = static_cast<int32_t>(forest.component.size());
   const Members members(forest.component);

@@ -51,6 +51,7 @@ void CpuBackend::ImageLoss(const ImageLossArgs& args) {
     band.end_row = std::min(args.height, band.first_row + kLossBandRows);
     simd_.image_loss_band(band);
   });
+  // Floats are summed within a band, doubles over the bands.
   for (int k = 0; k < kNumImageLossSums; ++k) args.sums[k] = 0;
   for (const LossBand& band : bands) {
     for (int k = 0; k < kNumImageLossSums; ++k) args.sums[k] += band.sums[k];

@@ -29,6 +29,7 @@ void CountPairs(const uint8_t* levels, int64_t stride, int64_t count, int num_sc
                 int32_t* counts) {
   uint8_t of_pixel[kMaxLevelScales];
   for (int64_t i = 0; i < count; ++i) {
+    // A pixel in no mask at any scale is not counted.
     int any = 0;
     for (int s = 0; s < num_scales; ++s) any |= of_pixel[s] = levels[s * stride + i];
     if (any == 0) continue;

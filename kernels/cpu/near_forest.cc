@@ -23,6 +23,7 @@ std::vector<Leaving> EdgesLeaving(const NeighbourLists& lists,
   for (int32_t point = 0; point < lists.num_points; ++point) {
     Leaving& own = leaving[component[point]];
     const Neighbour* list = lists.nearest + int64_t{point} * lists.k;
+    // Lists are ascending, so their last entry bounds all points that are not in them.
     own.others = std::min(own.others, list[lists.k - 1].squared);
     for (int i = 0; i < lists.k; ++i) {
       const int32_t other = list[i].point;
@@ -59,6 +60,7 @@ bool Round(const NeighbourLists& lists, Forest& forest) {
     parent[std::max(a, b)] = std::min(a, b);
     forest.edges.push_back(leaving.least);
   }
+  // Renames the components; a name is always the lowest of its points.
   for (int32_t& root : component) root = RootOf(parent, root);
   return forest.edges.size() > before;
 }

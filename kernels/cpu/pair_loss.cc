@@ -62,6 +62,7 @@ void CpuBackend::PairLoss(const PairLossArgs& args) {
   args.sums[kNumNormPixels] = static_cast<double>(
       std::count_if(args.pixel_alpha.data, args.pixel_alpha.data + job.num_pixels,
                     [&](float alpha) { return alpha > args.min_norm_alpha; }));
+  // The means' counts are known now; the last pass turns gathered sums into gradients.
   job.positive_scale = Inverse(args.sums[kNumPositives]);
   job.negative_scale = Inverse(args.sums[kNumNegatives]);
   job.norm_scale = Inverse(args.sums[kNumNormPixels]);

@@ -71,7 +71,7 @@ void PairPlan::ComparePatches(const PairLossArgs& args) {
 void PairPlan::LimitDraws(const PairLossArgs& args) {
   std::vector<double> num_pixels(args.num_patches);
   for (int p = 0; p < job.num_pixels; ++p) ++num_pixels[args.pixel_patch[p]];
-  const uint32_t all = (1u << job.num_scales) - 1u;
+  const uint32_t all = (1u << job.num_scales) - 1u;  // agreement at every scale
   double hard = 0, positive = 0, negative = 0;
   for (int a = 0; a < args.num_patches; ++a) {
     for (int b = 0; b <= a; ++b) {
@@ -83,6 +83,7 @@ void PairPlan::LimitDraws(const PairLossArgs& args) {
   }
   // Masks that do not nest make no hard pairs, but objects must be held together all the same.
   hard = std::max(hard, kMinHardShare * (hard + positive + negative));
+  // The share of the available pairs to draw, as a limit of 31-bit hashes.
   const auto limit = [&](double available) {
     const double share = available == 0 ? 0 : std::min(1.0, args.easy_share * hard / available);
     return static_cast<int32_t>(share * 2147483647.0);

@@ -18,6 +18,8 @@ ThreadPool::ThreadPool(int num_threads) {
   }
 }
 
+// The flag is set under the lock: a worker that has just found no work cannot miss the
+// notification.
 ThreadPool::~ThreadPool() {
   {
     std::lock_guard lock(mutex_);
@@ -39,11 +41,15 @@ void ThreadPool::ParallelFor(int64_t count, const std::function<void(int64_t, in
     ++generation_;
   }
   start_.notify_all();
+  // The caller is thread 0. Then it waits for workers that still run a task, or have yet to wake
+  // up.
   for (int64_t i; (i = next_.fetch_add(1)) < count;) body(i, 0);
   std::unique_lock lock(mutex_);
   done_.wait(lock, [this] { return num_working_ == 0; });
 }
 
+// `seen` is the last region that this worker has signed off. The lock is held except while it takes
+// tasks.
 void ThreadPool::Work(int thread) {
   int64_t seen = 0;
   std::unique_lock lock(mutex_);

@@ -47,6 +47,7 @@ void LimitToRoom(const PlanDensityArgs& args, std::vector<DensityFate>& fates) {
   }
   const auto room = static_cast<size_t>(std::max<int64_t>(0, args.max_count - num_left));
   if (densified.size() <= room) return;
+  // Stable: of equal gradients the lower index is densified.
   std::stable_sort(densified.begin(), densified.end(), [&](int64_t a, int64_t b) {
     return MeanGradient(args, a) > MeanGradient(args, b);
   });
@@ -99,6 +100,8 @@ std::vector<size_t> MortonOrder(const std::vector<Row>& rows) {
 // Serial: density control runs only once in many steps.
 void CpuBackend::PlanDensity(const PlanDensityArgs& args) {
   if (failed()) return;
+  // Bounds as the parameters are stored: logarithms and logits. A min_opacity of 0 becomes
+  // -infinity.
   const DensityBounds bounds = {args.min_gradient, std::log(args.clone_size),
                                 std::log(args.min_opacity / (1 - args.min_opacity))};
   std::vector<DensityFate> fates;

@@ -99,6 +99,7 @@ void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& sim
       !scratch.candidate_splat.Reserve(backend, count)) {
     return;
   }
+  // ends[i + 1] first holds the counts of chunk i, then the sums up to its end.
   std::vector<ChunkCount> ends(num_chunks + 1);
   std::vector<std::vector<TileRun>> runs(num_chunks);
   pool.ParallelFor(num_chunks, [&](int64_t chunk, int) {
@@ -112,6 +113,7 @@ void ProjectGaussians(Backend& backend, ThreadPool& pool, const SimdKernels& sim
   counters[kNumVisible] = sum.num_visible;
   counters[kNumCulledDegenerate] = sum.num_degenerate;
   counters[kNumTileEntries] = sum.num_entries;
+  // The caller reports too many entries.
   if (sum.num_entries > kMaxTileEntries ||
       !scratch.visible_gaussian.Reserve(backend, sum.num_visible) ||
       !scratch.visible_splat.Reserve(backend, sum.num_visible) ||

@@ -46,6 +46,7 @@ uint64_t LastCandidateKey(const RefineGaussiansArgs& args) {
   args.counts[kNumRefineRanked] = num_ranked;
   args.counts[kNumRefineCandidates] = num_candidates;
   if (num_candidates == 0) return 0;
+  // Keys are distinct, so the candidates are those up to the key of the last one.
   std::nth_element(ranked, ranked + num_candidates - 1, ranked + num_ranked);
   return ranked[num_candidates - 1];
 }
@@ -83,6 +84,7 @@ void RefineOne(const RefineGaussiansArgs& args, const ProjectionCamera<float>& c
   args.refinable[i] = 0;
   const bool split = args.split && HasOutsidePart(refinement);
   args.scratch->outside_position.span()[visible] = split ? 1 : 0;
+  // `shape` is the shape before the refinement, of which both are parts.
   if (split) StoreShape(part(true), args.scratch->outside_shape.span().data + visible, num_visible);
 }
 

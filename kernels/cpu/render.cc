@@ -35,6 +35,7 @@ void CpuBackend::Render(const RenderArgs& args) {
   ListTileEntries(*this, scratch);
   if (failed()) return;
   ImageColors image = {};
+  // Alpha and depth are written unless their pointers are null.
   image.stride = scratch.width;
   image.background = args.background;
   image.r = args.color.data;

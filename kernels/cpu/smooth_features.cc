@@ -26,6 +26,7 @@ void CpuBackend::NeighborRows(const NeighborRowsArgs& args) {
   const auto num_groups = static_cast<int64_t>(args.drawn.size());
   pool_.ParallelFor(num_groups, [&](int64_t group, int) {
     assert(std::popcount(args.drawn[group]) == bits);
+    // The set bits of the draw are the columns of the graph that take part.
     for (int64_t i = args.group_first[group]; i < args.group_first[group + 1]; ++i) {
       const int32_t* neighbors =
           args.graph.neighbor.data + int64_t{args.gaussian[i]} * args.graph.num_neighbors;

@@ -39,6 +39,7 @@ void CpuBackend::SpanningTree(const SpanningTreeArgs& args) {
   Buffer<Neighbour> nearest(*this, int64_t{num_points} * num_nearest);
   if (failed() || num_points == 0) return;
 
+  // The last group is padded with zeros, which are never taken for points.
   float* column = columns.span().data;
   pool_.ParallelFor(num_groups, [&](int64_t group, int) {
     GroupColumns(args.points.data, num_points, static_cast<int32_t>(group), column);
@@ -49,9 +50,11 @@ void CpuBackend::SpanningTree(const SpanningTreeArgs& args) {
     simd_.nearest_neighbours(job, {first, std::min<int64_t>(num_points, first + kNearestRows)});
   });
   for (int32_t point = 0; point < num_points; ++point) {
+    // The point itself is the first of the min_samples, so its list starts with the second.
     const Neighbour* list = job.nearest + int64_t{point} * num_nearest;
     args.core_squared[point] = args.min_samples == 1 ? 0 : list[args.min_samples - 2].squared;
   }
+  // Edges are found in no particular order, but their set is unique.
   Forest forest = JoinNear({num_nearest, num_points, job.nearest, args.core_squared.data});
   GrowTree({args.points.data, args.core_squared.data, column}, simd_, pool_, forest);
   assert(static_cast<int64_t>(forest.edges.size()) == num_points - 1);

@@ -28,6 +28,7 @@ uint64_t* RadixSort(uint64_t* keys, uint64_t* spare, int64_t count) {
   const auto digit = [](uint64_t key, int pass) {
     return static_cast<int>(key >> (32 + pass * kDigitBits)) & (kNumDigits - 1);
   };
+  // One pass counts the digits of all passes.
   for (int64_t i = 0; i < count; ++i) {
     for (int pass = 0; pass < kNumPasses; ++pass) ++starts[pass][digit(keys[i], pass)];
   }
@@ -92,6 +93,7 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   if (order == nullptr) return;
   for (int64_t i = 0; i < num_visible; ++i) {
     const auto visible = static_cast<int32_t>(order[i] & 0xffffffffu);
+    // Slots of a splat follow its runs, so their order does not depend on depth.
     int32_t slot = first_slot[visible];
     for (int32_t r = first_run[visible]; r < first_run[visible + 1]; ++r) {
       for (int32_t tile = runs[r].first_tile; tile < runs[r].first_tile + runs[r].count; ++tile) {

@@ -76,6 +76,7 @@ void CpuBackend::TransposeRows(const TransposeRowsArgs& args) {
   pool_.ParallelFor(num_groups, [&](int64_t g, int thread) {
     num_columns[g] = CountEntries(rows, groups[g], counts[thread]);
   });
+  // Columns of a group follow those of the group before it.
   int64_t num_touched = 0;
   if (args.group_column != nullptr) args.group_column->clear();
   for (size_t g = 0; g < groups.size(); ++g) {

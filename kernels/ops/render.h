@@ -39,8 +39,8 @@ struct RenderArgs {
   float background[3] = {0, 0, 0};   // rgb, on the scale of `color`
   RenderScratch* scratch = nullptr;  // in and out; buffers are reused between renders
   DeviceSpan<float> color;           // [3, H, W] rgb; photographs lie in [0, 1]
-  DeviceSpan<float> alpha = {};      // [H, W] accumulated alpha, 1 - T; empty: not written
-  DeviceSpan<float> depth = {};      // [H, W] sum of weight * z, not normalised; empty: not written
+  DeviceSpan<float> alpha = {};      // [H, W] accumulated alpha, 1 - T; {}: not written
+  DeviceSpan<float> depth = {};      // [H, W] sum of weight * z, not normalised; {}: not written
   bool inverse_depth = false;        // `depth` is the sum of weight / z; nothing else changes
   bool for_backward = true;          // false: keeps less, and RenderBackward fails on this scratch
   // Capacity in (Gaussian, tile) entries. 0: the host waits for the number of entries and makes
