@@ -8,6 +8,8 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/test_scene.h"
 
+// CentroidLoss against its definition in double, whose gradient is found by central differences.
+
 namespace pepeseg {
 namespace {
 
@@ -51,6 +53,7 @@ struct Reference {
   double loss = 0;  // mean, times the weight
   int num_near = 0;
 };
+// x holds the features of the pixels, then the gate.
 Reference Evaluate(const Values& x) {
   const Values centroids = Centroids();
   const double* gate = x.data() + kPixels * kSize;
@@ -107,6 +110,7 @@ Result RunOp(Backend& backend, const Values& x, float min_cosine, float start) {
 TEST_P(CentroidLossTest, MatchesTheFormulaAndCentralDifferences) {
   const Values x = PixelsAndGate();
   const Reference want = Evaluate(x);
+  // All pixels placed near a centroid are near one, and some others are not.
   ASSERT_GT(want.num_near, kPixels / 2 - 1);
   ASSERT_LT(want.num_near, kPixels);
   const Result got = RunOp(*backend_, x, kMinCosine, 0);

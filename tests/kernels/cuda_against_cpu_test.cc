@@ -26,6 +26,7 @@ struct Band {
   double mean;     // largest absolute value of the signed mean
 };
 
+// Compares two images value by value.
 void ExpectClose(const std::vector<float>& got, const std::vector<float>& want, const Band& band) {
   ASSERT_EQ(got.size(), want.size());
   double mean = 0, largest = 0, largest_in_band = 0;
@@ -99,6 +100,7 @@ TEST_F(CudaAgainstCpuTest, RendersAndDifferentiatesLikeTheCpu) {
     cpu.inverse_depth = cuda.inverse_depth = c.inverse_depth;
     cpu.Render();
     cuda.Render();
+    // Which Gaussians are culled must not depend on the device.
     EXPECT_EQ(cuda.Counter(kNumVisible), cpu.Counter(kNumVisible));
     EXPECT_EQ(cuda.Counter(kNumCulledDegenerate), cpu.Counter(kNumCulledDegenerate));
     // The slack of the extent (kExtentSlack) rounds differently.
@@ -136,6 +138,7 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
     Rendered cpu(*cpu_, c.scene, c.view), cuda(*cuda_, c.scene, c.view);
     cpu.Render();
     cuda.Render();
+    // With another number of entries they cannot be compared one by one.
     if (cuda.Counter(kNumTileEntries) != cpu.Counter(kNumTileEntries)) continue;
     EXPECT_EQ(Download(cuda.scratch.visible_gaussian), Download(cpu.scratch.visible_gaussian));
     EXPECT_EQ(Download(cuda.scratch.tile_first_entry), Download(cpu.scratch.tile_first_entry));
@@ -148,6 +151,7 @@ TEST_F(CudaAgainstCpuTest, ListsTheSameEntriesInTheSameOrder) {
   }
 }
 
+// Results of a training that must be equal to the last bit.
 struct Bytes {
   std::vector<float> color, gaussians, moment2;
 };
@@ -213,6 +217,7 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   HostGaussians host = RandomScene({.count = 500, .min_scale = 0.01f, .max_scale = 0.02f});
   Rendered scene(*cuda_, host, TestView(200, 150));
   scene.Render();
+  // Larger Gaussians need more entries than the first render had.
   const int64_t num_entries = scene.Counter(kNumTileEntries);
   for (int64_t i = 0; i < host.count; ++i) {
     for (int k = 0; k < 3; ++k) host.At(kLogScalePlane + k, i) = std::log(0.3f);
@@ -228,6 +233,7 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   EXPECT_EQ(Download(scene.gaussians), host.planes);
   EXPECT_EQ(Download(scene.num_steps), std::vector<int32_t>(500));
 
+  // Making room repeats the render, and that many entries are then enough capacity.
   scene.entry_room = 0;
   scene.Render();
   scene.entry_room = scene.Counter(kNumTileEntries);

@@ -35,6 +35,7 @@ double Difference(const std::vector<float>& a, const std::vector<float>& b) {
 }
 
 TEST_F(CudaFeaturesTest, DrawsTheSamePairsAsTheCpu) {
+  // From few easy pairs to all of them.
   for (const float easy_share : {0.5f, 0.01f, 3.0f, 1e9f}) {
     const PairBatch batch = PatchesBatch(150, 321, 240);
     const PairOpResult want = RunPairLoss(*cpu_, batch, easy_share);
@@ -67,6 +68,7 @@ TEST_F(CudaFeaturesTest, MatchesThePairLossOfTheCpuOnALargeBatch) {
 TEST_F(CudaFeaturesTest, GivesTheSamePairLossWhateverRanBefore) {
   const PairBatch batch = RandomPairBatch(700, 10, 2, 8);
   const PairOpResult once = RunPairLoss(*cuda_, batch, 0.5f);
+  // Another batch leaves other values in the working memory.
   RunPairLoss(*cuda_, RandomPairBatch(1100, 4, 1, 9), 0.5f);
   const PairOpResult again = RunPairLoss(*cuda_, batch, 0.5f);
   EXPECT_EQ(once.sums, again.sums);
@@ -80,6 +82,7 @@ TEST_F(CudaFeaturesTest, TransposesPartOfTheRowsAsTheCpuDoes) {
   Rendered scene(*cpu_, host, view);
   const SparseRows cpu_rows(*cpu_, scene, EveryPixel(view, 17));
   const UploadedRows rows(*cuda_, cpu_rows);
+  // Rows 1000 to 2499, whose first entry is not 0.
   RowSpan cpu_part = cpu_rows.span(), part = rows.span();
   cpu_part.first = cpu_part.first.Subspan(1000, 1501);
   part.first = part.first.Subspan(1000, 1501);

@@ -11,6 +11,9 @@
 #include "tests/kernels/depth_reference.h"
 #include "tests/kernels/test_scene.h"
 
+// DepthLoss against the reference, and the formulas of kernels/math/depth.h against central
+// differences.
+
 namespace pepeseg {
 namespace {
 
@@ -49,6 +52,7 @@ DepthImages RandomImages(Size size, uint64_t seed) {
   return images;
 }
 
+// Images compared in windows of this radius, and in one rectangle.
 DepthImages WithWindows(Size size, int radius) {
   DepthImages images = RandomImages(size, 5);
   images.options.window_radius = radius;
@@ -62,6 +66,7 @@ DepthImages WithPatch(Size size, const PixelBox& patch) {
   return images;
 }
 
+// Results of the op.
 struct OpLoss {
   Values sums = Values(kNumDepthLossSums);
   std::vector<float> alpha_grad, depth_grad;
@@ -107,6 +112,7 @@ void ExpectGradient(const std::vector<float>& got, const Values& want,
   EXPECT_LT(RelativeError(far_got, far_want), 2e-5);
 }
 
+// Compares sums and gradients with the reference.
 void ExpectMatchesReference(Backend& backend, const DepthImages& images) {
   SCOPED_TRACE(testing::Message() << images.width << "x" << images.height << " radius "
                                   << images.options.window_radius);
@@ -138,6 +144,7 @@ TEST_P(DepthLossTest, MatchesReferenceInARectangle) {
 }
 
 TEST_P(DepthLossTest, ComparesTheViewAloneIfTheRectangleCarriesNoFit) {
+  // 16 pixels, below the 32 that a fit takes.
   const DepthImages images = WithPatch({70, 61}, {10, 20, 4, 4});
   const OpLoss got = RunOp(*backend_, images);
   EXPECT_EQ(got.sums[kDepthSkipped], 0);
@@ -147,6 +154,7 @@ TEST_P(DepthLossTest, ComparesTheViewAloneIfTheRectangleCarriesNoFit) {
 }
 
 TEST_P(DepthLossTest, FindsScaleAndShift) {
+  // A prior that is exactly linear in the depth.
   DepthImages images = WithWindows({40, 30}, 3);
   for (size_t i = 0; i < images.prior.size(); ++i) {
     images.prior[i] = 0.25f * images.depth[i] / images.alpha[i] - 0.3f;
@@ -168,6 +176,8 @@ void ExpectSkipped(Backend& backend, const DepthImages& images) {
 }
 
 TEST_P(DepthLossTest, SkipsAViewWithoutAFit) {
+  // No spread of depth, a prior that falls where depth rises, an unknown prior, no depth at all,
+  // and too few pixels.
   DepthImages flat = WithWindows({40, 30}, 3);
   for (size_t i = 0; i < flat.depth.size(); ++i) flat.depth[i] = 2 * flat.alpha[i];
   ExpectSkipped(*backend_, flat);
@@ -195,7 +205,7 @@ TEST_P(DepthLossTest, IgnoresPixelsThatDoNotCount) {
     }
     EXPECT_EQ(before.depth_grad[i], 0);
     EXPECT_EQ(before.alpha_grad[i], 0);
-    images.depth[i] = 1e6f;
+    images.depth[i] = 1e6f;  // would change every fit that it counted in
   }
   const OpLoss after = RunOp(*backend_, images);
   EXPECT_EQ(before.sums, after.sums);
@@ -241,6 +251,7 @@ TEST(FitScaleShift, IsTheMinimum) {
       }
       return sum;
     };
+    // The error is least where both of its derivatives are 0.
     for (const double slope : CentralDifferences(error, {fit.scale, fit.shift})) {
       EXPECT_NEAR(slope, 0, 1e-10);
     }

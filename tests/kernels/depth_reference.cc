@@ -19,6 +19,7 @@ struct Fit {
   double n = 0, mean_x = 0, mean_d = 0, variance = 0, covariance = 0;
 };
 
+// One evaluation of the loss; the gradients accumulate in out_.
 class Comparison {
  public:
   explicit Comparison(const DepthImages& images) : images_(images), o_(images.options) {}
@@ -53,12 +54,14 @@ class Comparison {
     if (!images_.ignore.empty() && images_.ignore[i] != 0) return false;
     return images_.alpha[i] > o_.min_alpha;
   }
+  // Rendered depth and prior of a pixel.
   double X(int x, int y) const {
     const int i = y * images_.width + x;
     return double{images_.depth[i]} / images_.alpha[i];
   }
   double D(int x, int y) const { return images_.prior[y * images_.width + x]; }
 
+  // Calls visit(x, y) for the pixels of the box that are in the image and count.
   template <class Visit>
   void ForEach(const PixelBox& box, Visit visit) const {
     for (int y = std::max(0, box.y); y < std::min(images_.height, box.y + box.height); ++y) {
@@ -68,6 +71,7 @@ class Comparison {
     }
   }
 
+  // In two passes, so that the variance does not cancel.
   Fit FitOf(const PixelBox& box) const {
     Fit fit;
     ForEach(box, [&](int x, int y) { ++fit.n, fit.mean_x += X(x, y), fit.mean_d += D(x, y); });
@@ -91,6 +95,7 @@ class Comparison {
     return {scale, fit.mean_d - scale * fit.mean_x, true};
   }
 
+  // Adds weight * |residual| of one pixel and its gradients; none goes through the line.
   void AddPixel(int x, int y, const Line& line, double weight, double* loss) {
     const int i = y * images_.width + x;
     const double residual = line.scale * X(x, y) + line.shift - D(x, y);
@@ -105,6 +110,7 @@ class Comparison {
     ForEach(box, [&](int x, int y) { AddPixel(x, y, line, weight, loss); });
   }
 
+  // Compares each pixel with the line of the window about it. A negative scale counts as 0.
   void AddWindows(const Fit& view) {
     const int side = 2 * o_.window_radius + 1;
     ForEach({0, 0, images_.width, images_.height}, [&](int x, int y) {

@@ -15,12 +15,14 @@ void FeatureMapTest::SetUp() {
   std::vector<Half> map;
   map.reserve(kPixels * kSize);
   for (float f : RandomValues(kPixels * kSize, 1)) map.push_back(HalfFromFloat(f));
+  // Pixel 1 has no feature.
   std::fill_n(map.begin() + kSize, kSize, Half{0});
   map_ = Buffer<Half>(*backend_, std::span<const Half>(map));
 }
 
 Buffer<float> FeatureMapTest::Gates(int num_scales) {
   std::vector<float> psi = RandomValues(num_scales * kSize, 3);
+  // Gates are positive.
   for (float& value : psi) value = std::abs(value);
   return Upload(*backend_, psi);
 }

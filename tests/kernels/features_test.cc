@@ -14,6 +14,8 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/sparse_rows.h"
 
+// Rows, their transpose, and the update of features, against dense computations in double.
+
 namespace pepeseg {
 namespace {
 
@@ -72,6 +74,7 @@ TEST_P(FeaturesTest, KeepsTheEntriesOfRowsThatItTransposes) {
       got.emplace_back(touched[i], pixel[e], column_weight[e]);
     }
   }
+  // `got` must already be in order: ascending by Gaussian, then by pixel.
   EXPECT_FALSE(want.empty());
   EXPECT_EQ(got, want);
 }
@@ -175,6 +178,7 @@ TEST_P(FeaturesTest, MatchesDenseAdamWithLazyAdam) {
         dense_grad[row * kSize + k] = g;
       }
     }
+    // The dense one moves rows without a gradient, too.
     dense.Step(dense_grad, step);
     LazyStep(*backend_, run, rows, grad, step);
   }
@@ -211,6 +215,7 @@ TEST_P(FeaturesTest, GathersGradientsThroughTheRowsAndAddsTheNorm) {
   args.gate_moment2 = run.gate2.span();
   backend_->FeatureUpdate(args);
 
+  // The gradient of each feature by the transposed sum, and that of the norm.
   const auto first = Download(rows.first), gaussian = Download(rows.gaussian);
   const auto weight = Download(rows.weight);
   Values want(120 * kSize), got;

@@ -21,6 +21,7 @@ struct HostMemoryTest : ::testing::Test {
     std::filesystem::create_directories((root / path).parent_path());
     std::ofstream(root / path) << text;
   }
+  // Expects this much memory, in MiB.
   void ExpectMib(int64_t free, int64_t total) {
     const DeviceMemory memory = HostMemory(root.path().string());
     EXPECT_EQ(memory.free_bytes, free * kMib);
@@ -37,10 +38,11 @@ TEST_F(HostMemoryTest, TakesTheLeastOfAGroupAndThoseAboveIt) {
   Write("proc/self/cgroup", "0::/pods/one\n");
   Write("sys/fs/cgroup/pods/one/memory.max", "max\n");
   Write("sys/fs/cgroup/pods/one/memory.current", "10485760\n");
-  ExpectMib(600, 1000);
+  ExpectMib(600, 1000);                                                         // no limit
   Write("sys/fs/cgroup/pods/memory.max", "314572800\n");                        // 300 MiB
   Write("sys/fs/cgroup/pods/memory.current", "209715200\n");                    // 200 MiB
   Write("sys/fs/cgroup/pods/memory.stat", "anon 5\ninactive_file 52428800\n");  // 50 MiB
+  // Pages of the inactive file cache count as free: 300 - 200 + 50.
   ExpectMib(150, 300);
   Write("sys/fs/cgroup/pods/one/memory.max", "104857600\n");  // 100 MiB
   ExpectMib(90, 100);

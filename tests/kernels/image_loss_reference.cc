@@ -13,6 +13,7 @@ bool Counts(const LossImages& images, int x, int y) {
 double Target(const LossImages& images, int channel, int x, int y) {
   return images.target[(y * images.width + x) * 3 + channel] / 255.0;
 }
+// An ignored pixel shows the photograph.
 double Color(const LossImages& images, int channel, int x, int y) {
   if (!Counts(images, x, y)) return Target(images, channel, x, y);
   return images.color[(channel * images.height + y) * images.width + x];
@@ -37,6 +38,7 @@ void ForEachInWindow(const LossImages& images, int x, int y, Fn&& fn) {
   }
 }
 
+// Weighted moments of the window about (x, y), with zeros outside the image.
 SsimMoments<double> Moments(const LossImages& images, int channel, int x, int y) {
   SsimMoments<double> m = {0, 0, 0, 0};
   ForEachInWindow(images, x, y, [&](int u, int v, double weight) {
@@ -58,6 +60,7 @@ double WindowSsim(const SsimMoments<double>& m) {
          ((m.x * m.x + m.y * m.y + c1) * (variances + c2));
 }
 
+// Calls fn(channel, x, y) for all pixels that are not ignored.
 template <class Fn>
 void ForEachCounted(const LossImages& images, Fn&& fn) {
   for (int channel = 0; channel < 3; ++channel) {
@@ -94,6 +97,7 @@ std::vector<double> ComputeReferenceLossGradient(const LossImages& images, doubl
     const auto at = [&](int u, int v) { return (channel * images.height + v) * images.width + u; };
     const double d = Color(images, channel, x, y) - Target(images, channel, x, y);
     grad[at(x, y)] += (1 - ssim_weight) / num * ((d > 0) - (d < 0));
+    // The window about (x, y) moves with every pixel in it.
     const auto g = SsimVjp(Moments(images, channel, x, y), -ssim_weight / num);
     ForEachInWindow(images, x, y, [&](int u, int v, double w) {
       if (!Counts(images, u, v)) return;

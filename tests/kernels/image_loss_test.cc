@@ -7,6 +7,8 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/image_loss_reference.h"
 
+// ImageLoss against its definition, one window at a time, in double.
+
 namespace pepeseg {
 namespace {
 
@@ -95,7 +97,7 @@ TEST_P(ImageLossTest, KeepsIgnoredPixelsFromAffectingOthers) {
   for (size_t i = 0; i < images.color.size(); ++i) {
     if (images.ignore[i % images.ignore.size()] == 0) continue;
     EXPECT_EQ(before.grad[i], 0);
-    images.color[i] = 5;
+    images.color[i] = 5;  // would change every window that it counted in
   }
   const OpLoss after = RunOp(*backend_, images);
   EXPECT_EQ(before.sums, after.sums);

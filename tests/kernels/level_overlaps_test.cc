@@ -5,6 +5,8 @@
 #include "tests/kernels/feature_map_test.h"
 #include "tests/kernels/test_scene.h"
 
+// LevelOverlaps against levels and counts computed on the host from Similarity.
+
 namespace pepeseg {
 namespace {
 

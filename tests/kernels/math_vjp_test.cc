@@ -9,6 +9,8 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/test_scene.h"
 
+// The Vjp functions of kernels/math against central differences, in double.
+
 namespace pepeseg {
 namespace {
 
@@ -30,6 +32,7 @@ double Against(const Values& weights, const Values& values) {
   return sum;
 }
 
+// A shape as ten numbers: mean, log scale, rotation.
 GaussianShape<double> ShapeOf(const Values& x) {
   return {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, {x[6], x[7], x[8], x[9]}};
 }
@@ -39,11 +42,14 @@ Values Flat(const GaussianShape<double>& s) {
           s.log_scale.z, s.rotation.w, s.rotation.x, s.rotation.y,  s.rotation.z};
 }
 
+// All outputs of the projection that have a gradient.
 Values Project(const Values& x) {
   const auto p = Project(MakeProjectionCamera<double>(TestView(64, 48)), ShapeOf(x));
   return {p.x, p.y, p.conic.xx, p.conic.xy, p.conic.yy, p.mean_in_cam.z};
 }
 
+// Compares the gradient of a random linear loss of the projection, separately for mean, scale and
+// rotation, whose sizes differ.
 void ExpectProjectVjp(const Values& x, uint64_t seed) {
   const Values w = Random(6, -1, 1, seed);
   const auto camera = MakeProjectionCamera<double>(TestView(64, 48));
@@ -76,7 +82,7 @@ TEST(ProjectVjp, MatchesCentralDifferences) {
 TEST(ProjectVjp, MatchesCentralDifferencesWhereTheJacobianIsClamped) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     Values x = RandomShape(seed);
-    x[0] += seed % 2 ? 4 : -4;
+    x[0] += seed % 2 ? 4 : -4;     // far beyond the left or right edge
     if (seed % 3 == 0) x[1] += 3;  // both clamped
     ExpectProjectVjp(x, 100 + seed);
   }
@@ -95,6 +101,7 @@ TEST(ProjectVjp, ClampsTheJacobianOutsideTheImage) {
 TEST(RotationVjp, MatchesCentralDifferencesForAnyNorm) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     Values q = Random(4, -1, 1, seed);
+    // The rotation does not depend on the norm, but its gradient does.
     for (double& v : q) v *= 0.2 + 0.3 * static_cast<double>(seed);
     const Values w = Random(9, -1, 1, seed + 50);
     const auto f = [&](const Values& v) {

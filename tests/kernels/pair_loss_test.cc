@@ -6,6 +6,9 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/pair_op.h"
 
+// PairLoss against its definition in double. The draw of easy pairs, which the definition leaves to
+// chance, is tested by its numbers.
+
 namespace pepeseg {
 namespace {
 
@@ -37,6 +40,8 @@ TEST_P(PairLossTest, MatchesDoubleReference) {
 }
 
 TEST_P(PairLossTest, DrawsHalfAsManyEasyPairsAsHardOnes) {
+  // Cells 0 and 1 are hard with each other. Each hard pair is positive at one of two scales, an
+  // easy one counts at both.
   const double hard = 200 * 200;
   const PairOpResult got = RunPairLoss(*backend_, PatchesBatch(200, 200, 200), 0.5f);
   const double positives = (got.sums[kNumPositives] - hard) / 2;
@@ -47,6 +52,7 @@ TEST_P(PairLossTest, DrawsHalfAsManyEasyPairsAsHardOnes) {
 
 TEST_P(PairLossTest, DrawsEasyPairsWhereFewAreHard) {
   const PairOpResult got = RunPairLoss(*backend_, PatchesBatch(0, 300, 300), 0.5f);
+  // No pair is hard, so 5 % of all 600 * 599 / 2 pairs count as hard.
   const double expected = 0.5 * 0.05 * 600 * 599 / 2;
   EXPECT_NEAR(got.sums[kNumPositives] / 2, expected, 5 * std::sqrt(expected));
   EXPECT_NEAR(got.sums[kNumNegatives] / 2, expected, 5 * std::sqrt(expected));

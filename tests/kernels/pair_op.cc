@@ -11,6 +11,7 @@ std::vector<float> Floats(const std::vector<double>& values) {
 
 }  // namespace
 
+// The loss as the trainer computes it from the sums.
 double PairOpResult::Total() const {
   const auto mean = [&](int sum, int count) {
     return sums[count] == 0 ? 0 : sums[sum] / sums[count];
@@ -56,6 +57,7 @@ PairBatch PatchesBatch(int size0, int size1, int size2) {
   const int num_pixels = size0 + size1 + size2;
   PairBatch batch = RandomPairBatch(num_pixels, 2, 1, 5);
   batch.num_patches = 3;
+  // By scale, then cell: 0 and 1 share a label at the first scale only.
   batch.labels = {1, 1, 2, 1, 4, 2};
   for (int i = 0; i < num_pixels; ++i) {
     batch.patch[i] = i < size0 ? 0 : (i < size0 + size1 ? 1 : 2);

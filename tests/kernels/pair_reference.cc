@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kSize = kFeatureSize;
 
+// G at a scale.
 bool Agree(const PairBatch& batch, int scale, int p, int q) {
   const int words = batch.label_words;
   for (int w = 0; w < words; ++w) {
@@ -56,6 +57,7 @@ bool Counts(const PairBatch& batch, const std::vector<double>& cosines, int p, i
   return violates || (agreeing > 0 && agreeing < batch.num_scales);
 }
 
+// The product of the weights, min-max normalised over all pairs to [1, 10].
 double PairWeight(const PairBatch& batch, int p, int q) {
   double low = 1e300, high = -1e300;
   for (int i = 0; i < batch.num_pixels; ++i) {
@@ -78,12 +80,14 @@ void AddCosineGrad(const PairBatch& batch, const std::vector<double>& psi, int p
                &out.feature_grad[p * kSize], psi_grad.data());
 }
 
+// A pair at one scale.
 struct Term {
   int scale, p, q;
   double cosine_grad;  // d sum / d cosine, for the sum that the term is in
   bool positive;
 };
 
+// Adds sums and counts of all pairs, and returns their terms. Gradients need the final counts.
 std::vector<Term> AddPairs(const PairBatch& batch, PairReference& out) {
   std::vector<Term> terms;
   std::vector<std::vector<double>> psi;
@@ -108,6 +112,7 @@ std::vector<Term> AddPairs(const PairBatch& batch, PairReference& out) {
   return terms;
 }
 
+// Adds the norm term of pixels and its gradient.
 void AddNorms(const PairBatch& batch, PairReference& out) {
   const auto counts = [](double alpha) { return alpha > 0.9; };
   out.num_norm_pixels =

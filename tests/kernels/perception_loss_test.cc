@@ -10,6 +10,8 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/test_scene.h"
 
+// PerceptionLoss against its formula in double, whose gradient is found by central differences.
+
 namespace pepeseg {
 namespace {
 
@@ -52,6 +54,7 @@ Values RandomInput() {
   return {values.begin(), values.end()};
 }
 
+// Cosine of two gated features.
 double CosineOf(const Values& x, int p, int q, double scale) {
   const double* gate = x.data() + kPixels * kSize;
   double pq = 0, pp = 0, qq = 0;
@@ -171,6 +174,7 @@ TEST_P(PerceptionLossTest, AddsToTheGradients) {
 TEST_P(PerceptionLossTest, LeavesPixelsWithoutAPairAlone) {
   const Result got = RunOp(*backend_, RandomInput(), RandomPairs(), 0);
   for (int i = 0; i < kSize; ++i) {
+    // Pixel 7 has no pair.
     EXPECT_EQ(got.grad[7 * kSize + i], 0);
     EXPECT_NE(got.grad[8 * kSize + i], 0);
   }

@@ -8,6 +8,8 @@
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/test_scene.h"
 
+// Density control on Gaussians whose fate can be worked out by hand.
+
 namespace pepeseg {
 namespace {
 
@@ -27,6 +29,7 @@ struct Input {
   std::vector<int32_t> num_visible;
 };
 
+// Gaussian i is blobs[i].
 Input MakeInput(const std::vector<Blob>& blobs) {
   Input input;
   input.gaussians = RandomScene({.count = static_cast<int64_t>(blobs.size()), .sh_degree = 0});
@@ -45,6 +48,7 @@ Input MakeInput(const std::vector<Blob>& blobs) {
   return input;
 }
 
+// Results of the op.
 struct Plan {
   std::vector<int32_t> source;
   std::vector<uint8_t> is_new;
@@ -145,6 +149,7 @@ TEST_P(PlanDensityTest, DrawsChildrenWithTheParentsCovariance) {
     const double a = plan.At(kMeanPlane, i), b = plan.At(kMeanPlane + 1, i);
     x += a, y += b, xx += a * a, xy += a * b, yy += b * b;
   }
+  // Means within 4 standard errors, deviations within 4 %.
   const double num = 2 * kCount;
   EXPECT_NEAR(x / num, 0, 4 * 0.2 / std::sqrt(num));
   EXPECT_NEAR(y / num, 0, 4 * 3.0 / std::sqrt(num));
@@ -184,6 +189,7 @@ TEST_P(PlanDensityTest, RespectsTheCapAndPrefersLargeGradients) {
                                  {2, 0.5f, 0.5f, 4e-3f},
                                  {3, 0.05f, 0.5f, 4e-3f},
                                  {4, 0.05f, 0.5f, 1e-3f}});
+  // Room for two more: the clone with the largest gradient, and the first of two equal ones.
   const Plan plan = Run(input, {.max_count = 7});
   EXPECT_EQ(plan.source.size(), 7u);
   for (const int32_t row : {0, 3, 4}) EXPECT_EQ(plan.CountOf(row), 1) << row;

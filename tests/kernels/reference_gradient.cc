@@ -7,6 +7,9 @@
 #include "kernels/math/projection.h"
 #include "kernels/math/sh.h"
 
+// The backward chain of the pipeline in double: the Vjp functions of kernels/math without tiles,
+// slots or sums in parts.
+
 namespace pepeseg {
 namespace {
 
@@ -27,6 +30,7 @@ GaussianShape<double> ShapeOf(const ReferenceScene& scene, int64_t i) {
   return {{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, {at(6), at(7), at(8), at(9)}};
 }
 
+// Projects Gaussian i and evaluates its colour.
 DoubleSplat MakeSplat(const ReferenceScene& scene, const ProjectionCamera<double>& camera,
                       int64_t i) {
   const GaussianShape<double> shape = ShapeOf(scene, i);
@@ -89,6 +93,7 @@ void BackwardPixel(const std::vector<Seen>& blended, const double* g, double dep
   }
 }
 
+// Turns the gradients of a splat into those of the parameters of its Gaussian.
 void StoreGradient(const ReferenceScene& scene, const ProjectionCamera<double>& camera,
                    const DoubleSplat& s, std::vector<double>& out) {
   const int64_t i = s.gaussian;
@@ -140,6 +145,7 @@ std::vector<double> ReferenceGradient(const ReferenceScene& scene, const Pinhole
   const int64_t num_pixels = int64_t{view.width} * view.height;
   for (int64_t i = 0; i < num_pixels; ++i) {
     const double g[] = {grad.color[i], grad.color[num_pixels + i], grad.color[2 * num_pixels + i]};
+    // Alpha is 1 - transmittance, so its gradient acts as a background of -1.
     double behind = -grad.alpha[i];
     for (int c = 0; c < 3; ++c) behind += g[c] * options.background[c];
     const int64_t column = i % view.width, row = i / view.width;

@@ -37,6 +37,7 @@ Matrix Transposed(const Matrix& m) {
   return out;
 }
 
+// The rotation matrix of a quaternion w, x, y, z of any length.
 Matrix Rotation(std::array<double, 4> q) {
   const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   for (double& x : q) x /= norm;
@@ -108,6 +109,7 @@ Blob Splatted(const ReferenceScene& scene, int64_t i, const PinholeView& view) {
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) axes[r][c] *= std::exp(at(kLogScalePlane + c));
   }
+  // The Jacobian is clamped 15 % of the image's width or height beyond its edges.
   const double fx = view.fx, fy = view.fy, wx = view.width / fx, wy = view.height / fy;
   const double x =
       std::clamp(p[0] / p[2], -view.cx / fx - 0.15 * wx, (view.width - view.cx) / fx + 0.15 * wx);
@@ -117,6 +119,7 @@ Blob Splatted(const ReferenceScene& scene, int64_t i, const PinholeView& view) {
       {{fx / p[2], 0, -fx * x / p[2]}, {0, fy / p[2], -fy * y / p[2]}, {0, 0, 0}}};
   const Matrix full = Product(jacobian, world);
   const Matrix cov = Product(Product(full, Product(axes, Transposed(axes))), Transposed(full));
+  // Dilation by 0.3 squared pixels.
   const double xx = cov[0][0] + 0.3, xy = cov[0][1], yy = cov[1][1] + 0.3;
   const double det = xx * yy - xy * xy;
   return {fx * p[0] / p[2] + view.cx,
@@ -149,6 +152,7 @@ ReferenceImage RenderReference(const ReferenceScene& scene, const PinholeView& v
   for (int64_t pixel = 0; pixel < num_pixels; ++pixel) {
     const int64_t column = pixel % view.width, row = pixel / view.width;
     const double px = static_cast<double>(column) + 0.5, py = static_cast<double>(row) + 0.5;
+    // Marks the pixel if a value is close to a threshold.
     const auto note = [&](double value, double threshold) {
       if (std::abs(value / threshold - 1) < options.close) out.close_call[pixel] = 1;
     };

@@ -11,6 +11,7 @@
 namespace pepeseg {
 namespace {
 
+// Random Gaussians, many of them long and thin.
 HostGaussians RandomNeedles() {
   RandomSceneOptions options;
   options.count = 1500;
@@ -88,6 +89,7 @@ TEST_P(RefineRandomTest, MatchesTheReference) {
   for (const auto& [gap, i] : ranked) {
     num_refined += refined.WasRefined(i);
     const ReferenceRefinement want = RefineReference(scene_, i, view_, masks_);
+    // Rounding may decide a close call either way.
     if (want.close_call) continue;
     ++num_compared;
     ASSERT_EQ(refined.WasRefined(i), want.refined) << i;
@@ -132,6 +134,7 @@ TEST_P(RefineRandomTest, SplitsIntoPartsThatMeetAtTheBorder) {
   const Refined refined = Run(1, true);
   const HostGaussians inside = refined.Result();
   const int64_t num_split = refined.Count(kNumRefineSplit);
+  // Splitting does not change the parts inside.
   EXPECT_EQ(inside.planes, Run(1, false).Result().planes);
   ASSERT_GT(num_split, 250);
   ASSERT_LE(num_split, refined.Count(kNumRefined));

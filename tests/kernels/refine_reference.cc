@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+// Finds refinements with nothing of kernels/math.
+
 namespace pepeseg {
 namespace {
 
@@ -13,11 +15,13 @@ struct Point {
 
 constexpr double kWalk = 0.01;  // pixels of one step along the axis
 
+// from + length * direction.
 Vector Along(const Vector& from, const Vector& direction, double length) {
   return {from[0] + length * direction[0], from[1] + length * direction[1],
           from[2] + length * direction[2]};
 }
 
+// Projects a point of the world, pixels.
 Point OnScreen(const PinholeView& view, const Vector& world) {
   const float* m = view.cam_from_world;
   double p[3];
@@ -55,6 +59,7 @@ struct ScreenGaussian {
   bool round;        // no clear major axis
 };
 
+// Projects a Gaussian, with the Jacobian by differences.
 ScreenGaussian Project(const HostGaussians& scene, int64_t i, const PinholeView& view) {
   ScreenGaussian out = {};
   const Vector mean = {scene.At(0, i), scene.At(1, i), scene.At(2, i)};
@@ -119,6 +124,7 @@ Crossing Cross(const ScreenGaussian& gaussian, const PinholeView& view, const Ma
   int first = 0, last = 0;
   while (first > -reach && walk.InImage(first - 1)) --first;
   while (last < reach && walk.InImage(last + 1)) ++last;
+  // An axis that leaves the image at both ends is not refined.
   if (first > -reach && last < reach) return {};
   Crossing out;
   int64_t smallest = 0;
@@ -131,6 +137,7 @@ Crossing Cross(const ScreenGaussian& gaussian, const PinholeView& view, const Ma
   }
   if (out.mask < 0) return {};
   out.ahead = walk.Covered(masks[out.mask], last);
+  // From the end inside to the first exit.
   int s = out.ahead ? last : first;
   while (walk.Covered(masks[out.mask], s)) s += out.ahead ? -1 : 1;
   const double length = out.ahead ? reach - s : reach + s;

@@ -8,6 +8,9 @@
 #include "tests/kernels/reference_gradient.h"
 #include "tests/kernels/rendered.h"
 
+// The backward pass in two steps: the chain of Vjp functions in double against central differences
+// of the reference renderer, then the backends against that chain.
+
 namespace pepeseg {
 namespace {
 
@@ -22,6 +25,7 @@ std::vector<double> InDouble(const std::vector<float>& values) {
   return {values.begin(), values.end()};
 }
 
+// The options of the reference for this scene.
 ReferenceOptions OptionsOf(const Rendered& scene) {
   ReferenceOptions options;
   options.near_plane = scene.near_plane;
@@ -50,6 +54,7 @@ std::vector<double> PlaneOf(const std::vector<double>& planes, int64_t count, in
   return {planes.begin() + plane * count, planes.begin() + (plane + 1) * count};
 }
 
+// Compares the gradient by Vjp functions with central differences, plane by plane.
 void ExpectMatchesCentralDifferences(bool inverse_depth) {
   const ReferenceScene scene = InDouble(RandomScene({.count = 6, .max_scale = 0.5f, .seed = 7}));
   const PinholeView view = TestView(20, 14);
@@ -58,6 +63,7 @@ void ExpectMatchesCentralDifferences(bool inverse_depth) {
                            .inverse_depth = inverse_depth,
                            .close = 0.03};
   const ImageGrad grad = SmoothGrad(RenderReference(scene, view, options), 1);
+  // Enough pixels have no close call.
   ASSERT_GT(std::count_if(grad.alpha.begin(), grad.alpha.end(), [](double g) { return g != 0; }),
             60);
   const auto loss = [&](const std::vector<double>& planes) {

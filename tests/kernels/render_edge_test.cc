@@ -6,6 +6,9 @@
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/rendered.h"
 
+// Renders at the limits: no Gaussians, tiny images, degenerate and extreme Gaussians, crowded
+// tiles.
+
 namespace pepeseg {
 namespace {
 
@@ -40,6 +43,7 @@ HostGaussians Balls(int64_t count) {
   return out;
 }
 
+// A camera at the origin that looks along z.
 PinholeView AxisView(int width, int height) {
   PinholeView view;
   view.width = width;
@@ -97,6 +101,7 @@ struct Broken {
 };
 
 TEST_P(RenderEdgeTest, CullsAndCountsDegenerateGaussians) {
+  // Each case changes one parameter of the ball in the middle.
   const Broken cases[] = {{kMeanPlane, kNan, true},         {kMeanPlane + 1, kInfinity, true},
                           {kMeanPlane + 2, kNan, true},     {kMeanPlane + 2, -3, false},
                           {kMeanPlane + 2, 0.01f, false},   {kLogScalePlane, kNan, true},

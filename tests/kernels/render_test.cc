@@ -7,6 +7,8 @@
 #include "tests/kernels/reference_renderer.h"
 #include "tests/kernels/rendered.h"
 
+// The forward pass against the reference renderer.
+
 namespace pepeseg {
 namespace {
 
@@ -21,6 +23,7 @@ struct Difference {
   double close_share = 0;    // share of the pixels with a close call
 };
 
+// Compares values of one or three channels; close_call has one value for each pixel.
 Difference Compare(const std::vector<float>& got, const std::vector<double>& want,
                    const std::vector<uint8_t>& close_call) {
   Difference out;
@@ -77,6 +80,7 @@ TEST_P(RenderTest, MatchesReferenceAtEverySphericalHarmonicsDegree) {
   }
 }
 
+// Long thin Gaussians test the reach of splats and the conic's precision.
 TEST_P(RenderTest, MatchesReferenceWithNeedles) {
   HostGaussians needles = RandomScene({.count = 200, .seed = 4});
   for (int64_t i = 0; i < needles.count; ++i) {
@@ -88,6 +92,7 @@ TEST_P(RenderTest, MatchesReferenceWithNeedles) {
   ExpectMatchesReference(scene);
 }
 
+// Pixels stop early behind nearly opaque Gaussians.
 TEST_P(RenderTest, MatchesReferenceBehindOpaqueWalls) {
   Rendered scene(*backend_,
                  RandomScene({.count = 800,

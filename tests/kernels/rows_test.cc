@@ -9,6 +9,8 @@
 #include "tests/kernels/reference_renderer.h"
 #include "tests/kernels/rendered.h"
 
+// Captured rows against what Render blends, and feature maps against rows and a render in double.
+
 namespace pepeseg {
 namespace {
 
@@ -62,6 +64,7 @@ TEST_P(RowsTest, GiveTheColourOfTheRender) {
   const auto weight = Download(rows.weight), alpha = Download(rows.alpha);
   const auto depth = Download(rows.depth), color = Download(scene.color);
   const auto rendered_alpha = Download(scene.alpha), rendered_depth = Download(scene.depth);
+  // The red of each Gaussian as it was blended.
   std::vector<float> red(400);
   const auto visible = Download(scene.scratch.visible_gaussian);
   const auto splats = Download(scene.scratch.visible_splat);
@@ -190,6 +193,7 @@ std::vector<double> DenseFeatures(const Rendered& scene, const std::vector<float
     for (int64_t i = 0; i < count; ++i) {
       for (int c = 0; c < num_channels; ++c) {
         const double feature = features[i * kFeatureSize + from + c];
+        // Colour is 0.5 + coefficient * basis.
         reference.planes[(kShPlane + c) * count + i] = (feature - 0.5) / of_degree_0;
       }
     }
@@ -238,6 +242,7 @@ TEST_P(RowsTest, GiveTheFeaturesOfADenseRenderInDouble) {
 TEST(Half, RoundTripsEveryFiniteValue) {
   for (uint32_t bits = 0; bits < 0x10000; ++bits) {
     const Half half = {static_cast<uint16_t>(bits)};
+    // NaN has many bit patterns, which need not survive.
     if ((bits & 0x7c00) == 0x7c00 && (bits & 0x3ff) != 0) {
       EXPECT_TRUE(std::isnan(FloatFromHalf(half)));
     } else {

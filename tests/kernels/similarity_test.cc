@@ -23,6 +23,7 @@ TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
   const std::vector<float> queries = RandomValues(kQueries * kSize, 2);
   std::vector<float> psi = RandomValues(kSize, 3);
   for (float& value : psi) value = std::abs(value);
+  // The expected values are of the features as rounded to half.
   std::vector<Half> map;
   for (float& f : features) {
     map.push_back(HalfFromFloat(f));
@@ -44,6 +45,7 @@ TEST_P(SimilarityTest, IsTheCosineOfGatedFeatures) {
         aa += a * a;
         bb += b * b;
       }
+      // Pixels 1 and 2 are under the smallest norm.
       const double want = p == 1 || p == 2 ? 0 : ab / std::sqrt(aa * bb);
       EXPECT_NEAR(got[q * kPixels + p], want, 1e-5);
     }

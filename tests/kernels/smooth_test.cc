@@ -9,12 +9,14 @@
 #include "tests/kernels/central_differences.h"
 #include "tests/kernels/sparse_rows.h"
 
+// Smoothing over neighbours and its gradient against the formula in double.
+
 namespace pepeseg {
 namespace {
 
 using Values = std::vector<double>;
 constexpr int kSize = kFeatureSize, kGaussians = 120, kNeighbors = 6;
-constexpr uint32_t kDrawn = 0b101101;
+constexpr uint32_t kDrawn = 0b101101;  // columns 0, 2, 3 and 5
 
 class SmoothTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, SmoothTest, AllBackends(), BackendName);
@@ -97,6 +99,7 @@ TEST_P(SmoothTest, SmoothsZerosToZeros) {
 
 TEST_P(SmoothTest, ListsNeighborsByTheDrawOfTheirGroup) {
   Smoothing smoothing(*backend_, std::vector<float>(kGaussians * kSize));
+  // Three groups, of which the second is empty; a Gaussian may be in several.
   const std::vector<int32_t> gaussians = {0, 7, 9, 2, 7}, group_first = {0, 3, 3, 5};
   const std::vector<uint32_t> drawn = {0b11, 0b110, 0b100001};
   const Buffer<int32_t> gaussian(*backend_, std::span<const int32_t>(gaussians));
@@ -136,6 +139,7 @@ TEST_P(SmoothTest, TransposesEachGroupOfRowsByItself) {
   const auto all_first = Download(first), all_gaussian = Download(gaussian);
   const auto all_pixel = Download(pixel);
   const auto all_weight = Download(weight);
+  // Each group must equal the transpose of its rows alone, up to where its arrays start.
   for (size_t g = 0; g + 1 < groups.size(); ++g) {
     SCOPED_TRACE(g);
     RowSpan part = rows.span();
@@ -201,6 +205,7 @@ std::vector<float> FeatureGradient(Backend& backend, const SparseRows& rows,
        .gate = gate.span(),
        .gate_moment1 = gate1.span(),
        .gate_moment2 = gate2.span()});
+  // The first moment is (1 - beta1) times the gradient.
   std::vector<float> grad = Download(moment1);
   for (float& g : grad) g /= 1 - 0.9f;
   return grad;

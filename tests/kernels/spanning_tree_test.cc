@@ -8,6 +8,9 @@
 #include "tests/kernels/test_scene.h"
 #include "tests/kernels/tree_reference.h"
 
+// Spanning trees against Kruskal's algorithm in double, and the cases that the order of edges
+// decides.
+
 namespace pepeseg {
 namespace {
 
@@ -23,6 +26,7 @@ TreeResult SpanningTreeOf(Backend& backend, const std::vector<float>& points, in
   return {Download(core), Download(edges)};
 }
 
+// Whether two results are equal to the last bit.
 bool SameBytes(const TreeResult& a, const TreeResult& b) {
   const auto same = [](const auto& x, const auto& y) {
     return x.size() == y.size() &&
@@ -60,6 +64,7 @@ class SpanningTreeTest : public BackendTest {
     }
     ASSERT_EQ(got.edges.size(), want.edges.size());
     size_t num_same = 0;
+    // Edges that join two components form a tree.
     std::vector<int> component(points.size() / kFeatureSize);
     for (size_t i = 0; i < component.size(); ++i) component[i] = static_cast<int>(i);
     for (size_t i = 0; i < want.edges.size(); ++i) {
@@ -174,6 +179,7 @@ TEST_P(SpanningTreeTest, TreatsDistancesBeyondFloatAsInfinite) {
   points[7 * kFeatureSize] = 3e38f;
   const TreeResult tree = SpanningTreeOf(*backend_, points, 3);
   EXPECT_EQ(tree.core_squared[7], kInfinity);
+  // The other 19 points are joined by finite edges, point 7 by an infinite one.
   EXPECT_LT(tree.edges[17].squared, 100);
   EXPECT_EQ(tree.edges[18].squared, kInfinity);
   EXPECT_EQ(tree.edges[18].a, 0);

@@ -12,6 +12,7 @@ HostGaussians RandomScene(const RandomSceneOptions& options) {
   const auto uniform = [&](float low, float high) {
     return std::uniform_real_distribution<float>(low, high)(engine);
   };
+  // Means fill a box in front of the camera; quaternions are not normalised.
   for (int64_t i = 0; i < options.count; ++i) {
     scene.At(kMeanPlane, i) = uniform(-1.3f, 1.3f);
     scene.At(kMeanPlane + 1, i) = uniform(-1.0f, 1.0f);

@@ -33,12 +33,14 @@ double Step(Rendered& scene, const std::vector<float>& target) {
   return loss;
 }
 
+// The image to be learnt, of another random scene.
 std::vector<float> Target(Backend& backend) {
   Rendered scene(backend, RandomScene({.count = 250, .seed = 21}), TestView(kWidth, kHeight));
   scene.Render();
   return Download(scene.color);
 }
 
+// The scene that training starts from.
 Rendered Start(Backend& backend) {
   return Rendered(backend, RandomScene({.count = 250, .seed = 22}), TestView(kWidth, kHeight));
 }
@@ -112,6 +114,7 @@ TEST_P(TrainingTest, LowersTheLoss) {
   EXPECT_LT(last, first / 4);
 }
 
+// Everything that must be equal to the last bit.
 struct Outcome {
   std::vector<float> color, depth, gaussians, moment2;
   std::vector<int32_t> visible, entries;

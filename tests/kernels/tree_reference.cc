@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Infinite unless it is a finite number.
 double SquaredDistance(const std::vector<float>& points, int a, int b) {
   double sum = 0;
   for (int k = 0; k < kFeatureSize; ++k) {
@@ -24,6 +25,7 @@ double SquaredDistance(const std::vector<float>& points, int a, int b) {
   return std::isfinite(sum) ? sum : kInfinity;
 }
 
+// Squared distance to the min_samples-th nearest point, where the point itself is the first.
 double CoreOf(const std::vector<float>& points, int count, int point, int min_samples) {
   std::vector<double> squared = {0};  // to itself
   for (int other = 0; other < count; ++other) {
@@ -51,6 +53,7 @@ ReferenceTree ReferenceSpanningTree(const std::vector<float>& points, int min_sa
   std::sort(edges.begin(), edges.end(), [](const ReferenceEdge& x, const ReferenceEdge& y) {
     return std::tie(x.squared, x.a, x.b) < std::tie(y.squared, y.a, y.b);
   });
+  // Kruskal: an edge is in the tree if it joins two components.
   std::vector<int> component(count);
   std::iota(component.begin(), component.end(), 0);
   for (const ReferenceEdge& edge : edges) {
@@ -84,6 +87,7 @@ std::vector<float> ClusteredPoints(int count, int num_clusters, float spread, ui
     float* at = points.data() + static_cast<int64_t>(point) * kFeatureSize;
     float squares = 0;
     for (int k = 0; k < kFeatureSize; ++k) {
+      // Every tenth point is noise.
       at[k] = point % 10 == 0 ? normal(random)
                               : centres[cluster * kFeatureSize + k] + spread * normal(random);
       squares += at[k] * at[k];

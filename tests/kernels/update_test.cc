@@ -8,6 +8,9 @@
 #include "tests/kernels/backend_test.h"
 #include "tests/kernels/rendered.h"
 
+// Update against Adam in double on the gradients of ProjectBackward, and what it does to single
+// Gaussians.
+
 namespace pepeseg {
 namespace {
 
@@ -23,6 +26,7 @@ class UpdateTest : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, UpdateTest, AllBackends(), BackendName);
 
+// Learning rate of a plane.
 double RateOf(const LearningRates& rates, int plane) {
   const double by_group[] = {rates.mean, rates.log_scale, rates.rotation, rates.opacity,
                              rates.sh_dc};
@@ -69,6 +73,7 @@ TEST_P(UpdateTest, MovesAGaussianOutOfSightByItsMoments) {
   scene.moment1.Upload(moment1);
   scene.moment2.Upload(moment2);
   backend_->Update(scene.MakeUpdateArgs());
+  // One step of Adam with gradient 0: both moments decay, and the corrections are those of step 1.
   const double want = -1e-3 * 10 * 0.27 / (std::sqrt(0.4995 / 0.001));
   EXPECT_NEAR(Download(scene.gaussians)[7] - host.planes[7], want, 1e-7);
   EXPECT_NEAR(Download(scene.moment1)[7], 0.27f, 1e-6f);
@@ -112,6 +117,7 @@ TEST_P(UpdateTest, SkipsAndCountsRowsWithoutAFiniteGradient) {
   Rendered scene(*backend_, RandomScene({.count = 40, .max_scale = 0.05f}), TestView(60, 45));
   scene.Render();
   std::vector<float> color_grad = RandomValues(3 * 60 * 45, 9);
+  // NaN in five scanlines reaches the Gaussians that are seen there.
   std::fill_n(color_grad.begin() + 60 * 20, 60 * 5, std::numeric_limits<float>::quiet_NaN());
   scene.Backward(color_grad);
   const std::vector<float> grad = scene.ParameterGradient();
