@@ -110,11 +110,11 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   app.add_option("--device", server.device,
                  "auto, cpu, cuda or cuda:N; auto: CUDA where there is a device, else the CPU")
       ->capture_default_str();
-  app.add_option("--lpips-weights", server.lpips_weights,
+  app.add_option("--lpips-weights", server.workers.lpips_weights,
                  "ONNX file of LPIPS, exported as README.md says: held-out views are scored by it")
       ->type_name("FILE");
   app.add_option(
-         "--priors-command", server.priors_command,
+         "--priors-command", server.workers.priors_command,
          "Program that makes masks and depth maps for datasets that have none, as README.md "
          "says; a name without '/' is looked for in PATH")
       ->type_name("PROGRAM");
@@ -123,33 +123,33 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
          "--sam",
          [&server](const std::string& folder) {
            server.default_sam.clear();
-           server.launch.sam = folder == "off" ? "" : folder;
+           server.workers.sam = folder == "off" ? "" : folder;
          },
          "Folder of a small SAM that deploy/sam.sh has installed, which makes masks for datasets "
          "that have none; off: none is used. Without it sam in the default data directory, or "
          "/usr/share/pepeseg/sam, where there is one")
       ->type_name("FOLDER");
-  app.add_option("--priors-seconds", server.priors_seconds, "Its time limit for one job")
+  app.add_option("--priors-seconds", server.workers.priors_seconds, "Its time limit for one job")
       ->check(CLI::Range(1, 7 * 24 * 3600))
       ->capture_default_str();
-  app.add_option("--colmap", server.colmap,
+  app.add_option("--colmap", server.workers.colmap,
                  "The COLMAP program, which estimates the poses of photographs that come without")
       ->type_name("PROGRAM")
       ->capture_default_str();
   const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
   app.add_option(
-         "--sandbox", server.launch.sandbox,
+         "--sandbox", server.workers.sandbox,
          "on: workers, which read what clients upload, have no network, read only their job's "
          "files and the system's libraries, and write only below their job's folder; off: for a "
          "machine where that hinders them")
       ->transform(CLI::CheckedTransformer(on_off))
       ->type_name("on|off");
-  app.add_option("--sandbox-read", server.launch.sandbox_reads,
+  app.add_option("--sandbox-read", server.workers.sandbox_reads,
                  "File or folder outside /usr that workers and the programs that they run may read "
                  "and execute: the priors command's modules and weights, COLMAP's libraries. May "
                  "be given several times")
       ->type_name("PATH");
-  app.add_option("--pass-environment", server.launch.pass_environment,
+  app.add_option("--pass-environment", server.workers.pass_environment,
                  "Variable of the server's environment that workers and the programs that they run "
                  "get besides PATH, CUDA_... and their like. May be given several times")
       ->type_name("NAME");
@@ -219,7 +219,7 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, err, critical or off")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "err", "critical", "off"}))
       ->capture_default_str();
-  app.add_option("--log-format", flags.server.log_format,
+  app.add_option("--log-format", flags.server.workers.log_format,
                  "Of the server's and the workers' lines: text, or json: an object a line")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
@@ -228,19 +228,17 @@ void AddFlags(CLI::App& app, Flags& flags) {
 void MakePathsAbsolute(Flags& flags) {
   ServerOptions& server = flags.server;
   for (std::filesystem::path* path :
-       {&server.data, &server.worker, &server.lpips_weights, &server.access.tls_certificate,
-        &server.access.tls_key, &server.access.tls_client_ca, &flags.port_file}) {
+       {&server.data, &server.worker, &server.workers.lpips_weights, &server.workers.sam,
+        &server.access.tls_certificate, &server.access.tls_key, &server.access.tls_client_ca,
+        &flags.port_file}) {
     if (!path->empty()) *path = std::filesystem::absolute(*path);
   }
-  for (std::string& path : server.launch.sandbox_reads) {
+  for (std::string& path : server.workers.sandbox_reads) {
     path = std::filesystem::absolute(path).string();
   }
-  if (!server.launch.sam.empty()) {
-    server.launch.sam = std::filesystem::absolute(server.launch.sam).string();
-  }
   // A name without a slash is looked for in PATH.
-  if (server.colmap.find('/') != std::string::npos) {
-    server.colmap = std::filesystem::absolute(server.colmap).string();
+  if (server.workers.colmap.find('/') != std::string::npos) {
+    server.workers.colmap = std::filesystem::absolute(server.workers.colmap).string();
   }
 }
 

@@ -136,7 +136,7 @@ int main(int argc, char** argv) {
   std::function<absl::Status()> command;  // in place of serving
   pepeseg::AddKeysCommand(app, flags.server, command);
   CLI11_PARSE(app, argc, argv);
-  pepeseg::ConfigureLog(*pepeseg::LogFormatOf(flags.server.log_format));
+  pepeseg::ConfigureLog(*pepeseg::LogFormatOf(flags.server.workers.log_format));
   spdlog::set_level(spdlog::level::from_str(flags.log_level));
   const sigset_t stop_signals = BlockStopSignals();
   pepeseg::MakePathsAbsolute(flags);

@@ -131,7 +131,9 @@ absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
 
 absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   // Only to refuse them now rather than in the first job.
-  if (!options.lpips_weights.empty()) RETURN_IF_ERROR(Lpips::Open(options.lpips_weights).status());
+  if (const std::filesystem::path& weights = options.workers.lpips_weights; !weights.empty()) {
+    RETURN_IF_ERROR(Lpips::Open(weights).status());
+  }
   ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
   device_memory = TrainingMemory(options, *device.backend);
   LogDevice(device, device_memory);
@@ -142,8 +144,10 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
 absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   SupervisorOptions job_options = JobOptions(options, device);
   ASSIGN_OR_RETURN(sam, FindSam(options));
-  job_options.launch.sam = sam.string();
-  ASSIGN_OR_RETURN(job_options.priors_command, FindPriorsCommand(options.priors_command));
+  job_options.workers.sam = sam;
+  ASSIGN_OR_RETURN(const std::filesystem::path command,
+                   FindPriorsCommand(options.workers.priors_command));
+  job_options.workers.priors_command = command.string();
   job_options.file_path = [of = blobs.get()](const std::string& project,
                                              const DatasetFileRow& file) {
     return of->Path({project, file.sha256});
@@ -174,7 +178,7 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
           authorizer.get(),
           quotas.get(),
           device_memory,
-          !options.priors_command.empty(),
+          !options.workers.priors_command.empty(),
           !sam.empty(),
           options.num_threads > 0 ? options.num_threads : NumCores(),
           &map_counts};
@@ -182,7 +186,7 @@ ServiceContext Server::Parts::Context(const ServerOptions& options) {
 
 absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.worker = options.worker;
-  photographs.sandbox = options.launch.sandbox;
+  photographs.sandbox = options.workers.sandbox;
   photographs.scratch = ScratchFolder(options.data);
   const ServiceContext context = Context(options);
   health = MakeHealthMonitor(context);

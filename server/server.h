@@ -14,12 +14,13 @@
 #include "server/jobs/launch_options.h"
 #include "server/rpc/stream_registry.h"
 #include "server/store/quota.h"
+#include "server/worker_protocol/worker_options.h"
 
 namespace pepeseg {
 
 struct ServerOptions {
   std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
-  // Where AdminService listens, likewise; empty: it is not served.
+  // Where AdminService listens, in the same form; empty: it is not served.
   std::string admin;
   bool insecure = false;    // listens beyond this machine, without encryption
   bool reflection = false;  // tells anybody what methods there are
@@ -33,7 +34,6 @@ struct ServerOptions {
   LaunchOptions launch;  // how workers are started
   // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
   std::string metrics;
-  std::string log_format = "text";                     // of the workers' lines: LogFormatOf's
   absl::Duration max_connection_age = absl::Hours(1);  // see ListenerLimits
   // When it stops, health says so for so long before it turns anybody away.
   absl::Duration drain = absl::ZeroDuration();
@@ -43,14 +43,9 @@ struct ServerOptions {
   // no new client gets an answer any more, so the process should call Shutdown and be restarted. It
   // must not call Shutdown itself. Health says NOT_SERVING by then.
   std::function<void()> on_unreachable;
-  std::filesystem::path worker;         // the pepeseg-worker program
-  std::filesystem::path lpips_weights;  // ONNX: core/evaluate/lpips.h; empty: no LPIPS
-  std::string colmap = "colmap";        // estimates poses: a path, or a name in PATH
-  // The operator's program that makes masks and depth maps for datasets without
-  // (server/worker/worker_priors_command.h), as FindProgram takes it; empty: none.
-  std::string priors_command;
-  int64_t priors_seconds = 3600;  // its time limit
-  // Folders of SAM's files (core/priors/sam/sam_files.h). `launch.sam`, where it is given, must be
+  std::filesystem::path worker;  // the pepeseg-worker program
+  WorkerOptions workers;         // what the job specs say to workers
+  // Folders of SAM's files (core/priors/sam/sam_files.h). `workers.sam`, where it is given, must be
   // good; else the first of these that has any is used if it is good.
   std::vector<std::filesystem::path> default_sam;
   std::string device = "auto";  // of jobs and queries, see OpenDevice

@@ -59,10 +59,10 @@ absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name)
 }
 
 absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options) {
-  if (!options.launch.sam.empty()) {
-    RETURN_IF_ERROR(CheckSamFiles(options.launch.sam));
-    spdlog::info("masks are made by SAM, in {}", options.launch.sam);
-    return options.launch.sam;
+  if (!options.workers.sam.empty()) {
+    RETURN_IF_ERROR(CheckSamFiles(options.workers.sam));
+    spdlog::info("masks are made by SAM, in {}", options.workers.sam.string());
+    return options.workers.sam;
   }
   for (const std::filesystem::path& folder : options.default_sam) {
     const absl::Status status = CheckSamFiles(folder);
@@ -91,10 +91,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
   job_options.worker = options.worker;
-  job_options.lpips_weights = options.lpips_weights;
-  job_options.priors_seconds = options.priors_seconds;
-  job_options.colmap = options.colmap;
-  job_options.log_format = options.log_format;
+  job_options.workers = options.workers;
   job_options.device = device.id;
   job_options.device_name = device.backend->name();
   job_options.num_threads = options.num_threads;

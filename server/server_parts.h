@@ -33,7 +33,8 @@ int64_t WorkerMemory(const ServerOptions& options);
 // Memory of the device that a training may take, bytes; of the host's no more than a worker may.
 int64_t TrainingMemory(const ServerOptions& options, const Backend& backend);
 
-// Without priors_command, file_path and on_event.
+// Without file_path, check_files and on_event; `workers` as the flags say, so that the priors
+// command and SAM are still to be found.
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
 // Of the program, as FindProgram takes it; empty: there is none.
 absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name);

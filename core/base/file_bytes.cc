@@ -1,5 +1,6 @@
 #include "core/base/file_bytes.h"
 
+#include <algorithm>
 #include <fstream>
 #include <system_error>
 
@@ -36,6 +37,20 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path, absl::st
     return absl::InternalError(absl::StrCat(name, ": cannot be read"));
   }
   return bytes;
+}
+
+std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes) {
+  std::ifstream stream(path, std::ios::binary | std::ios::ate);
+  if (!stream) return "";
+  const auto size = static_cast<size_t>(stream.tellg());
+  const size_t length = std::min(size, max_bytes);
+  std::string tail(length, '\0');
+  stream.seekg(static_cast<std::streamoff>(size - length));
+  stream.read(tail.data(), static_cast<std::streamsize>(length));
+  tail.resize(static_cast<size_t>(stream.gcount()));
+  const size_t line = tail.find('\n');
+  if (length < size && line != std::string::npos) tail.erase(0, line + 1);
+  return tail;
 }
 
 }  // namespace pepeseg

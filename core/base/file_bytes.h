@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -16,5 +17,9 @@ absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path, absl::st
 
 // The size of a regular file in bytes, with the errors of ReadFile.
 absl::StatusOr<int64_t> FileSize(const std::filesystem::path& path, absl::string_view name);
+
+// Returns at most the last `max_bytes` bytes of a log, from the start of a line where one is among
+// them; empty when there is no such file.
+std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes);
 
 }  // namespace pepeseg

@@ -154,6 +154,16 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
 
 std::string PhotoKey(absl::string_view name) { return std::string(WithoutFolder(name, "images")); }
 
+absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files) {
+  DatasetIndex index;
+  std::map<std::string, ColmapModel> models;  // stays empty: priors have no poses
+  for (const DatasetFile& file : files) {
+    RETURN_IF_ERROR(ValidateName(file.name));
+    RETURN_IF_ERROR(PutFile(file, models, index));
+  }
+  return index;
+}
+
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   DatasetIndex index;
   std::map<std::string, ColmapModel> models;

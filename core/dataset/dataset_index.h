@@ -38,6 +38,10 @@ struct DatasetIndex {
 // INVALID_ARGUMENT: a name that ValidateName refuses; two files for one thing; no photograph.
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 
+// Indexes masks and depth maps without the photographs that they belong to. INVALID_ARGUMENT: as
+// for IndexDataset.
+absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files);
+
 // A photograph's name as the index and the views have it.
 std::string PhotoKey(absl::string_view name);
 

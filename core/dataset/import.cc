@@ -80,17 +80,17 @@ absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIn
 
 // Masks belong to a photograph by its name without the suffix, so two that differ in nothing else
 // cannot both have them. What belongs to no view is only worth a warning.
-absl::Status CheckCompanions(const std::vector<Match>& matches,
+absl::Status CheckCompanions(const std::vector<std::string>& keys,
                              const std::map<std::string, const DatasetFile*>& companions,
                              absl::string_view what, std::vector<std::string>& warnings) {
-  std::map<std::string, const Match*> by_stem;
-  for (const Match& match : matches) {
-    const std::string stem(WithoutSuffix(match.key));
-    const auto [other, added] = by_stem.try_emplace(stem, &match);
+  std::map<std::string, std::string> by_stem;
+  for (const std::string& key : keys) {
+    const std::string stem(WithoutSuffix(key));
+    const auto [other, added] = by_stem.try_emplace(stem, key);
     const auto companion = companions.find(stem);
     if (added || companion == companions.end()) continue;
-    return absl::InvalidArgumentError(absl::StrCat(companion->second->name, " could belong to ",
-                                                   other->second->key, " and to ", match.key));
+    return absl::InvalidArgumentError(
+        absl::StrCat(companion->second->name, " could belong to ", other->second, " and to ", key));
   }
   std::vector<std::string> lonely;
   for (const auto& [stem, file] : companions) {
@@ -131,11 +131,55 @@ absl::StatusOr<DecodedPhoto> ReadPhoto(const DatasetFile& photo) {
   return decoded;
 }
 
+// Reads the masks and the depth map that a view has among the files.
+class PriorReader {
+ public:
+  explicit PriorReader(const DatasetIndex& index) : index_(index) {}
+
+  // `warp`: of the view's photograph.
+  absl::StatusOr<MaskSet> ReadMasksOf(const View& view, const PhotoSize& photo,
+                                      const ViewWarp& warp) const {
+    const auto masks = index_.masks.find(std::string(WithoutSuffix(view.name)));
+    if (masks == index_.masks.end()) return MaskSet();
+    ASSIGN_OR_RETURN(const MaskSet set, ReadMasks(masks->second->path, masks->second->name, photo));
+    return warp.Masks(set);
+  }
+
+  absl::StatusOr<DepthPrior> ReadDepthOf(const View& view, const PhotoSize& photo,
+                                         const ViewWarp& warp) {
+    DepthPrior prior;
+    const auto found = index_.depth.find(std::string(WithoutSuffix(view.name)));
+    if (found == index_.depth.end()) return prior;
+    const DatasetFile& file = *found->second;
+    prior.kind =
+        file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
+    ASSIGN_OR_RETURN(const FloatImage map, ReadDepthMap(file.path, file.name, prior.kind, photo));
+    std::vector<float> depth = warp.Depth(map);
+    // What is not trained on has no say in the percentiles either.
+    for (size_t i = 0; i < view.ignore.size(); ++i) {
+      if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
+    }
+    prior.values = NormalizeDepth(std::move(depth));
+    if (prior.values.empty()) without_depth_.push_back(file.name);
+    return prior;
+  }
+
+  // Warns of depth maps that say nothing.
+  void AddWarnings(std::vector<std::string>& warnings) const {
+    if (without_depth_.empty()) return;
+    warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
+  }
+
+ private:
+  const DatasetIndex& index_;
+  std::vector<std::string> without_depth_;
+};
+
 // Makes the views, one after the other.
 class ViewReader {
  public:
   ViewReader(const DatasetIndex& index, const PhotoPoses& poses, double image_scale)
-      : index_(index), poses_(poses), image_scale_(image_scale) {}
+      : index_(index), poses_(poses), image_scale_(image_scale), priors_(index) {}
 
   absl::StatusOr<View> Read(const Match& match) {
     const std::string& name = match.photo->name;
@@ -163,8 +207,7 @@ class ViewReader {
   }
 
   int num_resized() const { return num_resized_; }
-  // Depth maps that say nothing.
-  const std::vector<std::string>& without_depth() const { return without_depth_; }
+  const PriorReader& priors() const { return priors_; }
 
  private:
   // Views of one camera mostly follow each other: the last warp is kept, not all of them, as each
@@ -187,11 +230,7 @@ class ViewReader {
 
   absl::Status ReadCompanions(const Match& match, const PhotoSize& photo, View& view) {
     const std::string stem(WithoutSuffix(match.key));
-    if (const auto masks = index_.masks.find(stem); masks != index_.masks.end()) {
-      ASSIGN_OR_RETURN(const MaskSet set,
-                       ReadMasks(masks->second->path, masks->second->name, photo));
-      view.masks = warp_->Masks(set);
-    }
+    ASSIGN_OR_RETURN(view.masks, priors_.ReadMasksOf(view, photo, *warp_));
     const auto own = index_.ignore.find(stem);
     std::vector<const DatasetFile*> ignore;
     if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
@@ -203,22 +242,7 @@ class ViewReader {
       view.ignore.resize(warped.size(), 0);
       for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
     }
-    const auto depth = index_.depth.find(stem);
-    return depth == index_.depth.end() ? absl::OkStatus() : ReadDepth(*depth->second, photo, view);
-  }
-
-  absl::Status ReadDepth(const DatasetFile& file, const PhotoSize& photo, View& view) {
-    view.depth.kind =
-        file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
-    ASSIGN_OR_RETURN(const FloatImage map,
-                     ReadDepthMap(file.path, file.name, view.depth.kind, photo));
-    std::vector<float> depth = warp_->Depth(map);
-    // What is not trained on has no say in the percentiles either.
-    for (size_t i = 0; i < view.ignore.size(); ++i) {
-      if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
-    }
-    view.depth.values = NormalizeDepth(std::move(depth));
-    if (view.depth.values.empty()) without_depth_.push_back(file.name);
+    ASSIGN_OR_RETURN(view.depth, priors_.ReadDepthOf(view, photo, *warp_));
     return absl::OkStatus();
   }
 
@@ -226,7 +250,7 @@ class ViewReader {
   const PhotoPoses& poses_;
   double image_scale_;
   int num_resized_ = 0;
-  std::vector<std::string> without_depth_;
+  PriorReader priors_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
   Lens warp_lens_;
@@ -286,9 +310,11 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
         absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
                      poses.file, " (", poses.photos.size(), " poses); at least 2 are needed"));
   }
-  RETURN_IF_ERROR(CheckCompanions(matches, index.masks, "mask files", index.warnings));
-  RETURN_IF_ERROR(CheckCompanions(matches, index.ignore, "ignore masks", index.warnings));
-  RETURN_IF_ERROR(CheckCompanions(matches, index.depth, "depth maps", index.warnings));
+  std::vector<std::string> keys;
+  for (const Match& match : matches) keys.push_back(match.key);
+  RETURN_IF_ERROR(CheckCompanions(keys, index.masks, "mask files", index.warnings));
+  RETURN_IF_ERROR(CheckCompanions(keys, index.ignore, "ignore masks", index.warnings));
+  RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
   capture.origin = TakeOrigin(matches, index.warnings);
   ASSIGN_OR_RETURN(capture.points, ReadPoints(index, capture.origin));
@@ -300,16 +326,47 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
     capture.views.push_back(std::move(view));
   }
   capture.warnings = std::move(index.warnings);
-  if (!reader.without_depth().empty()) {
-    capture.warnings.push_back(
-        LeftOut(reader.without_depth(), "depth maps have one value everywhere, or none"));
-  }
+  reader.priors().AddWarnings(capture.warnings);
   if (reader.num_resized() > 0) {
     capture.warnings.push_back(absl::StrCat(
         reader.num_resized(), " photographs have another size than their cameras, which ",
         "were scaled to fit"));
   }
   return capture;
+}
+
+absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
+                                                      Capture& capture) {
+  ASSIGN_OR_RETURN(const DatasetIndex index, IndexPriors(files));
+  std::vector<std::string> keys, warnings;
+  for (const View& view : capture.views) keys.push_back(view.name);
+  RETURN_IF_ERROR(CheckCompanions(keys, index.masks, "mask files", warnings));
+  RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", warnings));
+  PriorReader reader(index);
+  std::vector<MaskSet> masks;
+  std::vector<DepthPrior> depths;
+  std::optional<ViewWarp> warp;  // of `warped`: most views have the same lens
+  const View* warped = nullptr;
+  for (const View& view : capture.views) {
+    // Every imported view has a photograph.
+    if (!warp || *warped->photograph != *view.photograph || warped->camera != view.camera) {
+      warp = ViewWarp::Restore(*view.photograph, view.camera);
+      warped = &view;
+    }
+    const Lens& lens = view.photograph->lens;
+    const PhotoSize photo{view.name, lens.width, lens.height};
+    ASSIGN_OR_RETURN(MaskSet mask_set, reader.ReadMasksOf(view, photo, *warp));
+    ASSIGN_OR_RETURN(DepthPrior depth, reader.ReadDepthOf(view, photo, *warp));
+    masks.push_back(std::move(mask_set));
+    depths.push_back(std::move(depth));
+  }
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    View& view = capture.views[i];
+    if (!masks[i].empty()) view.masks = std::move(masks[i]);
+    if (!depths[i].values.empty()) view.depth = std::move(depths[i]);
+  }
+  reader.AddWarnings(warnings);
+  return warnings;
 }
 
 }  // namespace pepeseg

@@ -65,4 +65,10 @@ absl::Status Validate(const ImportOptions& options);
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
                                       const ImportOptions& options);
 
+// Adds masks and depth maps, made after the import, to the views of `capture` that they belong to,
+// as ImportCapture would have: the photographs are not decoded again. Returns warnings. On an
+// error, as of ImportCapture, the capture stays as it was.
+absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
+                                                      Capture& capture);
+
 }  // namespace pepeseg

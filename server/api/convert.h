@@ -7,13 +7,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/dataset/import.h"
-#include "core/features/train_features.h"
-#include "core/priors/prior_options.h"
 #include "core/query/segmenter.h"
-#include "core/reconstruct/reconstruct.h"
 #include "core/scene/model.h"
-#include "core/sfm/sfm_options.h"
-#include "core/train/preset.h"
+#include "core/train/training_settings.h"
 #include "pepeseg/v1/dataset_service.pb.h"
 #include "pepeseg/v1/scene_service.pb.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
@@ -21,16 +17,6 @@
 
 // The only code that sees both the contract and core.
 namespace pepeseg {
-
-// The options of every stage of a training.
-struct TrainingSettings {
-  Preset preset = Preset::kStandard;  // that the stages' options begin from
-  ImportOptions import;
-  PriorOptions priors;
-  SfmOptions sfm;
-  ReconstructOptions reconstruct;
-  FeatureOptions features;
-};
 
 // Applies the preset, if one is given, then lays the fields that are present over `settings`;
 // checks nothing.

@@ -6,10 +6,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <fstream>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -38,6 +36,7 @@ struct SpawnSettings {
   posix_spawnattr_t attributes{};
 };
 
+// Opens the standard files, closes all others, and resets signals and the process group.
 void Isolate(SpawnSettings& settings, const std::filesystem::path& log,
              const StandardFiles& files) {
   if (files.input >= 0) {
@@ -63,13 +62,10 @@ void Isolate(SpawnSettings& settings, const std::filesystem::path& log,
 
 class ProcessLauncher final : public Launcher {
  public:
-  explicit ProcessLauncher(std::vector<std::string> pass_environment)
-      : pass_environment_(std::move(pass_environment)) {}
-
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
     WorkerCommand child = command;
     child.arguments.push_back(absl::StrCat("--parent=", getpid()));
-    for (std::string& variable : JobEnvironment(pass_environment_)) {
+    for (std::string& variable : JobEnvironment(command.pass_environment)) {
       child.environment.push_back(std::move(variable));
     }
     child.inherits_environment = false;
@@ -80,16 +76,11 @@ class ProcessLauncher final : public Launcher {
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) override {
     return absl::NotFoundError(absl::StrCat("'", launch, "' is run by another launcher"));
   }
-
- private:
-  const std::vector<std::string> pass_environment_;
 };
 
 }  // namespace
 
-std::unique_ptr<Launcher> MakeProcessLauncher(const LaunchOptions& options) {
-  return std::make_unique<ProcessLauncher>(options.pass_environment);
-}
+std::unique_ptr<Launcher> MakeProcessLauncher() { return std::make_unique<ProcessLauncher>(); }
 
 absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const WorkerCommand& command,
                                                                      const StandardFiles& files) {
@@ -97,7 +88,7 @@ absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Worke
   Isolate(settings, command.log, files);
   std::vector<std::string> words = {command.program.string()};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
-  // The first of a name counts.
+  // Of several variables with one name, the first counts.
   std::vector<std::string> variables = command.environment;
   for (char** variable = environ; command.inherits_environment && *variable != nullptr;
        ++variable) {
@@ -131,22 +122,8 @@ std::optional<WorkerEnd> WorkerProcess::Poll() {
 }
 
 void WorkerProcess::Signal(int signal) const {
-  // Once reaped, its number may be another process's.
+  // After it was reaped, its process id may belong to another process.
   if (!end_) kill(pid_, signal);
-}
-
-std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes) {
-  std::ifstream stream(path, std::ios::binary | std::ios::ate);
-  if (!stream) return "";
-  const auto size = static_cast<size_t>(stream.tellg());
-  const size_t length = std::min(size, max_bytes);
-  std::string tail(length, '\0');
-  stream.seekg(static_cast<std::streamoff>(size - length));
-  stream.read(tail.data(), static_cast<std::streamsize>(length));
-  tail.resize(static_cast<size_t>(stream.gcount()));
-  const size_t line = tail.find('\n');
-  if (length < size && line != std::string::npos) tail.erase(0, line + 1);
-  return tail;
 }
 
 }  // namespace pepeseg

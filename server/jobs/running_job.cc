@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/process.h"
@@ -41,11 +42,11 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
                                                               const JobRow& job) {
   const JobFolder folder(context.options.data_folder / "jobs" / job.id);
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
-  // First what asks the database: a start that it breaks off is not told.
+  // First the part that reads the database: a start that fails there has written no event.
   RETURN_IF_ERROR(running->WriteSpec());
   RETURN_IF_ERROR(AppendState(folder, job));
   running->FollowLog();
-  // Those before it are history.
+  // Stage and progress of earlier attempts do not count.
   running->stage_.clear();
   running->progress_.reset();
   Touch(folder.lease(job.fence));
@@ -81,7 +82,8 @@ absl::Status RunningJob::WriteSpec() const {
   spec.memory_limit = context_.options.memory_limit;
   spec.checkpoint_seconds = context_.options.launch.checkpoint_seconds;
   spec.traceparent = job_.traceparent;
-  // What a cluster runs is followed by the next holder, and need not end with this one.
+  spec.worker = context_.options.workers;
+  // A worker on a cluster is followed by the next holder, and need not end with this one.
   const bool ends_with_holder =
       context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
   const absl::Duration lease = context_.store.holder().lease;
@@ -89,7 +91,7 @@ absl::Status RunningJob::WriteSpec() const {
     spec.lease_seconds = absl::ToInt64Seconds(lease);
   }
   if (!spec.options.ParseFromString(job_.effective_options)) {
-    return absl::DataLossError("the job's stored options are no training options");
+    return absl::DataLossError("the job's stored options are not training options");
   }
   ASSIGN_OR_RETURN(const std::vector<DatasetFileRow> files,
                    context_.store.ListDatasetFiles(job_.scene, job_.dataset));
@@ -109,26 +111,9 @@ WorkerCommand RunningJob::Command() const {
   command.program = options.worker;
   command.log = folder_.worker_log();
   command.needs = {options.num_threads, job_.host_bytes, job_.seconds};
-  command.arguments = {
-      absl::StrCat("--job=", folder_.path().string()), absl::StrCat("--fence=", job_.fence),
-      absl::StrCat("--colmap=", options.colmap), absl::StrCat("--log-format=", options.log_format)};
-  if (!options.launch.sandbox) command.arguments.emplace_back("--sandbox=off");
-  for (const std::string& path : options.launch.sandbox_reads) {
-    command.arguments.push_back(absl::StrCat("--sandbox-read=", path));
-  }
-  for (const std::string& name : options.launch.pass_environment) {
-    command.arguments.push_back(absl::StrCat("--pass-environment=", name));
-  }
-  if (!options.lpips_weights.empty()) {
-    command.arguments.push_back(absl::StrCat("--lpips-weights=", options.lpips_weights.string()));
-  }
-  if (!options.launch.sam.empty()) {
-    command.arguments.push_back(absl::StrCat("--sam=", options.launch.sam));
-  }
-  if (!options.priors_command.empty()) {
-    command.arguments.push_back(absl::StrCat("--priors-command=", options.priors_command.string()));
-    command.arguments.push_back(absl::StrCat("--priors-seconds=", options.priors_seconds));
-  }
+  command.pass_environment = options.workers.pass_environment;
+  command.arguments = {absl::StrCat("--job=", folder_.path().string()),
+                       absl::StrCat("--fence=", job_.fence)};
   return command;
 }
 
@@ -157,7 +142,7 @@ void RunningJob::Held(const JobRow& row) {
 }
 
 void RunningJob::KillIfSilent() {
-  // What a cluster runs, it watches itself.
+  // A cluster watches its workers itself.
   if (silent_ || asked_for_check_ || !worker_->launch().empty()) return;
   if (absl::FromChrono(pulse_.Silence()) < context_.options.silence) return;
   spdlog::warn("jobs/{}: attempt {} gave no sign for {}: killed", job_.id, job_.fence,
@@ -211,8 +196,8 @@ bool RunningJob::Ended() {
          num_damaged_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
-// A worker decodes what nobody has vouched for, so it is not believed: the server reads the files
-// again that it names, if they are the job's, before any is set aside.
+// A worker decodes files from strangers, so its report is not trusted: the server itself reads the
+// files that the worker names, if they are the job's, before any is set aside.
 absl::Status RunningJob::AskForCheck() {
   const absl::StatusOr<JobResult> result = folder_.ReadResult(job_.fence);
   if (!result.ok() || !absl::IsDataLoss(result->status) || result->damaged.empty()) {
@@ -276,8 +261,8 @@ bool RunningJob::MayTryAgain() const {
          job_.crashes + 1 < context_.options.max_crashes;
 }
 
-// The attempt, when its job is to be tried again. A stop that was asked for, or a database that was
-// away, is not the job's failure.
+// Describes the attempt of a job that is tried again. A stop on request, or a lost lease, does not
+// count as a crash.
 EndedAttempt RunningJob::DescribeAttempt() const {
   EndedAttempt attempt;
   attempt.progress = folder_.HasSaved(job_.fence);
@@ -327,7 +312,7 @@ absl::Status RunningJob::Finish(bool requeue) {
   RETURN_IF_ERROR(ReadOutcome(&result, &outcome));
   if (absl::Status written = WriteOutcome(outcome, result, requeue); !written.ok()) {
     if (!absl::IsAborted(written)) return written;
-    // A commit whose answer was lost has happened all the same.
+    // The commit may have happened although its answer was lost.
     ASSIGN_OR_RETURN(const JobRow row, context_.store.GetJob(job_.id));
     if (row.fence != job_.fence || row.state == JobState::kRunning) return written;
     job_ = row;
@@ -345,7 +330,7 @@ absl::Status RunningJob::Finish(bool requeue) {
     RETURN_IF_ERROR(AppendWarning(folder_, job_, warning));
   }
   std::error_code error;
-  // A scene can be deleted as soon as the store has the end of its job, and the folder with it.
+  // Once the store has the end of its job, a scene can be deleted, and this folder with it.
   if (!std::filesystem::exists(folder_.path(), error)) return absl::OkStatus();
   absl::Status told = AppendState(folder_, job_);
   FollowLog();

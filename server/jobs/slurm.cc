@@ -30,10 +30,10 @@ namespace {
 constexpr char kLaunchPrefix[] = "slurm:";
 constexpr absl::Duration kAnswerLimit = absl::Seconds(10);
 constexpr std::chrono::seconds kPollInterval{2};
-// A job that Slurm does not list any more, so many times in a row, is over.
+// A job is over once Slurm has not listed it this many times in a row.
 constexpr int kMaxMissed = 3;
 
-// Lines that one of Slurm's programs wrote.
+// Runs one of Slurm's programs and returns its output, by lines.
 absl::StatusOr<std::vector<std::string>> Ask(const std::string& name,
                                              std::vector<std::string> arguments) {
   ASSIGN_OR_RETURN(const std::filesystem::path program, FindProgram(name));
@@ -58,12 +58,12 @@ struct QueueEntry {
   int missed = 0;     // times in a row that it was not listed
 };
 
-// What became of a job in a state that Slurm does not leave any more; none: it goes on.
+// How a job ended, by Slurm's state; none: the state is not final.
 std::optional<WorkerEnd> EndOf(const std::string& state) {
   using Kind = WorkerEnd::Kind;
   if (state == "COMPLETED") return WorkerEnd{Kind::kExited, 0, 0, "ended"};
   if (state == "FAILED" || state == "CANCELLED") {
-    // By itself or not: its result, written last, knows.
+    // By itself or not: its result, which is written last, says.
     return WorkerEnd{Kind::kUnknown, 1, 0, absl::StrCat("is ", state, ", says Slurm")};
   }
   for (const char* killed :
@@ -75,7 +75,8 @@ std::optional<WorkerEnd> EndOf(const std::string& state) {
   return std::nullopt;
 }
 
-// The states of this user's jobs, asked for again and again. Thread safe.
+// The states of the jobs that this server follows, from squeue every kPollInterval on a thread of
+// its own. Thread safe.
 class SlurmQueue {
  public:
   SlurmQueue() : thread_([this] { Run(); }) {}
@@ -103,7 +104,7 @@ class SlurmQueue {
     const auto found = entries_.find(number);
     if (found == entries_.end()) return std::nullopt;
     if (found->second.missed >= kMaxMissed) {
-      return WorkerEnd{WorkerEnd::Kind::kUnknown, 1, 0, "is not known to Slurm any more"};
+      return WorkerEnd{WorkerEnd::Kind::kUnknown, 1, 0, "is no longer known to Slurm"};
     }
     return EndOf(found->second.state);
   }
@@ -158,7 +159,7 @@ class SlurmWorker final : public LaunchedWorker {
   void Stop() override {
     if (stopped_) return;
     stopped_ = true;
-    // One that still waits has nothing to save, and no process to be told.
+    // A job that is still waiting has nothing to save, and no process that gets a signal.
     Cancel({"--state=PENDING"});
     Cancel({"--signal=TERM", "--batch"});
   }
@@ -192,10 +193,10 @@ class SlurmLauncher final : public Launcher {
       : options_(std::move(options)), queue_(std::make_shared<SlurmQueue>()) {}
 
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
-    // Beside the log, which is in the job's folder: nodes see it, too.
+    // Next to the log, in the job's folder, which the nodes see, too.
     const std::filesystem::path script = command.log.parent_path() / "slurm.sh";
     RETURN_IF_ERROR(WriteFileAtomically(script, Script(command)));
-    // It has the way to the database.
+    // It has the database's URL, perhaps with a password.
     std::error_code error;
     std::filesystem::permissions(script, std::filesystem::perms::owner_all, error);
     if (error) return FileError(script, "protect", error.value());
@@ -241,11 +242,11 @@ class SlurmLauncher final : public Launcher {
     return script + "\n";
   }
 
-  // Names of the variables that the job gets of this process's: those of workers, and what the
-  // way to the database may need, which the worker does not pass on.
-  std::string ExportedNames() const {
+  // Names of this process's variables that the job gets: those of workers, and those that the
+  // connection to the database may need, which the worker does not pass on.
+  static std::string ExportedNames(const WorkerCommand& command) {
     std::vector<std::string> names = DatabaseVariables();
-    for (const std::string& variable : JobEnvironment(options_.pass_environment)) {
+    for (const std::string& variable : JobEnvironment(command.pass_environment)) {
       names.push_back(variable.substr(0, variable.find('=')));
     }
     return names.empty() ? "NIL" : absl::StrJoin(names, ",");
@@ -255,7 +256,7 @@ class SlurmLauncher final : public Launcher {
     std::vector<std::string> flags = {"--parsable", "--requeue", "--open-mode=append",
                                       // Before a time limit or another job ends it.
                                       "--signal=B:TERM@60", "--input=none",
-                                      absl::StrCat("--export=", ExportedNames()),
+                                      absl::StrCat("--export=", ExportedNames(command)),
                                       absl::StrCat("--job-name=pepeseg-", command.job),
                                       absl::StrCat("--output=", command.log.string()),
                                       absl::StrCat("--chdir=", command.log.parent_path().string())};

@@ -13,12 +13,12 @@ namespace pepeseg {
 
 namespace {
 
-// Once, where an operator looks for it. On a cluster each node's kernel counts: its worker's log
-// has the same line.
-void ReportSandbox(const LaunchOptions& options) {
-  if (!options.sandbox) {
+// Warns once, in the server's log, where the sandbox is missing or incomplete. On a cluster each
+// node's kernel counts, and the worker's log has the same line.
+void ReportSandbox(const SupervisorOptions& options) {
+  if (!options.workers.sandbox) {
     spdlog::warn("--sandbox=off: jobs read and write every file of this user");
-  } else if (options.launcher == LaunchOptions::Launcher::kProcess) {
+  } else if (options.launch.launcher == LaunchOptions::Launcher::kProcess) {
     const std::string missing = MissingFromSandbox(LandlockVersion());
     if (!missing.empty()) spdlog::warn("sandbox: {}", missing);
   }
@@ -34,7 +34,7 @@ absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
   if (access(options.worker.c_str(), X_OK) != 0) {
     return absl::NotFoundError(options.worker.string() + ": no program to run jobs with");
   }
-  ReportSandbox(options.launch);
+  ReportSandbox(options);
   auto loop = std::make_unique<Loop>(store, std::move(options));
   RETURN_IF_ERROR(loop->Recover());
   loop->StartThread();

@@ -18,7 +18,7 @@ std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
   if (options.launch.launcher == LaunchOptions::Launcher::kSlurm) {
     return MakeSlurmLauncher(options.launch);
   }
-  return MakeProcessLauncher(options.launch);
+  return MakeProcessLauncher();
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ absl::Status Supervisor::Loop::Recover() {
   return absl::OkStatus();
 }
 
-// One that is this server's now, and has no worker of it.
+// Recovers a job that this server has taken over.
 absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
   if (!job.launch.empty()) {
     auto adopted = RunningJob::Adopt({store_, options_, *launcher_}, job);
@@ -64,7 +64,7 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
                                             " attempts in a row that made no progress"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
-  // No reason not to serve: the store has it.
+  // The server starts all the same: the store has the new state.
   const absl::Status told = AppendState(FolderOf(job.id), job);
   if (!told.ok()) spdlog::error("jobs/{}: {}", job.id, told.ToString());
   return absl::OkStatus();
@@ -175,7 +175,7 @@ void Supervisor::Loop::ApplyCancels() {
     const std::string& job = running->job().id;
     if (cancels.erase(job) != 0) running->Terminate(options_.cancel_grace);
   }
-  // The others had no worker yet, or have none any more.
+  // The others have no worker yet, or no longer.
   for (const std::string& job : cancels) {
     TellCancelled(job);
     const std::lock_guard lock(mutex_);
@@ -183,7 +183,7 @@ void Supervisor::Loop::ApplyCancels() {
   }
 }
 
-// Cancelled in the queue: its log does not know yet.
+// Appends the event of a job that was cancelled in the queue, if its log does not have it yet.
 void Supervisor::Loop::TellCancelled(const std::string& job) {
   const absl::StatusOr<JobRow> row = store_.GetJob(job);
   if (!row.ok() || row->state != JobState::kCancelled) return;
@@ -208,14 +208,14 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
   for (auto next = running_.begin(); next != running_.end();) {
     const auto running = next++;
     RetryPause& pause = (*running)->end_pause();
-    // A server that stops has no time for long pauses.
+    // A server that is stopping has no time for long pauses.
     if (!pause.Over(requeue ? absl::Seconds(1) : absl::InfiniteDuration())) continue;
     if (!(*running)->Ended()) continue;
     const std::string job = (*running)->job().id;
     const absl::Status finished = (*running)->Finish(requeue);
     if (!finished.ok()) spdlog::error("jobs/{}: writing its end: {}", job, finished.ToString());
-    // The disk may be full for a while, or the database away: the end is written later, and whoever
-    // watches is told why it is not. ABORTED: another server has taken the job over and writes it.
+    // The disk may be full for a while, or the database unreachable: the end is written later, and
+    // watchers get the obstacle. ABORTED: another server has taken the job over and writes its end.
     if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) {
       pause.Fail();
       if (pause.num_failures() > 1) SetObstacle(job, finished);
@@ -237,7 +237,8 @@ bool Supervisor::Loop::WaitForWork() {
   const auto woken = [this] { return woken_ || stopping_; };
   const bool paused = absl::Now() < pauses_end_ + kLookAtOthers;
   if (running_.empty() && (store_.shared() || unsure_ || paused)) {
-    // Others queue jobs, and lose them; the database may be back; a pause ends.
+    // Nothing wakes this thread when other servers queue or lose jobs, the database is reachable
+    // again, or a pause ends.
     wake_.wait_for(lock, absl::ToChronoMilliseconds(kLookAtOthers), woken);
   } else if (running_.empty()) {
     wake_.wait(lock, woken);
@@ -248,6 +249,7 @@ bool Supervisor::Loop::WaitForWork() {
   return !stopping_;
 }
 
+// Stops all workers, and kills those that still run at the deadline.
 void Supervisor::Loop::EndAll() {
   while (!running_.empty()) {
     absl::Time deadline;
@@ -259,7 +261,7 @@ void Supervisor::Loop::EndAll() {
     for (const auto& running : running_) running->Terminate(deadline - absl::Now());
     FinishJobs(/*requeue=*/true);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    // A store that stays out of order must not hold the server: Recover() does the rest.
+    // A store that keeps failing must not hold up the server: Recover() does the rest.
     if (absl::Now() > deadline + absl::Seconds(5)) running_.clear();
   }
 }

@@ -16,8 +16,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kGenerations = 2;
-constexpr int kMaxCostShare = 20;  // by steps, a checkpoint's cost is at most 1 / this of the time
+constexpr size_t kGenerations = 2;  // of an attempt
+// Checkpoints by steps cost at most 1 / this of the time.
+constexpr int kMaxCostShare = 20;
 constexpr char kSuffix[] = ".ckpt";
 
 }  // namespace
@@ -34,7 +35,8 @@ std::string WorkerCheckpoints::FileName(int64_t step) const {
   return absl::StrFormat("%s-%09d%s", stage_, step, kSuffix);
 }
 
-// The step in a file's name; -1: it is none of ours, as what a killed writer left.
+// The step in a file's name; -1: it is not a checkpoint of the stage, such as the temporary file
+// of a writer that was killed.
 int64_t WorkerCheckpoints::StepOf(const std::string& name) const {
   int64_t step = 0;
   const size_t first = stage_.size() + 1;
@@ -89,11 +91,11 @@ void WorkerCheckpoints::Resume(absl::FunctionRef<absl::Status(const Checkpoint& 
     const absl::StatusOr<Checkpoint> file = Read(candidate);
     const absl::Status used = file.ok() ? use(*file) : file.status();
     if (used.ok()) {
-      spdlog::info("goes on from {}", Relative(candidate.path).string());
+      spdlog::info("resumes from {}", Relative(candidate.path).string());
       first_step_ = last_step_ = candidate.step;
       break;
     }
-    // An error that a fresh start meets as well is told by it.
+    // An error that a start from step 0 meets as well is reported by that.
     warn_(absl::StrCat("checkpoint ", Relative(candidate.path).string(),
                        " is not used: ", used.message()));
   }
@@ -116,7 +118,7 @@ void WorkerCheckpoints::Save(int64_t step, WriteState write) {
   last_cost_ = last_save_ - start;
   last_step_ = step;
   if (!written.ok()) {
-    // Training goes on without it: the next attempt starts from an older one.
+    // The training continues without it: the next attempt resumes from an older one.
     warn_(absl::StrCat("no checkpoint of step ", step, ": ", written.message()));
     return;
   }

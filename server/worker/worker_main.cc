@@ -1,7 +1,7 @@
 // pepeseg-worker: runs one job in a process of its own, so that a crash, or a file that was made to
-// cause one, ends the job and never the service. Started by the supervisor; by hand, without
-// --parent, it runs the job of a folder to its end. With --photograph it decodes one photograph
-// instead (photograph_task.h).
+// cause one, ends the job and never the service. The supervisor starts it; by hand, without
+// --parent, it runs the job of a folder to its end. The job's spec says everything else. With
+// --photograph it decodes one photograph instead (photograph_task.h).
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -23,12 +23,13 @@
 #include "core/base/child_process.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "core/train/stage_plan.h"
+#include "server/api/convert.h"
 #include "server/observe/log.h"
 #include "server/observe/trace_context.h"
 #include "server/store/store.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_sandbox.h"
-#include "server/worker/worker_inputs.h"
 #include "server/worker/worker_job.h"
 #include "server/worker/worker_photograph.h"
 #include "server/worker_protocol/job_environment.h"
@@ -37,39 +38,29 @@
 namespace pepeseg {
 namespace {
 
-// The handler's only way to the job.
+// A global, as a signal handler has no other way to the job.
 StopSwitch stop_switch;
 
 void OnTerminate(int) {
-  // Where nobody polls there is nothing to save either: what counts is written manifest last.
+  // While nobody polls there is nothing to save: a file counts only once its manifest is written.
   if (!stop_switch.polled) _exit(static_cast<int>(WorkerExit::kCancelled));
   stop_switch.stop = true;
 }
 
+// The command line: whose job, and what the launcher alone knows.
 struct Arguments {
-  std::string folder;
+  std::string folder;      // the job's
+  int64_t fence = 0;       // of the attempt; 0: the newest in the folder
+  pid_t parent = 0;        // the worker is killed when this process ends; 0: it has none
   std::string photograph;  // FormatPhotographTask's
-  std::string lpips_weights;
-  PriorsCommand priors;
-  std::string sam;
-  std::string colmap = "colmap";
-  int64_t fence = 0;
-  pid_t parent = 0;
-  bool sandbox = true;
-  std::vector<std::string> environment;    // names of variables, besides those of every job
-  std::vector<std::string> sandbox_reads;  // files and folders, besides what every job reads
-  LogFormat log_format = LogFormat::kText;
+  bool sandbox = true;     // of --photograph; a job's spec says it for the job
 };
 
 constexpr char kUsage[] =
-    "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID] "
-    "[--lpips-weights=FILE.onnx] [--colmap=PROGRAM] [--priors-command=PROGRAM] "
-    "[--priors-seconds=N] [--sam=FOLDER] [--log-format=text|json] [--sandbox=on|off] "
-    "[--sandbox-read=PATH]... "
-    "[--pass-environment=NAME]...\n"
+    "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID]\n"
     "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER";
 
-// The text behind "--NAME=".
+// Takes the text after "--NAME=". False: the word is not that flag.
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
   if (!word.starts_with(name)) return false;
   *value = word.substr(std::strlen(name));
@@ -80,30 +71,13 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     std::string text;
-    int64_t seconds = 0;
     if (TakeFlag(word, "--job=", &arguments->folder) ||
-        TakeFlag(word, "--photograph=", &arguments->photograph) ||
-        TakeFlag(word, "--lpips-weights=", &arguments->lpips_weights) ||
-        TakeFlag(word, "--sam=", &arguments->sam) ||
-        TakeFlag(word, "--colmap=", &arguments->colmap)) {
+        TakeFlag(word, "--photograph=", &arguments->photograph)) {
       continue;
     }
-    if (TakeFlag(word, "--priors-command=", &text)) {
-      arguments->priors.program = text;
-    } else if (TakeFlag(word, "--sandbox-read=", &text)) {
-      arguments->sandbox_reads.push_back(text);
-    } else if (TakeFlag(word, "--pass-environment=", &text)) {
-      arguments->environment.push_back(text);
-    } else if (TakeFlag(word, "--priors-seconds=", &text)) {
-      if (!absl::SimpleAtoi(text, &seconds) || seconds < 1) return false;
-      arguments->priors.time_limit = absl::Seconds(seconds);
-    } else if (TakeFlag(word, "--sandbox=", &text)) {
+    if (TakeFlag(word, "--sandbox=", &text)) {
       if (text != "on" && text != "off") return false;
       arguments->sandbox = text == "on";
-    } else if (TakeFlag(word, "--log-format=", &text)) {
-      const auto format = LogFormatOf(text);
-      if (!format) return false;
-      arguments->log_format = *format;
     } else if (TakeFlag(word, "--fence=", &text)) {
       if (!absl::SimpleAtoi(text, &arguments->fence) || arguments->fence < 1) return false;
     } else if (!TakeFlag(word, "--parent=", &text) || !absl::SimpleAtoi(text, &arguments->parent)) {
@@ -113,14 +87,20 @@ bool Parse(int argc, char** argv, Arguments* arguments) {
   return arguments->folder.empty() != arguments->photograph.empty();
 }
 
-absl::StatusOr<JobResult> RunWithinMemory(const WorkerJob& job) {
+absl::StatusOr<JobSpec> ReadSpec(const JobFolder& folder, const Arguments& arguments) {
+  return folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
+}
+
+JobResult RunWithinMemory(const WorkerJob& job) {
   try {
     return RunWorkerJob(job);
   } catch (const std::bad_alloc&) {
-    // Thrown by the standard library, not by us; caught where the job can still say so.
-    return absl::ResourceExhaustedError(
+    // Thrown by the standard library, not by us; caught where the job can still report it.
+    JobResult result;
+    result.status = absl::ResourceExhaustedError(
         absl::StrCat("out of memory: the job may take ", MemoryLimit() >> 20,
                      " MiB; smaller images (image_scale) or fewer Gaussians take less"));
+    return result;
   }
 }
 
@@ -131,42 +111,31 @@ WorkerExit ExitOf(const absl::Status& status) {
 
 using EventLog = absl::StatusOr<std::unique_ptr<EventLogWriter>>;
 
-WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const Arguments& arguments,
-                  const EventLog& log) {
+WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const EventLog& log) {
   JobResult result;
-  std::vector<std::string> damaged;
   result.status = log.status();
-  if (log.ok()) {
-    absl::StatusOr<JobResult> made =
-        RunWithinMemory({folder, spec, **log, stop_switch, arguments.lpips_weights,
-                         arguments.colmap, arguments.priors, damaged, arguments.sam});
-    if (made.ok()) {
-      result = *std::move(made);
-    } else {
-      result.status = made.status();
-      result.damaged = std::move(damaged);
-    }
-  }
+  if (log.ok()) result = RunWithinMemory({folder, spec, **log, stop_switch});
   if (!result.status.ok()) spdlog::error("{}", result.status.ToString());
-  const absl::Status told = folder.WriteResult(spec.fence, result);
-  if (told.ok()) return ExitOf(result.status);
-  spdlog::error("{}", told.ToString());
+  const absl::Status written = folder.WriteResult(spec.fence, result);
+  if (written.ok()) return ExitOf(result.status);
+  spdlog::error("{}", written.ToString());
   return WorkerExit::kFailed;
 }
 
-// The job's trace goes on in its log, and in the programs that it runs.
-void FollowTrace(const JobSpec& spec, LogFormat format) {
+// Logs in the format that the spec asks for, as part of the trace of the call that made the job;
+// so do the programs that the job runs.
+void ConfigureLogOf(const JobSpec& spec) {
   LogFields fields;
   fields.job = spec.job;
   if (const auto trace = ParseTraceparent(spec.traceparent)) {
     fields.trace_id = trace->trace_id;
     setenv("TRACEPARENT", ChildOf(*trace).ToString().c_str(), /*overwrite=*/1);
   }
-  ConfigureLog(format, fields);
+  ConfigureLog(LogFormatOf(spec.worker.log_format).value_or(LogFormat::kText), fields);
 }
 
-// Slurm starts a worker again whose node was lost: that is an attempt of its own, since the one
-// before may still write.
+// Slurm restarts a worker whose node was lost. The restarted one takes a fence of its own, since
+// the one before may still write.
 absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder& folder,
                                    JobSpec& spec) {
   const char* restarts = std::getenv("SLURM_RESTART_COUNT");
@@ -175,21 +144,20 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
   if (restarts == nullptr || std::strcmp(restarts, "0") == 0) return absl::OkStatus();
   ASSIGN_OR_RETURN(const std::unique_ptr<Store> store, Store::Open(database));
   ASSIGN_OR_RETURN(spec.fence, store->TakeNextFence(spec.job, absl::StrCat("slurm:", number)));
-  spdlog::info("started again by Slurm: attempt {}", spec.fence);
+  spdlog::info("restarted by Slurm: attempt {}", spec.fence);
   return folder.WriteSpec(spec);
 }
 
-// What a worker of Slurm's does before anything else: it asks the database for its attempt, and
-// starts anew as a process whose memory, arguments and environment have never had the way to it.
-// Returns only an error.
-absl::Status BeginAnew(const Arguments& arguments, char** argv) {
+// What a worker of Slurm's does before anything else: it takes its fence from the database, and
+// executes itself as a process whose memory, arguments and environment have never had the
+// database's URL. Returns only an error.
+absl::Status ExecWithoutDatabase(const Arguments& arguments, char** argv) {
   const std::string database = std::getenv(kSlurmDatabase);
   const JobFolder folder(arguments.folder);
-  ASSIGN_OR_RETURN(JobSpec spec,
-                   folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence()));
-  FollowTrace(spec, arguments.log_format);
+  ASSIGN_OR_RETURN(JobSpec spec, ReadSpec(folder, arguments));
+  ConfigureLogOf(spec);
   RETURN_IF_ERROR(TakeFenceAfterRestart(database, folder, spec));
-  std::vector<std::string> words, variables = JobEnvironment(arguments.environment);
+  std::vector<std::string> words, variables = JobEnvironment(spec.worker.pass_environment);
   for (char** word = argv; *word != nullptr; ++word) {
     if (!std::string(*word).starts_with("--fence=")) words.emplace_back(*word);
   }
@@ -198,7 +166,7 @@ absl::Status BeginAnew(const Arguments& arguments, char** argv) {
   return FileError(words[0], "start again", errno);
 }
 
-// An empty folder for temporary files, of this attempt alone: what others keep in /tmp is theirs.
+// Makes an empty folder for the temporary files of this attempt alone: /tmp has other users'.
 absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::remove_all(folder, error);
@@ -209,18 +177,28 @@ absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   return absl::OkStatus();
 }
 
-// The bytes of the dataset one by one, not the folders in which other projects' are, too.
-SandboxNeeds NeedsOf(const JobSpec& spec, const JobFolder& folder, const Arguments& arguments) {
+// Whether the job may start COLMAP or the priors command. One whose spec is not valid fails before
+// it gets there.
+bool MayRunPrograms(const JobFolder& folder, const JobSpec& spec) {
+  const absl::StatusOr<TrainingSettings> settings = TrainingSettingsFromProto(spec.options);
+  const absl::StatusOr<TrainingInputs> inputs = TrainingInputsOf(folder, spec);
+  if (!settings.ok() || !inputs.ok()) return false;
+  return RunsPrograms(FactsOf(*inputs, *settings, /*on_device=*/false), settings->priors);
+}
+
+// Allows the dataset's files one by one: their folders have files of other projects, too.
+SandboxNeeds NeedsOf(const JobFolder& folder, const JobSpec& spec) {
   SandboxNeeds needs;
   needs.writes = {folder.work()};
   for (const JobSpecFile& file : spec.files) needs.reads.emplace_back(file.path);
-  if (!arguments.lpips_weights.empty()) needs.reads.emplace_back(arguments.lpips_weights);
-  if (!arguments.sam.empty()) needs.reads.emplace_back(arguments.sam);
-  needs.runs_programs = RunsPrograms(spec, arguments.priors);
-  needs.programs = {arguments.priors.program};
-  const auto colmap = FindProgram(arguments.colmap);
+  const WorkerOptions& options = spec.worker;
+  if (!options.lpips_weights.empty()) needs.reads.push_back(options.lpips_weights);
+  if (!options.sam.empty()) needs.reads.push_back(options.sam);
+  needs.runs_programs = MayRunPrograms(folder, spec);
+  needs.programs = {options.priors_command};
+  const auto colmap = FindProgram(options.colmap);
   if (colmap.ok()) needs.programs.push_back(*colmap);
-  for (const std::string& path : arguments.sandbox_reads) needs.programs.emplace_back(path);
+  for (const std::string& path : options.sandbox_reads) needs.programs.emplace_back(path);
   needs.has_device = spec.device != "cpu";
   return needs;
 }
@@ -230,21 +208,21 @@ WorkerExit DecodePhotograph(const Arguments& arguments) {
   return RunPhotographTask(arguments.photograph, arguments.sandbox);
 }
 
+// The order matters: limits first, what the sandbox would refuse before it is entered, and the
+// sandbox before the first byte of a dataset is read.
 WorkerExit Run(const Arguments& arguments) {
   const JobFolder folder(arguments.folder);
-  absl::StatusOr<JobSpec> spec =
-      folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
+  absl::StatusOr<JobSpec> spec = ReadSpec(folder, arguments);
   absl::Status ready = spec.status();
-  if (ready.ok()) FollowTrace(*spec, arguments.log_format);
+  if (ready.ok()) ConfigureLogOf(*spec);
   if (ready.ok() && arguments.parent != 0) ready = EndWithParent(arguments.parent);
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
   if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());
-  // It continues after the server's events, which the sandbox does not let it read.
+  // Its numbers continue those of the server's events, which the sandbox does not let it read.
   EventLog log = absl::CancelledError("not opened");
   if (ready.ok()) log = EventLogWriter::Open(folder.events(), spec->fence, EventPart::kWorker);
-  // Before the first byte of a dataset.
-  if (ready.ok() && arguments.sandbox) ready = EnterSandbox(NeedsOf(*spec, folder, arguments));
+  if (ready.ok() && spec->worker.sandbox) ready = EnterSandbox(NeedsOf(folder, *spec));
   if (!ready.ok()) {
     spdlog::error("{}", ready.ToString());
     return WorkerExit::kBadSpec;
@@ -252,7 +230,7 @@ WorkerExit Run(const Arguments& arguments) {
   const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
-  return RunJob(folder, *spec, arguments, log);
+  return RunJob(folder, *spec, log);
 }
 
 }  // namespace
@@ -261,7 +239,7 @@ WorkerExit Run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   pepeseg::Arguments arguments;
   const bool parsed = pepeseg::Parse(argc, argv, &arguments);
-  pepeseg::ConfigureLog(arguments.log_format);
+  pepeseg::ConfigureLog(pepeseg::LogFormat::kText);  // until the spec is read
   if (!parsed) {
     spdlog::error("{}", pepeseg::kUsage);
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
@@ -270,7 +248,7 @@ int main(int argc, char** argv) {
     return static_cast<int>(pepeseg::DecodePhotograph(arguments));
   }
   if (std::getenv(pepeseg::kSlurmDatabase) != nullptr) {
-    spdlog::error("{}", pepeseg::BeginAnew(arguments, argv).ToString());
+    spdlog::error("{}", pepeseg::ExecWithoutDatabase(arguments, argv).ToString());
     return static_cast<int>(pepeseg::WorkerExit::kBadSpec);
   }
   std::signal(SIGTERM, pepeseg::OnTerminate);

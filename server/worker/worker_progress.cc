@@ -20,7 +20,7 @@ google::protobuf::Duration ToProto(double seconds) {
   return TimeUtil::MicrosecondsToDuration(std::llround(seconds * 1e6));
 }
 
-// 0: not known.
+// Memory of this process that is in RAM; 0: unknown.
 int64_t ResidentBytes() {
   std::ifstream file("/proc/self/statm");
   int64_t num_pages = 0;
@@ -50,7 +50,7 @@ absl::Status WorkerProgress::StartStage(const std::string& stage) {
   return log_.Append(std::move(event));
 }
 
-void WorkerProgress::GoOnFrom(int64_t step) { first_step_ = last_step_ = step; }
+void WorkerProgress::ResumeAt(int64_t step) { first_step_ = last_step_ = step; }
 
 absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metrics,
                                       v1::JobEvent::StageEnded end) {

@@ -14,8 +14,8 @@
 
 namespace pepeseg {
 
-// Turns a stage's steps into events: the first, the last, and few enough between for a person to
-// follow. Not thread safe.
+// Writes a stage's progress as events: its first and last step, and between them at most one event
+// per interval, which a person can follow. Not thread safe.
 class WorkerProgress {
  public:
   using Clock = std::chrono::steady_clock;
@@ -25,18 +25,18 @@ class WorkerProgress {
                           Clock::duration interval = std::chrono::milliseconds(200))
       : log_(log), interval_(interval) {}
 
-  // See JobEta. Before it is called, and for stages that are not planned, events carry no ETA of
-  // the job and no number of the stage.
+  // Plans the job's ETA, see JobEta. Before it is called, and for stages that are not planned,
+  // events have no ETA of the job and no number of the stage.
   void Plan(std::vector<PlannedStage> stages) { eta_.Plan(std::move(stages)); }
 
   absl::Status StartStage(const std::string& stage);
-  // The stage began with what an earlier attempt did in `step` steps: its pace is without them.
-  void GoOnFrom(int64_t step);
+  // The stage starts after the `step` steps of an earlier attempt, which do not count for its pace.
+  void ResumeAt(int64_t step);
   absl::Status Step(const StepReport& report);
-  // `metrics`: what the stage measured of its result. `end`: what else there is to tell.
+  // `metrics`: what the stage measured of its result. `end`: the other fields of the event.
   absl::Status EndStage(const std::map<std::string, double>& metrics,
                         v1::JobEvent::StageEnded end = {});
-  // Of the stage that has been started.
+  // Reports a part of the running stage that is skipped.
   absl::Status SkipTerm(const SkippedTerm& skipped);
   absl::Status Warn(const std::string& message);
 
@@ -53,10 +53,10 @@ class WorkerProgress {
   Clock::time_point stage_start_ = Clock::now();
   Clock::time_point last_event_;
   int64_t first_step_ = 0;  // steps that an earlier attempt did
-  int64_t last_step_ = 0;   // told of
-  std::string activity_;    // likewise
+  int64_t last_step_ = 0;   // of the newest event
+  std::string activity_;    // of the newest event
   JobEta eta_;
-  double psnr_sum_ = 0;  // over the steps since then that measured it
+  double psnr_sum_ = 0;  // over the steps since the newest event that measured it
   int64_t num_psnr_ = 0;
 };
 

@@ -38,12 +38,12 @@ std::string Dump(const Json& json) {
 
 absl::StatusOr<Json> ParseJson(const std::filesystem::path& path, const std::string& text) {
   Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) return absl::DataLossError(path.string() + ": is no JSON object");
+  if (!json.is_object()) return absl::DataLossError(path.string() + ": is not a JSON object");
   return json;
 }
 
-// The fields of a spec or a result, once both sides agree on their types: nlohmann throws
-// otherwise.
+// Decodes a spec or a result. DATA_LOSS: a field is missing or of another type, upon which nlohmann
+// throws.
 template <typename T>
 absl::StatusOr<T> Decode(const std::filesystem::path& path, const Json& json,
                          T (*decode)(const Json&)) {
@@ -52,6 +52,32 @@ absl::StatusOr<T> Decode(const std::filesystem::path& path, const Json& json,
   } catch (const Json::exception& error) {
     return absl::DataLossError(absl::StrCat(path.string(), ": ", error.what()));
   }
+}
+
+Json Encode(const WorkerOptions& options) {
+  return {{"sandbox", options.sandbox},
+          {"sandbox_reads", options.sandbox_reads},
+          {"pass_environment", options.pass_environment},
+          {"colmap", options.colmap},
+          {"priors_command", options.priors_command},
+          {"priors_seconds", options.priors_seconds},
+          {"sam", options.sam.string()},
+          {"lpips_weights", options.lpips_weights.string()},
+          {"log_format", options.log_format}};
+}
+
+WorkerOptions DecodeWorkerOptions(const Json& json) {
+  WorkerOptions options;
+  options.sandbox = json.at("sandbox").get<bool>();
+  options.sandbox_reads = json.at("sandbox_reads").get<std::vector<std::string>>();
+  options.pass_environment = json.at("pass_environment").get<std::vector<std::string>>();
+  options.colmap = json.at("colmap").get<std::string>();
+  options.priors_command = json.at("priors_command").get<std::string>();
+  options.priors_seconds = json.at("priors_seconds").get<int64_t>();
+  options.sam = json.at("sam").get<std::string>();
+  options.lpips_weights = json.at("lpips_weights").get<std::string>();
+  options.log_format = json.at("log_format").get<std::string>();
+  return options;
 }
 
 JobSpec DecodeSpec(const Json& json) {
@@ -65,6 +91,7 @@ JobSpec DecodeSpec(const Json& json) {
   spec.memory_limit = json.at("memory_limit").get<int64_t>();
   spec.traceparent = json.value("traceparent", "");
   spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
+  spec.worker = DecodeWorkerOptions(json.at("worker"));
   for (const Json& file : json.at("files")) {
     spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
                           file.at("path").get<std::string>(),
@@ -85,7 +112,8 @@ JobResult DecodeResult(const Json& json) {
   return result;
 }
 
-// The entries of a worker's result as a client may have them.
+// Cleans the entries of a worker's result for clients: at most kMaxResultEntries, names as
+// ClientTexts.
 template <typename Value, typename Clean>
 void CleanEntries(std::map<std::string, Value>& entries, Clean clean) {
   std::map<std::string, Value> cleaned;
@@ -111,14 +139,14 @@ std::string ResultName(int64_t fence) { return absl::StrCat("result-", fence, ".
 
 std::string AttemptName(int64_t fence) { return absl::StrCat("attempt-", fence); }
 
-// Removes what is in a folder, but for logs, JSON files and the entries `keep`.
+// Removes the entries of a folder, except logs, JSON files and those named in `keep`.
 void RemoveAllBut(const BeneathFolder& folder, const std::vector<std::string>& keep) {
   const auto entries = folder.List();
   if (!entries.ok()) return;
   for (const BeneathFolder::Entry& entry : *entries) {
     const std::string suffix = std::filesystem::path(entry.name).extension();
     const bool told = entry.is_file && (suffix == ".log" || suffix == ".json");
-    // What is left costs space only.
+    // An entry that cannot be removed only costs space.
     const bool kept = told || std::find(keep.begin(), keep.end(), entry.name) != keep.end();
     if (!kept) folder.RemoveAll(entry.name).IgnoreError();
   }
@@ -206,7 +234,7 @@ absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
     RETURN_IF_ERROR(SyncFolder(this->work()));
     RETURN_IF_ERROR(SyncFolder(path_));
   }
-  // Only now: what was looked at in the worker's folder could change until it was here.
+  // Checked only after the move: a worker could still change what is in its own folder.
   const absl::StatusOr<BeneathFolder> taken = folder.OpenFolder(name);
   absl::StatusOr<int64_t> num_bytes = taken.ok() ? taken->CheckPlain() : taken.status();
   if (absl::IsFailedPrecondition(num_bytes.status())) {
@@ -245,6 +273,7 @@ absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
                {"memory_limit", spec.memory_limit},
                {"traceparent", spec.traceparent},
                {"lease_seconds", spec.lease_seconds},
+               {"worker", Encode(spec.worker)},
                {"options", Json::parse(options, nullptr, false)},
                {"files", Json::array()}};
   for (const JobSpecFile& file : spec.files) {
@@ -261,7 +290,7 @@ absl::StatusOr<JobSpec> JobFolder::ReadSpec(int64_t fence) const {
   ASSIGN_OR_RETURN(JobSpec spec, Decode(path, json, &DecodeSpec));
   const std::string options = json.value("options", Json::object()).dump();
   if (!google::protobuf::util::JsonStringToMessage(options, &spec.options).ok()) {
-    return absl::DataLossError(path.string() + ": options are no training options");
+    return absl::DataLossError(path.string() + ": options are not training options");
   }
   return spec;
 }
@@ -302,7 +331,7 @@ absl::Status CheckModelFolder(const std::filesystem::path& data,
   const absl::StatusOr<BeneathFolder> files = folder.OpenFolder(model);
   const absl::Status status =
       files.ok() ? files->CheckPlain(/*other_names=*/true).status() : files.status();
-  // Other errors are for who reads it next.
+  // Other errors are left to whoever reads the model next.
   return absl::IsFailedPrecondition(status) ? absl::DataLossError(status.message())
                                             : absl::OkStatus();
 }

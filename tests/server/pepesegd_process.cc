@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/file_bytes.h"
 
 namespace pepeseg::testing {
 namespace {

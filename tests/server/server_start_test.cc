@@ -57,13 +57,13 @@ TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
 TEST(ServerStart, RefusesWeightsThatAreNone) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
-  options.lpips_weights = folder / "lpips.onnx";
+  options.workers.lpips_weights = folder / "lpips.onnx";
   EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
   std::ofstream(folder / "lpips.onnx") << "no network";
   const auto refused = Server::Start(options);
   EXPECT_TRUE(absl::IsInvalidArgument(refused.status())) << refused.status();
   EXPECT_NE(refused.status().message().find("lpips.onnx: not an ONNX network"), std::string::npos);
-  options.lpips_weights = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
+  options.workers.lpips_weights = PEPESEG_TEST_DATA "/lpips/tiny.onnx";
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
@@ -74,7 +74,7 @@ TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
   options.worker = PEPESEG_FAKE_WORKER;
   std::ofstream(folder / "make_priors") << "not executable";
   for (const std::string& command : {(folder / "make_priors").string(), std::string("no-such")}) {
-    options.priors_command = command;
+    options.workers.priors_command = command;
     const auto refused = Server::Start(options);
     EXPECT_TRUE(absl::IsFailedPrecondition(refused.status())) << refused.status();
     EXPECT_NE(refused.status().message().find("priors command: "), std::string::npos);
@@ -84,7 +84,7 @@ TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
 TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
-  options.launch.sam = (folder / "sam").string();
+  options.workers.sam = folder / "sam";
   EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kNotFound);
   testing::MakeFakeSam(folder / "sam");
   EXPECT_TRUE(Server::Start(options).ok());

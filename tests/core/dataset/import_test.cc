@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <numeric>
 
 #include "tests/testing/small_dataset.h"
@@ -259,6 +262,71 @@ TEST(ImportCapture, KeepsHowExifTurnsAPhotograph) {
   EXPECT_EQ(capture.views[1].photograph->orientation, 1);
   // Poses belong to the pixels as stored.
   EXPECT_EQ(capture.views[0].photo.width, 40);
+}
+
+// A dataset whose lens distorts, with masks of b.jpg and depth of a.jpg.
+struct DatasetWithPriors : SmallDataset {
+  DatasetWithPriors() {
+    cameras = {{1, 2, "SIMPLE_RADIAL", 40, 30, {50, 20, 15, 0.1}}};
+    testing::WriteBytes(folder / "masks/b.png", testing::Png(Labels(40, 30)));
+    testing::WriteBytes(folder / "depth/a.png", testing::Png(Labels(40, 30)));
+    Write();
+  }
+  static Image Labels(int width, int height) {
+    Image image{width, height, 1, {}};
+    for (int i = 0; i < width * height; ++i) {
+      image.pixels.push_back(static_cast<uint8_t>(i % width / 4 + 1));
+    }
+    return image;
+  }
+  static bool IsPrior(const DatasetFile& file) {
+    return file.kind == FileKind::kMask || file.kind == FileKind::kDepth;
+  }
+};
+
+TEST(ImportPriors, GivesViewsWhatAnImportWithTheFilesGivesThem) {
+  const DatasetWithPriors dataset;
+  ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
+  ASSERT_OK_AND_ASSIGN(const Capture whole, ImportCapture(files, {.image_scale = 0.5}));
+  std::vector<DatasetFile> priors;
+  std::copy_if(files.begin(), files.end(), std::back_inserter(priors), &DatasetWithPriors::IsPrior);
+  ASSERT_EQ(priors.size(), 3u);
+  std::erase_if(files, &DatasetWithPriors::IsPrior);
+  ASSERT_OK_AND_ASSIGN(Capture capture, ImportCapture(files, {.image_scale = 0.5}));
+  // The photographs are not read again.
+  for (const char* name : {"a.jpg", "b.jpg", "sub/c.png"}) {
+    std::filesystem::remove(dataset.folder / "images" / name);
+  }
+  ASSERT_OK_AND_ASSIGN(const std::vector<std::string> warnings, ImportPriors(priors, capture));
+  EXPECT_THAT(warnings, ::testing::IsEmpty());
+  ASSERT_EQ(capture.views.size(), 3u);
+  EXPECT_GT(capture.views[1].masks.num_masks, 3);
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    const View &made = capture.views[i], &given = whole.views[i];
+    EXPECT_EQ(made.masks.pixel_patch, given.masks.pixel_patch) << made.name;
+    EXPECT_EQ(made.masks.patch_bits, given.masks.patch_bits) << made.name;
+    EXPECT_EQ(made.depth.kind, given.depth.kind) << made.name;
+    ASSERT_EQ(made.depth.values.size(), given.depth.values.size()) << made.name;
+    for (size_t k = 0; k < given.depth.values.size(); ++k) {
+      const float a = made.depth.values[k], b = given.depth.values[k];
+      EXPECT_TRUE(a == b || (std::isnan(a) && std::isnan(b))) << made.name << ", pixel " << k;
+    }
+  }
+}
+
+TEST(ImportPriors, LeavesTheCaptureAsItWasOnAnError) {
+  const DatasetWithPriors dataset;
+  ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
+  std::vector<DatasetFile> priors;
+  std::copy_if(files.begin(), files.end(), std::back_inserter(priors), &DatasetWithPriors::IsPrior);
+  std::erase_if(files, &DatasetWithPriors::IsPrior);
+  ASSERT_OK_AND_ASSIGN(Capture capture, ImportCapture(files, {}));
+  testing::WriteBytes(dataset.folder / "masks/b.png",
+                      testing::Png(DatasetWithPriors::Labels(30, 40)));
+  EXPECT_STATUS(ImportPriors(priors, capture), absl::StatusCode::kInvalidArgument, "masks/b.png");
+  for (const View& view : capture.views) {
+    EXPECT_TRUE(view.masks.empty() && view.depth.values.empty()) << view.name;
+  }
 }
 
 }  // namespace

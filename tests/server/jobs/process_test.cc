@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "absl/time/clock.h"
+#include "core/base/file_bytes.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -107,12 +108,11 @@ TEST_F(WorkerProcessTest, LauncherPassesNoSecretsOn) {
                            "SLURM_JWT", "OPERATORS_OWN", "CUDA_VISIBLE_DEVICES"}) {
     setenv(name, "value", 1);
   }
-  LaunchOptions options;
-  options.pass_environment = {"OPERATORS_OWN"};
-  const auto launcher = MakeProcessLauncher(options);
+  const auto launcher = MakeProcessLauncher();
   std::ofstream(folder_ / "show.sh") << "tr '\\0' '\\n' < /proc/$$/environ";
-  const auto worker =
-      launcher->Launch({"/bin/sh", {(folder_ / "show.sh").string()}, log_, {"TRACEPARENT=00"}});
+  WorkerCommand command{"/bin/sh", {(folder_ / "show.sh").string()}, log_, {"TRACEPARENT=00"}};
+  command.pass_environment = {"OPERATORS_OWN"};
+  const auto worker = launcher->Launch(command);
   ASSERT_TRUE(worker.ok()) << worker.status();
   for (int i = 0; i < 1000 && !(*worker)->Poll(); ++i) absl::SleepFor(absl::Milliseconds(10));
   const std::string variables = Log();

@@ -114,7 +114,7 @@ TEST_F(DatasetServiceTest, AdvisesMasksWhereADatasetHasNone) {
   ASSERT_TRUE(Seal("scenes/shelf/uploads/2").ok());
   EXPECT_EQ(dataset.advice_size(), 1);
 
-  running.options.priors_command = "/bin/true";
+  running.options.workers.priors_command = "/bin/true";
   running.Restart();
   EXPECT_TRUE(advice({photograph}).empty()) << "the server makes masks by its command";
 }

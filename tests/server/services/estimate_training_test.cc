@@ -104,7 +104,7 @@ TEST_F(EstimateTrainingTest, SmallerPhotographsAndFewerGaussiansTakeLess) {
 TEST_F(EstimateTrainingTest, CountsTheTimeAndMemoryOfSam) {
   const std::string dataset = running.UploadAndSeal("shelf", Photos());
   testing::MakeFakeSam(running.folder / "sam");
-  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.workers.sam = running.folder / "sam";
   running.options.num_threads = 2;
   running.Restart();
   ASSERT_TRUE(Estimate(dataset).ok());
@@ -128,7 +128,7 @@ TEST_F(EstimateTrainingTest, AddsTheMemoryOfSamToThatOfColmap) {
   ASSERT_EQ(estimate.stages(1).stage(), "sfm");
   const int64_t without_sam = estimate.stages(1).host_bytes();
   testing::MakeFakeSam(running.folder / "sam");
-  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.workers.sam = running.folder / "sam";
   running.options.num_threads = 2;
   running.Restart();
   ASSERT_TRUE(Estimate(dataset).ok());

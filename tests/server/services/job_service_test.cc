@@ -178,7 +178,7 @@ TEST_F(JobServiceTest, RefusesACommandThatItDoesNotHave) {
   EXPECT_EQ(refused.error_code(), grpc::FAILED_PRECONDITION);
   EXPECT_NE(refused.error_message().find("options.priors.masks"), std::string::npos);
   EXPECT_NE(refused.error_message().find("--priors-command"), std::string::npos);
-  running.options.priors_command = "true";
+  running.options.workers.priors_command = "true";
   running.Restart();
   EXPECT_TRUE(Train(request).ok());
 }
@@ -192,7 +192,7 @@ TEST_F(JobServiceTest, RefusesSamThatItDoesNotHave) {
     EXPECT_NE(refused.error_message().find("deploy/sam.sh"), std::string::npos);
   }
   testing::MakeFakeSam(running.folder / "sam");
-  running.options.launch.sam = (running.folder / "sam").string();
+  running.options.workers.sam = running.folder / "sam";
   running.Restart();
   EXPECT_TRUE(Train(request).ok());
 }

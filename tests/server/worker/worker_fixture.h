@@ -58,9 +58,8 @@ class WorkerTest : public ::testing::Test {
 
   std::unique_ptr<WorkerProcess> Launch(pid_t parent) {
     WriteSpec();
-    std::vector<std::string> arguments = {absl::StrCat("--job=", job_.path().string()),
-                                          absl::StrCat("--parent=", parent), "--colmap=" + colmap_};
-    arguments.insert(arguments.end(), flags_.begin(), flags_.end());
+    const std::vector<std::string> arguments = {absl::StrCat("--job=", job_.path().string()),
+                                                absl::StrCat("--parent=", parent)};
     auto worker = WorkerProcess::Launch({PEPESEG_WORKER, arguments, job_.worker_log()});
     EXPECT_TRUE(worker.ok()) << worker.status();
     return std::move(worker).value();
@@ -117,8 +116,6 @@ class WorkerTest : public ::testing::Test {
   testing::TempFolder folder_;
   JobFolder job_;
   JobSpec spec_;
-  std::vector<std::string> flags_;  // of the worker, besides those of every job
-  std::string colmap_ = "colmap";
 };
 
 }  // namespace pepeseg

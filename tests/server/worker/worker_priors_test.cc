@@ -63,7 +63,7 @@ class WorkerPriorsTest : public WorkerTest {
                         << "|| exit 9\n"
                         << script;
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
-    flags_ = {"--priors-command=" + path.string()};
+    spec_.worker.priors_command = path.string();
   }
   // What the script may read and write.
   std::string Shared(const std::string& name) { return (job_.work() / "shared" / name).string(); }
@@ -211,7 +211,7 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
 
 TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {
   SetCommand("sleep 600");
-  flags_.push_back("--priors-seconds=1");
+  spec_.worker.priors_seconds = 1;
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
 }

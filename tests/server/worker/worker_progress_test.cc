@@ -138,7 +138,7 @@ TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
 TEST_F(WorkerProgressTest, TellsWhatSkippedStepsSaveAtThePaceSoFar) {
   WorkerProgress progress(*log_);
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
-  progress.GoOnFrom(1000);
+  progress.ResumeAt(1000);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const double before = progress.seconds_in_stage();
   ASSERT_TRUE(progress.SkipTerm({"steps", "the loss has stopped falling", 1100, 300}).ok());
@@ -157,7 +157,7 @@ TEST_F(WorkerProgressTest, TellsWhatSkippedStepsSaveAtThePaceSoFar) {
 TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
-  progress.GoOnFrom(1000);
+  progress.ResumeAt(1000);
   StepReport report;
   report.step = 1001;
   report.num_steps = 1003;

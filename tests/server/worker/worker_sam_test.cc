@@ -24,7 +24,6 @@ template <class Test>
 class WithSam : public Test {
  protected:
   using Test::Events;
-  using Test::flags_;
   using Test::folder_;
   using Test::job_;
   using Test::spec_;
@@ -34,7 +33,7 @@ class WithSam : public Test {
     spec_.options.mutable_features()->set_num_steps(5);
     spec_.options.mutable_features()->set_steps_per_chunk(5);
     testing::MakeFakeSam(sam_);
-    flags_ = {"--sam=" + sam_.string()};
+    spec_.worker.sam = sam_;
   }
 
   std::vector<std::string> Warnings() {
@@ -76,7 +75,7 @@ class WorkerSamTest : public WithSam<WorkerTest> {
     EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
     EXPECT_THAT(Warnings(),
                 ElementsAre(AllOf(HasSubstr("SAM: "), HasSubstr(why),
-                                  HasSubstr("The job goes on with the built-in masks.")),
+                                  HasSubstr("The job continues with the built-in masks.")),
                             HasSubstr("segments may be poor")));
     const auto model = ReadModel(job_.attempt(spec_.fence));
     ASSERT_TRUE(model.ok()) << model.status();
@@ -109,8 +108,8 @@ TEST_F(WorkerSamTest, JoinsItsMasksWithEmbeddedOnesWhereAsked) {
 
 TEST_F(WorkerSamTest, IsMissedWhereItWasAskedFor) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM);
-  flags_.clear();
-  ExpectEmbeddedBecause("this server has none any more");
+  spec_.worker.sam.clear();
+  ExpectEmbeddedBecause("this server no longer has it");
 }
 
 TEST_F(WorkerSamTest, IsNotAskedWhereEmbeddedMasksAre) {
@@ -184,10 +183,11 @@ class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
  protected:
   // `commands`: of a shell, run for each of COLMAP's commands.
   void UseColmap(const std::string& commands) {
-    colmap_ = PathOf("colmap");
-    std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
-                           << commands << "\n";
-    std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
+    spec_.worker.colmap = PathOf("colmap");
+    std::ofstream(spec_.worker.colmap)
+        << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
+        << commands << "\n";
+    std::filesystem::permissions(spec_.worker.colmap, std::filesystem::perms::owner_all);
   }
   static std::string WaitingFor(const std::filesystem::path& file) {
     return absl::StrCat("n=0; until [ -e ", file.string(),
@@ -269,7 +269,7 @@ TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
   WaitFor(*first);
   ASSERT_TRUE(std::filesystem::exists(MasksOf("000006")));
   spec_.fence = 2;
-  colmap_ = "colmap";
+  spec_.worker.colmap = "colmap";
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam")));
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
@@ -282,14 +282,14 @@ TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
   EXPECT_THAT(Warnings(), Contains(AllOf(HasSubstr("does not load"),
-                                         HasSubstr("goes on with the built-in masks."))));
+                                         HasSubstr("continues with the built-in masks."))));
 }
 
 // With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
 TEST_F(WorkerSamTest, RunsTheRealOne) {
   const char* real = std::getenv("PEPESEG_SAM");
   if (real == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
-  flags_ = {std::string("--sam=") + real};
+  spec_.worker.sam = real;
   int num_photos = 0;
   std::erase_if(spec_.files, [&num_photos](const JobSpecFile& file) {
     return file.kind == v1::FILE_KIND_IMAGE && ++num_photos > 3;

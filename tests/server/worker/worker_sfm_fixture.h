@@ -42,12 +42,12 @@ class WorkerSfmTest : public WorkerTest {
   }
   // A program in COLMAP's place that never comes to an end; it leaves its number in "pid".
   void UseEndlessColmap() {
-    colmap_ = PathOf("endless");
-    std::ofstream(colmap_) << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
-                           << "echo 'Processed file [1/4]'; echo $$ > " << PathInJob("pid.new")
-                           << "; mv " << PathInJob("pid.new") << " " << PathInJob("pid")
-                           << "; exec sleep 100\n";
-    std::filesystem::permissions(colmap_, std::filesystem::perms::owner_all);
+    spec_.worker.colmap = PathOf("endless");
+    std::ofstream(spec_.worker.colmap)
+        << "#!/bin/sh\nif [ $1 = help ]; then echo 'COLMAP 9.9 -- x'; exit; fi\n"
+        << "echo 'Processed file [1/4]'; echo $$ > " << PathInJob("pid.new") << "; mv "
+        << PathInJob("pid.new") << " " << PathInJob("pid") << "; exec sleep 100\n";
+    std::filesystem::permissions(spec_.worker.colmap, std::filesystem::perms::owner_all);
   }
   pid_t WaitForColmap() {
     for (int i = 0; i < 1000 && !std::filesystem::exists(PathInJob("pid")); ++i) {

@@ -69,10 +69,10 @@ TEST_F(WorkerSfmTest, TakesPosesThatAnEarlierAttemptFound) {
   ASSERT_TRUE(std::filesystem::exists(job_.poses(1) / "manifest.json"));
   spec_.options.mutable_reconstruct()->set_num_steps(60);
   spec_.fence = 2;
-  colmap_ = PathOf("nowhere");
+  spec_.worker.colmap = PathOf("nowhere");
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000),
-              HasSubstr("poses were estimated by attempt 1"));
+              HasSubstr("poses were estimated by attempt-1"));
   const auto model = ReadModel(job_.attempt(2));
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_EQ(model->metrics.at("num_registered"), 6);
@@ -112,7 +112,7 @@ TEST_F(WorkerSfmTest, RefusesOnePhotographAHundredTimes) {
 
 TEST_F(WorkerSfmTest, SaysThatColmapIsMissing) {
   AddPlace(3, 1);
-  colmap_ = PathOf("nowhere");
+  spec_.worker.colmap = PathOf("nowhere");
   ExpectRefused("or upload poses");
 }
 

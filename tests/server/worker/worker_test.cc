@@ -89,7 +89,7 @@ TEST_F(WorkerTest, ResumesAfterStageOneWithTheSameBytes) {
   ASSERT_TRUE(WriteModel(job_.reconstruction(1), *model).ok());
   spec_.fence = 2;
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), HasSubstr("was done by attempt 1"));
+  EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), HasSubstr("was done by attempt-1"));
   EXPECT_EQ(ReadFile(job_.attempt(2) / "gaussians.ply", "second", 1 << 30).value_or(""), *unbroken);
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
 }

@@ -34,6 +34,15 @@ TEST_F(JobFolderTest, SpecComesBackAsWritten) {
   spec.memory_limit = int64_t{1} << 40;
   spec.checkpoint_seconds = 7;
   spec.checkpoint_steps = 8;
+  spec.worker = {.sandbox = false,
+                 .sandbox_reads = {"/opt/weights", "/opt/a b"},
+                 .pass_environment = {"HF_TOKEN"},
+                 .colmap = "/opt/colmap",
+                 .priors_command = "/opt/\"priors\"",
+                 .priors_seconds = 9,
+                 .sam = "/opt/sam",
+                 .lpips_weights = "/opt/lpips.onnx",
+                 .log_format = "json"};
   ASSERT_TRUE(job_.WriteSpec(spec).ok());
   const auto read = job_.ReadSpec(job_.NewestFence());
   ASSERT_TRUE(read.ok()) << read.status();
@@ -50,6 +59,7 @@ TEST_F(JobFolderTest, SpecComesBackAsWritten) {
   EXPECT_EQ(read->options.SerializeAsString(), spec.options.SerializeAsString());
   EXPECT_EQ(read->num_threads, 4);
   EXPECT_EQ(read->memory_limit, spec.memory_limit);
+  EXPECT_EQ(read->worker, spec.worker);
 }
 
 TEST_F(JobFolderTest, ResultComesBackAsWritten) {

@@ -124,7 +124,7 @@ diff -r "$work/before" "$work/after" >"$work/output" || fail 'answers differ fro
 expect 0 pepeseg --json jobs
 grep -F "$job" "$work/output" >"$work/job" && mv "$work/job" "$work/output"
 grep -Eq 'JOB_STATE_(QUEUED|RUNNING)' "$work/output" || fail 'the training that ran is not there'
-resumed() { grep -rqs 'goes on from' "$work/restored/$job" --include='*.log'; }
+resumed() { grep -rqs 'resumes from' "$work/restored/$job" --include='*.log'; }
 for _ in {1..300}; do resumed && break; sleep 0.1; done
 resumed || fail 'the training that ran does not go on from its checkpoint'
 expect 0 pepeseg cancel "$job"

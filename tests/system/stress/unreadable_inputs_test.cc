@@ -23,7 +23,7 @@ class UnreadableInputs : public WorkerTest {
       file.path = copy;
     }
     spec_.checkpoint_steps = 20;
-    flags_ = {"--sandbox=off"};  // the faults look into /proc
+    spec_.worker.sandbox = false;  // the faults look into /proc
   }
 
   // Attempt 1 under the faults, on a job of its own: the model's bytes.
@@ -35,11 +35,11 @@ class UnreadableInputs : public WorkerTest {
         absl::StrCat("LD_PRELOAD=", PEPESEG_IO_FAULTS), "PEPESEG_FAULT_PROGRAM=pepeseg-worker",
         absl::StrCat("PEPESEG_FAULT_FOLDER=", folder_.path().string())};
     environment.insert(environment.end(), faults.begin(), faults.end());
-    auto worker = WorkerProcess::Launch({PEPESEG_WORKER,
-                                         {absl::StrCat("--job=", job_.path().string()),
-                                          absl::StrCat("--parent=", getpid()), "--sandbox=off"},
-                                         job_.worker_log(),
-                                         environment});
+    auto worker = WorkerProcess::Launch(
+        {PEPESEG_WORKER,
+         {absl::StrCat("--job=", job_.path().string()), absl::StrCat("--parent=", getpid())},
+         job_.worker_log(),
+         environment});
     EXPECT_TRUE(worker.ok()) << worker.status();
     const WorkerEnd end = WaitFor(**worker);
     EXPECT_EQ(end.signal, 0) << ReadFileTail(job_.worker_log(), 2000);

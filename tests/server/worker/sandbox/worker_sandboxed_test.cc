@@ -81,7 +81,7 @@ class WorkerSandboxedTest : public WorkerTest {
                                         {"SERVER", absl::StrCat(getpid())},
                                         {"PORT", absl::StrCat(tcp_.port())}});
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
-    flags_ = {"--priors-command=" + path.string()};
+    spec_.worker.priors_command = path.string();
   }
 
   // What the probe's attempts came to.
@@ -154,7 +154,7 @@ TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
 // So the probe's attempts are such as go well where nothing refuses them.
 TEST_F(WorkerSandboxedTest, WithoutItTheProgramDoesAsItLikes) {
   UseProbe();
-  flags_.emplace_back("--sandbox=off");
+  spec_.worker.sandbox = false;
   Run();
   const std::map<std::string, std::string> tried = Tried();
   EXPECT_EQ(tried.size(), 16u) << ReadFileTail(job_.worker_log(), 4000);

@@ -1,0 +1,86 @@
+#include "core/train/photograph_masks.h"
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "core/base/atomic_file.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/mask_files.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/image_header.h"
+#include "core/formats/rle.h"
+#include "core/priors/sam/automatic_masks.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The warp that shrinks a photograph as the import does, but leaves its lens as it is.
+absl::StatusOr<ViewWarp> Shrinking(int width, int height, double image_scale) {
+  return ViewWarp::Create({.width = width, .height = height}, image_scale);
+}
+
+// Writes masks as SAM's automatic mask generator does, which mask_files.h reads.
+std::string ToSamJson(const MaskSet& masks) {
+  nlohmann::json list = nlohmann::json::array();
+  for (int k = 0; k < masks.num_masks; ++k) {
+    const std::string counts = EncodeCocoRle(masks.Extract(k), masks.width, masks.height);
+    list.push_back({{"segmentation", {{"size", {masks.height, masks.width}}, {"counts", counts}}}});
+  }
+  return list.dump();
+}
+
+}  // namespace
+
+fs::path PhotographMasks::File(size_t number) const {
+  return folder_ / absl::StrFormat("photograph%06d.json", number + 1);
+}
+
+absl::Status PhotographMasks::Prepare() const {
+  std::error_code error;
+  fs::create_directories(folder_, error);
+  return error ? FileError(folder_, "create", error.value()) : absl::OkStatus();
+}
+
+bool PhotographMasks::Has(size_t number, const DatasetFile& photograph) const {
+  std::error_code ignored;
+  if (!fs::is_regular_file(fs::symlink_status(File(number), ignored))) return false;
+  const auto size = ReadImageSize(photograph.path, photograph.name);
+  return size.ok() && Read(number, size->width, size->height).ok();
+}
+
+absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int height) const {
+  ASSIGN_OR_RETURN(const ViewWarp shrink, Shrinking(width, height, image_scale_));
+  const std::string name = File(number).filename().string();
+  return ReadMasks(File(number), name, {name, shrink.camera().width, shrink.camera().height});
+}
+
+absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
+                                   PromptedSegmenter& segmenter) const {
+  absl::StatusOr<Image> photo = DecodePhoto(photograph.path, photograph.name);
+  if (!photo.ok()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const ViewWarp shrink, Shrinking(photo->width, photo->height, image_scale_));
+  View view;
+  view.photo = shrink.Photo(*photo);
+  photo->pixels = {};
+  AutomaticMaskOptions options;
+  options.join_embedded = false;
+  ASSIGN_OR_RETURN(const AutomaticMasks made, SegmentPhotograph(segmenter, view, {}, options,
+                                                                [] { return absl::OkStatus(); }));
+  return WriteFileAtomically(File(number), ToSamJson(made.masks));
+}
+
+MaskSet MaskWarp::ToView(const MaskSet& masks, const View& view) {
+  if (!warp_ || photograph_ != *view.photograph || warp_->camera() != view.camera) {
+    photograph_ = *view.photograph;
+    warp_ = ViewWarp::Restore(photograph_, view.camera);
+  }
+  return warp_->Masks(masks);
+}
+
+}  // namespace pepeseg

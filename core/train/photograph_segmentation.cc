@@ -1,0 +1,252 @@
+#include "core/train/photograph_segmentation.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <memory>
+#include <new>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+#include "core/priors/sam/automatic_masks.h"
+#include "core/priors/sam/joined_masks.h"
+#include "core/priors/sam/sam_needs.h"
+
+namespace pepeseg {
+namespace {
+
+// Added to the nice value: where both want a core, a thread gets about a tenth of what one of
+// COLMAP's gets.
+constexpr int kNicer = 10;
+
+int NumThreads(const TrainingTools& tools) {
+  if (tools.num_threads > 0) return tools.num_threads;
+  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
+// Lowers the priority of this thread and of those that it starts. Where the system refuses, they
+// keep theirs.
+void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
+
+absl::Status OutOfMemory(const TrainingTools& tools) {
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "SAM: out of memory: it needs about ", SamHostBytes(NumThreads(tools)) >> 20,
+      " MiB besides the photographs, and the job may take ", tools.memory_limit >> 20, " MiB"));
+}
+
+}  // namespace
+
+PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
+                                               const ImportOptions& import,
+                                               const std::vector<DatasetFile>& files,
+                                               bool poses_are_wanted)
+    : inputs_(inputs),
+      masks_(inputs.folders.priors / "sam", import.image_scale),
+      num_threads_(NumThreads(inputs.tools)),
+      first_priority_(poses_are_wanted ? Priority::kLow : Priority::kOfProcess) {
+  std::map<std::string, const DatasetFile*> sorted;
+  for (const DatasetFile& file : files) {
+    if (file.kind == FileKind::kImage) sorted[PhotoKey(file.name)] = &file;
+  }
+  for (const auto& [key, file] : sorted) {
+    const size_t task = tasks_.size();
+    by_key_[key] = task;
+    tasks_.push_back({*file});
+    const bool held_out =
+        import.held_out_every > 0 && task % static_cast<size_t>(import.held_out_every) == 0;
+    if (poses_are_wanted && !held_out) queue_.push_back(task);
+  }
+  StartThreads(first_priority_);
+}
+
+PhotographSegmentation::~PhotographSegmentation() { Stop(); }
+
+void PhotographSegmentation::StartThreads(Priority priority) {
+  for (int i = 0; i < SamPhotographsAtOnce(num_threads_); ++i) {
+    const bool opens = threads_.empty();
+    threads_.emplace_back([this, priority, opens] {
+      try {
+        if (priority == Priority::kLow) LowerPriority();
+        if (opens) OpenModel();
+        Work(priority);
+      } catch (const std::bad_alloc&) {  // of the standard library or OpenCV
+        Fail(absl::ResourceExhaustedError("out of memory"));
+      }
+    });
+  }
+}
+
+void PhotographSegmentation::Stop() {
+  stop_.request_stop();
+  {
+    const std::lock_guard lock(mutex_);
+    if (model_ != nullptr) model_->Interrupt();
+  }
+  threads_.clear();
+  model_.reset();
+}
+
+void PhotographSegmentation::OpenModel() {
+  if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
+  auto model =
+      SamModel::Open(inputs_.tools.sam, {.num_threads = num_threads_,
+                                         .photographs_at_once = SamPhotographsAtOnce(num_threads_),
+                                         .cuda_device = inputs_.tools.sam_cuda_device});
+  if (!model.ok()) return Fail(model.status());
+  const std::lock_guard lock(mutex_);
+  model_ = *std::move(model);
+  changed_.notify_all();
+}
+
+void PhotographSegmentation::Work(Priority priority) {
+  std::unique_ptr<PromptedSegmenter> segmenter;
+  while (const std::optional<size_t> task = Next(priority)) {
+    if (segmenter == nullptr) segmenter = model_->MakeSegmenter();
+    const absl::Status status = Segment(*task, *segmenter);
+    if (!status.ok()) return Fail(status);
+  }
+}
+
+// Waits for a photograph to segment. None: no more are left for a thread of this priority, or the
+// object stops.
+std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
+  std::unique_lock lock(mutex_);
+  const auto ends = [&] {
+    return !status_.ok() || (closed_ && (queue_.empty() || priority == Priority::kLow));
+  };
+  const auto may_begin = [&] {
+    return model_ != nullptr && !queue_.empty() &&
+           num_running_ < SamPhotographsAtOnce(num_threads_);
+  };
+  changed_.wait(lock, stop_.get_token(), [&] { return ends() || may_begin(); });
+  if (stop_.stop_requested() || ends()) return std::nullopt;
+  const size_t task = queue_.front();
+  queue_.pop_front();
+  tasks_[task].state = Task::kRuns;
+  ++num_running_;
+  return task;
+}
+
+absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& segmenter) {
+  const DatasetFile& photograph = tasks_[task].photograph;
+  const bool kept = masks_.Has(task, photograph);
+  if (!kept) RETURN_IF_ERROR(masks_.Make(task, photograph, segmenter));
+  const std::lock_guard lock(mutex_);
+  tasks_[task].state = Task::kDone;
+  num_kept_ += kept ? 1 : 0;
+  --num_running_;
+  changed_.notify_all();
+  return absl::OkStatus();
+}
+
+void PhotographSegmentation::Fail(const absl::Status& status) {
+  const std::lock_guard lock(mutex_);
+  if (status_.ok()) status_ = status;
+  changed_.notify_all();
+}
+
+std::vector<size_t> PhotographSegmentation::Trained(const Capture& capture) const {
+  std::vector<size_t> photographs;
+  for (const View& view : capture.views) {
+    if (!view.held_out) photographs.push_back(by_key_.at(view.name));
+  }
+  return photographs;
+}
+
+int64_t PhotographSegmentation::NumDone(const std::vector<size_t>& tasks) const {
+  return std::count_if(tasks.begin(), tasks.end(),
+                       [this](size_t task) { return tasks_[task].state == Task::kDone; });
+}
+
+int64_t PhotographSegmentation::NumLeft(const Capture& capture) const {
+  const std::vector<size_t> trained = Trained(capture);
+  const std::lock_guard lock(mutex_);
+  return static_cast<int64_t>(trained.size()) - NumDone(trained);
+}
+
+// Leaves only these photographs in the queue, and returns how many of them are done.
+int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
+  const std::lock_guard lock(mutex_);
+  queue_.clear();
+  for (const size_t task : tasks) {
+    if (tasks_[task].state == Task::kOpen) queue_.push_back(task);
+  }
+  closed_ = true;
+  changed_.notify_all();
+  return NumDone(tasks);
+}
+
+absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, StageLog& stages) {
+  const auto num_photographs = static_cast<int64_t>(tasks.size());
+  const int64_t num_before = CloseQueue(tasks);
+  if (first_priority_ == Priority::kLow) StartThreads(Priority::kOfProcess);
+  for (int64_t num_done = 0; num_done < num_photographs;) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return !status_.ok() || NumDone(tasks) > num_done; });
+      RETURN_IF_ERROR(status_);
+      num_done = NumDone(tasks);
+    }
+    const double left = std::max<double>(1, static_cast<double>(num_photographs - num_before));
+    const double share = 1 - static_cast<double>(num_photographs - num_done) / left;
+    RETURN_IF_ERROR(stages.Step({.stage = "priors",
+                                 .step = num_done,
+                                 .num_steps = num_photographs,
+                                 .activity = "segmenting",
+                                 .unit = "photographs",
+                                 .share = kShareBeforeSam + (1 - kShareBeforeSam) * share}));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
+    bool join, const Capture& capture) const {
+  const double duplicate_iou = AutomaticMaskOptions().duplicate_iou;
+  MaskWarp warp;
+  std::vector<MaskSet> made;
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    const Lens& lens = view.photograph->lens;  // every imported view has one
+    ASSIGN_OR_RETURN(const MaskSet masks,
+                     masks_.Read(by_key_.at(view.name), lens.width, lens.height));
+    made.push_back(JoinMasks(warp.ToView(masks, view), join ? view.masks : MaskSet(), view.ignore,
+                             duplicate_iou));
+  }
+  return made;
+}
+
+absl::Status PhotographSegmentation::TakeMasks(StageLog& stages, bool join, Capture& capture) {
+  RETURN_IF_ERROR(WaitFor(Trained(capture), stages));
+  {
+    const std::lock_guard lock(mutex_);
+    if (model_ != nullptr) {
+      stages.observer().Log(absl::StrCat("SAM: computed on ", model_->processor()));
+    }
+  }
+  Stop();
+  if (num_kept_ > 0) {
+    stages.observer().Log(
+        absl::StrCat("SAM: ", num_kept_, " photographs were segmented by an earlier attempt"));
+  }
+  ASSIGN_OR_RETURN(std::vector<MaskSet> made, MasksOfViews(join, capture));
+  size_t next = 0;
+  for (View& view : capture.views) {
+    if (!view.held_out) view.masks = std::move(made[next++]);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PhotographSegmentation::GiveMasks(StageLog& stages, bool join, Capture& capture) {
+  const absl::Status status = [&] {
+    try {
+      return TakeMasks(stages, join, capture);
+    } catch (const std::bad_alloc&) {  // of the standard library
+      return absl::ResourceExhaustedError("out of memory");
+    }
+  }();
+  return absl::IsResourceExhausted(status) ? OutOfMemory(inputs_.tools) : status;
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,65 @@
+#include "core/train/pose_stage.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/sfm/estimate_poses.h"
+#include "core/train/video_photographs.h"
+
+namespace pepeseg {
+namespace {
+
+// This run's own folder has no poses yet: only earlier ones are looked at.
+absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
+                                              const SfmOptions& options,
+                                              const std::vector<SfmPhotograph>& photographs,
+                                              StageLog& stages) {
+  const TrainingFolders& folders = inputs.folders;
+  for (const std::filesystem::path& run : folders.earlier) {
+    absl::StatusOr<EstimatedPoses> earlier = ReadEstimatedPoses(run / kPosesFolder);
+    if (!earlier.ok()) continue;
+    stages.observer().Log(absl::StrCat("poses were estimated by ", run.filename().string()));
+    return earlier;
+  }
+  const SfmPlaces places{inputs.tools.colmap, folders.run / "sfm", folders.run / kPosesFolder,
+                         folders.sfm_log, inputs.tools.num_threads};
+  return EstimatePoses(photographs, places, options,
+                       [&](const StepReport& report) { return stages.StepIfNew(report); });
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<SfmPhotograph>> PhotographsWithoutPoses(
+    const std::vector<DatasetFile>& files, const TrainingFolders& folders) {
+  // Gaussians and points have coordinates, which mean nothing in the frame that COLMAP will choose.
+  for (const DatasetFile& file : files) {
+    if (file.kind != FileKind::kGaussians && file.kind != FileKind::kPoints) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        file.name, " is in the frame of poses that are not among the files: upload those (",
+        "COLMAP's sparse/0/cameras and images), or the photographs without it"));
+  }
+  ASSIGN_OR_RETURN(std::vector<SfmPhotograph> photographs, ReadSfmPhotographs(files));
+  for (SfmPhotograph& photograph : photographs) {
+    photograph.is_video_frame = IsVideoFrame(folders, photograph.path);
+  }
+  return photographs;
+}
+
+absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOptions& options,
+                                      const std::vector<SfmPhotograph>& photographs,
+                                      StageLog& stages, std::vector<DatasetFile>& files) {
+  const Polling polling(stages.observer());
+  ASSIGN_OR_RETURN(const EstimatedPoses poses,
+                   FindOrEstimate(inputs, options, photographs, stages));
+  files.push_back({FileKind::kPoses, "sparse/0/cameras.bin", poses.cameras});
+  files.push_back({FileKind::kPoses, "sparse/0/images.bin", poses.images});
+  files.push_back({FileKind::kPoints, "sparse/0/points3D.bin", poses.points});
+  return PosesMade{poses.program,
+                   {{"num_registered", static_cast<double>(poses.num_registered)},
+                    {"num_photographs", static_cast<double>(photographs.size())},
+                    {"reprojection_error", poses.reprojection_error}}};
+}
+
+}  // namespace pepeseg

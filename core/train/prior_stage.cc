@@ -1,0 +1,184 @@
+#include "core/train/prior_stage.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/dataset/dataset_index.h"
+
+namespace pepeseg {
+namespace {
+
+bool MayUseCommand(PriorMaker maker) {
+  return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
+}
+
+// The photographs of the views, in the views' order, which is that of their names.
+std::vector<DatasetFile> PosedPhotographs(const TrainingScene& scene) {
+  std::map<std::string, const DatasetFile*> by_key;
+  for (const DatasetFile& file : scene.files) {
+    if (file.kind == FileKind::kImage) by_key[PhotoKey(file.name)] = &file;
+  }
+  std::vector<DatasetFile> photographs;
+  photographs.reserve(scene.capture.views.size());
+  for (const View& view : scene.capture.views) {
+    const auto found = by_key.find(view.name);
+    if (found != by_key.end()) photographs.push_back(*found->second);
+  }
+  return photographs;
+}
+
+}  // namespace
+
+bool PriorStage::MayUseSam() const {
+  const PriorMaker maker = settings_.priors.masks;
+  return !inputs_.tools.sam.empty() && (maker == PriorMaker::kAuto || AsksForSam(maker));
+}
+
+void PriorStage::StartNextToPoses(const std::vector<DatasetFile>& files) {
+  // Masks that the command is expected to make are not made twice.
+  const bool by_command = settings_.priors.masks == PriorMaker::kAuto && HasCommand();
+  if (HasKind(files, FileKind::kMask) || by_command || !MayUseSam()) return;
+  segmentation_.emplace(inputs_, settings_.import, files, /*poses_are_wanted=*/true);
+}
+
+std::optional<int64_t> PriorStage::NumToSegment(const Capture& capture) const {
+  return segmentation_ ? std::optional(segmentation_->NumLeft(capture)) : std::nullopt;
+}
+
+absl::Status PriorStage::Run(TrainingScene& scene) {
+  const bool has_masks = HasKind(scene.files, FileKind::kMask);
+  const bool has_depth =
+      HasKind(scene.files, FileKind::kDepth) || HasKind(scene.files, FileKind::kDisparity);
+  scene.sources["masks"] = has_masks ? "given" : "none";
+  scene.sources["depth"] = has_depth ? "given" : "none";
+  if (has_masks && has_depth) return stages_.Skip("priors", "given");
+  const PriorWants asked = {!has_masks && settings_.priors.masks != PriorMaker::kNone,
+                            !has_depth && settings_.priors.depth != PriorMaker::kNone};
+  if (!asked.any()) return stages_.Skip("priors", "left out");
+  RETURN_IF_ERROR(stages_.Start("priors"));
+  RETURN_IF_ERROR(MakeByCommand(asked, scene));
+  RETURN_IF_ERROR(MakeOthers(asked, scene));
+  StageLog::Metrics counts = Counts(scene.capture);
+  return stages_.End(
+      {{"num_masks", counts["num_masks"]}, {"num_depth_maps", counts["num_depth_maps"]}});
+}
+
+// Where the command need not succeed, the source of what it does not make stays "none".
+absl::Status PriorStage::MakeByCommand(PriorWants asked, TrainingScene& scene) {
+  const PriorOptions& options = settings_.priors;
+  const PriorWants wants = {asked.masks && MayUseCommand(options.masks),
+                            asked.depth && MayUseCommand(options.depth)};
+  const bool required = (wants.masks && options.masks == PriorMaker::kCommand) ||
+                        (wants.depth && options.depth == PriorMaker::kCommand);
+  if (!wants.any() || (!HasCommand() && !required)) return absl::OkStatus();
+  if (!HasCommand()) {
+    return absl::FailedPreconditionError(
+        "masks or depth are to be made by a priors command, and this server no longer has one: its "
+        "operator sets it by pepesegd --priors-command");
+  }
+  absl::Status status = TakeFromCommand(wants, scene);
+  if (status.ok() || required || absl::IsCancelled(status)) return status;
+  stages_.Warn(std::string(status.message()));
+  return absl::OkStatus();
+}
+
+// Runs the command, and reads what it made into the views, as if it had been uploaded. On an error
+// the scene stays as it was.
+absl::Status PriorStage::TakeFromCommand(PriorWants wants, TrainingScene& scene) {
+  ASSIGN_OR_RETURN(const std::vector<DatasetFile> made,
+                   RunPriorsCommand(inputs_, PosedPhotographs(scene), wants, stages_));
+  const absl::StatusOr<std::vector<std::string>> warnings = ImportPriors(made, scene.capture);
+  if (!warnings.ok()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the priors ", SourceOfCommand(inputs_.tools.priors_command),
+                     " made what cannot be used: ", warnings.status().message()));
+  }
+  stages_.WarnOfAll(*warnings);
+  scene.files.insert(scene.files.end(), made.begin(), made.end());
+  if (wants.masks) RETURN_IF_ERROR(RecordMade(made, /*masks=*/true, scene));
+  if (wants.depth) RETURN_IF_ERROR(RecordMade(made, /*masks=*/false, scene));
+  return absl::OkStatus();
+}
+
+// Records the command as the source of the masks, or else of the depth, if it has made any. Warns
+// where it has not made them for every photograph.
+absl::Status PriorStage::RecordMade(const std::vector<DatasetFile>& made, bool masks,
+                                    TrainingScene& scene) {
+  const char* what = masks ? "masks" : "depth";
+  const PriorMaker maker = masks ? settings_.priors.masks : settings_.priors.depth;
+  const std::string source = SourceOfCommand(inputs_.tools.priors_command);
+  const auto count =
+      static_cast<size_t>(std::count_if(made.begin(), made.end(), [masks](const DatasetFile& file) {
+        return masks == (file.kind == FileKind::kMask);
+      }));
+  const size_t num_views = scene.capture.views.size();
+  if (count > 0) scene.sources[what] = source;
+  if (count == num_views) return absl::OkStatus();
+  const std::string message = absl::StrCat("the priors ", source, " made ", what, " for ", count,
+                                           " of ", num_views, " photographs");
+  if (count == 0 && maker == PriorMaker::kCommand) return absl::FailedPreconditionError(message);
+  stages_.Warn(message);
+  return absl::OkStatus();
+}
+
+// Makes what the command did not: depth by the built-in method, masks by SAM, the built-in method,
+// or both.
+absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
+  const auto wants = [&scene](bool asked_for, const char* what, PriorMaker maker) {
+    return asked_for && maker != PriorMaker::kCommand && scene.sources[what] == "none";
+  };
+  const PriorMaker maker = settings_.priors.masks;
+  const bool masks = wants(asked.masks, "masks", maker);
+  const bool depth = wants(asked.depth, "depth", settings_.priors.depth);
+  const bool by_sam = masks && MayUseSam();
+  if (masks && inputs_.tools.sam.empty() && AsksForSam(maker)) {
+    stages_.Warn("SAM: this server no longer has it. The job continues with the built-in masks.");
+  }
+  if (by_sam && !segmentation_) {
+    segmentation_.emplace(inputs_, settings_.import, scene.files, /*poses_are_wanted=*/false);
+  }
+  // SAM's masks replace built-in ones, which are made only to be joined with them, or if SAM fails.
+  const bool embedded = masks && (!by_sam || maker == PriorMaker::kSamAndEmbedded);
+  RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1, scene.capture));
+  if (depth && Counts(scene.capture)["num_depth_maps"] > 0) scene.sources["depth"] = "embedded";
+  if (!masks) return absl::OkStatus();
+  if (by_sam) RETURN_IF_ERROR(TakeMasksOfSam(scene));
+  if (scene.sources["masks"] == "none" && Counts(scene.capture)["num_masks"] > 0) {
+    scene.sources["masks"] = "embedded";
+  }
+  if (scene.sources["masks"] != "none") stages_.observer().MadeMasks(scene.sources["masks"]);
+  return absl::OkStatus();
+}
+
+// `share`: the part of the stage's work that this is.
+absl::Status PriorStage::Embed(EmbeddedPriors what, double share, Capture& capture) {
+  if (!what.masks && !what.depth) return absl::OkStatus();
+  return EmbedPriors(what, inputs_.tools.num_threads, capture, [&](int done, int num_views) {
+    StepReport report = {.stage = "priors",
+                         .step = done,
+                         .num_steps = num_views,
+                         .activity = MakingActivity(what.masks, what.depth),
+                         .unit = "photographs"};
+    if (share < 1) report.share = share * done / num_views;
+    return stages_.Step(report);
+  });
+}
+
+// Takes built-in masks where SAM fails.
+absl::Status PriorStage::TakeMasksOfSam(TrainingScene& scene) {
+  const bool join = settings_.priors.masks == PriorMaker::kSamAndEmbedded;
+  const absl::Status status = segmentation_->GiveMasks(stages_, join, scene.capture);
+  segmentation_.reset();
+  if (absl::IsCancelled(status)) return status;
+  if (status.ok()) {
+    scene.sources["masks"] = join ? "sam and embedded" : "sam";
+    return absl::OkStatus();
+  }
+  stages_.Warn(absl::StrCat(status.message(), ". The job continues with the built-in masks."));
+  return Embed({.masks = true}, 1, scene.capture);
+}
+
+}  // namespace pepeseg

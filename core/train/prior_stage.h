@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/priors/embed_priors.h"
+#include "core/train/photograph_segmentation.h"
+#include "core/train/priors_command.h"
+#include "core/train/stage_log.h"
+#include "core/train/training_inputs.h"
+#include "core/train/training_scene.h"
+#include "core/train/training_settings.h"
+
+namespace pepeseg {
+
+// Stage "priors": makes masks and depth maps where a dataset has none. The operator's command goes
+// first. What it does not make, SAM (masks only) and the built-in methods do: PriorMaker says which
+// of them may.
+class PriorStage {
+ public:
+  // The arguments must outlive it.
+  PriorStage(const TrainingInputs& inputs, const TrainingSettings& settings, StageLog& stages)
+      : inputs_(inputs), settings_(settings), stages_(stages) {}
+
+  // Called when COLMAP is about to estimate poses. Starts to segment the photographs among `files`
+  // next to it, if SAM is expected to make the masks.
+  void StartNextToPoses(const std::vector<DatasetFile>& files);
+  // Photographs that SAM has still to segment, once their poses are known; absent: SAM has not
+  // started.
+  std::optional<int64_t> NumToSegment(const Capture& capture) const;
+
+  // Runs the stage, or skips it where there is nothing to make. Adds to the views of
+  // `scene.capture`, and to its files and sources. FAILED_PRECONDITION: the command was asked for
+  // by name, and fails or does not exist; where it was not, that is a warning, as is a failure of
+  // SAM.
+  absl::Status Run(TrainingScene& scene);
+
+ private:
+  absl::Status MakeByCommand(PriorWants asked, TrainingScene& scene);
+  absl::Status TakeFromCommand(PriorWants wants, TrainingScene& scene);
+  absl::Status RecordMade(const std::vector<DatasetFile>& made, bool masks, TrainingScene& scene);
+  absl::Status MakeOthers(PriorWants asked, TrainingScene& scene);
+  absl::Status TakeMasksOfSam(TrainingScene& scene);
+  absl::Status Embed(EmbeddedPriors what, double share, Capture& capture);
+  bool MayUseSam() const;
+  bool HasCommand() const { return !inputs_.tools.priors_command.program.empty(); }
+
+  const TrainingInputs& inputs_;
+  const TrainingSettings& settings_;
+  StageLog& stages_;
+  std::optional<PhotographSegmentation> segmentation_;  // absent: SAM has not started, or is done
+};
+
+}  // namespace pepeseg

@@ -1,0 +1,230 @@
+#include "core/train/priors_command.h"
+
+#include <array>
+#include <initializer_list>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "core/base/atomic_file.h"
+#include "core/base/child_process.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
+#include "core/base/file_name.h"
+#include "core/base/status_macros.h"
+#include "core/formats/decode_image.h"
+#include "core/formats/image_header.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Bytes of the program's output that a warning or an error ends with.
+constexpr size_t kOutputTail = 1000;
+constexpr int64_t kMaxOutcomeBytes = 16384;
+constexpr char kSucceeded[] = "succeeded";
+
+std::string Stem(size_t photo) { return absl::StrFormat("%06d", photo + 1); }
+
+absl::Status MakeFolder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  return error ? FileError(folder, "create", error.value()) : absl::OkStatus();
+}
+
+absl::StatusOr<std::string> SuffixOf(const DatasetFile& photo) {
+  ASSIGN_OR_RETURN(const std::string bytes, ReadFile(photo.path, photo.name, kMaxImageFileBytes));
+  ASSIGN_OR_RETURN(
+      const ImageHeader header,
+      ReadImageHeader(photo.name, {reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()}));
+  return SuffixOf(header.format);
+}
+
+// Copies the photographs: whatever the program does to its input, the stored files must not change.
+absl::Status LayOut(std::span<const DatasetFile> photos, const fs::path& folder) {
+  RETURN_IF_ERROR(MakeFolder(folder));
+  for (size_t i = 0; i < photos.size(); ++i) {
+    ASSIGN_OR_RETURN(const std::string suffix, SuffixOf(photos[i]));
+    const fs::path place = folder / (Stem(i) + suffix);
+    std::error_code error;
+    fs::copy_file(photos[i].path, place, fs::copy_options::overwrite_existing, error);
+    if (error) return FileError(place, "write", error.value());
+  }
+  return absl::OkStatus();
+}
+
+// Parses "progress 3 20"; none: the line is not of that form, or 3 is not in [1, 20].
+std::optional<StepReport> ParseProgress(const std::string& line) {
+  const std::vector<absl::string_view> words = absl::StrSplit(line, ' ', absl::SkipWhitespace());
+  StepReport report;
+  report.stage = "priors";
+  if (words.size() != 3 || words[0] != "progress" || !absl::SimpleAtoi(words[1], &report.step) ||
+      !absl::SimpleAtoi(words[2], &report.num_steps)) {
+    return std::nullopt;
+  }
+  if (report.step < 1 || report.step > report.num_steps) return std::nullopt;
+  return report;
+}
+
+// One run of the program in `folders.priors`, or what an earlier run of the training kept of one:
+//   photos/     the copies, while the program runs
+//   made/       its results
+//   output.log  its standard output and error
+//   outcome     "succeeded" or the error, written last
+class CommandRun {
+ public:
+  CommandRun(const TrainingInputs& inputs, std::span<const DatasetFile> photos, PriorWants wants)
+      : inputs_(inputs), photos_(photos), wants_(wants), folder_(inputs.folders.priors) {}
+
+  absl::Status Run(StageLog& stages);
+  std::vector<DatasetFile> Made() const;
+
+ private:
+  absl::Status RunProgram(StageLog& stages);
+  std::optional<absl::Status> Kept(StageLog& stages) const;
+  absl::Status Watch(std::span<const std::string> lines, StageLog& stages) const;
+  std::string Wants() const;
+  std::string Name() const { return inputs_.tools.priors_command.program.filename().string(); }
+  fs::path out() const { return folder_ / "made"; }
+  fs::path log() const { return folder_ / "output.log"; }
+  fs::path outcome() const { return folder_ / "outcome"; }
+
+  struct Place {
+    FileKind kind;
+    const char* folder;
+    std::initializer_list<const char*> suffixes;
+  };
+  std::optional<DatasetFile> Find(const Place& place, size_t photo) const;
+
+  const TrainingInputs& inputs_;
+  std::span<const DatasetFile> photos_;
+  PriorWants wants_;
+  fs::path folder_;
+};
+
+std::string CommandRun::Wants() const {
+  if (wants_.masks && wants_.depth) return "masks,depth";
+  return wants_.masks ? "masks" : "depth";
+}
+
+// How the program ended in an earlier run of this training; none: it has not ended yet.
+std::optional<absl::Status> CommandRun::Kept(StageLog& stages) const {
+  const absl::StatusOr<std::string> text = ReadFile(outcome(), "outcome", kMaxOutcomeBytes);
+  if (!text.ok()) return std::nullopt;
+  stages.observer().Log("the priors command was run by an earlier attempt");
+  if (*text == kSucceeded) return absl::OkStatus();
+  return absl::FailedPreconditionError(*text);
+}
+
+// Called several times a second with the new lines of the program's output: an error kills it.
+absl::Status CommandRun::Watch(std::span<const std::string> lines, StageLog& stages) const {
+  if (stages.observer().IsCancelled())
+    return absl::CancelledError("stopped while the priors command ran");
+  for (const std::string& line : lines) {
+    std::optional<StepReport> report = ParseProgress(line);
+    if (!report) continue;
+    if (report->num_steps == static_cast<int64_t>(photos_.size())) {
+      report->activity = MakingActivity(wants_.masks, wants_.depth);
+      report->unit = "photographs";
+    }
+    RETURN_IF_ERROR(stages.Step(*report));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CommandRun::RunProgram(StageLog& stages) {
+  std::error_code ignored;
+  fs::remove(log(), ignored);  // of a run that was interrupted
+  RETURN_IF_ERROR(LayOut(photos_, folder_ / "photos"));
+  RETURN_IF_ERROR(MakeFolder(out()));
+  ChildCommand command;
+  command.program = inputs_.tools.priors_command.program;
+  command.arguments = {"--photos", (folder_ / "photos").string(), "--out", out().string(), "--want",
+                       Wants()};
+  command.log = log();
+  command.time_limit = inputs_.tools.priors_command.time_limit;
+  stages.observer().Log(
+      absl::StrCat(Name(), " makes ", Wants(), " of ", photos_.size(), " photographs"));
+  const absl::StatusOr<ChildEnd> end = [&] {
+    const Polling polling(stages.observer());
+    return RunChild(command,
+                    [&](std::span<const std::string> lines) { return Watch(lines, stages); });
+  }();
+  if (absl::IsCancelled(end.status())) return end.status();
+  fs::remove_all(folder_ / "photos", ignored);
+  std::string why;
+  if (!end.ok()) why = std::string(end.status().message());
+  if (end.ok() && (end->signal != 0 || end->exit_code != 0)) why = Describe(*end);
+  if (end.ok() && why.empty() && Made().empty()) why = "wrote no " + Wants();
+  if (why.empty()) return absl::OkStatus();
+  const std::string tail = ReadFileTail(log(), kOutputTail);
+  return absl::FailedPreconditionError(
+      absl::StrCat("the priors command ", Name(), ": ", why,
+                   tail.empty() ? "" : absl::StrCat("; its output ends with: ", tail)));
+}
+
+absl::Status CommandRun::Run(StageLog& stages) {
+  if (const auto kept = Kept(stages)) return *kept;
+  RETURN_IF_ERROR(MakeFolder(folder_));
+  absl::Status status = RunProgram(stages);
+  if (absl::IsCancelled(status)) return status;
+  RETURN_IF_ERROR(
+      WriteFileAtomically(outcome(), status.ok() ? kSucceeded : std::string(status.message())));
+  return status;
+}
+
+// The first file of a photograph among the suffixes. Links are not followed: what they lead to is
+// not a result of the program.
+std::optional<DatasetFile> CommandRun::Find(const Place& place, size_t photo) const {
+  for (const char* suffix : place.suffixes) {
+    std::error_code ignored;
+    const fs::path path = out() / place.folder / (Stem(photo) + suffix);
+    if (!fs::is_regular_file(fs::symlink_status(path, ignored))) continue;
+    const absl::string_view stem = WithoutSuffix(WithoutFolder(photos_[photo].name, "images"));
+    return DatasetFile{place.kind, absl::StrCat(place.folder, "/", stem, suffix), path};
+  }
+  return std::nullopt;
+}
+
+// Of the two kinds of depth map, depth goes before disparity.
+std::vector<DatasetFile> CommandRun::Made() const {
+  const Place masks{FileKind::kMask, "masks", {".json", ".png"}};
+  const Place depth{FileKind::kDepth, "depth", {".png", ".npy", ".pfm"}};
+  const Place disparity{FileKind::kDisparity, "disparity", {".png", ".npy", ".pfm"}};
+  std::vector<DatasetFile> files;
+  for (size_t i = 0; i < photos_.size(); ++i) {
+    std::optional<DatasetFile> mask, map;
+    if (wants_.masks) mask = Find(masks, i);
+    if (wants_.depth) map = Find(depth, i);
+    if (wants_.depth && !map) map = Find(disparity, i);
+    if (mask) files.push_back(*std::move(mask));
+    if (map) files.push_back(*std::move(map));
+  }
+  return files;
+}
+
+}  // namespace
+
+std::string_view MakingActivity(bool masks, bool depth) {
+  if (masks && depth) return "making masks and depth for";
+  return masks ? "making masks for" : "making depth for";
+}
+
+absl::StatusOr<std::vector<DatasetFile>> RunPriorsCommand(const TrainingInputs& inputs,
+                                                          std::span<const DatasetFile> photos,
+                                                          PriorWants wants, StageLog& stages) {
+  CommandRun run(inputs, photos, wants);
+  RETURN_IF_ERROR(run.Run(stages));
+  return run.Made();
+}
+
+std::string SourceOfCommand(const PriorsCommand& command) {
+  return absl::StrCat("command ", command.program.filename().string());
+}
+
+}  // namespace pepeseg

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/dataset/import.h"
+#include "core/train/stage_log.h"
+#include "core/train/training_inputs.h"
+
+namespace pepeseg {
+
+// What a priors command is asked for.
+struct PriorWants {
+  bool masks = false;
+  bool depth = false;
+  bool any() const { return masks || depth; }
+};
+
+// Runs the operator's program (pepesegd --priors-command), which makes masks and depth maps of
+// photographs by any means:
+//
+//   PROGRAM --photos FOLDER --out FOLDER --want masks,depth
+//
+//   --photos   000001.jpg, 000002.png, ...: the photographs that have poses, as they were uploaded
+//   --out      where to write. The folder exists, and is empty but for what an earlier run that was
+//              interrupted has left there, which need not be made again:
+//              masks/STEM.json or .png, depth/STEM.png, .npy or .pfm (far is large), or
+//              disparity/STEM.* (near is large), in the formats of an upload (import.h); STEM:
+//              000001. A photograph without a file has no mask or depth. Other files are ignored.
+//   --want     "masks", "depth" or "masks,depth"
+//
+// A line "progress N M" of its output reports that N of M parts of the work are done. It ends with
+// exit code 0, or its last lines say what went wrong. It is killed, with its process group, when
+// the training is cancelled or the time limit has passed, and inherits the resource limits of this
+// process.
+//
+// `photos`: as files of a dataset, in the order in which they are numbered. Returns what it made,
+// named as an upload would have it ("masks/cam0/7.json"); the import checks the contents. Nothing
+// of what is wanted is an error. Both outcomes are kept in `folders.priors`, so that a later run of
+// the training has the same priors without running the program again.
+//
+// CANCELLED: the training was cancelled. Any other error names the program, and ends with the last
+// lines of its output.
+absl::StatusOr<std::vector<DatasetFile>> RunPriorsCommand(const TrainingInputs& inputs,
+                                                          std::span<const DatasetFile> photos,
+                                                          PriorWants wants, StageLog& stages);
+
+// The activity of steps of stage "priors": "making masks for", "making depth for", or both.
+std::string_view MakingActivity(bool masks, bool depth);
+
+// "command NAME", as the source of a model's masks or depth.
+std::string SourceOfCommand(const PriorsCommand& command);
+
+}  // namespace pepeseg

@@ -1,0 +1,100 @@
+#include "core/train/stage_log.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+
+namespace pepeseg {
+namespace {
+
+// More would drown the log; the rest is counted.
+constexpr size_t kMaxWarnings = 100;
+
+// User and system time of this process and of the programs that it has run, on all cores together.
+double CoreSeconds() {
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  double sum = 0;
+  for (const auto who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    getrusage(who, &usage);
+    sum += seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  }
+  return sum;
+}
+
+}  // namespace
+
+absl::Status StageLog::Start(const std::string& stage) {
+  stage_ = stage;
+  num_skipped_ = 0;
+  last_step_ = 0;
+  last_activity_ = {};
+  core_seconds_before_ = CoreSeconds();
+  start_ = std::chrono::steady_clock::now();
+  if (observer_.IsCancelled()) return absl::CancelledError("stopped before stage " + stage);
+  return observer_.StartStage(stage);
+}
+
+// Adds the times of the stage, and keeps its metrics.
+absl::Status StageLog::Finish(StageEnd end) {
+  const auto passed = std::chrono::steady_clock::now() - start_;
+  end.stage = stage_;
+  end.metrics["seconds_" + stage_] = std::chrono::duration<double>(passed).count();
+  end.metrics["core_seconds_" + stage_] = CoreSeconds() - core_seconds_before_;
+  for (const auto& [name, value] : end.metrics) metrics_[name] = value;
+  return observer_.EndStage(end);
+}
+
+absl::Status StageLog::End(const Metrics& metrics) { return Finish({.metrics = metrics}); }
+
+absl::Status StageLog::EndScored(const Metrics& metrics, std::vector<ViewScores> views) {
+  return Finish({.metrics = metrics, .views = std::move(views)});
+}
+
+absl::Status StageLog::EndSkipped(const Metrics& metrics, const std::string& why) {
+  return Finish({.metrics = metrics, .skipped = why});
+}
+
+absl::Status StageLog::Skip(const std::string& stage, const std::string& why) {
+  RETURN_IF_ERROR(Start(stage));
+  return observer_.EndStage({.stage = stage, .skipped = why});
+}
+
+absl::Status StageLog::Step(const StepReport& report) {
+  if (observer_.IsCancelled()) {
+    return absl::CancelledError(absl::StrCat("stopped in stage ", stage_, " at step ", report.step,
+                                             " of ", report.num_steps));
+  }
+  return observer_.Step(report);
+}
+
+absl::Status StageLog::StepIfNew(const StepReport& report) {
+  const bool is_new = report.step != last_step_ || report.activity != last_activity_;
+  if (!is_new && !observer_.IsCancelled()) return absl::OkStatus();
+  last_step_ = report.step;
+  last_activity_ = report.activity;
+  return Step(report);
+}
+
+absl::Status StageLog::ReportSkipped(std::span<const SkippedTerm> skipped) {
+  while (num_skipped_ < skipped.size()) {
+    RETURN_IF_ERROR(observer_.SkipPart(skipped[num_skipped_++]));
+  }
+  return absl::OkStatus();
+}
+
+void StageLog::WarnOfAll(std::span<const std::string> messages) {
+  const size_t num_reported = std::min(messages.size(), kMaxWarnings);
+  for (const std::string& message : messages.first(num_reported)) Warn(message);
+  if (num_reported < messages.size()) {
+    Warn(absl::StrCat("and ", messages.size() - num_reported, " more warnings"));
+  }
+}
+
+}  // namespace pepeseg

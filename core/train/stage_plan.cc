@@ -1,0 +1,169 @@
+#include "core/train/stage_plan.h"
+
+#include <algorithm>
+#include <thread>
+#include <utility>
+
+#include "core/priors/sam/sam_needs.h"
+#include "core/sfm/sfm_work.h"
+
+namespace pepeseg {
+namespace {
+
+// Core seconds: kPrepare a photograph, the others a megapixel of a view.
+constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kScores = 0.5,
+                 kLpips = 10;
+// Seconds a step, and further seconds a step for each megapixel of the view. On the cores: seconds
+// of one core. Measured in tests/bench/results/scenes_cpu.md and presets_h200.md.
+struct StepCost {
+  double step, megapixel;
+};
+constexpr StepCost kReconstructOnCores{0.003, 0.12}, kReconstructOnDevice{0.0004, 0.0014};
+constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.00045;
+constexpr double kIndex = 0.3;
+
+// Whether the priors command is expected to make what `maker` asks for.
+bool ByCommand(PriorMaker maker, const TrainingFacts& facts) {
+  return maker == PriorMaker::kCommand || (maker == PriorMaker::kAuto && facts.has_priors_command);
+}
+
+// SAM makes what the command does not.
+bool BySam(PriorMaker maker, const TrainingFacts& facts) {
+  return facts.has_sam && !ByCommand(maker, facts) &&
+         (maker == PriorMaker::kAuto || AsksForSam(maker));
+}
+
+// Lists the stages in the order in which Train runs them.
+class Planner {
+ public:
+  Planner(const TrainingFacts& facts, const TrainingSettings& settings)
+      : facts_(facts), settings_(settings), photos_(static_cast<double>(facts.num_photographs)) {}
+
+  std::vector<PlannedStage> Plan() {
+    AddOnCores("prepare", kPrepare * photos_);
+    if (!facts_.has_poses) AddPoses();
+    AddPriors();
+    if (!facts_.has_gaussians) AddReconstruction();
+    AddScores();
+    if (facts_.has_masks || settings_.priors.masks != PriorMaker::kNone) AddFeatures();
+    AddOnCores("index", kIndex);
+    return std::move(stages_);
+  }
+
+ private:
+  double Threads() const { return std::max(1, facts_.num_threads); }
+  void AddOnCores(const char* name, double core_seconds) {
+    stages_.push_back({.name = name, .seconds = core_seconds / Threads()});
+  }
+  void AddSteps(const char* name, std::vector<PlannedStage::Piece> pieces) {
+    double seconds = 0;
+    for (PlannedStage::Piece& piece : pieces) {
+      if (!facts_.on_device) piece.seconds_per_step /= Threads();
+      seconds += static_cast<double>(piece.num_steps) * piece.seconds_per_step;
+    }
+    stages_.push_back({name, seconds, facts_.on_device, std::move(pieces)});
+  }
+
+  void AddPoses() {
+    // Stage "sfm" decides later whether numbered photographs are matched in their order.
+    const bool sequential = settings_.sfm.matching == SfmMatching::kSequential || facts_.is_video;
+    const int64_t num_pairs = NumSfmPairs(facts_.num_photographs, sequential, settings_.sfm);
+    AddOnCores("sfm", ExpectedSfmWork(facts_.num_photographs, num_pairs, settings_.sfm).sum());
+  }
+
+  void AddPriors() {
+    const PriorOptions& priors = settings_.priors;
+    const bool masks = !facts_.has_masks && priors.masks != PriorMaker::kNone;
+    const bool depth = !facts_.has_depth && priors.depth != PriorMaker::kNone;
+    if (!masks && !depth) return;
+    const double pixels = photos_ * facts_.megapixels;
+    const double to_segment =
+        facts_.num_to_segment ? static_cast<double>(*facts_.num_to_segment) : photos_;
+    const double sam = masks && BySam(priors.masks, facts_) ? to_segment * kSamCoreSeconds : 0;
+    AddOnCores("priors",
+               sam + pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
+    const bool by_command =
+        (masks && ByCommand(priors.masks, facts_)) || (depth && ByCommand(priors.depth, facts_));
+    if (by_command) stages_.back().seconds.reset();  // nobody knows how long a program takes
+  }
+
+  // The first steps see photographs shrunk to a quarter, then to a half of their sides: see
+  // ReconstructOptions::coarse_until.
+  void AddReconstruction() {
+    const ReconstructOptions& options = settings_.reconstruct;
+    const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
+    const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
+    const auto piece = [&](int64_t num_steps, double shrink) {
+      const double pixels = facts_.megapixels / (shrink * shrink);
+      return PlannedStage::Piece{num_steps, cost.step + cost.megapixel * pixels};
+    };
+    AddSteps("reconstruct", {piece(coarse / 2, 4), piece(coarse - coarse / 2, 2),
+                             piece(options.num_steps - coarse, 1)});
+  }
+
+  void AddScores() {
+    const int every = settings_.import.held_out_every;
+    const double views = every > 0 ? photos_ / every : 0;
+    AddOnCores("evaluate", views * facts_.megapixels * (kScores + (facts_.has_lpips ? kLpips : 0)));
+  }
+
+  void AddFeatures() {
+    AddSteps("features", {{settings_.features.num_steps,
+                           facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores}});
+  }
+
+  const TrainingFacts& facts_;
+  const TrainingSettings& settings_;
+  double photos_;
+  std::vector<PlannedStage> stages_;
+};
+
+}  // namespace
+
+TrainingFacts FactsOf(const TrainingInputs& inputs, const TrainingSettings& settings,
+                      bool on_device) {
+  TrainingFacts facts;
+  facts.has_priors_command = !inputs.tools.priors_command.program.empty();
+  facts.has_sam = !inputs.tools.sam.empty();
+  facts.on_device = on_device;
+  facts.has_lpips = !inputs.tools.lpips_weights.empty();
+  const auto num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  facts.num_threads = inputs.tools.num_threads > 0 ? inputs.tools.num_threads : num_cores;
+  int64_t num_videos = 0;
+  for (const DatasetFile& file : inputs.files) {
+    facts.has_poses |= file.kind == FileKind::kPoses;
+    facts.has_masks |= file.kind == FileKind::kMask;
+    facts.has_depth |= file.kind == FileKind::kDepth || file.kind == FileKind::kDisparity;
+    facts.has_gaussians |= file.kind == FileKind::kGaussians;
+    facts.num_photographs += file.kind == FileKind::kImage ? 1 : 0;
+    num_videos += file.kind == FileKind::kVideo ? 1 : 0;
+  }
+  facts.is_video = facts.num_photographs == 0;
+  facts.num_photographs += num_videos * settings.sfm.max_video_frames;
+  const double scale = settings.import.image_scale;
+  facts.megapixels = scale * scale;
+  return facts;
+}
+
+void SetViews(const Capture& capture, TrainingFacts& facts) {
+  if (capture.views.empty()) return;
+  double pixels = 0;
+  for (const View& view : capture.views) {
+    pixels += static_cast<double>(view.photo.width) * view.photo.height;
+  }
+  facts.num_photographs = static_cast<int64_t>(capture.views.size());
+  facts.megapixels = pixels * 1e-6 / static_cast<double>(capture.views.size());
+}
+
+std::vector<PlannedStage> PlanStages(const TrainingFacts& facts, const TrainingSettings& settings) {
+  return Planner(facts, settings).Plan();
+}
+
+bool RunsPrograms(const TrainingFacts& facts, const PriorOptions& priors) {
+  if (!facts.has_poses) return true;
+  if (!facts.has_priors_command) return false;
+  return (!facts.has_masks && ByCommand(priors.masks, facts)) ||
+         (!facts.has_depth && ByCommand(priors.depth, facts));
+}
+
+}  // namespace pepeseg

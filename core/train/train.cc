@@ -1,0 +1,330 @@
+// The method, from the files of a dataset to a model, on one page.
+#include "core/train/train.h"
+
+#include <sys/resource.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/file_error.h"
+#include "core/base/status_macros.h"
+#include "core/formats/gaussian_ply.h"
+#include "core/model_files/model_file.h"
+#include "core/train/heic_photographs.h"
+#include "core/train/held_out_scores.h"
+#include "core/train/pose_stage.h"
+#include "core/train/prior_stage.h"
+#include "core/train/resumed_stages.h"
+#include "core/train/stage_log.h"
+#include "core/train/training_scene.h"
+#include "core/train/verify_files.h"
+#include "core/train/video_photographs.h"
+
+namespace pepeseg {
+namespace {
+
+// One training. A method a stage, called in the order in which they are declared; each adds to
+// `scene_` or to `model_`.
+class Training {
+ public:
+  Training(const TrainingInputs& inputs, const TrainingSettings& settings, Backend& backend,
+           TrainingObserver& observer)
+      : inputs_(inputs),
+        settings_(settings),
+        backend_(backend),
+        observer_(observer),
+        facts_(FactsOf(inputs, settings, /*on_device=*/!backend.memory().is_host)),
+        stages_(observer),
+        priors_(inputs, settings, stages_),
+        scene_{.files = inputs.files} {}
+
+  absl::Status Open();
+  absl::Status Prepare();
+  absl::Status EstimatePoses();
+  absl::Status MakePriors();
+  absl::Status ReconstructScene();
+  absl::Status EvaluateScene();
+  absl::Status LearnFeatures();
+  absl::StatusOr<TrainedModel> Index() &&;
+
+ private:
+  void Plan() { observer_.PlanStages(PlanStages(facts_, settings_)); }
+  absl::Status ImportViews();
+  absl::Status TakeGivenGaussians(const DatasetFile& file);
+  absl::Status TrainGaussians();
+  std::optional<Gaussians> FindEarlierGaussians();
+  absl::StatusOr<Gaussians> RunStageOne();
+  absl::Status Step(const StepReport& report);
+  void ResumeAt(const StageCheckpoints* checkpoints, const char* metric);
+  absl::Status CheckDevice() const;
+  void DescribeModel();
+  void TakeMetrics();
+  absl::Status WriteModelTo(const std::filesystem::path& folder);
+
+  const TrainingInputs& inputs_;
+  const TrainingSettings& settings_;
+  Backend& backend_;
+  TrainingObserver& observer_;
+  TrainingFacts facts_;
+  StageLog stages_;
+  HeldOutScorer scorer_;
+  PriorStage priors_;
+  std::vector<SfmPhotograph> photographs_;  // where poses are not given
+  TrainingScene scene_;
+  Model model_;
+};
+
+absl::Status Training::Open() {
+  // Wrong weights are an error at once, not after an hour.
+  ASSIGN_OR_RETURN(scorer_, HeldOutScorer::Create(inputs_.tools.lpips_weights));
+  Plan();
+  return absl::OkStatus();
+}
+
+// Checks the files, and turns HEIC photographs and videos into JPEGs, which everything else reads.
+absl::Status Training::Prepare() {
+  RETURN_IF_ERROR(stages_.Start("prepare"));
+  RETURN_IF_ERROR(VerifyFiles(inputs_, observer_));
+  RETURN_IF_ERROR(ConvertHeicPhotographs(inputs_.folders, stages_, scene_.files));
+  RETURN_IF_ERROR(
+      AppendVideoFrames(inputs_.folders, settings_.sfm.max_video_frames, stages_, scene_.files));
+  if (!HasKind(scene_.files, FileKind::kPoses)) {
+    ASSIGN_OR_RETURN(photographs_, PhotographsWithoutPoses(scene_.files, inputs_.folders));
+    return stages_.End({{"num_photographs", static_cast<double>(photographs_.size())}});
+  }
+  RETURN_IF_ERROR(ImportViews());
+  return stages_.End(Counts(scene_.capture));
+}
+
+// Poses, lenses and sparse points of the photographs, by structure from motion.
+absl::Status Training::EstimatePoses() {
+  if (HasKind(scene_.files, FileKind::kPoses)) {
+    scene_.sources["poses"] = "given";
+    return stages_.Skip("sfm", "given");
+  }
+  priors_.StartNextToPoses(scene_.files);
+  RETURN_IF_ERROR(stages_.Start("sfm"));
+  ASSIGN_OR_RETURN(PosesMade made,
+                   AppendPoses(inputs_, settings_.sfm, photographs_, stages_, scene_.files));
+  scene_.sources["poses"] = made.source;
+  RETURN_IF_ERROR(ImportViews());
+  made.metrics.merge(Counts(scene_.capture));
+  return stages_.End(made.metrics);
+}
+
+// Decodes the photographs, once: everything after this works on the views.
+absl::Status Training::ImportViews() {
+  ASSIGN_OR_RETURN(scene_.capture, ImportCapture(scene_.files, settings_.import));
+  stages_.WarnOfAll(scene_.capture.warnings);
+  SetViews(scene_.capture, facts_);
+  Plan();
+  return absl::OkStatus();
+}
+
+// Masks, which stage two learns from, and depth, which stage one is regularised by.
+absl::Status Training::MakePriors() {
+  facts_.num_to_segment = priors_.NumToSegment(scene_.capture);
+  if (facts_.num_to_segment) {
+    observer_.Log(absl::StrCat("SAM: ", *facts_.num_to_segment,
+                               " photographs are left when their poses are known"));
+    Plan();
+  }
+  return priors_.Run(scene_);
+}
+
+// The Gaussians: those of the dataset, or stage one's.
+absl::Status Training::ReconstructScene() {
+  RETURN_IF_ERROR(stages_.Start("reconstruct"));
+  DescribeModel();
+  for (const DatasetFile& file : inputs_.files) {
+    if (file.kind == FileKind::kGaussians) return TakeGivenGaussians(file);
+  }
+  return TrainGaussians();
+}
+
+absl::Status Training::TakeGivenGaussians(const DatasetFile& file) {
+  ASSIGN_OR_RETURN(model_.gaussians, ReadGaussianPly(file.path, file.name, scene_.capture.origin));
+  if (model_.gaussians.count == 0) {
+    return absl::InvalidArgumentError(file.name + ": has no Gaussians");
+  }
+  model_.facts["gaussians"] = "given as " + file.name;
+  return stages_.EndSkipped({{"num_gaussians", static_cast<double>(model_.gaussians.count)}},
+                            "given");
+}
+
+// Stage one. Its result is kept until there is a model, so that a later run need not train again.
+absl::Status Training::TrainGaussians() {
+  std::optional<Gaussians> earlier = FindEarlierGaussians();
+  if (earlier) {
+    model_.gaussians = *std::move(earlier);
+  } else {
+    ASSIGN_OR_RETURN(model_.gaussians, RunStageOne());
+  }
+  RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run / kReconstructFolder));
+  if (StageCheckpoints* checkpoints = observer_.checkpoints("reconstruct")) checkpoints->Remove();
+  return stages_.End({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
+}
+
+// An earlier run had the same files, options and seed, so its Gaussians are the same.
+std::optional<Gaussians> Training::FindEarlierGaussians() {
+  for (const std::filesystem::path& run : inputs_.folders.earlier) {
+    absl::StatusOr<Model> earlier = ReadModel(run / kReconstructFolder);
+    if (!earlier.ok()) continue;
+    observer_.Log(absl::StrCat("stage one was done by ", run.filename().string()));
+    return std::move(earlier->gaussians);
+  }
+  return std::nullopt;
+}
+
+// After each step comes a report, which can cancel, and a checkpoint when one is due.
+absl::StatusOr<Gaussians> Training::RunStageOne() {
+  StageCheckpoints* checkpoints = observer_.checkpoints("reconstruct");
+  ASSIGN_OR_RETURN(
+      const std::unique_ptr<Reconstructor> stage,
+      StartReconstruction(checkpoints, backend_, scene_.capture, settings_.reconstruct));
+  ResumeAt(checkpoints, "resumed_from_step");
+  RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
+  absl::StatusOr<Gaussians> gaussians = [&] {
+    const Polling polling(observer_);
+    return FinishReconstruction(*stage, [&](const StepReport& report) {
+      RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
+      return SaveStep(Step(report), report.step, *stage, checkpoints);
+    });
+  }();
+  RETURN_IF_ERROR(gaussians.status());
+  RETURN_IF_ERROR(CheckDevice());
+  return gaussians;
+}
+
+// Renders the held-out views, which are never trained on, and compares them with the photographs.
+absl::Status Training::EvaluateScene() {
+  RETURN_IF_ERROR(stages_.Start("evaluate"));
+  ASSIGN_OR_RETURN(std::vector<ViewScores> scores,
+                   scorer_.Score(backend_, scene_.capture, model_.gaussians,
+                                 [this](const std::string& message) { stages_.Warn(message); }));
+  RETURN_IF_ERROR(CheckDevice());
+  const StageLog::Metrics means = RecordScores(scores, model_);
+  return stages_.EndScored(means, std::move(scores));
+}
+
+// Stage two: with the Gaussians frozen, a feature for each of them and the scale gate. The loop is
+// that of stage one.
+absl::Status Training::LearnFeatures() {
+  if (stages_.metrics().at("num_masks") == 0) {
+    observer_.Log("no masks: the model can be rendered, not segmented");
+    return absl::OkStatus();
+  }
+  RETURN_IF_ERROR(stages_.Start("features"));
+  StageCheckpoints* checkpoints = observer_.checkpoints("features");
+  ASSIGN_OR_RETURN(
+      const std::unique_ptr<FeatureStage> stage,
+      StartFeatures(checkpoints, backend_, scene_.capture, model_.gaussians, settings_.features));
+  ResumeAt(checkpoints, "features_resumed_from_step");
+  RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
+  absl::StatusOr<FeatureField> field = [&] {
+    const Polling polling(observer_);
+    return FinishFeatures(*stage, [&](const StepReport& report) {
+      RETURN_IF_ERROR(stages_.ReportSkipped(stage->skipped()));
+      return SaveStep(Step(report), stage->step(), *stage, checkpoints);
+    });
+  }();
+  RETURN_IF_ERROR(field.status());
+  RETURN_IF_ERROR(CheckDevice());
+  model_.field = *std::move(field);
+  StageLog::Metrics metrics;
+  if (stage->mask_quality()) metrics["mask_quality"] = *stage->mask_quality();
+  return stages_.End(metrics);
+}
+
+// Writes the model. From here on only its files are needed: what earlier stages and runs left is
+// removed.
+absl::StatusOr<TrainedModel> Training::Index() && {
+  RETURN_IF_ERROR(stages_.Start("index"));
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  model_.metrics["peak_device_bytes"] = static_cast<double>(backend_.peak_bytes_in_use());
+  model_.metrics["peak_memory_bytes"] = static_cast<double>(usage.ru_maxrss) * 1024;
+  RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run));
+  RemoveIntermediates(inputs_.folders);
+  if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();
+  RETURN_IF_ERROR(stages_.End());
+  TakeMetrics();
+  return TrainedModel{std::move(model_), std::move(scene_.sources)};
+}
+
+// Reports a step of stage one or two.
+absl::Status Training::Step(const StepReport& report) {
+  RETURN_IF_ERROR(stages_.Step(report));
+  // The training was admitted for this many: see EstimateReconstruct.
+  if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
+    return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ",
+                                            report.num_gaussians, " Gaussians, max_gaussians is ",
+                                            settings_.reconstruct.max_gaussians));
+  }
+  return absl::OkStatus();
+}
+
+// Reports, and records as a metric, that a stage starts after the steps of an earlier run.
+void Training::ResumeAt(const StageCheckpoints* checkpoints, const char* metric) {
+  const int64_t step = checkpoints == nullptr ? 0 : checkpoints->first_step();
+  if (step == 0) return;
+  observer_.ResumeStage(step);
+  model_.metrics[metric] = static_cast<double>(step);
+}
+
+// Device errors are asynchronous: the backend keeps the first, and a stage's result does not count
+// before it was asked.
+absl::Status Training::CheckDevice() const {
+  if (backend_.error().empty()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ": ", backend_.error()));
+}
+
+// Everything of the model that is known before stage one.
+void Training::DescribeModel() {
+  for (const View& view : scene_.capture.views) {
+    model_.views.push_back({.name = view.name,
+                            .camera = view.camera,
+                            .cam_from_world = view.cam_from_world,
+                            .held_out = view.held_out,
+                            .photograph = view.photograph});
+  }
+  model_.origin = scene_.capture.origin;
+  model_.scene_radius = SceneRadius(scene_.capture);
+  model_.facts = inputs_.facts;
+  for (const auto& [what, source] : scene_.sources) model_.facts[what] = source;
+  model_.facts["device"] = backend_.name();
+}
+
+void Training::TakeMetrics() {
+  for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
+}
+
+absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
+  TakeMetrics();
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return FileError(folder, "create", error.value());
+  return WriteModel(folder, model_);
+}
+
+}  // namespace
+
+absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingSettings& settings,
+                                   Backend& backend, TrainingObserver& observer) {
+  Training training(inputs, settings, backend, observer);
+  RETURN_IF_ERROR(training.Open());
+  RETURN_IF_ERROR(training.Prepare());
+  RETURN_IF_ERROR(training.EstimatePoses());
+  RETURN_IF_ERROR(training.MakePriors());
+  RETURN_IF_ERROR(training.ReconstructScene());
+  RETURN_IF_ERROR(training.EvaluateScene());
+  RETURN_IF_ERROR(training.LearnFeatures());
+  return std::move(training).Index();
+}
+
+}  // namespace pepeseg

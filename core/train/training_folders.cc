@@ -1,0 +1,46 @@
+#include "core/train/training_folders.h"
+
+#include <system_error>
+
+#include "core/base/file_error.h"
+#include "core/model_files/manifest.h"
+
+namespace pepeseg {
+
+std::vector<std::filesystem::path> TrainingFolders::all() const {
+  std::vector<std::filesystem::path> folders = {run};
+  folders.insert(folders.end(), earlier.begin(), earlier.end());
+  return folders;
+}
+
+std::optional<std::filesystem::path> FindWhole(const TrainingFolders& folders, const char* name) {
+  for (const std::filesystem::path& run : folders.all()) {
+    const absl::StatusOr<Manifest> manifest = ReadManifest(run / name);
+    if (manifest.ok() && VerifyManifest(run / name, *manifest).ok()) return run / name;
+  }
+  return std::nullopt;
+}
+
+void RemoveIntermediates(const TrainingFolders& folders) {
+  std::error_code ignored;
+  for (const std::filesystem::path& run : folders.earlier) {
+    std::filesystem::remove_all(run, ignored);
+  }
+  std::filesystem::remove_all(folders.priors, ignored);
+  for (const char* name : {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder}) {
+    std::filesystem::remove_all(folders.run / name, ignored);
+  }
+}
+
+absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {
+  int64_t num_bytes = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->is_regular_file(error)) num_bytes += static_cast<int64_t>(entry->file_size(error));
+  }
+  if (error) return FileError(folder, "list", error.value());
+  return num_bytes;
+}
+
+}  // namespace pepeseg

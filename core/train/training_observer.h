@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "core/base/progress.h"
+#include "core/evaluate/metrics.h"
+#include "core/model_files/checkpoint.h"
+#include "core/train/stage_plan.h"
+
+namespace pepeseg {
+
+// Keeps the state of one stage on its way, so that a later run resumes from it.
+class StageCheckpoints {
+ public:
+  // Writes the state of a step to `path`, as a file with that header.
+  using WriteState =
+      absl::FunctionRef<absl::Status(const std::filesystem::path&, const CheckpointHeader&)>;
+
+  virtual ~StageCheckpoints() = default;
+
+  // Offers the checkpoints of this run and of earlier ones, the farthest first, until `use` returns
+  // OK for one. When it does for none, the stage starts at step 0.
+  virtual void Resume(absl::FunctionRef<absl::Status(const Checkpoint& file)> use) = 0;
+  // The step that the stage started at.
+  virtual int64_t first_step() const = 0;
+  // Called after each step; writes a checkpoint when one is due.
+  virtual void SaveIfDue(int64_t step, WriteState write) = 0;
+  // Writes a checkpoint now.
+  virtual void Save(int64_t step, WriteState write) = 0;
+  // Removes all checkpoints of the stage, of this run and of earlier ones.
+  virtual void Remove() const = 0;
+};
+
+// How a stage ended.
+struct StageEnd {
+  std::string stage = {};
+  // What the stage measured of its result, with "seconds_STAGE" and "core_seconds_STAGE".
+  std::map<std::string, double> metrics = {};
+  std::string skipped = {};            // why it did not run, as "given"; empty: it ran
+  std::vector<ViewScores> views = {};  // of the held-out views, from stage "evaluate"
+};
+
+// Gets what a training reports, says where its checkpoints are kept, and can cancel it. Every
+// method but IsCancelled is called on the thread of Train. An error that a method returns ends the
+// training with that error. The defaults ignore everything and never cancel.
+class TrainingObserver {
+ public:
+  virtual ~TrainingObserver() = default;
+
+  // The stages that are expected to run, for an ETA. Called again when more is known.
+  virtual void PlanStages(std::vector<PlannedStage>) {}
+  virtual absl::Status StartStage(const std::string& /*stage*/) { return absl::OkStatus(); }
+  // The stage starts after the `step` steps that an earlier run has done.
+  virtual void ResumeStage(int64_t /*step*/) {}
+  virtual absl::Status Step(const StepReport&) { return absl::OkStatus(); }
+  virtual absl::Status SkipPart(const SkippedTerm&) { return absl::OkStatus(); }
+  virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
+
+  // A sentence for the owner of the training, and one for the operator of the machine.
+  virtual void Warn(const std::string& /*message*/) {}
+  virtual void Log(const std::string& /*message*/) {}
+  // Stage "priors" has made masks by other means than the command: `source` is "sam", "embedded" or
+  // "sam and embedded".
+  virtual void MadeMasks(const std::string& /*source*/) {}
+  // SHA-256 that was declared of a file whose bytes are damaged or gone.
+  virtual void ReportDamagedFile(const std::string& /*sha256*/) {}
+
+  // Whether the training should end with CANCELLED. May be called on any thread.
+  virtual bool IsCancelled() const { return false; }
+  // While `polling` is true, the training calls IsCancelled at least several times a second and
+  // saves its state when it is cancelled. Otherwise there is nothing to save: the process may end
+  // at any instruction.
+  virtual void SetPolling(bool /*polling*/) {}
+
+  // Checkpoints of stage "reconstruct" or "features", owned by the observer; null: none are kept.
+  virtual StageCheckpoints* checkpoints(const std::string& /*stage*/) { return nullptr; }
+};
+
+// Polls within its scope.
+class Polling {
+ public:
+  explicit Polling(TrainingObserver& observer) : observer_(observer) { observer_.SetPolling(true); }
+  ~Polling() { observer_.SetPolling(false); }
+  Polling(const Polling&) = delete;
+  Polling& operator=(const Polling&) = delete;
+
+ private:
+  TrainingObserver& observer_;
+};
+
+}  // namespace pepeseg

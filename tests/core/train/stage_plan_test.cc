@@ -1,0 +1,124 @@
+#include "core/train/stage_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/priors/sam/sam_needs.h"
+
+namespace pepeseg {
+namespace {
+
+using ::testing::ElementsAre;
+
+std::vector<std::string> Names(const std::vector<PlannedStage>& stages) {
+  std::vector<std::string> names;
+  for (const PlannedStage& stage : stages) names.push_back(stage.name);
+  return names;
+}
+
+const PlannedStage& Find(const std::vector<PlannedStage>& stages, const std::string& name) {
+  for (const PlannedStage& stage : stages) {
+    if (stage.name == name) return stage;
+  }
+  ADD_FAILURE() << name;
+  return stages.front();
+}
+
+TEST(PlanStages, LeavesOutWhatTheDatasetBrings) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  EXPECT_THAT(
+      Names(PlanStages(facts, settings)),
+      ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate", "features", "index"));
+  facts.has_poses = facts.has_masks = facts.has_depth = true;
+  EXPECT_THAT(Names(PlanStages(facts, settings)),
+              ElementsAre("prepare", "reconstruct", "evaluate", "features", "index"));
+  facts.has_gaussians = true;
+  EXPECT_THAT(Names(PlanStages(facts, settings)),
+              ElementsAre("prepare", "evaluate", "features", "index"));
+  facts.has_masks = facts.has_depth = false;
+  settings.priors.masks = settings.priors.depth = PriorMaker::kNone;
+  EXPECT_THAT(Names(PlanStages(facts, settings)), ElementsAre("prepare", "evaluate", "index"));
+}
+
+TEST(PlanStages, DoesNotKnowHowLongACommandTakes) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  facts.has_priors_command = true;
+  EXPECT_FALSE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+  settings.priors.masks = settings.priors.depth = PriorMaker::kEmbedded;
+  EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
+}
+
+TEST(PlanStages, ExpectsSamToTakeItsTime) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  const double embedded = *Find(PlanStages(facts, settings), "priors").seconds;
+  facts.has_sam = true;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   embedded + 20 * kSamCoreSeconds);
+  settings.priors.masks = PriorMaker::kEmbedded;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds, embedded);
+  settings.priors.masks = PriorMaker::kSam;
+  facts.num_threads = 4;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   (embedded + 20 * kSamCoreSeconds) / 4);
+}
+
+TEST(PlanStages, ExpectsOnlyThePhotographsThatAreLeftToTakeSamsTime) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  facts.has_sam = true;
+  const TrainingSettings settings;
+  const double all = *Find(PlanStages(facts, settings), "priors").seconds;
+  facts.num_to_segment = 7;
+  EXPECT_DOUBLE_EQ(*Find(PlanStages(facts, settings), "priors").seconds,
+                   all - 13 * kSamCoreSeconds);
+}
+
+TEST(PlanStages, ExpectsCoarseStepsToCostLess) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  TrainingSettings settings;
+  settings.reconstruct.num_steps = 1000;
+  const double full = *Find(PlanStages(facts, settings), "reconstruct").seconds;
+  settings.reconstruct.coarse_until = 0.5;
+  const PlannedStage coarse = Find(PlanStages(facts, settings), "reconstruct");
+  EXPECT_LT(*coarse.seconds, 0.7 * full);
+  int64_t num_steps = 0;
+  for (const auto& piece : coarse.pieces) num_steps += piece.num_steps;
+  EXPECT_EQ(num_steps, 1000);
+}
+
+TEST(PlanStages, ExpectsMoreThreadsToTakeLessTimeOnCoresOnly) {
+  TrainingFacts facts;
+  facts.num_photographs = 20;
+  const TrainingSettings settings;
+  facts.on_device = true;
+  const auto one = PlanStages(facts, settings);
+  facts.num_threads = 8;
+  const auto eight = PlanStages(facts, settings);
+  EXPECT_DOUBLE_EQ(*Find(one, "sfm").seconds, 8 * *Find(eight, "sfm").seconds);
+  EXPECT_DOUBLE_EQ(*Find(one, "features").seconds, *Find(eight, "features").seconds);
+}
+
+TEST(RunsPrograms, IsTrueForPosesAndForACommandThatIsWanted) {
+  TrainingFacts facts;
+  PriorOptions priors;
+  EXPECT_TRUE(RunsPrograms(facts, priors)) << "COLMAP estimates the poses";
+  facts.has_poses = true;
+  EXPECT_FALSE(RunsPrograms(facts, priors));
+  facts.has_priors_command = true;
+  EXPECT_TRUE(RunsPrograms(facts, priors));
+  facts.has_masks = true;
+  EXPECT_TRUE(RunsPrograms(facts, priors)) << "the command makes depth";
+  priors.depth = PriorMaker::kEmbedded;
+  EXPECT_FALSE(RunsPrograms(facts, priors));
+}
+
+}  // namespace
+}  // namespace pepeseg

@@ -1,0 +1,153 @@
+#include "core/train/train.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/base/digest.h"
+#include "core/base/file_bytes.h"
+#include "core/model_files/model_file.h"
+#include "tests/testing/status_testing.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+
+// Keeps what a training reports, and cancels it in a stage.
+struct RecordingObserver final : TrainingObserver {
+  absl::Status StartStage(const std::string& stage) override {
+    stages.push_back(stage);
+    return absl::OkStatus();
+  }
+  absl::Status Step(const StepReport& report) override {
+    last_step = report;
+    cancelled = report.stage == cancel_in && report.step == 10;
+    return absl::OkStatus();
+  }
+  absl::Status EndStage(const StageEnd& end) override {
+    ends.push_back(end);
+    return absl::OkStatus();
+  }
+  void Log(const std::string& message) override { log.push_back(message); }
+  void ReportDamagedFile(const std::string& sha256) override { damaged.push_back(sha256); }
+  bool IsCancelled() const override { return cancelled; }
+  void SetPolling(bool value) override { polling = value; }
+
+  std::string cancel_in;
+  bool cancelled = false, polling = false;
+  StepReport last_step;
+  std::vector<std::string> stages, log, damaged;
+  std::vector<StageEnd> ends;
+};
+
+// Trains on the shipped scene, as a user of the library does: 80x60 pixels and few steps.
+class TrainTest : public ::testing::Test {
+ protected:
+  TrainTest() {
+    inputs_.files = ListDataset(PEPESEG_TEST_DATA "/apc_shelf").value();
+    inputs_.folders = {.run = folder_ / "run-1", .priors = folder_ / "priors"};
+    inputs_.tools.num_threads = 2;
+    settings_.import.image_scale = 0.125;
+    settings_.reconstruct.num_steps = 60;
+    settings_.reconstruct.num_random_points = 500;
+    settings_.features.num_steps = 20;
+    settings_.features.num_pixels = 200;
+    settings_.features.steps_per_chunk = 20;
+  }
+
+  absl::StatusOr<TrainedModel> Run() { return Train(inputs_, settings_, *backend_, observer_); }
+  void StartSecondRun() {
+    inputs_.folders.run = folder_ / "run-2";
+    inputs_.folders.earlier = {folder_ / "run-1"};
+    observer_ = {};
+  }
+  static std::string Gaussians(const fs::path& run) {
+    return ReadFile(run / "gaussians.ply", "gaussians.ply", 1 << 30).value_or("");
+  }
+
+  const testing::TempFolder folder_;
+  const std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
+  TrainingInputs inputs_;
+  TrainingSettings settings_;
+  RecordingObserver observer_;
+};
+
+TEST_F(TrainTest, RunsTheStagesInOrderAndWritesTheModel) {
+  inputs_.facts["job"] = "j1";
+  ASSERT_OK_AND_ASSIGN(const TrainedModel trained, Run());
+  EXPECT_THAT(observer_.stages, ElementsAre("prepare", "sfm", "priors", "reconstruct", "evaluate",
+                                            "features", "index"));
+  EXPECT_THAT(trained.sources, Contains(Pair("masks", "given")));
+  ASSERT_OK_AND_ASSIGN(const Model stored, ReadModel(inputs_.folders.run));
+  EXPECT_EQ(stored.gaussians.planes, trained.model.gaussians.planes);
+  EXPECT_EQ(stored.field.features.size(),
+            trained.model.field.features.size());  // of half precision
+  EXPECT_EQ(stored.facts.at("job"), "j1");
+  EXPECT_GT(stored.metrics.at("psnr"), 5);
+  for (const auto& entry : fs::directory_iterator(inputs_.folders.run)) {
+    EXPECT_TRUE(entry.is_regular_file()) << entry.path() << " is left of a stage";
+  }
+  EXPECT_FALSE(observer_.polling);
+}
+
+TEST_F(TrainTest, ReportsHowEachStageEnded) {
+  ASSERT_OK(Run());
+  ASSERT_EQ(observer_.ends.size(), 7u);
+  EXPECT_EQ(observer_.ends[1].skipped, "given");
+  EXPECT_TRUE(observer_.ends[1].metrics.empty());
+  EXPECT_EQ(observer_.ends[4].stage, "evaluate");
+  EXPECT_EQ(observer_.ends[4].views.size(), 2u);
+  for (const StageEnd& end : {observer_.ends[0], observer_.ends[3], observer_.ends[5]}) {
+    EXPECT_TRUE(end.metrics.contains("seconds_" + end.stage)) << end.stage;
+    EXPECT_TRUE(end.metrics.contains("core_seconds_" + end.stage)) << end.stage;
+  }
+}
+
+TEST_F(TrainTest, StopsAtTheNextStepWhenCancelled) {
+  observer_.cancel_in = "reconstruct";
+  EXPECT_STATUS(Run(), absl::StatusCode::kCancelled, "stopped in stage reconstruct at step 11");
+  EXPECT_FALSE(observer_.polling);
+  EXPECT_FALSE(fs::exists(inputs_.folders.run / "manifest.json"));
+}
+
+TEST_F(TrainTest, TakesStageOneFromAnEarlierRun) {
+  observer_.cancel_in = "features";
+  EXPECT_STATUS(Run(), absl::StatusCode::kCancelled, "stage features");
+  const std::string earlier = Gaussians(inputs_.folders.run / kReconstructFolder);
+  ASSERT_FALSE(earlier.empty());
+  StartSecondRun();
+  ASSERT_OK(Run());
+  EXPECT_THAT(observer_.log, Contains("stage one was done by run-1"));
+  EXPECT_EQ(Gaussians(inputs_.folders.run), earlier);
+  EXPECT_FALSE(fs::exists(folder_ / "run-1")) << "the model is all that is left";
+}
+
+TEST_F(TrainTest, RefusesFilesThatDifferFromTheirDigests) {
+  for (const DatasetFile& file : inputs_.files) {
+    inputs_.sha256.push_back(Sha256OfFile(file.path).value());
+  }
+  const std::string declared = std::string(64, '0');
+  inputs_.sha256[3] = declared;
+  EXPECT_STATUS(Run(), absl::StatusCode::kDataLoss,
+                inputs_.files[3].name + ": its stored bytes are damaged");
+  EXPECT_THAT(observer_.damaged, ElementsAre(declared));
+  EXPECT_THAT(observer_.stages, ElementsAre("prepare"));
+}
+
+TEST_F(TrainTest, RefusesLpipsWeightsBeforeItReadsADataset) {
+  inputs_.tools.lpips_weights = folder_ / "none.onnx";
+  EXPECT_STATUS(Run(), absl::StatusCode::kNotFound, "none.onnx");
+  EXPECT_TRUE(observer_.stages.empty());
+}
+
+}  // namespace
+}  // namespace pepeseg
