@@ -5,19 +5,12 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/reconstruct/estimate.h"
+#include "core/train/estimate.h"
 #include "server/rpc/service_context.h"
 
 namespace pepeseg {
 
 struct WantedTraining;
-
-struct DatasetSize {
-  TrainingSize training;
-  int64_t max_source_pixels = 0;    // of a photograph as it was uploaded
-  bool has_poses = false;           // else the stage "sfm" estimates them
-  int64_t num_given_gaussians = 0;  // in place of stage one's; 0: none are given
-};
 
 // OK while the caller still waits for the answer; else CANCELLED or DEADLINE_EXCEEDED.
 using CheckWanted = absl::FunctionRef<absl::Status()>;

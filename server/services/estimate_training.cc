@@ -8,10 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/features/estimate_features.h"
-#include "core/priors/sam/sam_needs.h"
-#include "core/reconstruct/estimate.h"
-#include "core/sfm/estimate_poses.h"
+#include "core/train/estimate.h"
 #include "server/api/error.h"
 #include "server/api/rows_to_proto.h"
 
@@ -20,9 +17,6 @@ namespace {
 
 using Stage = v1::EstimateTrainingResponse::Stage;
 using Metrics = std::map<std::string, double>;
-
-// Decoding holds a photograph as it is, and undistorted, beside the capture.
-constexpr int64_t kDecodingBytes = 16;  // a pixel
 
 Metrics ParseMetrics(const std::string& text) {
   Metrics metrics;
@@ -69,74 +63,16 @@ double StepShare(int wanted, int measured) {
   return static_cast<double>(wanted) / std::max(1, measured);
 }
 
-// Whether SAM makes the masks. Where a priors command fails it does, too: that is not expected.
-bool MasksBySam(const ServiceContext& context, const PriorOptions& priors, bool has_masks) {
-  if (!context.has_sam || has_masks) return false;
-  return (priors.masks == PriorMaker::kAuto && !context.has_priors_command) ||
-         AsksForSam(priors.masks);
-}
-
-// Other means are not timed before they have run.
-void AddSam(const ServiceContext& context, const TrainingSize& size,
-            v1::EstimateTrainingResponse& response) {
-  Stage& priors = *response.add_stages();
-  priors.set_stage("priors");
-  priors.set_host_bytes(CaptureBytes(size) + SamHostBytes(context.num_threads));
-  const double seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
-  *priors.mutable_duration() = ToProto(absl::Seconds(seconds / context.num_threads));
-}
-
 void AddStages(const ServiceContext& context, const TrainingSettings& settings,
                const DatasetSize& dataset, v1::EstimateTrainingResponse& response) {
-  const TrainingSize& size = dataset.training;
-  Stage& prepare = *response.add_stages();
-  prepare.set_stage("prepare");
-  prepare.set_host_bytes(CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels);
-
-  const bool by_sam = MasksBySam(context, settings.priors, response.num_mask_files() > 0);
-  if (!dataset.has_poses) {
-    Stage& sfm = *response.add_stages();
-    sfm.set_stage("sfm");
-    // SAM runs next to COLMAP.
-    sfm.set_host_bytes(SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) +
-                       (by_sam ? SamHostBytes(context.num_threads) : 0));
+  const EstimateTools tools{context.has_priors_command, context.has_sam, context.num_threads};
+  for (const StageNeed& need : EstimateStages(*context.backend, dataset, settings, tools)) {
+    Stage& stage = *response.add_stages();
+    stage.set_stage(need.stage);
+    stage.set_host_bytes(need.host_bytes);
+    stage.set_device_bytes(need.device_bytes);
+    if (need.seconds) *stage.mutable_duration() = ToProto(absl::Seconds(*need.seconds));
   }
-
-  if (by_sam) {
-    AddSam(context, size, response);
-  }
-
-  if (dataset.num_given_gaussians == 0) {
-    const MemoryNeed need = EstimateReconstruct(*context.backend, size, settings.reconstruct);
-    Stage& reconstruct = *response.add_stages();
-    reconstruct.set_stage("reconstruct");
-    reconstruct.set_device_bytes(need.device_bytes);
-    reconstruct.set_host_bytes(need.host_bytes);
-  }
-
-  if (size.num_masked_views == 0) return;
-  const bool given = dataset.num_given_gaussians > 0;
-  const int64_t num_gaussians =
-      given ? dataset.num_given_gaussians : MostGaussians(size, settings.reconstruct);
-  const int sh_degree = given ? kMaxShDegree : settings.reconstruct.sh_degree;
-  const ScratchSize scratch = TypicalScratch(num_gaussians, size.max_pixels);
-  Stage& features = *response.add_stages();
-  features.set_stage("features");
-  features.set_device_bytes(
-      FeatureDeviceBytes(*context.backend, scratch, sh_degree, settings.features));
-  features.set_host_bytes(CaptureBytes(size) +
-                          FeatureHostBytes(scratch, sh_degree, settings.features));
-}
-
-// What is made for every view counts as if it had been uploaded; the embedded depth takes no part
-// in the reconstruction.
-void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& size) {
-  const bool by_command =
-      has_command && (priors.depth == PriorMaker::kAuto || priors.depth == PriorMaker::kCommand);
-  if (size.num_masked_views == 0 && priors.masks != PriorMaker::kNone) {
-    size.num_masked_views = size.num_views;
-  }
-  if (size.num_depth_views == 0 && by_command) size.num_depth_views = size.num_views;
 }
 
 void SetDurations(const std::optional<Measured>& measured, const TrainingSettings& settings,
@@ -176,10 +112,9 @@ WorkerShare ShareOf(const v1::EstimateTrainingResponse& estimate) {
 absl::StatusOr<v1::EstimateTrainingResponse> EstimateTraining(const ServiceContext& context,
                                                               const WantedTraining& training,
                                                               CheckWanted wanted) {
-  ASSIGN_OR_RETURN(DatasetSize dataset, MeasureDataset(context, training, wanted));
+  ASSIGN_OR_RETURN(const DatasetSize dataset, MeasureDataset(context, training, wanted));
   v1::EstimateTrainingResponse response;
   response.set_num_mask_files(dataset.training.num_masked_views);
-  ExpectPriors(training.settings.priors, context.has_priors_command, dataset.training);
   AddStages(context, training.settings, dataset, response);
   ASSIGN_OR_RETURN(const std::optional<Measured> measured, FindMeasured(context, training));
   SetDurations(measured, training.settings, response);

@@ -1,0 +1,78 @@
+#include "core/train/estimate.h"
+
+#include "core/features/estimate_features.h"
+#include "core/priors/sam/sam_needs.h"
+#include "core/sfm/estimate_poses.h"
+
+namespace pepeseg {
+namespace {
+
+// While a photograph is decoded, it is held as it is and undistorted, next to the capture.
+constexpr int64_t kDecodingBytes = 16;  // a pixel
+
+// Whether SAM makes the masks. It also does where a priors command fails, which is not expected.
+bool MasksBySam(const PriorOptions& priors, bool has_masks, const EstimateTools& tools) {
+  if (!tools.has_sam || has_masks) return false;
+  return (priors.masks == PriorMaker::kAuto && !tools.has_priors_command) ||
+         AsksForSam(priors.masks);
+}
+
+// Counts what will be made for every view as if it had been uploaded. Built-in depth has no part in
+// the reconstruction: it is made of the points that this starts from.
+void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& size) {
+  const bool by_command =
+      has_command && (priors.depth == PriorMaker::kAuto || priors.depth == PriorMaker::kCommand);
+  if (size.num_masked_views == 0 && priors.masks != PriorMaker::kNone) {
+    size.num_masked_views = size.num_views;
+  }
+  if (size.num_depth_views == 0 && by_command) size.num_depth_views = size.num_views;
+}
+
+StageNeed NeedOfFeatures(const Backend& backend, const DatasetSize& dataset,
+                         const TrainingSettings& settings) {
+  const TrainingSize& size = dataset.training;
+  const bool given = dataset.num_given_gaussians > 0;
+  const int64_t num_gaussians =
+      given ? dataset.num_given_gaussians : MostGaussians(size, settings.reconstruct);
+  const int sh_degree = given ? kMaxShDegree : settings.reconstruct.sh_degree;
+  const ScratchSize scratch = TypicalScratch(num_gaussians, size.max_pixels);
+  StageNeed need{.stage = "features"};
+  need.device_bytes = FeatureDeviceBytes(backend, scratch, sh_degree, settings.features);
+  need.host_bytes = CaptureBytes(size) + FeatureHostBytes(scratch, sh_degree, settings.features);
+  return need;
+}
+
+}  // namespace
+
+std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize dataset,
+                                      const TrainingSettings& settings,
+                                      const EstimateTools& tools) {
+  TrainingSize& size = dataset.training;
+  const bool by_sam = MasksBySam(settings.priors, size.num_masked_views > 0, tools);
+  const int64_t sam_bytes = by_sam ? SamHostBytes(tools.num_threads) : 0;
+  ExpectPriors(settings.priors, tools.has_priors_command, size);
+  std::vector<StageNeed> needs;
+  needs.push_back({.stage = "prepare",
+                   .host_bytes = CaptureBytes(size) + kDecodingBytes * dataset.max_source_pixels});
+  if (!dataset.has_poses) {
+    // SAM runs next to COLMAP.
+    needs.push_back(
+        {.stage = "sfm",
+         .host_bytes = SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) + sam_bytes});
+  }
+  if (by_sam) {  // how long other makers of priors take is not known
+    const double core_seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
+    needs.push_back({.stage = "priors",
+                     .host_bytes = CaptureBytes(size) + sam_bytes,
+                     .seconds = core_seconds / tools.num_threads});
+  }
+  if (dataset.num_given_gaussians == 0) {
+    const MemoryNeed need = EstimateReconstruct(backend, size, settings.reconstruct);
+    needs.push_back(
+        {.stage = "reconstruct", .host_bytes = need.host_bytes, .device_bytes = need.device_bytes});
+  }
+  if (size.num_masked_views > 0) needs.push_back(NeedOfFeatures(backend, dataset, settings));
+  return needs;
+}
+
+}  // namespace pepeseg

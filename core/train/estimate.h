@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/reconstruct/estimate.h"
+#include "core/train/training_settings.h"
+#include "kernels/backend.h"
+
+namespace pepeseg {
+
+// The size of a dataset, known from the headers of its files.
+struct DatasetSize {
+  TrainingSize training;
+  int64_t max_source_pixels = 0;    // of the largest photograph, as uploaded
+  bool has_poses = false;           // else stage "sfm" estimates them
+  int64_t num_given_gaussians = 0;  // in place of stage one's; 0: none are given
+};
+
+// What the machine that trains has, as far as it changes the estimate.
+struct EstimateTools {
+  bool has_priors_command = false;
+  bool has_sam = false;
+  int num_threads = 1;
+};
+
+// What a stage takes at most.
+struct StageNeed {
+  std::string stage = {};
+  int64_t host_bytes = 0;
+  int64_t device_bytes = 0;            // of Backend::Allocate
+  std::optional<double> seconds = {};  // absent: unknown before it has run
+};
+
+// Bounds the needs of the stages that need a notable amount of memory, in the order in which they
+// run. Masks and depth that a training will make count as if they were in the dataset.
+std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize dataset,
+                                      const TrainingSettings& settings, const EstimateTools& tools);
+
+}  // namespace pepeseg

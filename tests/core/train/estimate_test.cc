@@ -1,0 +1,89 @@
+#include "core/train/estimate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace pepeseg {
+namespace {
+
+using ::testing::ElementsAre;
+
+class EstimateStagesTest : public ::testing::Test {
+ protected:
+  EstimateStagesTest() {
+    dataset_.training.num_views = 20;
+    dataset_.training.num_training_views = 17;
+    dataset_.training.num_pixels = 20'000'000;
+    dataset_.training.max_pixels = 1'000'000;
+    dataset_.training.num_masked_views = 20;
+    dataset_.max_source_pixels = 12'000'000;
+    dataset_.has_poses = true;
+  }
+
+  std::vector<StageNeed> Estimate() const {
+    return EstimateStages(*backend_, dataset_, settings_, tools_);
+  }
+  std::vector<std::string> Stages() const {
+    std::vector<std::string> stages;
+    for (const StageNeed& need : Estimate()) stages.push_back(need.stage);
+    return stages;
+  }
+  StageNeed Need(const std::string& stage) const {
+    for (const StageNeed& need : Estimate()) {
+      if (need.stage == stage) return need;
+    }
+    ADD_FAILURE() << "no stage " << stage;
+    return {};
+  }
+
+  const std::unique_ptr<Backend> backend_ = MakeCpuBackend(1);
+  DatasetSize dataset_;
+  TrainingSettings settings_;
+  EstimateTools tools_;
+};
+
+TEST_F(EstimateStagesTest, ListsTheStagesThatRun) {
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "reconstruct", "features"));
+  dataset_.has_poses = false;
+  dataset_.num_given_gaussians = 1000;
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "features"));
+}
+
+TEST_F(EstimateStagesTest, LeavesOutFeaturesWithoutMasks) {
+  dataset_.training.num_masked_views = 0;
+  settings_.priors.masks = PriorMaker::kNone;
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "reconstruct"));
+  settings_.priors.masks = PriorMaker::kAuto;
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "reconstruct", "features"));
+}
+
+TEST_F(EstimateStagesTest, CountsSamNextToColmapAndInItsOwnStage) {
+  dataset_.training.num_masked_views = 0;
+  dataset_.has_poses = false;
+  const StageNeed without = Need("sfm");
+  tools_.has_sam = true;
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "priors", "reconstruct", "features"));
+  EXPECT_GT(Need("sfm").host_bytes, without.host_bytes);
+  const double on_one_core = *Need("priors").seconds;
+  tools_.num_threads = 4;
+  EXPECT_DOUBLE_EQ(*Need("priors").seconds, on_one_core / 4);
+  tools_.has_priors_command = true;
+  EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "reconstruct", "features"));
+}
+
+TEST_F(EstimateStagesTest, NeedsMoreForMoreGaussians) {
+  settings_.reconstruct.max_gaussians = 100'000;
+  const StageNeed few = Need("reconstruct");
+  settings_.reconstruct.max_gaussians = 1'000'000;
+  const StageNeed many = Need("reconstruct");
+  EXPECT_GT(few.device_bytes, 0);
+  EXPECT_GT(many.device_bytes, few.device_bytes);
+  EXPECT_FALSE(many.seconds.has_value());
+}
+
+}  // namespace
+}  // namespace pepeseg
