@@ -15,7 +15,7 @@
 namespace pepeseg {
 namespace {
 
-// The same for all processes that see each other's numbers; empty: not known.
+// Identifies the set of processes that see each other's ids; empty: unknown.
 std::string ProcessSpace() {
   std::string boot;
   std::ifstream("/proc/sys/kernel/random/boot_id") >> boot;
@@ -25,14 +25,14 @@ std::string ProcessSpace() {
   return absl::StrCat(boot, "/", names.string());
 }
 
-// In clock ticks since boot; empty: there is no such process.
+// Start time of a process, clock ticks since boot; empty: there is no such process.
 std::string StartTime(int64_t pid) {
   std::ifstream file(absl::StrCat("/proc/", pid, "/stat"));
   std::string text;
   std::getline(file, text);
   const size_t name_end = text.rfind(')');  // a name may hold anything before it
   if (name_end == std::string::npos) return "";
-  constexpr size_t kStartTime = 20;  // of the fields behind the name, counted from one
+  constexpr size_t kStartTime = 20;  // of the fields after the name, counted from one
   const std::vector<std::string> fields =
       absl::StrSplit(text.substr(name_end + 1), ' ', absl::SkipEmpty());
   return fields.size() < kStartTime ? "" : fields[kStartTime - 1];

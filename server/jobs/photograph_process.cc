@@ -21,7 +21,7 @@
 namespace pepeseg {
 namespace {
 
-// A child takes a tenth of a second and more.
+// Short next to a child's run time, 0.1 s and more.
 constexpr absl::Duration kPoll = absl::Milliseconds(5);
 
 absl::Status NotWanted() { return absl::CancelledError("the photograph is no longer wanted"); }
@@ -30,7 +30,7 @@ absl::Status Undecodable(const PhotographTask& task, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat(task.name, ": does not decode: ", why));
 }
 
-// Until the worker has written an answer.
+// Waits until the worker has written an answer.
 absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
                   const PhotographTask& task, absl::FunctionRef<bool()> wanted) {
   const absl::Time deadline = absl::Now() + process.time_limit;
@@ -113,7 +113,7 @@ absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
   ASSIGN_OR_RETURN(OpenFile output, OpenFile::Unnamed(process.scratch));
   WorkerCommand command;
   command.program = process.worker;
-  command.log = "/dev/null";  // what it says is in its answer
+  command.log = "/dev/null";  // its errors are in its answer
   command.arguments = {absl::StrCat("--photograph=", FormatPhotographTask(task)),
                        absl::StrCat("--parent=", getpid())};
   if (!process.sandbox) command.arguments.emplace_back("--sandbox=off");

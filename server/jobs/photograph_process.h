@@ -12,14 +12,15 @@
 
 namespace pepeseg {
 
-// An open file, closed with the object.
+// An open file; the destructor closes it.
 class OpenFile {
  public:
-  // For reading; not through a link. `name` stands for it in errors. NOT_FOUND: there is none.
+  // Opens a file for reading, but not through a link. Errors call it `name`. NOT_FOUND: no such
+  // file.
   static absl::StatusOr<OpenFile> ForReading(const std::filesystem::path& path,
                                              const std::string& name);
-  // A new file without a name, on the file system of `folder`, which is made when it is not there:
-  // it goes with the object, or with the process.
+  // Makes a file without a name on the file system of `folder`, which is created if it is missing.
+  // The file disappears with the object, or with the process.
   static absl::StatusOr<OpenFile> Unnamed(const std::filesystem::path& folder);
 
   OpenFile(OpenFile&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
@@ -30,9 +31,9 @@ class OpenFile {
   ~OpenFile();
 
   int descriptor() const { return descriptor_; }
-  // Bytes; under 0: it cannot be told.
+  // Bytes; negative: unknown.
   int64_t size() const;
-  // Fills `bytes` with what begins at `offset`. False: the file ends before, or cannot be read.
+  // Fills `bytes` from `offset` on. False: the file ends before, or cannot be read.
   bool ReadAt(int64_t offset, std::string& bytes) const;
 
  private:
@@ -40,7 +41,7 @@ class OpenFile {
   int descriptor_;
 };
 
-// A JPEG on the disk, so that a slow reader of it costs no memory.
+// A JPEG on disk, so that sending it to a slow client takes no memory.
 struct PhotographPicture {
   OpenFile file;
   int64_t offset = 0;  // of the JPEG in the file
@@ -51,15 +52,14 @@ struct PhotographPicture {
 struct PhotographProcess {
   std::filesystem::path worker;  // the pepeseg-worker program
   bool sandbox = true;
-  std::filesystem::path scratch;  // folder for the answer, which leaves nothing there
+  std::filesystem::path scratch;  // folder for the answer, an unnamed file
   absl::Duration time_limit = absl::Minutes(1);
 };
 
-// Has a worker of its own decode the image file `blob`, and waits for it. The worker is killed as
-// soon as `wanted` says no (CANCELLED) and after the time limit (INVALID_ARGUMENT: what takes that
-// long cannot be decoded; so is what kills the worker). Otherwise the worker's error: DATA_LOSS for
-// a file that fails its checksum, INVALID_ARGUMENT for one that does not decode. NOT_FOUND: there
-// is no such file.
+// Starts a worker that decodes the image file `blob`, and waits for it. Kills the worker as soon as
+// `wanted` returns false (CANCELLED), and after the time limit (INVALID_ARGUMENT, as for a file
+// that crashes the worker). Otherwise returns the worker's error: DATA_LOSS for a file that fails
+// its checksum, INVALID_ARGUMENT for one that does not decode. NOT_FOUND: no such file.
 absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const PhotographTask& task,
                                               const std::filesystem::path& blob,

@@ -20,8 +20,8 @@
 
 namespace pepeseg {
 
-// One attempt of a job: its worker, what its log has told so far, and how it ends. Belongs to the
-// supervisor's thread.
+// One attempt of a job: its worker, what its log has reported so far, and how it ends. Belongs to
+// the supervisor's thread.
 class RunningJob {
  public:
   struct Context {
@@ -32,7 +32,7 @@ class RunningJob {
   // Writes the spec and launches the worker. On an error the job is still RUNNING in the store.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Context& context,
                                                            const JobRow& job);
-  // Follows the worker that job.launch names.
+  // Follows the worker that job.launch names, which another server has launched.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Adopt(const Context& context,
                                                            const JobRow& job);
 
@@ -40,37 +40,38 @@ class RunningJob {
   const std::optional<v1::JobProgress>& progress() const { return progress_; }
   int64_t sequence() const { return sequence_; }
 
-  // Reads what the log has gained and notes a new stage in the store. True when there was anything.
+  // Reads new events, and records a new stage in the store. True: there were events.
   bool FollowLog();
 
-  // What the store says of a job that this server holds: its worker is told so. A worker that its
-  // launcher has started again has taken another fence.
+  // Called with the store's record of a job that this server holds: renews the worker's lease file.
+  // A worker that its launcher has restarted has taken another fence.
   void Held(const JobRow& row);
-  // A worker that gives no sign is killed: it is stuck, or stopped.
+  // Kills a worker whose heartbeat has timed out: it hangs, or is suspended.
   void KillIfSilent();
 
-  // Stops the worker at the first call; kills it at the first one after the shortest grace asked
-  // for is over.
+  // Stops the worker at the first call; kills it at the first call after the shortest grace of all
+  // calls has passed.
   void Terminate(absl::Duration grace);
-  // Another server has the job now. What runs in this server's name is killed; nothing is written.
+  // Called when another server has taken the job over. Kills the worker if it ends with this
+  // server; writes nothing.
   void Abandon();
 
-  // Whether the worker has ended, and what it says of damaged files has been checked.
+  // Whether the worker has ended, and the damaged files that it reports have been checked.
   bool Ended();
   // Writes the outcome of a worker that has ended: first the store, then the log's last event.
-  // `requeue`: an end that was asked for by Terminate() puts the job back into the queue. A crash
-  // does so, too, after a pause, unless it has happened max_crashes times in a row without
-  // progress. On an error nothing is lost: it can be called again.
+  // `requeue`: a worker that Terminate() has ended puts its job back into the queue. So does a
+  // crash, after a pause, unless it is the max_crashes-th in a row without progress. After an error
+  // it can be called again.
   absl::Status Finish(bool requeue);
-  // Between calls of Finish() that fail.
+  // The pause between calls of Finish() that fail.
   RetryPause& end_pause() { return end_pause_; }
 
  private:
   RunningJob(const Context& context, JobRow job, JobFolder folder);
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
-  // Sets what the worker has made of the job, in `outcome` (OK: there is a model). An error: the
-  // server cannot read or take its result now, for lack of space or descriptors.
+  // Sets `outcome` to how the attempt ended; OK: there is a model. Returns an error when the server
+  // cannot read or take the result now, for lack of space or descriptors.
   absl::Status ReadOutcome(JobResult* result, absl::Status* outcome);
   absl::Status TakeModel(JobResult& result) const;
   bool MayTryAgain() const;
@@ -90,10 +91,10 @@ class RunningJob {
   std::unique_ptr<LaunchedWorker> worker_;
   std::string stage_;
   std::optional<v1::JobProgress> progress_;
-  bool follows_live_ = false;  // what its log held at the start is told to nobody
+  bool follows_live_ = false;  // events already in the log at the start are not forwarded
   int64_t sequence_ = 0;
   bool terminated_ = false;
-  bool crashed_ = false;  // it did not end by itself, or not with a result
+  bool crashed_ = false;  // it was killed, or ended without a result
   bool silent_ = false;
   bool lease_lost_ = false;
   bool asked_for_check_ = false;

@@ -1,4 +1,4 @@
-// Which jobs are this server's: claims, leases, and their loss.
+// Which jobs this server has: claims, leases, and their loss.
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ bool Supervisor::Loop::MayStart() const {
   return claiming_ && !stopping_ && running_.size() < static_cast<size_t>(options_.num_slots);
 }
 
-// `error` has stopped the start of `job`; empty: any claim.
+// Pauses claims after `error` has stopped the start of `job`; empty: a claim.
 void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& error) {
   unsure_ = true;
   claim_pause_.Fail();
@@ -38,8 +38,8 @@ void Supervisor::Loop::Claim() {
   }
 }
 
-// Jobs that are this server's by the database and that it does not run: it did not hear that it has
-// claimed them, or could not reach the database when they were to start.
+// Starts the jobs that this server holds by the database but does not run: the answer to its claim
+// was lost, or the database was unreachable when they were to start.
 void Supervisor::Loop::StartHeld() {
   const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
   if (!held.ok()) {
@@ -48,7 +48,7 @@ void Supervisor::Loop::StartHeld() {
     return;
   }
   unsure_ = false;
-  next_renewal_ = absl::InfinitePast();  // they may be held for long already
+  next_renewal_ = absl::InfinitePast();  // their leases may be old
   KeepObstaclesOf(*held);
   for (const JobRow& job : *held) {
     const bool runs = std::any_of(running_.begin(), running_.end(),
@@ -57,7 +57,8 @@ void Supervisor::Loop::StartHeld() {
   }
 }
 
-// An end whose answer was lost has been written: its job is no longer among `held`.
+// Removes the obstacles of jobs that are no longer held: their end was written, and only the answer
+// was lost.
 void Supervisor::Loop::KeepObstaclesOf(const std::vector<JobRow>& held) {
   const std::lock_guard lock(mutex_);
   std::erase_if(obstacles_, [&](const auto& obstacle) {
@@ -78,7 +79,7 @@ void Supervisor::Loop::StartJob(const JobRow& job) {
     ClearObstacle(job.id);
     running_.push_back(std::move(started).value());
   } else if (absl::IsUnavailable(started.status())) {
-    // No failure of the job's.
+    // The job has not failed.
     spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
     PauseClaims(job.id, started.status());
   } else {
@@ -91,7 +92,7 @@ void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error
   spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
   const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, ClientStatus(error));
   if (!ended.ok()) {
-    // Tried again, unless its end was written and only the answer was lost.
+    // It is tried again, unless the end was written and only the answer was lost.
     PauseClaims(job.id, ended.status());
     return;
   }
@@ -99,8 +100,8 @@ void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error
   ClearObstacle(job.id);
 }
 
-// Only where others share the database: they may claim what is not prolonged, cancel what runs
-// here, and a cluster may have started a worker again.
+// Renews the leases of running jobs, on a shared database only. Other servers may claim jobs whose
+// leases are not renewed and cancel jobs that run here, and a cluster may have restarted a worker.
 void Supervisor::Loop::KeepLeases() {
   const absl::Time now = absl::Now();
   if (!store_.shared() || running_.empty() || now < next_look_) return;
@@ -109,9 +110,9 @@ void Supervisor::Loop::KeepLeases() {
   const absl::StatusOr<std::vector<JobRow>> held =
       renew ? store_.RenewLeases() : store_.ListHeldJobs();
   if (!held.ok()) {
-    // The workers end by themselves when their leases are not prolonged in time.
+    // The workers end by themselves when their leases are not renewed in time.
     if (lease_log_.Over()) {
-      spdlog::error("prolonging the leases of jobs: {}", held.status().ToString());
+      spdlog::error("renewing the leases of jobs: {}", held.status().ToString());
       lease_log_.Fail();
     }
     return;

@@ -20,7 +20,7 @@
 namespace pepeseg {
 
 // The supervisor's thread and what it shares with its callers. Only that thread touches running
-// jobs: others leave a wish under the mutex and wake it.
+// jobs: other threads leave a request under the mutex and wake it.
 class Supervisor::Loop {
  public:
   Loop(Store& store, SupervisorOptions options);
@@ -30,21 +30,21 @@ class Supervisor::Loop {
   JobFolder FolderOf(const std::string& job) const;
   WatchList& watches() { return watches_; }
 
-  // Queues again, or adopts, what the end of a server broke off.
+  // Queues again, or adopts, the jobs that the end of a server has interrupted.
   absl::Status Recover();
   void StartThread();
 
   void Wake();
-  // Of a job for which the store has noted the cancellation.
+  // Requests the end of a job that the store has marked as cancelled.
   void WishCancel(const std::string& job);
   void WishClaims(bool claim);
   void StopThread(absl::Time deadline);
-  // Of a job that runs here.
+  // The newest event and progress of a job that runs here.
   std::optional<Newest> FindRunning(const std::string& job) const;
   absl::Status FindObstacle(const std::string& job, bool queued) const;
 
  private:
-  // How often a shared database is asked what others did.
+  // Interval between queries of a shared database for what other servers did.
   static constexpr absl::Duration kLookAtOthers = absl::Milliseconds(500);
 
   void Run();
@@ -62,11 +62,11 @@ class Supervisor::Loop {
   void TellCancelled(const std::string& job);
   void FinishJobs(bool requeue);
   void Publish(const RunningJob& running);
-  // `error` has stopped the start or end of `job`; empty: of any job that is queued.
+  // Records that `error` has stopped the start or end of `job`; empty: of every queued job.
   void SetObstacle(const std::string& job, const absl::Status& error);
   void ClearObstacle(const std::string& job);
   void KeepObstaclesOf(const std::vector<JobRow>& held);
-  // A job that no longer runs here.
+  // Removes the state of a job that no longer runs here.
   void Forget(const std::string& job);
   bool WaitForWork();  // false: time to stop
   void EndAll();
@@ -75,13 +75,13 @@ class Supervisor::Loop {
   const SupervisorOptions options_;
   WatchList watches_;
   const std::unique_ptr<Launcher> launcher_;
-  // The thread's own.
+  // Used by the thread only.
   std::list<std::unique_ptr<RunningJob>> running_;
-  bool unsure_ = false;     // whether what this server holds is what it runs
+  bool unsure_ = false;     // this server may hold jobs that it does not run
   RetryPause claim_pause_;  // of claims and starts
-  RetryPause lease_log_;    // between the lines about leases that are not prolonged
+  RetryPause lease_log_;    // between the lines about leases that are not renewed
   absl::Time next_look_ = absl::InfinitePast(), next_renewal_ = absl::InfinitePast();
-  // Until then a queued job may become claimable although nothing wakes this thread.
+  // Until then a queued job may become claimable without anything waking this thread.
   absl::Time pauses_end_ = absl::InfinitePast();
 
   mutable std::mutex mutex_;  // guards all below

@@ -10,13 +10,13 @@
 
 namespace pepeseg {
 
-// Who wants to know of which job. Thread safe; outlives its watches because they share its state.
+// The watches of jobs. Thread safe. A watch may outlive the list, as they share the entries.
 class WatchList {
  public:
   WatchList() : entries_(std::make_shared<Entries>()) {}
 
   std::unique_ptr<Supervisor::Watch> Add(const std::string& job, std::function<void()> changed);
-  // Calls `changed` of everyone who watches `job`; empty: of everyone.
+  // Calls `changed` of each watch of `job`; empty: of all watches.
   void Notify(const std::string& job) const;
 
  private:
@@ -25,7 +25,7 @@ class WatchList {
     std::function<void()> changed;
   };
   struct Entries {
-    std::mutex mutex;  // held while calling, so that a watch that is gone is not called any more
+    std::mutex mutex;  // held while calling, so that no watch is called after its destructor
     std::list<Entry> list;
   };
   class Held;

@@ -7,12 +7,12 @@
 namespace pepeseg {
 namespace {
 
-// A pace counts after this share of a stage and this time.
+// A pace counts after this share of a stage and this many seconds.
 constexpr double kFirstShare = 0.01, kFirstSeconds = 1;
-// A stage is no more than so many times slower or faster than expected.
+// Bound on the ratio of measured to expected seconds, and its inverse.
 constexpr double kMostOff = 100;
 // Smoothing: the predicted end moves by 1 - 1/e of the difference within this share of the time
-// left, seconds within the limits.
+// left, clamped to these seconds.
 constexpr double kSmoothShare = 0.1, kLeastSmooth = 2, kMostSmooth = 60;
 
 double PlannedWork(const PlannedStage& stage) {
@@ -29,7 +29,7 @@ int64_t PlannedSteps(const PlannedStage& stage) {
   return num_steps;
 }
 
-// Expected work of the first `steps` steps.
+// Expected seconds of the first `steps` steps.
 double WorkUntil(const PlannedStage& stage, int64_t steps) {
   double work = 0;
   for (const PlannedStage::Piece& piece : stage.pieces) {
@@ -57,7 +57,7 @@ void JobEta::StartStage(const std::string& name, double now) {
 }
 
 void JobEta::EndStage(double now) {
-  // The pace of a stage of less than a second says nothing of one of minutes.
+  // A stage of less than a second says nothing about the pace of one of minutes.
   if (current_ >= 0 && measured_ && stages_[current_].seconds) {
     const double seconds = now - stage_start_;
     const double expected = *stages_[current_].seconds * (done_ + left_);
@@ -89,6 +89,8 @@ void JobEta::Step(int64_t first_step, int64_t step, int64_t num_steps, double no
 
 void JobEta::Share(double share, double now) { Measure(share, 1 - share, now); }
 
+// `done` and `left` are shares of the stage's expected work. After a resume they add up to less
+// than 1, after a stage has left out steps as well.
 void JobEta::Measure(double done, double left, double now) {
   done_ = std::max(0.0, done);
   left_ = std::clamp(left, 0.0, 1.0);
@@ -101,6 +103,8 @@ std::optional<double> JobEta::StageSecondsLeft() const {
   return elapsed_ / done_ * left_;
 }
 
+// Ratio of measured to expected seconds on one kind of processor: ended stages, and the running
+// one.
 double JobEta::SpeedOf(bool on_device) const {
   Pace pace = ended_[on_device ? 1 : 0];
   if (current_ >= 0 && measured_ && stages_[current_].on_device == on_device &&

@@ -36,7 +36,7 @@ absl::Status InputOutputError(absl::string_view what) {
   return absl::InternalError(absl::StrCat(what, ": ", std::generic_category().message(errno)));
 }
 
-// The whole of standard input, a regular file.
+// Reads all of standard input, which must be a regular file.
 absl::StatusOr<std::string> ReadPhotographInput(const std::string& name) {
   struct stat facts {};
   if (fstat(STDIN_FILENO, &facts) != 0) return InputOutputError("fstat");
@@ -66,6 +66,7 @@ absl::Status WritePhotographOutput(absl::string_view bytes) {
   return absl::OkStatus();
 }
 
+// Warps a decoded photograph to the view of the task, which the task describes as a model.
 absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image) {
   Model model;
   RETURN_IF_ERROR(ParseModelFacts(task.view, model));
@@ -82,13 +83,14 @@ absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image)
   return ViewWarp::Restore(*view.photograph, view.camera).Photo(image);
 }
 
+// Verifies the file's digest, decodes it, and turns or warps it as the task says.
 absl::StatusOr<Image> DecodeInput(const PhotographTask& task, const std::string& bytes) {
   if (Sha256Hex(bytes) != task.sha256) {
     return absl::DataLossError(absl::StrCat(task.name, ": the stored file fails its SHA-256"));
   }
   const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   Image image;
-  if (IsHeic(span)) {  // upright by itself
+  if (IsHeic(span)) {  // decoded upright
     ASSIGN_OR_RETURN(HeicPhoto photo, DecodeHeic(span, task.name));
     image = std::move(photo.image);
   } else {

@@ -12,13 +12,14 @@ bool IsOneOf(char c, std::string_view characters) {
   return characters.find(c) != std::string_view::npos;
 }
 
-// Where a path may begin: behind a space, a quote, a bracket. Not behind "http:".
+// Whether an absolute path may start at `at`: after a space, a quote or a bracket, not in
+// "http://".
 bool MayBeginPath(std::string_view text, size_t at) {
   if (text[at] != '/' || (at + 1 < text.size() && text[at + 1] == '/')) return false;
   return at == 0 || IsOneOf(text[at - 1], " \t\n\r\"'`([{<=,;:|");
 }
 
-// `text` without the folders of absolute paths.
+// Removes the folders of absolute paths.
 std::string WithoutFolders(std::string_view text) {
   std::string shorter;
   for (size_t at = 0; at < text.size();) {
@@ -30,14 +31,14 @@ std::string WithoutFolders(std::string_view text) {
     const std::string_view path = text.substr(at, end - at);
     const size_t last = path.find_last_not_of('/');
     const size_t folder = last == std::string_view::npos ? 0 : path.rfind('/', last);
-    // "/tmp" and "/2" name no folder.
+    // "/tmp" and "/2" have no folder to remove.
     shorter.append(folder == 0 ? path : path.substr(folder + 1, last - folder));
     at = end;
   }
   return shorter;
 }
 
-// Control characters, and those that turn the direction of what follows them.
+// Whether a character is a control character, or changes the direction of the text after it.
 bool Steers(std::string_view character) {
   const auto byte = [&](size_t i) { return static_cast<unsigned char>(character[i]); };
   if (character.size() == 1) return byte(0) < 0x20 || byte(0) == 0x7f;
@@ -59,7 +60,7 @@ size_t Utf8CharacterLength(std::string_view text) {
     if ((static_cast<unsigned char>(text[i]) & 0xc0) != 0x80) return 0;
   }
   const auto second = static_cast<unsigned char>(text[1]);
-  // Overlong forms, surrogates, and what is beyond U+10FFFF.
+  // Overlong forms, surrogates, and code points above U+10FFFF.
   if ((lead == 0xe0 && second < 0xa0) || (lead == 0xed && second > 0x9f) ||
       (lead == 0xf0 && second < 0x90) || (lead == 0xf4 && second > 0x8f)) {
     return 0;

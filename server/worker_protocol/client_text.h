@@ -7,25 +7,26 @@
 #include "absl/status/status.h"
 #include "google/protobuf/message.h"
 
-// Text of a worker's, as clients and logs may have it: code that an uploaded file has taken over
-// may have written it.
+// Makes text of a worker fit for clients and logs: code that an uploaded file has taken over may
+// have written it.
 namespace pepeseg {
 
 // Largest text that a client gets from a worker, bytes.
 inline constexpr size_t kMaxClientText = 2048;
 
-// Bytes of the well-formed UTF-8 character at the start of `text`, which is not empty; 0: there is
-// none.
+// Returns the length, in bytes, of the well-formed UTF-8 character at the start of `text`, which is
+// not empty; 0: there is none.
 size_t Utf8CharacterLength(std::string_view text);
 
-// `text` as one printable line of at most `max_bytes` bytes: absolute paths are cut to their last
-// part, ends of lines become " | ", and what is not UTF-8 or would steer a terminal becomes '?'.
+// Returns `text` as one printable line of at most `max_bytes` bytes: absolute paths are cut to
+// their last part, ends of lines become " | ", and bytes that are not UTF-8 or would control a
+// terminal become '?'.
 std::string ClientText(std::string_view text, size_t max_bytes = kMaxClientText);
 
-// `status` with its message as a ClientText and nothing else.
+// Returns a status with the code of `status`, its message as a ClientText, and no payloads.
 absl::Status ClientStatus(const absl::Status& status);
 
-// Makes each text of a message a ClientText, also in its parts. Keys of maps stay as they are.
+// Makes each string of a message a ClientText, in nested messages, too. Maps stay as they are.
 void CleanTexts(google::protobuf::Message& message);
 
 }  // namespace pepeseg

@@ -11,12 +11,12 @@ namespace {
 
 constexpr int kMaxCudaDevices = 1024;
 
-// The N of "cuda:N", or 0 of "cuda".
+// Returns N for "cuda:N", and 0 for "cuda".
 absl::StatusOr<int> CudaIndex(const std::string& wanted) {
   if (wanted == "cuda") return 0;
   int index = -1;
   const std::string digits = wanted.starts_with("cuda:") ? wanted.substr(5) : "";
-  // SimpleAtoi would also take spaces and signs.
+  // SimpleAtoi would also accept spaces and signs.
   if (digits.find_first_not_of("0123456789") == std::string::npos &&
       absl::SimpleAtoi(digits, &index) && index < kMaxCudaDevices) {
     return index;

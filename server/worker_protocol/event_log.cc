@@ -28,12 +28,12 @@ struct RecordHeader {
 };
 static_assert(sizeof(RecordHeader) == 8);
 
-// No event comes near it: more is a broken length, not a reason to allocate.
+// Far above any event: a larger length is broken, and nothing is allocated for it.
 constexpr uint32_t kMaxPayload = 1 << 20;
-// Nor has a log so many: what comes after it still has a number.
+// Largest sequence number that is accepted, so that the numbers after it do not overflow.
 constexpr int64_t kMaxSequence = int64_t{1} << 62;
-// A worker's file may claim to continue after at most so many events that are not there (they were
-// lost to a bad disk): more would use up the numbers.
+// Largest number of missing events (lost to a bad disk) after which a worker's file may claim to
+// continue: more would use up the numbers.
 constexpr int64_t kMaxMissing = int64_t{1} << 32;
 constexpr int kMaxWorkerMetrics = 1000;
 
@@ -41,7 +41,7 @@ absl::Status Unreadable(const std::string& where) {
   return absl::InternalError(absl::StrCat(where, ": cannot be read"));
 }
 
-// Fills `bytes` from `offset` on. false: there are not as many.
+// Reads `size` bytes at `offset`. False: the file ends before.
 absl::StatusOr<bool> ReadAt(const Descriptor& file, int64_t offset, size_t size, void* bytes,
                             const std::string& where) {
   size_t num_read = 0;
@@ -56,8 +56,8 @@ absl::StatusOr<bool> ReadAt(const Descriptor& file, int64_t offset, size_t size,
   return true;
 }
 
-// The record at `offset`, reported as `where`: its length in bytes. 0: it is not there yet;
-// DATA_LOSS: it is broken; INTERNAL: the disk does not say.
+// Reads the record at `offset`, which errors call `where`, and returns its length in bytes; 0: it
+// is not yet written. DATA_LOSS: it is broken. INTERNAL: the disk failed.
 absl::StatusOr<int64_t> ReadRecord(const Descriptor& file, int64_t offset, const std::string& where,
                                    v1::JobEvent* event) {
   RecordHeader header;
@@ -72,7 +72,7 @@ absl::StatusOr<int64_t> ReadRecord(const Descriptor& file, int64_t offset, const
                                  payload.size(), payload.data(), where));
   if (!whole) return 0;
   if (Crc32c(payload) != header.crc) return broken("its CRC-32C does not match");
-  if (!event->ParseFromString(payload)) return broken("it is no event");
+  if (!event->ParseFromString(payload)) return broken("it is not an event");
   if (event->sequence() < 0 || event->sequence() > kMaxSequence) {
     return broken(absl::StrCat("sequence ", event->sequence()));
   }
@@ -83,7 +83,7 @@ bool IsFirstRecord(const v1::JobEvent& event) {
   return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
 }
 
-// What a worker may report, and nothing of what the server says of a job.
+// Whether a worker may report the event: it may not report the job's state.
 bool IsForWorkers(const v1::JobEvent& event) {
   return event.has_stage_started() || event.has_stage_ended() || event.has_progress() ||
          event.has_warning() || event.has_term_skipped();
@@ -114,7 +114,7 @@ absl::StatusOr<std::unique_ptr<EventLogWriter>> EventLogWriter::Open(
   auto writer = std::unique_ptr<EventLogWriter>(new EventLogWriter(file, descriptor));
   RETURN_IF_ERROR(reader.ReadToEnd());
   writer->last_sequence_ = reader.last_sequence_;
-  // Of a file without a first record the reader knows nothing.
+  // The reader does not open a file without a first record.
   writer->size_ = reader.position_ == position ? reader.offset_ : 0;
   if (ftruncate(descriptor, writer->size_) != 0) return FileError(file, "truncate", errno);
   if (position > 0 && writer->size_ == 0) {
@@ -149,7 +149,7 @@ absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   const ssize_t wrote = write(descriptor_, record.data(), record.size());
   if (wrote != static_cast<ssize_t>(record.size())) {
     absl::Status status = FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
-    // Half a record would hide what comes after it.
+    // Half a record would hide the records after it.
     if (ftruncate(descriptor_, size_) != 0) return FileError(path_, "truncate", errno);
     return status;
   }
@@ -175,7 +175,7 @@ std::filesystem::path EventLogReader::NameOf(Position position) const {
                               : std::filesystem::path(name);
 }
 
-// 0: it is another file.
+// The position of a file by its name; 0: it is not a file of the log.
 EventLogReader::Position EventLogReader::FindPosition(const std::string& name, bool in_work) const {
   const std::string prefix = path_.stem().string() + "-";
   if (!name.starts_with(prefix)) return 0;
@@ -190,19 +190,20 @@ EventLogReader::Position EventLogReader::FindPosition(const std::string& name, b
   return 0;
 }
 
-// NOT_FOUND: it is not there.
+// Opens the file at a position. NOT_FOUND: it does not exist, or is a worker's and not a plain
+// file.
 absl::StatusOr<Descriptor> EventLogReader::OpenPart(const BeneathFolder& folder,
                                                     Position position) const {
   absl::StatusOr<Descriptor> file = folder.OpenFile(NameOf(position));
   if (file.ok() || absl::IsNotFound(file.status())) return file;
   if (!absl::IsFailedPrecondition(file.status())) return file;
   const std::string message(file.status().message());
-  // A server's own file is never anything else, unless a disk is broken.
+  // A file of the server is always plain, unless the disk is broken.
   if (IsOfWorker(position)) return absl::NotFoundError(message);
   return absl::InternalError(message);
 }
 
-// None: it has none yet.
+// Reads the first record of the file at a position; none: it has none yet.
 absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::ReadFirstRecord(
     const BeneathFolder& folder, Position position) const {
   const absl::StatusOr<Descriptor> file = OpenPart(folder, position);
@@ -215,7 +216,7 @@ absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::ReadFir
   return Successor{position, event.sequence(), *size};
 }
 
-// The next file after this one, and after `passed_over`, that has its first record.
+// Finds the next file, after this one and after `passed_over`, that has its first record.
 absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::FindSuccessor(
     Position passed_over) const {
   std::optional<Successor> next;
@@ -237,7 +238,7 @@ absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::FindSuc
   return next;
 }
 
-// Up to `last_sequence`, from the file at position_.
+// Reads events up to `last_sequence` from the file at position_.
 absl::Status EventLogReader::ReadPart(int64_t last_sequence, size_t max_events,
                                       std::vector<v1::JobEvent>& events) {
   const absl::StatusOr<BeneathFolder> folder = BeneathFolder::Open(path_.parent_path());
@@ -254,7 +255,7 @@ absl::Status EventLogReader::ReadPart(int64_t last_sequence, size_t max_events,
     if (size == 0 || event.sequence() > last_sequence) break;
     if (IsOfWorker(position_)) {
       if (event.sequence() != last_sequence_ + 1 || !IsForWorkers(event)) {
-        return absl::DataLossError(absl::StrCat(where, ": it is no event of a worker's"));
+        return absl::DataLossError(absl::StrCat(where, ": it is not an event of a worker"));
       }
       CleanWorkerEvent(event);
     }
@@ -269,14 +270,14 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events
   std::vector<v1::JobEvent> events;
   Position passed_over = 0;
   while (true) {
-    // Looked for first: what an attempt has written by the time another takes over is all of it.
+    // Found before the events are read: once the next file exists, this one has all its events.
     const absl::StatusOr<std::optional<Successor>> found = FindSuccessor(passed_over);
     if (!found.ok() && events.empty()) return found.status();
     if (!found.ok()) return events;
     const std::optional<Successor>& next = *found;
     const absl::Status read =
         ReadPart(next ? next->last_sequence : Successor().last_sequence, max_events, events);
-    // A later attempt continues behind a broken record, not behind one that may yet be read.
+    // A later attempt continues after a broken record, but not after one that may yet be read.
     const bool passed = read.ok() || (next && absl::IsDataLoss(read));
     if (!passed && events.empty()) return read;
     if (!passed || !next || events.size() >= max_events) return events;
@@ -286,13 +287,13 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events
     }
     position_ = next->position;
     offset_ = next->offset;
-    // A worker's events count from what it has found before them.
+    // A worker numbers its events from the last one that it has found.
     if (IsOfWorker(position_)) last_sequence_ = next->last_sequence;
   }
 }
 
-// What is behind a broken record cannot be found: it is cut off like a torn one. What the disk does
-// not give today it may give tomorrow.
+// Reads all events. Records after a broken one cannot be found: they are cut off, as a torn one is.
+// An error of the disk is returned, since the records may be readable later.
 absl::Status EventLogReader::ReadToEnd() {
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = Read();

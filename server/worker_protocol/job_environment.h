@@ -5,16 +5,16 @@
 
 namespace pepeseg {
 
-// Variable by which a worker of Slurm's gets the database's URL. It is on no list below.
+// Variable by which a worker of Slurm gets the database's URL. JobEnvironment does not pass it on.
 inline constexpr char kSlurmDatabase[] = "PEPESEG_SLURM_DATABASE";
 
-// The variables of this process that a worker and the programs that it runs get, as "NAME=VALUE":
-// those of a short list (paths of programs and libraries, language, CUDA's, numbers of threads, the
-// cluster's) and of `more`, by name. Not the server's keys, passwords and addresses: code that an
-// uploaded file takes over can read all of it.
+// Returns the variables of this process, as "NAME=VALUE", that a worker and the programs that it
+// runs get: those of a short list (paths of programs and libraries, language, CUDA, numbers of
+// threads, the cluster) and those named in `more`. The server's keys, passwords and addresses are
+// not among them, since code that an uploaded file takes over can read every variable.
 std::vector<std::string> JobEnvironment(const std::vector<std::string>& more);
 
-// Names of the variables that libpq reads (PGPASSFILE ...) which this process has.
+// Returns the names of this process's variables that libpq reads (PGPASSFILE ...).
 std::vector<std::string> DatabaseVariables();
 
 }  // namespace pepeseg

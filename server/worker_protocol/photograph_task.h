@@ -8,17 +8,17 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 
-// What the server and `pepeseg-worker --photograph=TASK` say to each other: the worker reads one
+// The protocol between the server and `pepeseg-worker --photograph=TASK`: the worker reads one
 // image file from its standard input and writes one answer to its standard output, a file.
 namespace pepeseg {
 
 struct PhotographTask {
-  std::string name;    // its owner's name of the file, for errors
+  std::string name;    // the owner's name for the file, for errors
   std::string sha256;  // of the file: 64 lower-case hex digits
-  // Turns the image upright as its EXIF data say.
+  // Whether the image is turned upright by its EXIF orientation.
   bool upright = false;
-  // The view of a model that it is warped to, as FormatModelFacts writes a model of this view
-  // alone; empty: it is not. Not together with `upright`: views are of the stored pixels.
+  // The view of a model that the image is warped to, as FormatModelFacts writes a model of this
+  // view alone; empty: not warped. Not together with `upright`: views are of the stored pixels.
   std::string view;
   // Longer side of the JPEG, pixels: a larger image is shrunk to it. 0: not shrunk.
   int max_side = 0;
@@ -28,7 +28,7 @@ std::string FormatPhotographTask(const PhotographTask& task);
 // INVALID_ARGUMENT: `text` is not what FormatPhotographTask makes.
 absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text);
 
-// How an answer begins. Behind it: `num_bytes` of a JPEG, or of the error's message.
+// The start of an answer. It is followed by `num_bytes` of a JPEG, or of the error's message.
 struct PhotographHeader {
   absl::StatusCode code = absl::StatusCode::kOk;
   int width = 0;  // of the JPEG, pixels

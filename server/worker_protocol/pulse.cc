@@ -39,7 +39,7 @@ std::chrono::steady_clock::duration PulseWatch::Silence() {
 WorkerPulse::WorkerPulse(const std::filesystem::path& pulse, const std::filesystem::path& lease,
                          std::chrono::seconds length, std::function<void()> lost)
     : pulse_(pulse), length_(length), lost_(std::move(lost)), lease_(lease) {
-  // Signals are for the thread that does the work.
+  // The new thread inherits a mask that blocks all signals: the training's thread handles them.
   sigset_t all;
   sigset_t before;
   sigfillset(&all);

@@ -10,22 +10,24 @@
 #include <mutex>
 #include <thread>
 
-// A worker and whoever holds its lease show each other that they live by touching a file of the
-// job's folder now and then. Only changes of its time count, by the watcher's own steady clock: the
-// machines' clocks need not agree, and a machine that sleeps misses nothing.
+// Heartbeats. A worker and the holder of its lease each touch a file in the job's folder at regular
+// intervals, and watch the other's. Only changes of the file's time count, measured by the
+// watcher's steady clock: the machines' clocks need not agree, and a machine that was suspended has
+// missed nothing.
 namespace pepeseg {
 
-// Makes `path` and gives it the current time. False: it could not be made, or touched.
+// Creates `path` if needed and sets its time to now. False: that failed.
 bool Touch(const std::filesystem::path& path);
 
-// Watches one file. Not thread safe.
+// Watches the time of one file. Not thread safe.
 class PulseWatch {
  public:
   explicit PulseWatch(std::filesystem::path path) : path_(std::move(path)) {}
 
-  // From now on a file that is not there yet is silence, too.
+  // From now on the time that a missing file stays missing counts, too.
   void Expect();
-  // Looks, and answers how long ago the file was last seen to change; 0 while it is not there.
+  // Looks at the file, and returns how long ago it was last seen to change; 0 while it is missing
+  // and Expect was not called.
   std::chrono::steady_clock::duration Silence();
 
  private:
@@ -35,9 +37,10 @@ class PulseWatch {
   std::chrono::steady_clock::time_point change_{};
 };
 
-// The worker's side: touches `pulse` every second until it is destroyed. With a lease, calls `lost`
-// from its own thread once `lease` was not touched for seven tenths of it: the rest is for what
-// there is between the holder's promise to the database and this file.
+// The worker's side. A thread of its own touches `pulse` every second (with a short lease, more
+// often) until the object is destroyed. With a lease, that thread calls `lost` once `lease` was not
+// touched for 0.7 of `length`: the rest allows for the delay between the holder's renewal in the
+// database and its touch of this file.
 class WorkerPulse {
  public:
   WorkerPulse(const std::filesystem::path& pulse, const std::filesystem::path& lease,
@@ -50,7 +53,7 @@ class WorkerPulse {
   void Run();
 
   const std::filesystem::path pulse_;
-  const std::chrono::seconds length_;  // of the lease; 0: there is none
+  const std::chrono::seconds length_;  // of the lease; 0: no lease
   const std::function<void()> lost_;
   PulseWatch lease_;
   std::mutex mutex_;

@@ -2,8 +2,8 @@
 
 namespace pepeseg {
 
-// Built with AddressSanitizer or ThreadSanitizer, which map more memory than any machine has, and
-// do what no worker does: look into other threads.
+// Whether this is a build with AddressSanitizer or ThreadSanitizer. They map more memory than any
+// machine has, and look into other threads, which no worker does.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kSanitized = true;
 #elif defined(__has_feature)

@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Debian 12's header ends with Linux 6.1; the kernel reports what it knows beyond.
+// Missing in Debian 12's header, which is of Linux 6.1. The kernel reports whether it has them.
 constexpr uint64_t kTruncate = uint64_t{1} << 14;
 constexpr uint64_t kScopeAbstractSockets = 1, kScopeSignals = 2;
 struct Ruleset {
@@ -39,7 +39,7 @@ constexpr uint64_t kRead = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_REA
 constexpr uint64_t kExecute = kRead | LANDLOCK_ACCESS_FS_EXECUTE;
 constexpr uint64_t kWrite = LANDLOCK_ACCESS_FS_WRITE_FILE | kTruncate;
 constexpr uint64_t kReadAndWrite = kRead | kWrite;
-// A folder that it may fill with files and folders, and with nothing else.
+// A folder in which files and folders can be made, and nothing else.
 constexpr uint64_t kFill = kReadAndWrite | LANDLOCK_ACCESS_FS_REMOVE_DIR |
                            LANDLOCK_ACCESS_FS_REMOVE_FILE | LANDLOCK_ACCESS_FS_MAKE_DIR |
                            LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_REFER;
@@ -69,12 +69,12 @@ constexpr const char* kSystemFiles[] = {"/etc/ld.so.cache",
                                         "/sys/devices/system/node",
                                         "/sys/fs/cgroup",
                                         "/sys/kernel/mm/transparent_hugepage"};
-// Python, and whatever else asks who it is.
+// Python and other programs look up the user's name in them.
 constexpr const char* kProgramFiles[] = {"/etc/passwd", "/etc/group", "/etc/nsswitch.conf"};
 constexpr const char* kDeviceFiles[] = {"/sys", "/proc/devices", "/proc/modules",
                                         "/proc/driver/nvidia", "/etc/nvidia"};
 constexpr const char* kReadDevices[] = {"/dev/random", "/dev/urandom"};
-// All of /dev would be disks and terminals too, where the service runs as root.
+// Not all of /dev: it has disks and terminals, which a service that runs as root could open.
 constexpr const char* kWriteDevices[] = {"/dev/null", "/dev/zero", "/dev/full"};
 
 absl::Status SystemError(absl::string_view what) {
@@ -108,8 +108,8 @@ class FileRules {
     return ruleset_ >= 0 ? absl::OkStatus() : SystemError("Landlock's rules");
   }
 
-  // Of a file, `access` counts as far as it is a file's. What this process does not find or reach
-  // now is no use to it later either.
+  // Allows `access` below a folder, or as much of it as applies to a file. A path that this process
+  // cannot find or reach is left out.
   absl::Status Allow(const fs::path& path, uint64_t access) const {
     const int file = open(path.c_str(), O_PATH | O_CLOEXEC);
     if (file < 0 && (errno == ENOENT || errno == ENOTDIR || errno == EACCES)) {
@@ -144,14 +144,14 @@ class FileRules {
   uint64_t handled_ = 0;
 };
 
-// Where CUDA keeps what it has compiled; as CUDA itself finds it.
+// The folder of compiled kernels, as CUDA finds it.
 fs::path CudaCache() {
   if (const char* path = std::getenv("CUDA_CACHE_PATH")) return path;
   const char* home = std::getenv("HOME");
   return fs::path(home != nullptr ? home : "/root") / ".nv";
 }
 
-// The files of the libraries that this process has loaded.
+// Paths of the libraries that this process has loaded.
 std::vector<fs::path> LoadedLibraries() {
   std::vector<fs::path> libraries;
   dl_iterate_phdr(
@@ -164,6 +164,7 @@ std::vector<fs::path> LoadedLibraries() {
   return libraries;
 }
 
+// The absolute folders of LD_LIBRARY_PATH.
 std::vector<fs::path> LibraryFolders() {
   std::vector<fs::path> folders;
   const char* words = std::getenv("LD_LIBRARY_PATH");
@@ -173,7 +174,7 @@ std::vector<fs::path> LibraryFolders() {
   return folders;
 }
 
-// CUDA's driver loads more libraries from the folder in which it is itself, wherever that is.
+// The folders of CUDA's driver, from which it loads more libraries.
 std::vector<fs::path> CudaFolders() {
   dlopen("libcuda.so.1", RTLD_LAZY | RTLD_GLOBAL);
   std::vector<fs::path> folders;
@@ -195,7 +196,7 @@ absl::Status AllowSystem(const FileRules& rules, bool runs_programs) {
   RETURN_IF_ERROR(rules.AllowEach(LoadedLibraries(), kRead));
   RETURN_IF_ERROR(rules.AllowEach(LibraryFolders(), kRead));
   RETURN_IF_ERROR(rules.Allow("/proc/self/exe", kRead));
-  // Of this process only: those that it starts have others, which are not known yet.
+  // Resolved to this process now: programs that it starts cannot read their own.
   return rules.Allow("/proc/self", kRead);
 }
 

@@ -5,10 +5,10 @@
 
 namespace pepeseg {
 
-// The part of the sandbox that is about files: from now on this process and what it starts open
-// only what EnterSandbox says, and signal nobody else where the kernel can tell (Linux 6.12).
-// FAILED_PRECONDITION: the kernel has no Landlock of Linux 5.19 or later, and nothing was limited.
-// INTERNAL: it has, and refuses. Call prctl(PR_SET_NO_NEW_PRIVS) before.
+// Limits the files that this process and those that it starts can open to what EnterSandbox says,
+// and, from Linux 6.12 on, their signals to each other. FAILED_PRECONDITION: the kernel has no
+// Landlock of Linux 5.19 or later, and nothing was limited. INTERNAL: it has, but refuses. Call
+// prctl(PR_SET_NO_NEW_PRIVS) before.
 absl::Status LimitFiles(const SandboxNeeds& needs);
 
 }  // namespace pepeseg

@@ -20,10 +20,11 @@ namespace {
 
 // The largest file of a model: 50 M Gaussians of 62 floats.
 constexpr rlim_t kMaxFileBytes = rlim_t{16} << 30;
-// Of each thread. A reference training takes hours; a week is a loop that does not end.
+// CPU seconds of each thread. A reference training takes hours: after a week it is an endless loop.
 constexpr rlim_t kMaxSeconds = 7 * 24 * 3600;
 constexpr rlim_t kMaxOpenFiles = 256;
 
+// Lowers the soft and the hard limit of a resource. Limits are never raised.
 absl::Status Limit(decltype(RLIMIT_AS) resource, rlim_t value) {
   rlimit limit{};
   if (getrlimit(resource, &limit) != 0) {
@@ -47,7 +48,7 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
   RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kMaxFileBytes));
   RETURN_IF_ERROR(Limit(RLIMIT_NOFILE, kMaxOpenFiles));
   RETURN_IF_ERROR(Limit(RLIMIT_CORE, 0));
-  // A file over its limit is an error of write(), with a message, and not the end of the process.
+  // A file over the limit makes write() fail with a message, instead of ending the process.
   std::signal(SIGXFSZ, SIG_IGN);
   return absl::OkStatus();
 }
@@ -71,7 +72,7 @@ int64_t MemoryLimit() {
 
 absl::Status EndWithParent(pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  // It may have ended before that call.
+  // The parent may have ended before that call.
   if (getppid() != parent) return absl::CancelledError("the server has ended");
   return absl::OkStatus();
 }

@@ -27,10 +27,10 @@ namespace {
 
 constexpr uint64_t kLowerHalf = 0xffffffff;
 
-// Rules of libseccomp, whose first error is kept.
+// A filter of system calls by libseccomp. The first error is kept, and Enter returns it.
 class Filter {
  public:
-  // `otherwise`: what becomes of calls without a rule.
+  // `otherwise`: the action for calls without a rule.
   explicit Filter(uint32_t otherwise) : context_(seccomp_init(otherwise)) {
     if (context_ == nullptr) error_ = ENOMEM;
   }
@@ -42,9 +42,9 @@ class Filter {
 
   void Allow(absl::string_view calls) { AddEach(SCMP_ACT_ALLOW, calls); }
   void Kill(absl::string_view calls) { AddEach(SCMP_ACT_KILL_PROCESS, calls); }
-  // Programs that know an older call use that one instead.
+  // Answers ENOSYS, upon which programs use an older call.
   void SayUnknown(const char* call) { Add(SCMP_ACT_ERRNO(ENOSYS), call, {}); }
-  // The kernel's log names what was refused.
+  // Has the kernel's log name refused calls.
   void Log() { Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_LOG, 1)); }
   // All of `conditions` must hold, no two of one argument; rules of one call are alternatives.
   void AllowIf(const char* call, std::initializer_list<scmp_arg_cmp> conditions) {
@@ -52,7 +52,7 @@ class Filter {
   }
 
   absl::Status Enter() {
-    // All threads, should there be more than one; calls are found by a tree of comparisons.
+    // For all threads, should there be more than one; with a binary tree of comparisons.
     Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_TSYNC, 1));
     Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_OPTIMIZE, 2));
     if (error_ == 0) Keep(seccomp_load(context_));
@@ -72,7 +72,7 @@ class Filter {
            std::initializer_list<scmp_arg_cmp> conditions) {
     if (error_ != 0) return;
     const int number = seccomp_syscall_resolve_name(call.c_str());
-    // Newer than this libseccomp: refused, like all that is not listed.
+    // This libseccomp does not know the call: it is refused, as all that are not listed.
     if (number == __NR_SCMP_ERROR) return;
     Keep(seccomp_rule_add_array(context_, action, number, static_cast<unsigned>(conditions.size()),
                                 conditions.begin()));
@@ -87,8 +87,8 @@ class Filter {
   std::string where_;
 };
 
-// A terminal is only asked what it is: TIOCSTI would type into the shell of the operator. Only the
-// lower half of the request counts for the kernel, so only that is compared.
+// Allows harmless requests to terminals only: TIOCSTI would type into the operator's shell. The
+// kernel uses the lower half of the request, so only that is compared.
 void AllowDeviceControl(Filter& filter) {
   for (const unsigned long request : {TCGETS, TIOCGWINSZ, FIONREAD, FIONBIO, FIONCLEX, FIOCLEX}) {
     filter.AllowIf("ioctl", {SCMP_A1(SCMP_CMP_MASKED_EQ, kLowerHalf, request)});
@@ -100,6 +100,7 @@ void AllowDeviceControl(Filter& filter) {
   }
 }
 
+// Allows new threads and, if `processes`, new processes, but no new namespaces.
 void AllowThreads(Filter& filter, bool processes) {
   constexpr uint64_t kNamespaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC |
                                    CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
@@ -111,10 +112,10 @@ void AllowThreads(Filter& filter, bool processes) {
   }
 }
 
-// Sockets never reach another process's: no call connects, and those that could send to a name
-// without connecting (datagrams) are not made.
+// Allows sockets that cannot reach another process: no call connects, and datagram sockets, which
+// could send to a name without connecting, cannot be made.
 void AllowSockets(Filter& filter, bool has_device) {
-  constexpr uint64_t kTypes = 0xf;  // beside them SOCK_CLOEXEC, SOCK_NONBLOCK
+  constexpr uint64_t kTypes = 0xf;  // the rest is SOCK_CLOEXEC and SOCK_NONBLOCK
   for (const uint64_t type : {SOCK_STREAM, SOCK_SEQPACKET}) {
     const scmp_arg_cmp local = SCMP_A0(SCMP_CMP_MASKED_EQ, kLowerHalf, AF_UNIX);
     const scmp_arg_cmp ordered = SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, type);
@@ -124,8 +125,8 @@ void AllowSockets(Filter& filter, bool has_device) {
   if (has_device) filter.Allow(kDeviceSocketCalls);
 }
 
-// Landlock knows truncation only from Linux 6.2 on, and open() truncates what it opens for reading,
-// too: that is refused here. openat2 has its flags in memory; callers use openat instead.
+// Refuses to truncate a file that is opened for reading: Landlock covers truncation only from Linux
+// 6.2 on. openat2 has its flags in memory, where a filter cannot look; callers use openat instead.
 void AllowOpening(Filter& filter) {
   constexpr uint64_t kMode = O_ACCMODE, kTruncates = O_TRUNC;
   const auto flags = [&](const char* call, uint64_t mask, uint64_t value) {
@@ -141,8 +142,8 @@ void AllowOpening(Filter& filter) {
   filter.SayUnknown("openat2");
 }
 
-// A process that starts no others has only itself to signal; the numbers of those that it starts
-// are not known here.
+// Allows a process that starts no others to signal itself only. The process ids of those that it
+// starts are not known here.
 void AllowSignals(Filter& filter, bool processes) {
   const auto self = static_cast<uint64_t>(getpid());
   for (const char* call : {"kill", "tgkill", "rt_sigqueueinfo", "rt_tgsigqueueinfo"}) {
@@ -154,9 +155,9 @@ void AllowSignals(Filter& filter, bool processes) {
   }
 }
 
-// The flags of clone3 lie in memory, where a filter cannot look: the C library falls back to clone.
-// A filter of its own, as every new thread asks and the kernel's log need not say so. The strictest
-// filter counts.
+// Answers ENOSYS to clone3, upon which the C library uses clone: the flags of clone3 are in memory,
+// where a filter cannot look. It is a filter of its own without a log, since every new thread tries
+// clone3. Of several filters the strictest action counts.
 absl::Status HideClone3() {
   Filter filter(SCMP_ACT_ALLOW);
   filter.SayUnknown("clone3");
@@ -166,7 +167,7 @@ absl::Status HideClone3() {
 absl::Status LimitSystemCalls(const SandboxNeeds& needs) {
   Filter filter(SCMP_ACT_ERRNO(EPERM));
   filter.Log();
-  filter.Allow("clone3");  // HideClone3's
+  filter.Allow("clone3");  // HideClone3 answers it
   filter.Allow(kFileCalls);
   filter.Allow(kMemoryCalls);
   filter.Allow(kThreadCalls);
@@ -181,9 +182,9 @@ absl::Status LimitSystemCalls(const SandboxNeeds& needs) {
   AllowSockets(filter, needs.has_device);
   if (needs.has_device || needs.runs_programs) filter.Allow(kDeviceCalls);
   if (needs.runs_programs) filter.Allow(kProgramCalls);
-  // A sanitizer looks for leaks from a process of its own, which stops all threads.
+  // A sanitizer looks for leaks in a process of its own, which stops all threads of this one.
   if (kSanitized) filter.Allow(kSanitizerCalls);
-  // Limits are asked for, and stay; a driver may lower its own.
+  // Limits can be read but not changed; a CUDA driver may lower those of this process.
   if (needs.has_device) {
     filter.AllowIf("prlimit64", {SCMP_A0(SCMP_CMP_EQ, 0)});
   } else {

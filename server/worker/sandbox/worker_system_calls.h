@@ -2,14 +2,14 @@
 
 #include "absl/strings/string_view.h"
 
-// The system calls of the worker's sandbox, in groups with the reason of each. Names that this
-// machine, or its libseccomp, does not have are passed over.
+// The system calls that the worker's sandbox allows or kills, in groups with the reason for each.
+// Names that this machine or its libseccomp does not have are ignored.
 namespace pepeseg {
 
-// Files: the dataset, the results, libraries; locks and temporary files of SQLite in COLMAP. Which
-// ones is for Landlock to say; open and openat have conditions of their own. No links, which would
-// lead whoever reads the results elsewhere; no chown, mknod, chroot, mount; no truncate by path; no
-// io_uring, whose calls no filter sees.
+// Files: the dataset, the results, libraries; locks and temporary files of SQLite in COLMAP.
+// Landlock decides which files; open and openat have conditions of their own. Not listed are links,
+// which would lead readers of the results elsewhere; chown, mknod, chroot, mount; truncate by path;
+// and io_uring, whose operations no filter sees.
 inline constexpr absl::string_view kFileCalls =
     "access chdir chmod close close_range copy_file_range creat dup dup2 dup3 faccessat "
     "faccessat2 fadvise64 fallocate fchdir fchmod fchmodat fcntl fdatasync fgetxattr flistxattr "
@@ -24,7 +24,7 @@ inline constexpr absl::string_view kMemoryCalls =
     "brk get_mempolicy madvise membarrier memfd_create mincore mlock mlock2 mmap mprotect "
     "mremap msync munlock munmap pkey_alloc pkey_free pkey_mprotect";
 
-// What the C library's threads and locks are made of; clone has conditions of its own.
+// Threads and locks of the C library; clone has conditions of its own.
 inline constexpr absl::string_view kThreadCalls =
     "arch_prctl exit exit_group futex futex_waitv get_robust_list get_thread_area getcpu gettid "
     "rseq sched_get_priority_max sched_get_priority_min sched_getaffinity sched_getattr "
@@ -42,8 +42,8 @@ inline constexpr absl::string_view kSignalCalls =
     "pause poll ppoll pselect6 restart_syscall rt_sigaction rt_sigpending rt_sigprocmask "
     "rt_sigreturn rt_sigsuspend rt_sigtimedwait select sigaltstack signalfd signalfd4";
 
-// Pairs of sockets between a process and its children; which ones can be made stands in
-// worker_sandbox.cc. No connect.
+// Pairs of sockets between a process and its children; AllowSockets in worker_sandbox.cc says which
+// can be made. No connect.
 inline constexpr absl::string_view kSocketCalls =
     "getpeername getsockname getsockopt recvfrom recvmmsg recvmsg sendmmsg sendmsg sendto "
     "setsockopt shutdown";
@@ -54,25 +54,25 @@ inline constexpr absl::string_view kAboutItselfCalls =
     "uname";
 
 // CUDA's driver, in the worker or in a priors command: pinned and shared memory, memory near a
-// processor, priorities of its threads. What else it does is ioctl on its devices.
+// processor, priorities of its threads. Everything else it does by ioctl on its devices.
 inline constexpr absl::string_view kDeviceCalls =
     "io_cancel io_destroy io_getevents io_setup io_submit mbind mlockall move_pages munlockall "
     "sched_setattr sched_setparam sched_setscheduler semctl semget semop semtimedop "
     "set_mempolicy setpriority shmat shmctl shmdt shmget";
 
-// CUDA's driver listens on an abstract socket (@cuda-uvmfd-...), and gives up where it cannot (seen
-// on an H100). Nobody needs to connect to it.
+// CUDA's driver listens on an abstract socket (@cuda-uvmfd-...), and fails where it cannot (seen on
+// an H100). Nothing needs to connect to it.
 inline constexpr absl::string_view kDeviceSocketCalls = "bind listen";
 
 // COLMAP and the priors command: to start them, to wait for them, and what shells and Python's own
-// processes need. No setsid: what leaves its group would outlive the job.
+// processes need. No setsid: a process that leaves its group would outlive the job.
 inline constexpr absl::string_view kProgramCalls =
     "execve execveat fork ioprio_set personality setpgid vfork wait4 waitid";
 
 inline constexpr absl::string_view kSanitizerCalls = "personality ptrace wait4 waitid";
 
-// What no worker ever does: another process's memory, the kernel's code, the machine's state, keys,
-// file systems, and the calls that attacks on the kernel begin with.
+// Never used by a worker: another process's memory, the kernel's code, the machine's state, keys,
+// file systems, and the calls that attacks on the kernel start with. They kill the process.
 inline constexpr absl::string_view kAttackCalls =
     "acct add_key bpf delete_module finit_module fsconfig fsmount fsopen init_module ioperm "
     "iopl kexec_file_load kexec_load keyctl lookup_dcookie mount mount_setattr move_mount "
