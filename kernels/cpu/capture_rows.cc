@@ -9,7 +9,7 @@
 #include "kernels/math/blend.h"
 
 // Rows of the blend matrix. Sampled pixels are grouped by tile and pair of scanlines, because the
-// SIMD walk works on two scanlines at once; a task walks one group. The first pass counts the
+// SIMD walk may work on two scanlines at once; a task walks one group. The first pass counts the
 // entries of each row; after the prefix sum over the rows a second pass writes them. Each row is
 // written by one task, so the result does not depend on the number of threads.
 

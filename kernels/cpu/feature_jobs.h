@@ -24,10 +24,9 @@ struct PairJob {
   const float* pixel_weight;        // [padded]
   // A constant positive (negative) pair is drawn if its 31-bit hash is below the limit.
   int32_t positive_limit, negative_limit;
-  float* unit;  // [scales, padded, 32] psi * F, normalised
-  float*
-      unit_by_channel;  // the same as [scales, padded / 16, 32, 16]: 16 pixels next to each other
-  float* unit_grad;     // [2, scales, padded, 32] of the sum over positives, then over negatives
+  float* unit;             // [scales, padded, 32] psi * F, normalised
+  float* unit_by_channel;  // the same, channel by channel: [scales, padded / 16, 32, 16]
+  float* unit_grad;        // [2, scales, padded, 32] of the sum over positives, then negatives
   // Read by the last pass: 1 / counts.
   float positive_scale, negative_scale, norm_scale;
 };

@@ -21,8 +21,8 @@ int32_t RoundUp(int32_t count, int32_t multiple) {
 }
 
 // The points outside the tree, as columns [0, count). They are padded with columns that are
-// infinitely far from everything. Padding comes from point -1, which no row is below, so relaxing
-// never changes it.
+// infinitely far from everything. Their edges lead to point -1, which no row is below, so
+// relaxing never changes them.
 class Outside {
  public:
   Outside(const GrowTreeArgs& args, int32_t count)

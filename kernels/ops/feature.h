@@ -83,7 +83,8 @@ struct FeatureCatchUpArgs {
   FeatureState state;  // in and out
 };
 
-// F(p) = sum over the row of weight * feature. The rows must have weights.
+// F(p) = sum over the row of weight * feature. The rows must have weights: the CPU does not take
+// empty ones as 1.
 struct FeatureRowsArgs {
   RowSpan rows;
   DeviceSpan<const float> features;  // [N, 32]
@@ -97,8 +98,8 @@ struct FeatureRowsArgs {
 // psi(s) * F(p) and psi(s) * F(q). A pair p < q counts with all its scales if it is one of these:
 //   - hard: G is not the same at all scales;
 //   - easy: G is the same at all scales, and the pair is drawn at random. For each hard pair,
-//     easy_share pairs of constant positives and easy_share of constant negatives are drawn on
-//     average (as for 5 % of all pairs, if fewer are hard);
+//     easy_share pairs with G = 1 and easy_share pairs with G = 0 are drawn on average. If fewer
+//     than 5 % of all pairs are hard, the draw assumes 5 %;
 //   - wrong: G = 1 and C < min_positive, or G = 0 and C > max_negative, at some scale.
 // L_m = mean over their positives of (-w C) + mean over their negatives of (w max(C, 0)). w_pq is
 // the product of the weights of the two pixels, min-max normalised over all pairs of the batch to
@@ -106,7 +107,8 @@ struct FeatureRowsArgs {
 //
 // The norm term is the mean of (|F(p)| - 1)^2 over pixels with alpha > min_norm_alpha.
 //
-// Here S < 65536. The CUDA backend fails if S or the number of scales is out of range.
+// S must be below 65536. The CUDA backend fails if S or the number of scales is out of range; the
+// CPU only asserts it.
 struct PairLossArgs {
   DeviceSpan<const float> pixel_features;  // [S, 32] F
   DeviceSpan<const float> pixel_weight;    // [S] 1 / A(p), A the mean area of the masks over p
@@ -208,8 +210,8 @@ inline constexpr float kSimilarityUnit = 1 << 20;
 
 // Compares the masks of one query at many scales and thresholds. The threshold level of a pixel at
 // a scale is the number of thresholds that its largest similarity to the first num_positive queries
-// exceeds, or 0 if another query is as similar. The mask at threshold t is the pixels with a level
-// above t.
+// exceeds, or 0 if another query is at least as similar. The mask at threshold t is the pixels with
+// a level above t. Limits are not checked.
 struct LevelOverlapsArgs {
   DeviceSpan<const Half> map;       // [num_pixels, 32]
   DeviceSpan<const float> psi;      // [num_scales, 32], at most kMaxLevelScales

@@ -53,19 +53,19 @@ struct RefineGaussiansArgs {
   DeviceSpan<const float> alpha, depth;  // [H, W] as written by that Render
   double candidate_share = 0.1;          // of the ranked Gaussians, rounded down; [0, 1]
   bool split = false;                    // true: the part outside the mask becomes a Gaussian, too
-  bool scale_all_axes = false;           // true: scales all axes by 0.8 times the share inside,
-                                         // not only the axis that crosses, by the share
+  // False: scales the axis that crosses the border by its share inside the mask. True: scales all
+  // axes by 0.8 times that share.
+  bool scale_all_axes = false;
   const RenderScratch* render = nullptr;
   RefineScratch* scratch = nullptr;
   GaussianPlanes gaussians, moment1, moment2;  // in and out, same count and degree
   DeviceSpan<int32_t> num_steps;               // [N] in and out
   DeviceSpan<int32_t> refinable;               // [N] in and out: 0 or 1
-  // The outside parts in the order of their Gaussians. Parts beyond the capacity are dropped; their
-  // Gaussians are shortened all the same.
-  DeviceSpan<int32_t>
-      outside_source;               // [capacity] -> Gaussian; counts[kNumRefineSplit] are written
-  DeviceSpan<float> outside_shape;  // [6, capacity] mean and log scales, for planes 0 to 5
-  DeviceSpan<int64_t> counts;       // [kNumRefineCounts]
+  // The outside parts in the order of their Gaussians; counts[kNumRefineSplit] are written. Parts
+  // beyond the capacity are dropped, though their Gaussians are shortened.
+  DeviceSpan<int32_t> outside_source;  // [capacity] -> Gaussian
+  DeviceSpan<float> outside_shape;     // [6, capacity] mean and log scales, for planes 0 to 5
+  DeviceSpan<int64_t> counts;          // [kNumRefineCounts]
 };
 
 }  // namespace pepeseg

@@ -15,12 +15,11 @@ namespace pepeseg {
 
 inline constexpr int kMaxNeighbors = 32;
 
-// The nearest Gaussians of each Gaussian. A draw selects columns: bit k set means that column k
-// takes part.
+// The nearest Gaussians of each Gaussian, which is the first of them. A draw selects columns: bit k
+// set means that column k takes part.
 struct NeighborGraph {
-  DeviceSpan<const int32_t>
-      neighbor;           // [N, num_neighbors] each row starts with the Gaussian itself
-  int num_neighbors = 0;  // 1..kMaxNeighbors
+  DeviceSpan<const int32_t> neighbor;  // [N, num_neighbors] -> Gaussian
+  int num_neighbors = 0;               // 1..kMaxNeighbors
 };
 
 // The draw that selects all columns.

@@ -3,7 +3,7 @@
 
 // Forward blending of a tile: colours and depth, the weights at some pixels, or features. All walk
 // the tile's entries front to back (WalkTile) with a vector of adjacent pixels of a scanline at a
-// time, and keep the sums of the whole tile in arrays that stay in the first-level cache.
+// time, and keep the sums of the whole tile in arrays that fit the cache.
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
