@@ -4,8 +4,11 @@
 #include "kernels/math/blend.h"
 #include "kernels/math/tile_cover.h"
 
-// How a tile of 16x16 pixels is blended: as eight cells of 8x4 pixels, one pixel a lane, so that a
-// warp skips as a whole the splats that do not reach its cell.
+// How a tile of 16x16 pixels is blended: as eight cells of 8x4 pixels, each by one warp with one
+// pixel a lane, so that the warp skips as a whole the splats that do not reach its cell. Cells are
+// two abreast and numbered row by row. Shared by render.cu, render_backward.cu, render_features.cu
+// and capture_rows.cu, which must make the same decisions: all compute alpha with SplatAlpha or its
+// parts, so with the same instructions.
 
 namespace pepeseg {
 
@@ -15,23 +18,26 @@ inline constexpr int kCellWidth = 8, kCellHeight = 4;
 inline constexpr int kNumCells = kTilePixels / 32;
 static_assert(kNumCells == 8 && kTileSize == 2 * kCellWidth && kTileSize == 4 * kCellHeight);
 
-// A tile's entries in buckets: the forward pass leaves what it has at the end of each, so that the
-// backward pass works on all of them at once.
+// The entries of a tile are cut into buckets. The forward pass stores the state of each pixel at
+// the end of each bucket, so that the backward pass can work on all buckets at once, a warp a
+// bucket.
 inline constexpr int kBucketSize = 128;
 static_assert(kBucketSize % 32 == 0);
 __host__ __device__ inline int32_t NumBuckets(int32_t num_entries) {
   return (num_entries + kBucketSize - 1) / kBucketSize;
 }
-// Of the buckets of all tiles.
+// Upper bound of the number of buckets of all tiles: each tile may have one that is not full.
 inline int64_t MaxBuckets(int64_t num_entries, int64_t num_tiles) {
   return num_entries / kBucketSize + num_tiles;
 }
 
+// Offset of a cell's first pixel from that of its tile.
 __device__ inline int CellX(int cell) { return cell % 2 * kCellWidth; }
 __device__ inline int CellY(int cell) { return cell / 2 * kCellHeight; }
 
-// The pixels of a cell that a splat reaches, from its extent: bit `cell` for each cell of the tile
-// whose first pixel centre is (x, y) from the splat's mean.
+// Whether a splat reaches scanlines, or pixel centres, of a cell. (x, y) is the offset of the
+// cell's first pixel centre from the splat's mean. It depends on the extent alone and may hold
+// where no pixel passes the test of the power, never the reverse.
 __device__ inline bool ReachesRows(const SplatExtent& extent, float y) {
   return y <= extent.half_height && y + (kCellHeight - 1) >= -extent.half_height;
 }
@@ -40,6 +46,8 @@ __device__ inline bool ReachesCell(const SplatExtent& extent, float x, float y) 
   const BandCover cover = CoverOfBand(extent, y, y + (kCellHeight - 1));
   return x <= cover.right && x + (kCellWidth - 1) >= cover.left;
 }
+// The same for all cells of a tile: bit `cell` is set if the splat reaches that cell. (x, y) is the
+// offset of the tile's first pixel centre.
 __device__ inline uint32_t ReachedCells(const SplatExtent& extent, float x, float y) {
   uint32_t cells = 0;
 #pragma unroll
@@ -57,21 +65,21 @@ __device__ inline uint32_t ReachedCells(const SplatExtent& extent, float x, floa
   return cells;
 }
 
-// 2^x by the hardware: the same instruction in all passes, so the same thresholds.
+// 2^x by the hardware's instruction, the same in all passes, so that they agree at thresholds.
 __device__ inline float FastExp2(float x) {
   float y;
   asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
   return y;
 }
 
-// The alpha of a splat at a pixel, 0 where it is skipped.
+// Alpha of a splat at a pixel centre (kernels/math/blend.h), 0 where it is skipped.
 __device__ inline float SplatAlpha(const SplatWords& s, float pixel_x, float pixel_y) {
   const PowerRoot<float> root = {s.a.z, s.a.w, s.b.x};
   const float power = Power(root.xx, PowerAtRow(root, pixel_y - s.a.y), pixel_x - s.a.x);
   return power < s.c.z ? 0.0f : Alpha(s.b.y, FastExp2(power));
 }
 
-// What a tile's blocks share of a scene that was rendered.
+// What the kernels over tiles read of a render.
 struct TileView {
   int width, height, num_tiles_x;
   const Splat* splats;

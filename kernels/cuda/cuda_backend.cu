@@ -5,8 +5,14 @@
 
 #include "kernels/cuda/cuda_backend.h"
 
+// Host side of the CUDA backend: set-up, errors, copies, readbacks, recorded sequences and the
+// timing of kernels. Memory is in memory.cu. Threads, streams and graphs are described in
+// cuda_backend.h.
+
 namespace pepeseg {
 
+// Sets up the device. After an error the rest fails as well; the first error is kept, and
+// MakeCudaBackend reports it.
 CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   Keep(cudaSetDevice(options.device), "choosing the device");
   cudaDeviceProp properties = {};
@@ -20,8 +26,8 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   Keep(cudaMallocHost(reinterpret_cast<void**>(&pinned_counters_),
                       kNumCudaCounters * sizeof(int64_t)),
        "allocating pinned memory");
-  // Freed memory stays with the process: a scene that grows and shrinks would else go to the
-  // driver each time.
+  // The pool keeps freed memory: otherwise a scene that grows and shrinks would call the driver
+  // each time.
   cudaMemPool_t pool;
   uint64_t keep_all = UINT64_MAX;
   Keep(cudaDeviceGetDefaultMemPool(&pool, options.device), "asking for the memory pool");
@@ -29,6 +35,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
        "setting up the memory pool");
 }
 
+// Waits for the stream before anything that its work may use is destroyed.
 CudaBackend::~CudaBackend() {
   temporary_ = {};
   if (stream_ != nullptr) cudaStreamSynchronize(stream_);
@@ -45,7 +52,7 @@ CudaBackend::~CudaBackend() {
 CudaBackend::Turn::Turn(CudaBackend& backend) : lock_(backend.mutex_) {
   usable_ = backend.error_.empty();
   if (usable_) {
-    // The current device is the calling thread's own.
+    // Each host thread has a current device of its own.
     backend.Keep(cudaSetDevice(backend.options_.device), "choosing the device");
     if (backend.options_.kernel_times != nullptr) backend.Launched(nullptr);
   }
@@ -69,7 +76,7 @@ void CudaBackend::Sync() {
 
 void CudaBackend::Keep(cudaError_t error, const char* doing) {
   if (error == cudaSuccess) return;
-  cudaGetLastError();  // else the next launch reports it again
+  cudaGetLastError();  // clears it: otherwise the next launch would report it again
   Fail({std::string("CUDA: ") + doing + ": " + cudaGetErrorString(error),
         error != cudaErrorMemoryAllocation});
 }
@@ -84,7 +91,8 @@ BackendError CudaBackend::TakeError() {
   const std::lock_guard lock(mutex_);
   if (fatal_) return {error_, true};
   cudaSetDevice(options_.device);
-  // A fault of a kernel shows only when it is waited for, also behind memory that was not had.
+  // A fault within a kernel shows only when the host waits for it. Waiting also when memory ran out
+  // keeps such a fault from being attributed to the next owner of the backend.
   Keep(cudaStreamSynchronize(stream_), "waiting for the device");
   BackendError error = {error_, fatal_};
   if (!fatal_) error_.clear();
@@ -101,6 +109,7 @@ void CudaBackend::Launched(const char* kernel) {
 }
 
 void CudaBackend::ReadKernelTimes() {
+  // The first mark is always the begin of an op, so there is a mark before each kernel's.
   std::vector<KernelTime>& times = *options_.kernel_times;
   for (size_t i = 1; i < marks_.size(); ++i) {
     if (marks_[i].kernel == nullptr) continue;
@@ -121,6 +130,7 @@ void* CudaBackend::Temporary(size_t num_bytes) {
   return temporary_.span().data;
 }
 
+// Returns when pageable `from_host` has been staged by the driver, possibly before it has arrived.
 void CudaBackend::CopyFromHost(void* to, const void* from_host, size_t num_bytes) {
   const Turn turn(*this);
   if (!turn) return;
@@ -149,6 +159,10 @@ void CudaBackend::Zero(void* data, size_t num_bytes) {
   Keep(cudaMemsetAsync(data, 0, num_bytes, stream_), "zeroing");
 }
 
+// Captures the launches of `ops` instead of running them, and then launches them as one graph. Only
+// this thread can launch on the stream meanwhile, as it holds the mutex. The ops are captured on
+// each call, because pointers, sizes and other arguments change from step to step. An op that waits
+// on the host would invalidate the capture, which is a fatal error.
 void CudaBackend::Sequence(int key, const std::function<void()>& ops) {
   const Turn turn(*this);
   if (!turn) return;
@@ -162,14 +176,18 @@ void CudaBackend::Sequence(int key, const std::function<void()>& ops) {
   Keep(cudaStreamEndCapture(stream_, &graph), "recording a sequence");
   if (error_.empty()) LaunchSequence(key, graph);
   if (graph != nullptr) cudaGraphDestroy(graph);
+  // The graph may use this memory: it is freed behind the launch.
   for (void* data : freed_while_recording_) Keep(cudaFreeAsync(data, stream_), "freeing");
   freed_while_recording_.clear();
 }
 
+// Updates the executable graph of this key with the arguments of `graph`, which is cheaper than
+// making a new one, and launches it. A graph that still runs is not affected: updates apply to
+// later launches, and a destroyed graph is freed when it has run.
 void CudaBackend::LaunchSequence(int key, cudaGraph_t graph) {
   cudaGraphExec_t& sequence = sequences_[key];
   cudaGraphExecUpdateResultInfo result;
-  // Another number of kernels, of a sort's passes say, takes a new one.
+  // An update fails when the number of kernels changes, as with the passes of a sort.
   if (sequence != nullptr && cudaGraphExecUpdate(sequence, graph, &result) != cudaSuccess) {
     cudaGetLastError();
     cudaGraphExecDestroy(sequence);
@@ -181,7 +199,7 @@ void CudaBackend::LaunchSequence(int key, cudaGraph_t graph) {
 
 int64_t CudaBackend::CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) {
   const Turn turn(*this);
-  const int64_t ticket = num_readbacks_++;
+  const int64_t ticket = num_readbacks_++;  // also after an error: the caller counts tickets
   if (!turn) return ticket;
   Keep(cudaMemcpyAsync(to_pinned, from, num_bytes, cudaMemcpyDeviceToHost, stream_),
        "copying from the device");
@@ -189,6 +207,7 @@ int64_t CudaBackend::CopyToHostLater(void* to_pinned, const void* from, size_t n
   return ticket;
 }
 
+// Waits without the mutex, so that other threads can keep launching.
 void CudaBackend::WaitFor(int64_t ticket) {
   cudaEvent_t event;
   {

@@ -13,20 +13,36 @@
 
 namespace pepeseg {
 
-// An entry sorts by its tile, above `depth` bits of its depth: the bits of a positive float order
-// as it does, and all are at least `nearest`.
+// Layout of the sort key of an entry: its tile above `depth` bits of depth. The bits of positive
+// floats order as the floats do, so the depth is stored as its bits less `nearest`.
 struct SortKeyBits {
-  uint32_t nearest;
-  int depth;
+  uint32_t nearest;  // bits of the near plane, which all depths exceed
+  int depth;         // number of bits that hold a depth
 };
 
-// Behind the counters of RenderScratch stands the largest depth as its bits.
+// Index of the largest depth of a render, as its bits, which follows the counters of RenderScratch.
 inline constexpr int kLargestDepth = kNumRenderCounters;
 inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
 
-// The CUDA implementation on one device and one stream: each op stands in the file of its name
-// beside this one. Memory comes from the device's stream-ordered pool, so that freeing and growing
-// wait for nothing.
+// The CUDA implementation of Backend on one device: each op is in the file of its name next to this
+// one.
+//
+// Streams. All kernels, copies and frees go to one stream and therefore run in the order of the
+// calls; an op needs no synchronisation with the op before it. Within a launch, blocks communicate
+// only by atomics on integers, by the running sums of project.cu, and by the shortened paths of
+// spanning_tree.cu. The stream does not synchronise with the legacy default stream.
+//
+// Memory comes from the stream-ordered pool of the device, so that freeing and growing wait for
+// nothing. What is freed stays in the pool until ReleaseFreed.
+//
+// Locking. One recursive mutex guards all state. Each op holds it from its first launch to its last
+// (Turn), so that the launches of two threads do not interleave.
+//
+// Graphs. Sequence captures the launches of its ops into a graph each time it is called, updates
+// the executable graph of its key in place, and launches it: one launch for all kernels of a step.
+//
+// Errors of launches and of the runtime are kept (Keep). A fault within a kernel surfaces at a
+// later call, at the latest when the host waits.
 class CudaBackend final : public Backend {
  public:
   explicit CudaBackend(const CudaOptions& options);
@@ -82,8 +98,9 @@ class CudaBackend final : public Backend {
   void SpanningTree(const SpanningTreeArgs& args) override;
 
  private:
-  // An op's turn: its launches follow each other on the stream, whatever other threads call.
-  // Nothing is launched once an error is kept.
+  // Held by an op while it launches, so that its launches follow each other on the stream whatever
+  // other threads call. Makes the device current on the calling thread. False once an error is
+  // kept: the op must then launch nothing. Recursive, because ops call others, such as Zero.
   class Turn {
    public:
     explicit Turn(CudaBackend& backend);
@@ -94,19 +111,29 @@ class CudaBackend final : public Backend {
     bool usable_;
   };
 
+  // All of these are called with the mutex held, or by the constructor.
+  //
+  // Keeps an error of the runtime; `doing` names the call in the message. Everything but a lack of
+  // memory is fatal.
   void Keep(cudaError_t error, const char* doing);
-  // The first error stays, but gives way to a fatal one.
+  // Keeps the error, unless there is one already. A fatal error replaces one that is not.
   void Fail(BackendError error);
-  void Launched(const char* kernel);  // after each launch
+  // Called after each launch, with the kernel's name for kernel_times: keeps the error of the
+  // launch and, when kernels are timed, records an event. nullptr marks the begin of an op.
+  void Launched(const char* kernel);
   void LaunchSequence(int key, cudaGraph_t graph);
+  // Adds the times of the kernels launched since the last call. The stream must have been waited
+  // for.
   void ReadKernelTimes();
 
-  // Scratch memory of an op's own, until the next call.
+  // Working memory of an op, 256-byte aligned, contents unspecified. Valid until the next call of
+  // Temporary: the next op reuses it, ordered by the stream. nullptr if it has to grow and cannot,
+  // which is an error.
   void* Temporary(size_t num_bytes);
 
   DensityCounts DecideFates(const PlanDensityArgs& args, DeviceSpan<uint8_t> fate);
 
-  // Parts of Render.
+  // Parts of Render, in their order.
   void ProjectGaussians(const RenderArgs& args);
   SortKeyBits MakeRoom(const RenderArgs& args);
   void ListTileEntries(const RenderArgs& args, const SortKeyBits& bits);
@@ -116,19 +143,21 @@ class CudaBackend final : public Backend {
   mutable std::recursive_mutex mutex_;
   cudaStream_t stream_ = nullptr;
   std::string error_;
-  bool fatal_ = false;                        // of the error
-  std::unordered_map<void*, size_t> blocks_;  // sizes
-  size_t bytes_in_use_ = 0, peak_bytes_ = 0;
-  // While a sequence is recorded, memory comes from the side stream, which is not, and goes back
-  // when the recording is over.
+  bool fatal_ = false;                        // BackendError::fatal of error_
+  std::unordered_map<void*, size_t> blocks_;  // bytes asked for, of each block not yet freed
+  size_t bytes_in_use_ = 0, peak_bytes_ = 0;  // sum of blocks_, and its largest value
+  // While a sequence is recorded, memory is allocated on the side stream, which is not recorded,
+  // and freed when the recording is over: the graph must hold neither.
   bool recording_ = false;
   cudaStream_t side_stream_ = nullptr;
   std::vector<void*> freed_while_recording_;
-  std::unordered_map<int, cudaGraphExec_t> sequences_;
-  int64_t* pinned_counters_ = nullptr;         // [kNumCudaCounters] on the host
-  cudaEvent_t readbacks_[kMaxReadbacks] = {};  // ticket k: event k % kMaxReadbacks
+  std::unordered_map<int, cudaGraphExec_t> sequences_;  // by the key of Sequence
+  int64_t* pinned_counters_ = nullptr;                  // [kNumCudaCounters] on the host
+  cudaEvent_t readbacks_[kMaxReadbacks] = {};           // ticket k: event k % kMaxReadbacks
   int64_t num_readbacks_ = 0;
-  Buffer<std::byte> temporary_;
+  Buffer<std::byte> temporary_;  // memory of Temporary; grows only
+  // With kernel_times: an event after each launch, and one where an op begins. The time of a kernel
+  // is that between its event and the one before.
   struct KernelMark {
     const char* kernel;  // nullptr: an op begins
     cudaEvent_t event;

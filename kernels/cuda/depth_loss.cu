@@ -55,7 +55,8 @@ __device__ bool IsInside(const PixelBox& box, int x, int y) {
 }
 
 // Returns the block's sum in thread 0, and zeros in all others, which would read it while thread 0
-// still writes. The order of the sum depends on the block's size alone. T: plain sums with operator+.
+// still writes. The order of the sum depends on the block's size alone. T: plain sums with
+// operator+.
 template <class T, int kThreads>
 __device__ T SumOverBlock(const T& own) {
   __shared__ T threads[kThreads];

@@ -7,12 +7,14 @@
 
 namespace pepeseg {
 
-// GaussianPlanes as kernels read them: neighbours in a warp read neighbouring Gaussians.
+// GaussianPlanes as kernels read them: parameter `plane` of Gaussian i. Lanes of a warp that have
+// neighbouring Gaussians read neighbouring floats.
 template <class T>
 struct DevicePlanes {
   T* data;
   int64_t stride;
-  // The plane is the same for a whole warp: its address stays in uniform registers.
+  // `plane` is the same for a whole warp, so that the address of the plane stays in uniform
+  // registers; i must be below 2^32.
   __device__ T& At(int plane, int64_t i) const {
     return (data + plane * stride)[static_cast<uint32_t>(i)];
   }
@@ -24,6 +26,7 @@ inline DevicePlanes<float> ToDevice(const GaussianPlanes& planes) {
   return {planes.data, planes.stride};
 }
 
+// Mean, log scales and quaternion of Gaussian i.
 __device__ inline GaussianShape<float> LoadShape(const DevicePlanes<const float>& planes,
                                                  int64_t i) {
   return {{planes.At(kMeanPlane, i), planes.At(kMeanPlane + 1, i), planes.At(kMeanPlane + 2, i)},
@@ -33,7 +36,7 @@ __device__ inline GaussianShape<float> LoadShape(const DevicePlanes<const float>
            planes.At(kRotationPlane + 2, i), planes.At(kRotationPlane + 3, i)}};
 }
 
-// A splat as three 16-byte words, for loads and shared memory:
+// A splat as three 16-byte words, the widest load and store of a thread:
 // (x, y, root_xx, root_xy), (root_yy, opacity, r, g), (b, depth, min_power, half_height).
 static_assert(sizeof(Splat) == 48);
 struct SplatWords {
@@ -47,7 +50,9 @@ __device__ inline Splat ToSplat(const SplatWords& w) {
   return {w.a.x, w.a.y, w.a.z, w.a.w, w.b.x, w.b.y, w.b.z, w.b.w, w.c.x, w.c.y, w.c.z, w.c.w};
 }
 
-// What a render took room for. It is void when it needed more: see RenderArgs::entry_room.
+// Tile-entry capacity of a render, and the counters from which each kernel reads on the device
+// whether the render overflowed (see RenderArgs::entry_room). The host does not know it when it
+// launches.
 struct Room {
   const int64_t* counters;
   int64_t entries;

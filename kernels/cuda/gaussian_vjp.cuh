@@ -3,15 +3,19 @@
 #include "kernels/cuda/device_planes.cuh"
 #include "kernels/math/blend.h"
 
+// From the gradient of a splat to those of the parameters of its Gaussian: the backward pass of
+// project.cu, shared by project_backward.cu and update.cu.
+
 namespace pepeseg {
 
-// The gradient of all the parameters of one Gaussian, those of its SH coefficients as the products
-// they are: coefficient k of channel c gets basis[k] * color[c].
+// Gradients of all parameters of one Gaussian. Those of the SH coefficients are kept as their
+// factors: the gradient of coefficient k of channel c is basis[k] * color[c].
 struct GaussianBackward {
-  float shape[kShPlane];                         // in the order of the planes
+  float shape[kShPlane];                         // mean to opacity, in the order of the planes
   float basis[NumShCoefficients(kMaxShDegree)];  // 0 beyond the active degree
   float color[3];
 
+  // Returns whether all gradients are finite and below 1e30.
   __device__ bool IsUsable() const {
     bool usable = true;
 #pragma unroll
@@ -24,7 +28,8 @@ struct GaussianBackward {
   }
 };
 
-// Projection, colour and opacity backward for one visible Gaussian.
+// Writes the gradients of visible Gaussian i, through projection, colour and opacity. It projects
+// and shades again: nothing but the splat's gradient is kept from the forward pass.
 template <int kActiveDegree>
 __device__ inline void BackwardGaussian(const DevicePlanes<const float>& planes,
                                         const ProjectionCamera<float>& camera, int64_t i,
@@ -70,6 +75,7 @@ __device__ inline void BackwardGaussian(const DevicePlanes<const float>& planes,
   for (int k = 0; k < kShPlane; ++k) out.shape[k] = in_order[k];
 }
 
+// For Gaussians that are not visible.
 __device__ inline void ZeroGradient(GaussianBackward& out) {
 #pragma unroll
   for (float& value : out.shape) value = 0;

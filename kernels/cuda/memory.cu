@@ -5,8 +5,14 @@
 
 #include "kernels/cuda/cuda_backend.h"
 
+// Memory of the CUDA backend. Device memory is allocated and freed in the order of the stream, from
+// the device's default pool: a block that is freed here may be handed out again at once, and is
+// used by the device only after the work that was queued before. Pinned memory is that of the host.
+
 namespace pepeseg {
 
+// Rounds up to 256 bytes, which the memset then fills whole. When memory runs out it trims the pool
+// and tries once more; not while a sequence is recorded, as that would wait for the stream.
 void* CudaBackend::Allocate(size_t num_bytes) {
   const Turn turn(*this);
   if (!turn) return nullptr;
@@ -16,7 +22,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   cudaError_t error = cudaMallocAsync(&data, padded, stream);
   if (error == cudaErrorMemoryAllocation && !recording_) {
     cudaGetLastError();
-    ReleaseFreed();  // what the pool keeps may be of sizes that do not serve
+    ReleaseFreed();  // the pool may keep blocks of sizes that do not fit
     error = cudaMallocAsync(&data, padded, stream);
   }
   if (error == cudaErrorMemoryAllocation) {
@@ -28,6 +34,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   Keep(error, "allocating");
   if (data == nullptr) return nullptr;
   Keep(cudaMemsetAsync(data, 0, padded, stream), "zeroing new memory");
+  // The graph runs on stream_, which knows nothing of the side stream.
   if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
   blocks_[data] = num_bytes;
   bytes_in_use_ += num_bytes;
@@ -35,6 +42,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   return data;
 }
 
+// Unlike ops it works after an error, so that buffers can be destroyed.
 void CudaBackend::Free(void* data) {
   const std::lock_guard lock(mutex_);
   const auto block = blocks_.find(data);
@@ -59,7 +67,7 @@ void* CudaBackend::AllocatePinned(size_t num_bytes) {
 void CudaBackend::FreePinned(void* data) {
   const std::lock_guard lock(mutex_);
   cudaSetDevice(options_.device);
-  cudaStreamSynchronize(stream_);  // a copy to it may be under way
+  cudaStreamSynchronize(stream_);  // a copy to `data` may be under way
   Keep(cudaFreeHost(data), "freeing pinned memory");
 }
 
@@ -81,15 +89,15 @@ DeviceMemory CudaBackend::memory() const {
   if (cudaMemGetInfo(&free, &total) != cudaSuccess ||
       cudaDeviceGetDefaultMemPool(&pool, options_.device) != cudaSuccess ||
       cudaMemPoolGetAttribute(pool, cudaMemPoolAttrReservedMemCurrent, &pooled) != cudaSuccess) {
-    cudaGetLastError();  // a device that is lost has none
+    cudaGetLastError();  // a lost device reports no memory
     return {};
   }
-  // What the pool keeps beyond what is in use is this process's to take.
+  // Memory that the pool keeps beyond what is in use is free for this process.
   const size_t kept = pooled > bytes_in_use_ ? pooled - bytes_in_use_ : 0;
   return {static_cast<int64_t>(free + kept), static_cast<int64_t>(total), false};
 }
 
-// Freeing is ordered by the stream: only what it has come by can go back.
+// The pool can give back only blocks whose free the stream has reached, so this waits first.
 void CudaBackend::ReleaseFreed() {
   const Turn turn(*this);
   if (!turn || recording_) return;

@@ -1,3 +1,6 @@
+// MakeCudaBackend of builds without CUDA. Compiled in place of the .cu files, so that callers need
+// no conditional compilation.
+
 #include "kernels/backend.h"
 
 namespace pepeseg {

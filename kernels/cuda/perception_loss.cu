@@ -9,8 +9,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kPixels = 4;   // of a block, one after the other
-constexpr int kAtOnce = 4;   // pairs whose features are on their way at once
+constexpr int kPixels = 4;    // of a block, one after the other
+constexpr int kAtOnce = 4;    // pairs whose features are on their way at once
 constexpr int kSumWarps = 3;  // a scale, in the last kernel
 
 struct Work {
@@ -36,9 +36,9 @@ __device__ float PsiOf(const Work& work, int scale, int lane) {
 // One pixel at one scale, a channel a lane.
 struct PixelAtScale {
   int scale;
-  float psi, unit;          // of the pixel
-  float share[2];           // of a similar pair and of a dissimilar one
-  float unit_grad, loss;    // sums
+  float psi, unit;        // of the pixel
+  float share[2];         // of a similar pair and of a dissimilar one
+  float unit_grad, loss;  // sums
 };
 
 // kAtOnce pairs from entry e on, of which those from `end` on are none.

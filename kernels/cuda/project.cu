@@ -6,6 +6,21 @@
 #include "kernels/math/blend.h"
 #include "kernels/math/tile_cover.h"
 
+// First part of Render (RenderArgs in kernels/ops/render.h; METHOD.md section 1, "Rendering"):
+// projects the Gaussians (kernels/math/projection.h), shades them (sh.h), counts the tiles that
+// each reaches (tile_cover.h), and compacts those that reach one, in the order of their index, in
+// one launch.
+//
+// A thread has one Gaussian, a block 256 neighbouring ones. A block takes its number from an atomic
+// ticket, so that blocks are numbered in the order in which they start and SumOfBlocksBefore cannot
+// wait for a block that has not started. Ranks within a warp come from shuffles, those of the warps
+// from shared memory (BlockSums), those of the blocks from the running sums of running_sum.cuh: one
+// over visible Gaussians, by warp 0, one over (Gaussian, tile) entries, by warp 1. __syncthreads
+// separates the warps' sums, the blocks' sums and their use.
+//
+// Everything that is summed or compared across threads is an integer: outputs do not depend on the
+// order in which blocks run.
+
 namespace pepeseg {
 namespace {
 
@@ -20,18 +35,21 @@ struct ProjectParams {
   float width, height;
   float near_plane;
   int sh_degree;
-  // Outputs, with room for all Gaussians.
+  // Outputs, each with space for all Gaussians.
   int32_t* gaussian_visible;
   int32_t* visible_gaussian;
   Splat* visible_splat;
   int32_t* visible_first_slot;
   int64_t* counters;
-  // Of the launch: a ticket, then the words of two running sums.
+  // [1 + 2 * blocks] zeros: the next ticket, then the words of two running sums.
   uint64_t* progress;
 };
 
+// Visible, out of view or too faint, or culled because a value is not usable.
 enum class Fate { kVisible, kOutside, kDegenerate };
 
+// Colour of the splat as seen from the camera. Returns whether it is usable. The degree is a
+// template argument, so that the loop over the coefficients unrolls and `basis` stays in registers.
 template <int kDegree>
 __device__ bool ShadeSplat(const ProjectParams& p, int64_t i, Vec3<float> mean, Splat& splat) {
   constexpr int kNumCoefficients = NumShCoefficients(kDegree);
@@ -48,6 +66,8 @@ __device__ bool ShadeSplat(const ProjectParams& p, int64_t i, Vec3<float> mean, 
   return IsUsable(splat.r) && IsUsable(splat.g) && IsUsable(splat.b);
 }
 
+// Makes the splat of Gaussian i, except for tiles. Unusable values are culled and counted, never
+// clamped (NUMERICS.md, "Bounds and rules").
 template <int kDegree>
 __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
   const GaussianShape<float> shape = LoadShape(p.gaussians, i);
@@ -67,7 +87,7 @@ __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
   if (!(min_power < 0)) return Fate::kOutside;
   const auto root = MakePowerRoot(conic.xx, conic.xy, projection.determinant);
   const auto half = SplatHalfExtent(min_power, root.yy, conic.yy, projection.determinant);
-  // Before the colour, which is most of what there is to read.
+  // Tested before the colour, whose coefficients are most of the memory to read.
   if (projection.x + half.width <= 0 || projection.x - half.width >= p.width ||
       projection.y + half.height <= 0 || projection.y - half.height >= p.height) {
     return Fate::kOutside;
@@ -77,22 +97,26 @@ __device__ Fate ProjectOne(const ProjectParams& p, int64_t i, Splat& splat) {
   return ShadeSplat<kDegree>(p, i, shape.mean, splat) ? Fate::kVisible : Fate::kDegenerate;
 }
 
-// More than an int holds is refused or void later, by the counters.
+// A slot beyond the range of int is clamped: the 64-bit counters show that the render is too large
+// or has overflowed, and then no slot is used.
 __device__ int32_t ToSlot(uint64_t slot) {
   return static_cast<int32_t>(min(slot, uint64_t{INT32_MAX}));
 }
 
+// Number of visible Gaussians (0 or 1 for a thread) and of their entries.
 struct Counts {
   uint32_t visible, entries;
 };
 
+// Shared memory of a block.
 struct BlockSums {
-  Counts warp[kNumWarps];
-  uint64_t visible_before, entries_before;
-  uint32_t largest_depth;  // as its bits
-  int block;
+  Counts warp[kNumWarps];                   // sums of the warps
+  uint64_t visible_before, entries_before;  // sums of the blocks before
+  uint32_t largest_depth;                   // as its bits
+  int block;                                // number of this block, in the order of starting
 };
 
+// Sum of the lanes before this one, and the total of the warp.
 __device__ Counts WarpExclusiveSum(Counts own, Counts& total) {
   const int lane = static_cast<int>(threadIdx.x) & 31;
   Counts sum = own;
@@ -108,7 +132,8 @@ __device__ Counts WarpExclusiveSum(Counts own, Counts& total) {
   return {sum.visible - own.visible, sum.entries - own.entries};
 }
 
-// By the first two warps: one sums the visible, the other the entries.
+// Finds the sums of the blocks before: warp 0 for the visible, warp 1 for the entries. The last
+// block also stores the totals.
 __device__ void SumOverBlocks(const ProjectParams& p, BlockSums& sums) {
   const int num_blocks = static_cast<int>(gridDim.x);
   const int warp = static_cast<int>(threadIdx.x) / 32;
@@ -124,7 +149,7 @@ __device__ void SumOverBlocks(const ProjectParams& p, BlockSums& sums) {
   p.counters[warp == 0 ? kNumVisible : kNumTileEntries] = static_cast<int64_t>(before + own);
 }
 
-// Projects, and compacts in the order of the Gaussians.
+// Each thread stores its splat at its rank among the visible, and the first of its entries.
 template <int kDegree>
 __global__ void __launch_bounds__(kBlock) ProjectKernel(ProjectParams p) {
   __shared__ BlockSums sums;
@@ -214,7 +239,7 @@ void CudaBackend::ProjectGaussians(const RenderArgs& args) {
   const size_t progress_bytes = (1 + 2 * size_t{static_cast<unsigned>(num_blocks)}) * 8;
   auto* progress = static_cast<uint64_t*>(Temporary(progress_bytes));
   if (!error_.empty()) return;
-  // All but the count of void renders.
+  // All counters but kNumVoidRenders, which counts overflowed renders since the scratch was made.
   Zero(scratch.counters.span().data, kNumVoidRenders * sizeof(int64_t));
   Zero(scratch.counters.span().data + kLargestDepth, sizeof(int64_t));
   Zero(progress, progress_bytes);

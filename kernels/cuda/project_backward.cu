@@ -4,6 +4,10 @@
 #include "kernels/cuda/gaussian_vjp.cuh"
 #include "kernels/cuda/launch.h"
 
+// ProjectBackward (ProjectBackwardArgs in kernels/ops/render.h): the gradients of all parameters,
+// as an op of its own. Training uses Update, which does the same and a step of Adam at once. A
+// thread has one Gaussian and writes its planes; nothing is shared or summed across threads.
+
 namespace pepeseg {
 namespace {
 
@@ -13,13 +17,14 @@ struct ProjectBackwardParams {
   DevicePlanes<const float> gaussians;
   DevicePlanes<float> grad;
   int64_t count;
-  int num_coefficients;  // stored
+  int num_coefficients;  // SH coefficients of a channel that `grad` stores
   ProjectionCamera<float> camera;
   const int32_t* gaussian_visible;
   const SplatGrad* visible_grad;
   Room room;
 };
 
+// The degree is a template argument, so that loops over coefficients unroll into registers.
 template <int kActiveDegree>
 __global__ void __launch_bounds__(kBlock) ProjectBackwardKernel(ProjectBackwardParams p) {
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;

@@ -6,6 +6,23 @@
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
 
+// Render (RenderArgs in kernels/ops/render.h; METHOD.md section 1, "Rendering"): sizes the scratch,
+// runs project.cu and splat_order.cu, and blends the tiles front to back (kernels/math/blend.h).
+//
+// BlendKernel: a block has a tile, a warp a cell of 8x4 pixels (blend_tile.cuh), a thread a pixel.
+// The block goes through the entries of the tile in batches of 256: each thread loads one entry
+// into registers while the batch before is blended, and stores it to shared memory between two
+// barriers. The first of them, __syncthreads_and, also ends the loop once all pixels are opaque.
+// Within a batch the warps do not wait for each other: a lane tests one of 32 splats against the
+// warp's cell, the ballot lists those that reach it, and all lanes blend these in order.
+//
+// Each pixel is blended by one thread in the order of the entries, so images are the same in every
+// run. Threads write only their own pixels.
+//
+// For the backward pass a thread also stores what its pixel has accumulated at the end of each
+// bucket of 128 entries that is not the last of its tile, unless its whole warp is opaque by then:
+// the backward pass reads only buckets that end before the last entry that the pixel has blended.
+
 namespace pepeseg {
 namespace {
 
@@ -16,7 +33,8 @@ struct BlendParams {
   const int32_t* tile_first_bucket;
   const int32_t* tile_order;
   float background[3];
-  // Outputs; alpha and depth may be null, and of those for the backward pass all.
+  // Outputs. alpha and depth may be null, and so may pixel_color, pixel_depth and the bucket_
+  // arrays, which are for the backward pass.
   float *color, *alpha, *depth;
   float4* pixel_color;
   float* pixel_depth;
@@ -25,22 +43,24 @@ struct BlendParams {
   int32_t* bucket_tile;
   float4* bucket_color;
   float* bucket_depth;
-  int64_t* num_void_renders;
+  int64_t* num_void_renders;  // counter of overflowed renders
 };
 
+// Shared memory of a block: the splats of 256 entries as words (SplatWords), and their extents.
 struct Batch {
   float4 a[kTilePixels], b[kTilePixels], c[kTilePixels];
   SplatExtent extent[kTilePixels];
 };
 
+// State of a pixel while it is blended.
 struct PixelSum {
-  float4 color;  // rgb and transmittance
-  float depth;
-  int32_t last;
-  bool done;
+  float4 color;  // rgb without background, and transmittance
+  float depth;   // sum of weight * depth
+  int32_t last;  // end of the entries of the tile that it has blended
+  bool done;     // opaque, or outside the image
 };
 
-// Entry `first + threadIdx.x`, on its way while the batch before is blended.
+// Loads entry `first + threadIdx.x` into registers; zeros beyond `end`.
 __device__ SplatWords LoadEntry(const BlendParams& p, int32_t first, int32_t end) {
   const int32_t entry = first + static_cast<int32_t>(threadIdx.x);
   return entry < end ? LoadSplat(p.tiles.splats, p.entry_visible[entry]) : SplatWords{};
@@ -52,6 +72,7 @@ __device__ void StoreEntry(const SplatWords& s, Batch& batch) {
   batch.extent[threadIdx.x] = MakeSplatExtent(ToSplat(s));
 }
 
+// `entry` counts from the first entry of the tile.
 template <bool kDepth>
 __device__ void BlendSplat(const SplatWords& s, float x, float y, int32_t entry, PixelSum& sum) {
   const float alpha = SplatAlpha(s, x, y);
@@ -96,7 +117,7 @@ __device__ void StorePixel(const BlendParams& p, int tile, int x, int y, const P
   p.pixel_last_entry[pixel] = sum.last;
 }
 
-// A block a tile, a warp a cell.
+// Blends the tile tile_order[blockIdx.x].
 template <bool kDepth>
 __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
   __shared__ Batch batch;
@@ -112,6 +133,7 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
   for (int k = static_cast<int>(threadIdx.x); k < num_buckets; k += kTilePixels) {
     p.bucket_tile[first_bucket + k] = tile;
   }
+  // One thread of the launch counts an overflowed render.
   if (tile == 0 && threadIdx.x == 0 && p.room.IsVoid()) ++*p.num_void_renders;
 
   PixelSum sum = {{0, 0, 0, 1}, 0, 0, x >= p.tiles.width || y >= p.tiles.height};
@@ -143,7 +165,9 @@ __global__ void __launch_bounds__(kTilePixels) BlendKernel(BlendParams p) {
 
 }  // namespace
 
-// Sizes what is counted by entries, tiles and pixels.
+// Sizes the buffers that are counted by entries, tiles and buckets, for the tile-entry capacity or,
+// without one, for the number of entries, for which the host waits. Returns the layout of the sort
+// keys: where the host knows the largest depth, keys have fewer bits and the sort fewer passes.
 SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   RenderScratch& scratch = *args.scratch;
   const int64_t num_tiles = int64_t{scratch.num_tiles_x} * scratch.num_tiles_y;
@@ -189,6 +213,8 @@ SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
   return bits;
 }
 
+// A launch for each part, ordered by the stream. With a tile-entry capacity the host waits for
+// nothing, and the launches can be recorded.
 void CudaBackend::Render(const RenderArgs& args) {
   const Turn turn(*this);
   if (!turn) return;

@@ -5,11 +5,30 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/warp_sums.cuh"
 
+// RenderBackward (RenderBackwardArgs in kernels/ops/render.h): from the gradients of the pixels to
+// those of the splats, by the formulas of kernels/math/blend.h. Two launches.
+//
+// BackwardKernel: a warp has a bucket of up to 128 entries of one tile, and is a block of its own;
+// a lane has eight pixels of the tile, one in each cell. It goes through the entries from back to
+// front in groups of 32, whose splats are in shared memory (WarpBatch; __syncwarp before and after
+// they are replaced). For each entry the lanes compute the terms of their pixels, and shuffles sum
+// them over the warp (warp_sums.cuh). The sums of an entry go to its slot. Buckets are independent,
+// because the forward pass has stored the state of each pixel at their ends (render.cu).
+// Transmittances before a splat are recovered by division by 1 - alpha >= 0.01.
+//
+// SumSlotsKernel: five threads have a splat, each two of its ten sums. They add the slots of the
+// splat, which are its tiles from the top left, in registers; shared memory and one __syncthreads
+// hand the sums to one thread a splat, which turns them into gradients.
+//
+// No float is added by an atomic. A slot is written by one warp, as a tree over lanes of sums over
+// the cells in their order, and slots are added in their order: gradients are the same in every
+// run.
+
 namespace pepeseg {
 namespace {
 
-// What is summed over the pixels of a (splat, tile): the moments of math/blend.h, then the gradient
-// of the colour and of the depth.
+// Sums over the pixels of a (splat, tile) entry: the moments of PowerMoments, then the gradients of
+// colour and depth.
 enum SlotSum { kSum, kSumX, kSumY, kSumXX, kSumXY, kSumYY, kSumR, kSumG, kSumB, kSumDepth };
 constexpr int kNumSlotSums = kSumDepth + 1;
 
@@ -31,13 +50,14 @@ struct BackwardParams {
   float* slot_sums;                                   // [entries, kNumSlotSums]
 };
 
-// A pixel on its way from the back to the front.
+// State of a pixel while the entries are taken from back to front.
 struct PixelState {
-  float r_grad, g_grad, b_grad, depth_grad;
-  float transmittance, behind;
-  int32_t end;  // entries of the tile from here on do not concern it
+  float r_grad, g_grad, b_grad, depth_grad;  // gradients of the pixel, constant
+  float transmittance, behind;  // behind the next entry; `behind` is behind_dot of AlphaVjp
+  int32_t end;  // end of the entries of the tile that the pixel has blended; 0: it has no gradient
 };
 
+// State of the lane's pixel of a cell at the end of the bucket.
 template <bool kDepth>
 __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, int cell) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
@@ -59,7 +79,7 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   if constexpr (kDepth) s.depth_grad = p.depth_grad[pixel];
   const float alpha_grad = p.alpha_grad == nullptr ? 0 : p.alpha_grad[pixel];
   if (s.r_grad == 0 && s.g_grad == 0 && s.b_grad == 0 && s.depth_grad == 0 && alpha_grad == 0) {
-    s.end = 0;  // it has nothing to say: ignored, or as the photograph
+    s.end = 0;  // no gradient: the pixel is ignored, or equals the photograph
     return s;
   }
   const int64_t in_tiles = int64_t{tile} * kTilePixels + cell * 32 + lane;
@@ -68,7 +88,9 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   s.behind = s.r_grad * p.background[0] + s.g_grad * p.background[1] + s.b_grad * p.background[2];
   s.behind -= alpha_grad;
   if (s.end <= first + kBucketSize) return s;
-  // Behind this bucket lies what the pixel gathered after it, seen with transmittance 1.
+  // The pixel has also blended entries behind this bucket. What it gathered there, and the
+  // background, is the difference of its state at the end of the tile and at the end of the bucket;
+  // divided by the transmittance there it is as seen with transmittance 1.
   s.end = first + kBucketSize;
   const int64_t in_buckets = int64_t{bucket} * kTilePixels + cell * 32 + lane;
   const float4 before = p.bucket_color[in_buckets];
@@ -82,6 +104,8 @@ __device__ PixelState StartPixel(const BackwardParams& p, int tile, int bucket, 
   return s;
 }
 
+// One splat at one pixel, (dx, dy) from its mean: takes the state in front of the splat and adds to
+// the lane's sums.
 template <bool kDepth>
 __device__ void BackwardPixel(const SplatWords& w, float alpha, float dx, float dy, PixelState& s,
                               float (&sums)[kDepth ? kNumSlotSums : kNumSlotSums - 1]) {
@@ -110,14 +134,15 @@ __device__ void ZeroSlot(const BackwardParams& p, int32_t slot) {
   for (int k = 0; k < kNumSlotSums / 2; ++k) out[k] = {0, 0};
 }
 
-constexpr int kBackwardWarps = 1;  // a block
+constexpr int kBackwardWarps = 1;  // warps a block; they share nothing
 
+// Shared memory of a warp: the splats of 32 entries, as SplatWords.
 struct WarpBatch {
   float4 a[32], b[32], c[32];
 };
 
-// A warp a bucket: eight pixels a lane, one in each cell. Each (splat, tile) is summed by one warp
-// in one order, so gradients are the same from run to run.
+// Writes the slots of all entries of a bucket, zeros for those that no pixel has blended. The grid
+// covers the upper bound of the number of buckets; warps beyond the number return at once.
 template <bool kDepth>
 __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardParams p) {
   constexpr int kNumSums = kDepth ? kNumSlotSums : kNumSlotSums - 1;
@@ -142,7 +167,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
     pixels[cell] = StartPixel<kDepth>(p, tile, bucket, cell);
     last = max(last, pixels[cell].end);
   }
-  last = __reduce_max_sync(kAllLanes, last) - first;  // entries at or after it concern no pixel
+  last = __reduce_max_sync(kAllLanes, last) - first;  // from it on no pixel has blended an entry
   const int sum_index = IndexOfSum<kNumSums>(lane);
 
   for (int32_t group = (num_entries - 1) / 32 * 32; group >= 0; group -= 32) {
@@ -159,7 +184,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
       own_cells = ReachedCells(MakeSplatExtent(ToSplat(w)), tile_x - w.a.x, tile_y - w.a.y);
     }
     __syncwarp();
-    if (group >= last) {
+    if (group >= last) {  // the same for all lanes
       if (slot >= 0) ZeroSlot(p, slot);
       continue;
     }
@@ -193,7 +218,7 @@ __global__ void __launch_bounds__(32 * kBackwardWarps) BackwardKernel(BackwardPa
 
 constexpr int kSumParts = kNumSlotSums / 2;  // threads a splat, two sums each
 constexpr int kSplatsABlock = 64;
-constexpr int kSlotsAtOnce = 4;
+constexpr int kSlotsAtOnce = 4;  // loads in flight at once
 
 struct SumParams {
   Room room;
@@ -204,7 +229,7 @@ struct SumParams {
   SplatGrad* visible_grad;
 };
 
-// Over the tiles of a splat, in their order.
+// Sums over the tiles of a splat, in the order of its slots, and writes visible_grad.
 __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumParams p) {
   __shared__ float2 shared[kSplatsABlock][kSumParts];
   if (p.room.IsVoid()) return;
@@ -249,6 +274,7 @@ __global__ void __launch_bounds__(kSplatsABlock* kSumParts) SumSlotsKernel(SumPa
 
 }  // namespace
 
+// The host does not know how many buckets there are: the grid has the upper bound.
 void CudaBackend::RenderBackward(const RenderBackwardArgs& args) {
   const Turn turn(*this);
   if (!turn) return;

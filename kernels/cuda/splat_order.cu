@@ -10,11 +10,31 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/tile_cover.h"
 
+// Second part of Render: lists the (Gaussian, tile) entries, sorts them by tile and then by depth,
+// and finds the entries and the buckets of each tile. Four launches, ordered by the stream:
+//   ListKernel    a thread has a visible splat; splats with at least kManyTiles tiles are listed by
+//                 all lanes of its warp, one such splat after the other (ballot and shuffles)
+//   radix sort    of (key, slot) pairs by cub; stable
+//   RangeKernel   a thread has an entry: its splat, and the tiles that begin at it
+//   BucketKernel  one block: a scan over the tiles, and their order by number of buckets
+// ListKernel writes the entries of a splat to slots next to each other, from its first_slot on
+// (found in project.cu). entry_slot maps sorted entries back to slots, so that gradients are summed
+// slot by slot.
+//
+// A splat's tiles are counted in project.cu and listed here by the same functions, which are not
+// inlined (PEPESEG_HD_SAME_BITS): a difference of one tile would write to another splat's slot.
+//
+// The sort is stable and slots ascend with the index of the Gaussian, so the order of entries is
+// the same in every run. Only tile_order depends on timing, by its atomics; it decides when a tile
+// is blended and changes no result.
+//
+// After an overflowed render nothing is listed, and all tiles are empty.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
-constexpr int kManyTiles = 32;  // from here on a whole warp lists the tiles of a splat
+constexpr int kManyTiles = 32;  // from this number of tiles on a whole warp lists those of a splat
 
 struct ListParams {
   Room room;
@@ -22,12 +42,13 @@ struct ListParams {
   SortKeyBits bits;
   const int32_t* first_slot;
   Splat* splats;
-  bool inverse_depth;  // once listed, the splats' depth is inverted
+  bool inverse_depth;  // keys are of z; when listed, the depth of a splat becomes 1 / z
   uint64_t* sort_keys;
   int32_t* unsorted_slot;
   int32_t* slot_visible;
 };
 
+// Writes the key and the value of one entry.
 __device__ void ListEntry(const ListParams& p, int32_t slot, int32_t tile, const Splat& splat,
                           int32_t visible) {
   const uint32_t depth = __float_as_uint(splat.depth) - p.bits.nearest;
@@ -36,8 +57,8 @@ __device__ void ListEntry(const ListParams& p, int32_t slot, int32_t tile, const
   p.slot_visible[slot] = visible;
 }
 
-// Lists the tiles of the visible in their order. Splats with many tiles are left for the whole
-// warp, each row of tiles spread over the lanes.
+// Lists the tiles of each visible splat. Those with many tiles are left to the whole warp, with
+// each row of tiles spread over the lanes.
 __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
   if (p.room.IsVoid()) return;
   const int32_t visible = static_cast<int32_t>(blockIdx.x) * kBlock + threadIdx.x;
@@ -68,13 +89,14 @@ __global__ void __launch_bounds__(kBlock) ListKernel(ListParams p) {
       next += run.count;
     });
   }
-  __syncwarp();
+  __syncwarp();  // all lanes have read the splats that they list together
   if (p.inverse_depth && active) {
     p.splats[visible].depth = InverseDepth(p.splats[visible].depth);
   }
 }
 
-// From the sorted keys and slots: tile_first_entry and entry_visible; a void render has no entries.
+// Finds tile_first_entry and entry_visible from the sorted keys and slots. An overflowed render has
+// no entries. One thread more than there are entries ends the last tiles.
 struct RangeParams {
   Room room;
   int num_tiles;
@@ -90,16 +112,20 @@ __global__ void __launch_bounds__(kBlock) RangeKernel(RangeParams p) {
   const int64_t num_entries = p.room.IsVoid() ? 0 : p.room.counters[kNumTileEntries];
   if (i > num_entries) return;
   if (i < num_entries) p.entry_visible[i] = p.slot_visible[p.entry_slot[i]];
-  // Tiles that begin at entry i: those after the tile of the entry before.
+  // Tiles that begin at entry i: those after the tile of entry i - 1, up to its own, empty tiles
+  // included.
   const int first = i == 0 ? 0 : static_cast<int>(p.sort_keys[i - 1] >> p.depth_bits) + 1;
   const int end = i == num_entries ? p.num_tiles : static_cast<int>(p.sort_keys[i] >> p.depth_bits);
   for (int tile = first; tile <= end; ++tile) p.tile_first_entry[tile] = static_cast<int32_t>(i);
 }
 
-// One block: tile_first_bucket, the sum of the buckets of the tiles before; and tile_order, those
-// with the most buckets first, so that no long tile begins when the others are done.
+// Finds tile_first_bucket, the running sum of the tiles' buckets, and tile_order, in which the
+// tiles with the most buckets come first, so that no long tile starts when the others are done. One
+// block; next_of_load in shared memory is a histogram of the tiles by load, then the next place of
+// each load.
 constexpr int kScanBlock = 1024;
-constexpr int kNumLoads = 64;  // tiles with more buckets count as if they had as many
+constexpr int kNumLoads = 64;  // classes; tiles with 63 buckets or more share the first
+// Class of a tile: 0 has the most buckets.
 __device__ int LoadOf(int32_t num_buckets) {
   return kNumLoads - 1 - min(num_buckets, kNumLoads - 1);
 }
@@ -144,13 +170,13 @@ __global__ void __launch_bounds__(kScanBlock)
 
 }  // namespace
 
-// By tile, then by depth, in one stable sort: equal depths stay in the order of their index.
-// Against a sort of the visible by depth and then one of the entries by tile this takes a few more
-// passes over the entries, but lists the entries in the order of the visible, where reads and
-// writes of neighbours meet, and spares the sum over the sorted visible.
+// Sorts by tile, then by depth, in one stable sort: equal depths stay in the order of their index.
+// Compared with sorting the visible by depth and then the entries by tile, this takes a few more
+// passes over the entries. But it lists entries in the order of the visible, where the memory
+// accesses of neighbours coalesce, and needs no running sum over sorted splats.
 void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bits) {
   RenderScratch& scratch = *args.scratch;
-  // Bounds when the room was kept.
+  // With a tile-entry capacity these are upper bounds; the numbers are in the counters.
   const int num_visible = static_cast<int>(scratch.visible_splat.size());
   const int num_entries = static_cast<int>(scratch.entry_visible.size());
   const int num_tiles = scratch.num_tiles_x * scratch.num_tiles_y;
@@ -166,7 +192,8 @@ void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bit
   void* temporary = Temporary(bytes);
   if (!error_.empty()) return;
   if (num_visible > 0 && num_entries > 0) {
-    if (args.entry_room > 0) {  // keys beyond the entries sort last
+    // The sort covers the capacity. Keys beyond the entries are all ones, above any tile and depth.
+    if (args.entry_room > 0) {
       Keep(cudaMemsetAsync(sort_keys, 0xff, num_entries * sizeof(uint64_t), stream_),
            "filling the sort keys");
     }
@@ -184,6 +211,7 @@ void CudaBackend::ListTileEntries(const RenderArgs& args, const SortKeyBits& bit
     Keep(cub::DeviceRadixSort::SortPairs(temporary, bytes, keys, slots, num_entries, 0, num_bits,
                                          stream_),
          "sorting the entries");
+    // The sort ends in either of its two buffers, depending on the number of its passes.
     if (slots.Current() != scratch.entry_slot.span().data) {
       std::swap(scratch.entry_slot, scratch.cuda.unsorted_slot);
     }

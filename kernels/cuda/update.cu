@@ -7,6 +7,17 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/adam.h"
 
+// Update (UpdateArgs in kernels/ops/render.h; METHOD.md section 1): the backward pass of the
+// projection (gaussian_vjp.cuh) and one step of Adam (kernels/math/adam.h) in one pass over the
+// planes of the Gaussians, so that gradients are never written to global memory.
+//
+// A thread has one Gaussian, visible or not. It puts its gradients into its own column of shared
+// memory (BlockGradients) and then goes through the planes in groups of kPlanesAtOnce. Threads
+// share nothing and need no barrier. The counter of skipped Gaussians is an integer atomic. Results
+// are the same in every run, given visible_grad.
+//
+// All threads return at once after an overflowed render.
+
 namespace pepeseg {
 namespace {
 
@@ -15,12 +26,12 @@ constexpr int kBlock = 128;
 struct UpdateParams {
   DevicePlanes<float> gaussians, moment1, moment2;
   int64_t count;
-  int num_planes;  // of the active degree
+  int num_planes;  // planes up to the active SH degree
   ProjectionCamera<float> camera;
   int width, height;
-  float rates[NumPlanes(kMaxShDegree)];
+  float rates[NumPlanes(kMaxShDegree)];  // learning rate of each plane
   float beta1, beta2, epsilon;
-  float log_beta1, log_beta2;
+  float log_beta1, log_beta2;  // natural logarithms
   float min_log_scale, max_log_scale;
   bool bounds_scale;
   const int32_t* gaussian_visible;
@@ -28,10 +39,10 @@ struct UpdateParams {
   const SplatGrad* visible_grad;
   Room room;
   int32_t* num_steps;
-  float* mean2d_grad_sum;  // these three may be null
+  float* mean2d_grad_sum;  // these three (DensityStats) may be null
   int32_t* num_visible;
   float* max_radius;
-  int64_t* num_skipped;
+  int64_t* num_skipped;  // counter of Gaussians with a gradient that is not finite
 };
 
 float RateOf(const LearningRates& rates, int plane) {
@@ -42,13 +53,15 @@ float RateOf(const LearningRates& rates, int plane) {
   return plane < kShPlane + 3 ? rates.sh_dc : rates.sh_rest;
 }
 
+// Bias corrections at step 1, 2, ... of a Gaussian.
 __device__ AdamRates<float> RatesAt(const UpdateParams& p, int step) {
-  // 1 - beta^t without cancellation at the first steps.
+  // 1 - beta^t as -expm1(t ln beta), which does not cancel at the first steps.
   const float correction1 = -expm1f(static_cast<float>(step) * p.log_beta1);
   const float correction2 = -expm1f(static_cast<float>(step) * p.log_beta2);
   return {p.beta1, p.beta2, p.epsilon, 1 / correction1, rsqrtf(correction2)};
 }
 
+// Adds to the statistics of a visible Gaussian. The gradient of the mean is scaled to NDC units.
 __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
                          const SplatGrad& grad) {
   if (p.mean2d_grad_sum != nullptr) {
@@ -61,14 +74,16 @@ __device__ void AddStats(const UpdateParams& p, int64_t i, const Splat& splat,
   p.max_radius[i] = max(p.max_radius[i], 3 * LongAxis(root));
 }
 
-// A block's gradients while its planes stream by: each thread reads back what it wrote, so that the
-// loop over the planes needs few registers and no copy of its body for each plane.
+// Gradients of a block's Gaussians, in shared memory while the planes stream by. Each thread reads
+// back only what it wrote. Indexed memory lets the loop over the planes stay a loop: in registers
+// it would have to be unrolled into a copy of its body for each plane.
 struct BlockGradients {
   float shape[kShPlane][kBlock];
   float basis[NumShCoefficients(kMaxShDegree)][kBlock];
   float color[3][kBlock];
 };
 
+// Stores the gradients of this thread's Gaussian.
 __device__ void Store(const GaussianBackward& vjp, BlockGradients& out) {
 #pragma unroll
   for (int k = 0; k < kShPlane; ++k) out.shape[k][threadIdx.x] = vjp.shape[k];
@@ -86,8 +101,9 @@ __device__ float GradientOf(const BlockGradients& gradients, int plane) {
   return gradients.basis[k][threadIdx.x] * gradients.color[c][threadIdx.x];
 }
 
-// Adam on some planes. All is loaded before anything is stored: the compiler must assume that a
-// store changes what the next load reads, and many loads have to be on their way.
+// Adam on kPlanesAtOnce planes from `first` on. All loads come before the first store: the compiler
+// must assume that a store changes what the next load reads, and many loads have to be in flight to
+// hide the latency of memory.
 constexpr int kPlanesAtOnce = 8;
 __device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rates,
                              const BlockGradients& gradients, int first, int64_t i) {
@@ -114,7 +130,8 @@ __device__ void UpdatePlanes(const UpdateParams& p, const AdamRates<float>& rate
   }
 }
 
-// Projection backward and Adam in one pass over the planes.
+// The moments, count and parameters of a Gaussian whose gradient is not finite stay as they are.
+// One that is not visible has the gradient 0 and moves by its moments.
 template <int kActiveDegree>
 __global__ void __launch_bounds__(kBlock, 5) UpdateKernel(UpdateParams p) {
   __shared__ BlockGradients gradients;

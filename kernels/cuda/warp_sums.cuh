@@ -3,8 +3,10 @@
 namespace pepeseg {
 
 // Sums each of N values over the 32 lanes of a warp. At each of five levels a lane gives half of
-// its values to its partner and takes the other half over, so that 10 values take 12 exchanges and
-// not 50. Which sum a lane ends with is IndexOfSum; value[0] holds it.
+// its values to its partner and takes over the other half, so that 10 values take 12 shuffles and
+// not 50. Afterwards value[0] of a lane is sum number IndexOfSum<N>(lane), and the other values are
+// unspecified. All 32 lanes must call it. The order of each sum is a fixed tree, so results are the
+// same in every run.
 template <int N, int kOffset = 16>
 __device__ inline void SumOverWarp(float (&value)[N], int lane) {
   constexpr int kHalf = (N + 1) / 2;
@@ -24,7 +26,8 @@ __device__ inline void SumOverWarp(float (&value)[N], int lane) {
   value[0] = half[0];
 }
 
-// In [0, N). Two lanes may end with the same sum.
+// The sum, in [0, N), that a lane holds after SumOverWarp. Several lanes may hold the same sum; its
+// bits are then equal, as float addition is commutative.
 template <int N, int kOffset = 16>
 __device__ inline int IndexOfSum(int lane) {
   constexpr int kHalf = (N + 1) / 2;
