@@ -7,6 +7,21 @@
 #include "kernels/cuda/fit.h"
 #include "kernels/cuda/launch.h"
 
+// CaptureRows (CaptureRowsArgs in kernels/ops/render.h; METHOD.md section 3, "Rows"): the Gaussians
+// that are blended at sampled pixels, with their weights. RowKernel runs twice, first to count the
+// entries of each row, then, after a running sum by cub and a wait of the host that sizes the
+// outputs, to store them.
+//
+// A warp has one pixel, a lane one entry of its tile. A block is four such warps, which share
+// nothing. Shuffles make the running product of 1 - alpha over the lanes, which is the
+// transmittance before each entry, and the ballot of the lanes that blend gives the place of each
+// in the row. Both runs must decide alike, or a row would overrun its place: they execute the same
+// code on the same entries.
+//
+// Every row is written by one warp in the order of the entries, and sums over lanes are a fixed
+// tree: rows are the same in every run. Weights may differ from those of Render in the last bits,
+// because the products associate differently.
+
 namespace pepeseg {
 namespace {
 
@@ -20,14 +35,13 @@ struct RowParams {
   bool inverse_depth;
   const int32_t* pixels;
   int64_t num_pixels;
-  int32_t* row_first;  // while counting: the count of row i at i
+  int32_t* row_first;  // [S + 1]; the first run writes the number of entries of row i to place i
   int32_t* entry_gaussian;
   float* entry_weight;
   float *pixel_alpha, *pixel_depth;  // may be null
 };
 
-// A warp a pixel, an entry a lane: transmittances by a running product over the lanes. `kStore`:
-// the second visit, with row_first known.
+// kStore: the second run, with row_first known.
 template <bool kStore>
 __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
   const int64_t row = (int64_t{blockIdx.x} * kBlock + threadIdx.x) / 32;
@@ -50,7 +64,7 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
       depth = p.inverse_depth ? InverseDepth(s.c.y) : s.c.y;
     }
     const uint32_t blended = __ballot_sync(kAllLanes, alpha > 0);
-    float passed = 1 - alpha;  // product up to and with this lane
+    float passed = 1 - alpha;  // product up to and including this lane
     for (int offset = 1; offset < 32; offset *= 2) {
       const float other = __shfl_up_sync(kAllLanes, passed, offset);
       if (lane >= offset) passed *= other;
@@ -83,7 +97,7 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
 
 }  // namespace
 
-// The host waits once, to size the rows.
+// The host waits once, for the number of entries.
 void CudaBackend::CaptureRows(const CaptureRowsArgs& args) {
   const Turn turn(*this);
   if (!turn) return;

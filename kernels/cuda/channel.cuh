@@ -5,10 +5,13 @@
 #include "kernels/math/pair.h"
 #include "kernels/ops/feature.h"
 
+// Features of 32 channels in a warp, a channel a lane, and the sum over sparse entries that the
+// kernels of stage two share.
+
 namespace pepeseg {
 
-// A feature vector as a warp holds it, a channel a lane: to the formulas of kernels/math a vector
-// of one element whose Total is the sum over the lanes. All 32 lanes must be there.
+// One channel of a feature vector that a warp holds. To the formulas of kernels/math it is a vector
+// of one element whose Total is the sum over the 32 lanes, so all lanes must call them together.
 struct Channel {
   float v;
   PEPESEG_HD explicit Channel(float x) : v(x) {}
@@ -23,6 +26,7 @@ PEPESEG_HD Channel MulAdd(Channel a, Channel b, Channel c) {
   return Channel(MulAdd(a.v, b.v, c.v));
 }
 PEPESEG_HD Channel Sqrt(Channel x) { return Channel(Sqrt(x.v)); }
+// Sum over the lanes, in each lane: a butterfly of shuffles, always in the same order.
 PEPESEG_HD Channel Total(Channel x) {
 #ifdef __CUDA_ARCH__
   for (int offset = 16; offset > 0; offset /= 2) x.v += __shfl_xor_sync(~0u, x.v, offset);
@@ -30,14 +34,16 @@ PEPESEG_HD Channel Total(Channel x) {
   return x;
 }
 
-// Entries of a sparse row: where it begins and ends, and which rows of features it sums.
+// Entries [first, end) of a sparse row or column: which feature vectors it sums, and their weights.
 struct EntryRange {
   int32_t first, end;
   const int32_t* index;
   const float* weight;  // null: 1
 };
 
-// sum over the entries of weight * rows[index], with kAtOnce loads on their way at once.
+// Returns channel `lane` of the sum over the entries of weight * rows[index], in their order.
+// Called by a whole warp with the same entries. Lanes read 32 entries together and pass them on by
+// shuffles; kAtOnce loads of features are in flight at once.
 template <int kAtOnce>
 __device__ float WeightedSum(const EntryRange& entries, const float* rows, int lane) {
   float sum = 0;

@@ -7,21 +7,41 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/depth.h"
 
+// DepthLoss (DepthLossArgs in kernels/ops/depth.h; METHOD.md section 1, "Depth"; formulas in
+// kernels/math/depth.h). Launches, ordered by the stream:
+//   GatherKernel    Dhat of each pixel, and its moments with the prior summed by block
+//   FitKernel       one block: the sums of the blocks, and the fit of the view and of the rectangle
+//   RowSumsKernel   windows only; a block has a scanline: running sums of the moments along it
+//   CompareKernel   a thread has a column of 16 scanlines: residuals and gradients
+//   StoreSumsKernel one block: the sums of the errors of all blocks
+// The host waits for nothing: each kernel reads from the device whether the view carries a fit.
+//
+// A window's moments are the difference of two running sums for each of its scanlines; a thread of
+// CompareKernel moves its window down, adding a scanline and removing one. That makes the work of a
+// pixel independent of the radius, except that each band of 16 scanlines starts with 2 radius of
+// them.
+//
+// Moments are summed in double, as variances cancel. Sums over a block are a tree in shared memory
+// with __syncthreads between its levels, whose order depends on the size of the block alone, and
+// there are no atomics: results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
-constexpr int kPixelsPerThread = 4;  // of the gathering kernel
-constexpr int kColumns = 128;        // a block of the comparing kernel: one column a thread
-constexpr int kBandRows = 16;        // down which it goes
+constexpr int kPixelsPerThread = 4;  // in GatherKernel
+constexpr int kColumns = 128;        // columns of a block of CompareKernel, one a thread
+constexpr int kBandRows = 16;        // scanlines of a block of CompareKernel
 
 using Moments = DepthMoments<double>;
 constexpr int kNumMoments = 5;
 static_assert(sizeof(Moments) == kNumMoments * sizeof(double));
 
+// Moments over all pixels that count, and over those in the rectangle.
 struct ViewMoments {
   Moments view, patch;
 };
+// Sums of absolute residuals, not weighted.
 struct Errors {
   double view, local;
 };
@@ -41,9 +61,9 @@ struct DepthParams {
   int radius;
   PixelBox patch;
   float* x;               // [H, W] Dhat; NaN where the pixel does not count
-  Moments* row_sums;      // [H, W] of the row up to and with the pixel; windows only
-  ViewMoments* gathered;  // [blocks of the gathering kernel]
-  Errors* errors;         // [blocks of the comparing kernel]
+  Moments* row_sums;      // [H, W] over the scanline up to and including the pixel; windows only
+  ViewMoments* gathered;  // [blocks of GatherKernel]
+  Errors* errors;         // [blocks of CompareKernel]
   DepthFit* fit;
   double* pixel_count;
   float *alpha_grad, *depth_grad;
@@ -54,9 +74,9 @@ __device__ bool IsInside(const PixelBox& box, int x, int y) {
   return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
 }
 
-// Returns the block's sum in thread 0, and zeros in all others, which would read it while thread 0
-// still writes. The order of the sum depends on the block's size alone. T: plain sums with
-// operator+.
+// Returns the block's sum in thread 0 and zeros in all others, which would otherwise read it while
+// thread 0 still writes. T is a struct of sums with operator+. Called by all threads, once a
+// kernel.
 template <class T, int kThreads>
 __device__ T SumOverBlock(const T& own) {
   __shared__ T threads[kThreads];
@@ -69,7 +89,7 @@ __device__ T SumOverBlock(const T& own) {
   }
   return threadIdx.x == 0 ? threads[0] : T{};
 }
-// The same of memory, by one block.
+// Sums an array, by one block of kBlock threads: each adds every kBlock-th element, then the block.
 template <class T>
 __device__ T SumOfMemory(const T* values, int count) {
   T own = {};
@@ -77,7 +97,7 @@ __device__ T SumOfMemory(const T* values, int count) {
   return SumOverBlock<T, kBlock>(own);
 }
 
-// Writes x; sums the moments of all that counts.
+// Writes x, and the moments of the pixels that count by block.
 __global__ void __launch_bounds__(kBlock) GatherKernel(DepthParams p) {
   const int64_t num_pixels = int64_t{p.width} * p.height;
   ViewMoments own = {};
@@ -101,7 +121,7 @@ __global__ void __launch_bounds__(kBlock) GatherKernel(DepthParams p) {
   if (threadIdx.x == 0) p.gathered[blockIdx.x] = sum;
 }
 
-// One block.
+// One block. Thread 0 writes the fit.
 __global__ void __launch_bounds__(kBlock) FitKernel(DepthParams p, int num_gathered) {
   const ViewMoments all = SumOfMemory(p.gathered, num_gathered);
   if (threadIdx.x != 0) return;
@@ -113,7 +133,8 @@ struct AddMoments {
   __device__ Moments operator()(const Moments& a, const Moments& b) const { return a + b; }
 };
 
-// A block a row: the running sums along it.
+// Running sums of the moments along scanline blockIdx.x, 256 pixels at a time. The barrier at the
+// end of the loop lets the scan reuse its shared memory.
 __global__ void __launch_bounds__(kBlock) RowSumsKernel(DepthParams p) {
   using Scan = cub::BlockScan<Moments, kBlock>;
   __shared__ typename Scan::TempStorage storage;
@@ -134,7 +155,8 @@ __global__ void __launch_bounds__(kBlock) RowSumsKernel(DepthParams p) {
   }
 }
 
-// The part of a row that lies in the window of a column.
+// Moments of the part of a scanline that lies in the window around a column. Zeros outside the
+// image.
 __device__ Moments RowOfWindow(const DepthParams& p, int column, int row) {
   if (row < 0 || row >= p.height) return {};
   const Moments* sums = p.row_sums + int64_t{row} * p.width;
@@ -142,6 +164,7 @@ __device__ Moments RowOfWindow(const DepthParams& p, int column, int row) {
   return column > p.radius ? upto - sums[column - p.radius - 1] : upto;
 }
 
+// Writes the gradients of a pixel that counts and adds its errors.
 __device__ void ComparePixel(const DepthParams& p, const DepthFit& fit, int64_t i,
                              const ScaleShift<float>& local, float local_grad, Errors& errors) {
   const auto compared = CompareDepth(fit, local, local_grad, p.x[i], p.prior[i]);
@@ -156,7 +179,8 @@ __device__ void ClearPixel(const DepthParams& p, int64_t i) {
   p.depth_grad[i] = p.alpha_grad[i] = 0;
 }
 
-// A thread goes down a column of a band of rows, its window with it.
+// Goes down one column of a band of scanlines, from `first` on. `window` holds the moments of the
+// window around the present scanline.
 template <bool kInWindows>
 __device__ Errors CompareColumn(const DepthParams& p, const DepthFit& fit, int column, int first) {
   Errors errors = {};
@@ -186,6 +210,7 @@ __device__ Errors CompareColumn(const DepthParams& p, const DepthFit& fit, int c
   return errors;
 }
 
+// All threads reach SumOverBlock, also those beyond the image. Without a fit all gradients are 0.
 template <bool kInWindows>
 __global__ void __launch_bounds__(kColumns) CompareKernel(DepthParams p) {
   const int column = static_cast<int>(blockIdx.x) * kColumns + threadIdx.x;
@@ -202,7 +227,7 @@ __global__ void __launch_bounds__(kColumns) CompareKernel(DepthParams p) {
   if (threadIdx.x == 0) p.errors[blockIdx.y * gridDim.x + blockIdx.x] = sum;
 }
 
-// One block.
+// One block. Without a fit, errors, weights and counts are 0.
 __global__ void __launch_bounds__(kBlock) StoreSumsKernel(DepthParams p, int num_errors) {
   const Errors all = SumOfMemory(p.errors, num_errors);
   if (threadIdx.x != 0) return;
@@ -214,9 +239,10 @@ __global__ void __launch_bounds__(kBlock) StoreSumsKernel(DepthParams p, int num
   p.sums[kDepthSkipped] = p.fit->usable ? 0 : 1;
 }
 
-// Places one after the other in a piece of memory, each at a multiple of 16 bytes.
+// Offsets of arrays in one block of memory, each a multiple of 16 bytes.
 class Layout {
  public:
+  // Returns the offset of the next array.
   size_t Add(int64_t num_bytes) {
     const size_t at = size_;
     size_ += (static_cast<size_t>(num_bytes) + 15) / 16 * 16;

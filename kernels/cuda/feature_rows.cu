@@ -4,12 +4,16 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/launch.h"
 
+// FeatureRows (FeatureRowsArgs in kernels/ops/feature.h; METHOD.md section 3, "Rows"):
+// F(p) = sum_i w_pi fbar_i. A warp has a pixel, a lane a channel, which it sums in the order of the
+// row's entries: the same in every run. Blocks are four warps that share nothing.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 128;
 
-// A warp a pixel.
+// 16 loads of features are in flight at once.
 __global__ void __launch_bounds__(kBlock) FeatureRowsKernel(FeatureRowsArgs args) {
   const int64_t pixel = (int64_t{blockIdx.x} * kBlock + threadIdx.x) / 32;
   const int lane = static_cast<int>(threadIdx.x) % 32;

@@ -8,18 +8,30 @@
 #include "kernels/math/adam.h"
 #include "kernels/math/direction.h"
 
+// FeatureCatchUp and FeatureUpdate (kernels/ops/feature.h; METHOD.md section 3): lazy Adam on the
+// features that a batch touches, and Adam on the gate. The formula of the replay of missed steps is
+// at FeatureState.
+//
+// A warp has a Gaussian, a lane a channel of its feature and moments; a block is eight warps that
+// share nothing. In FeatureUpdate the last block has the gate, a thread a number. Sums over
+// channels, and over the terms of the replay, are shuffles over the warp; the gradient of a feature
+// is gathered over its column in the order of the entries. No Gaussian is listed twice, so there
+// are no atomics, and results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
 constexpr int kWarps = kBlock / 32;
 
-// The powers of FeatureState's comment, as exponents of 2.
+// Logarithms to base 2 of the factors in the formula of FeatureState; the ratio is
+// beta1 / sqrt(beta2).
 struct Powers {
   float log2_ratio, log2_beta1, log2_beta2;
-  float ratio_of_warp;  // ratio^32
+  float ratio_of_warp;  // ratio^32: from a lane's term to its next
 };
 
+// One channel of a Gaussian's feature and of its moments.
 struct Row {
   float feature, moment1, moment2;
 };
@@ -32,7 +44,8 @@ __device__ void StoreRow(const Row& row, int64_t i, const FeatureState& state) {
   state.moment2.data[i] = row.moment2;
 }
 
-// The sum of FeatureState's comment, a term a lane.
+// The sum in the formula of FeatureState, over at most kMaxReplay steps. Lane k adds terms k + 1,
+// k + 33, and so on.
 __device__ float ReplaySum(const FeatureCatchUpArgs& args, const Powers& powers, int last_step) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   const int count = min(args.step - last_step, kMaxReplay);
@@ -46,7 +59,7 @@ __device__ float ReplaySum(const FeatureCatchUpArgs& args, const Powers& powers,
   return Total(Channel(sum)).v;
 }
 
-// A warp a Gaussian. Its row is on its way before it is known whether it has to move.
+// Rows are loaded before it is known whether they have to move, so that the loads overlap.
 __global__ void __launch_bounds__(kBlock)
     CatchUpKernel(FeatureCatchUpArgs args, Powers powers, int64_t count) {
   const int64_t touched = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
@@ -55,7 +68,7 @@ __global__ void __launch_bounds__(kBlock)
   const int lane = static_cast<int>(threadIdx.x) % 32;
   const int last_step = args.state.last_step.data[gaussian];
   Row row = LoadRow(args.state, gaussian * kFeatureSize + lane);
-  // Step 0 leaves no moments behind.
+  // After step 0 there are no moments yet.
   if (last_step > 0 && last_step < args.step) {
     const int behind = args.step - last_step;
     const float move = -ReplaySum(args, powers, last_step) * args.rates.learning_rate;
@@ -65,10 +78,11 @@ __global__ void __launch_bounds__(kBlock)
     row.moment2 *= exp2f(static_cast<float>(behind) * powers.log2_beta2);
     StoreRow(row, gaussian * kFeatureSize + lane, args.state);
   }
-  __syncwarp();
+  __syncwarp();  // all lanes have read last_step
   if (lane == 0) args.state.last_step.data[gaussian] = args.step;
 }
 
+// One step of Adam on the gate's 32 weights and 32 biases.
 __device__ void UpdateGate(const FeatureUpdateArgs& args, const AdamRates<float>& rates) {
   const int k = static_cast<int>(threadIdx.x);
   if (k >= kGateSize) return;
@@ -76,7 +90,8 @@ __device__ void UpdateGate(const FeatureUpdateArgs& args, const AdamRates<float>
                                 args.gate_moment1.data[k], args.gate_moment2.data[k]);
 }
 
-// A warp a touched Gaussian; the last block has the gate.
+// One step of Adam on the touched features. norm_scale is the weight of the norm term of one of
+// them.
 __global__ void __launch_bounds__(kBlock) UpdateKernel(FeatureUpdateArgs args, float norm_scale) {
   const AdamRates<float> rates = {args.rates.beta1, args.rates.beta2, args.rates.epsilon,
                                   args.rates.correction.data[args.step], 1};

@@ -4,6 +4,10 @@
 #include "kernels/cuda/device_planes.cuh"
 #include "kernels/cuda/launch.h"
 
+// GatherRows (GatherRowsArgs in kernels/ops/density.h): copies the Gaussians that PlanDensity lists
+// into new planes. One launch; a thread has one Gaussian in one plane. Writes coalesce; reads do as
+// far as neighbours in the new order were neighbours in the old one. Nothing is shared or summed.
+
 namespace pepeseg {
 namespace {
 
@@ -20,7 +24,7 @@ struct GatherParams {
   int32_t* number_to;  // may be null
 };
 
-// blockIdx.y: the plane, or the number behind them.
+// blockIdx.y is the plane; the one after the last stands for `number`.
 __global__ void __launch_bounds__(kBlock) GatherKernel(GatherParams p) {
   const int64_t i = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   if (i >= p.count) return;

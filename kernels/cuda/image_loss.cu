@@ -4,14 +4,34 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/ssim.h"
 
+// ImageLoss (ImageLossArgs in kernels/ops/render.h; METHOD.md section 1): L1 and SSIM of a render
+// against its photograph, and the gradient of the colours (kernels/math/ssim.h). Launches, ordered
+// by the stream:
+//   CountPixelsKernel  pixels that are not ignored, by integer atomics; only with an ignore mask
+//   MomentKernel       moments of the window around each pixel, sums of the loss by block, and the
+//                      gradients of the moments as maps in global memory
+//   SumPartialsKernel  one block: the sums of the blocks
+//   LossGradKernel     the maps filtered again: a pixel gathers from all windows that hold it
+//
+// In MomentKernel and LossGradKernel a block has a tile of 32x32 pixels of one channel. It loads
+// the tile and a margin of 5 pixels into shared memory, filters along x into a second array there,
+// and then each thread filters a column of 4 pixels along y. __syncthreads separates the three. The
+// window is separable, so a pixel takes 22 taps and not 121.
+//
+// Order of sums: a thread adds its 4 pixels, shuffles add over the warp, thread k adds sum k of the
+// warps in double (StorePartials), and SumPartialsKernel adds the blocks in double, all in fixed
+// orders. So the sums are the same in every run.
+
 namespace pepeseg {
 namespace {
 
-constexpr int kTile = 32;  // pixels a side: a block, of one channel
+constexpr int kTile = 32;  // pixels a side of a block's tile
 constexpr int kWide = kTile + 2 * kSsimRadius;
-constexpr int kPitch = 45;   // of rows read in steps of 4: rows 4 apart meet different banks
-constexpr int kBlock = 256;  // a column of 4 pixels a thread
-constexpr int kRun = 4;
+// Floats between scanlines. A warp filters 4 scanlines at 8 columns that are 4 apart; with 45
+// floats, 13 modulo 32, these 32 reads meet different banks.
+constexpr int kPitch = 45;
+constexpr int kBlock = 256;
+constexpr int kRun = 4;                       // neighbouring outputs that a thread filters together
 constexpr int kNumMoments = 4, kNumMaps = 3;  // of SsimMoments, of SsimMomentsGrad
 static_assert(kTile * kTile == kBlock * kRun);
 
@@ -28,18 +48,20 @@ struct LossParams {
   float* color_grad;
 };
 
+// Number of (pixel, channel) that count, by which the means are divided; 1 if there is none.
 __device__ float PixelChannels(const LossParams& p) {
   const int64_t num_counted =
       p.num_counted != nullptr ? *p.num_counted : int64_t{p.width} * p.height;
   return static_cast<float>(max(int64_t{1}, 3 * num_counted));
 }
 
+// One channel of a pixel: rendered and photographed, in [0, 1] for the photograph.
 struct PixelPair {
   float x, y;
   bool counts;
 };
 
-// Outside the image both are 0. A pixel that is left out shows the photograph in both.
+// Outside the image both are 0. An ignored pixel shows the photograph in both.
 __device__ PixelPair LoadPixel(const LossParams& p, int channel, int x, int y) {
   if (x < 0 || y < 0 || x >= p.width || y >= p.height) return {0, 0, false};
   const int64_t pixel = int64_t{y} * p.width + x;
@@ -48,7 +70,7 @@ __device__ PixelPair LoadPixel(const LossParams& p, int channel, int x, int y) {
   return {p.color[int64_t{channel} * p.width * p.height + pixel], target, true};
 }
 
-// Four neighbouring outputs of the 11 taps, from 14 inputs.
+// Filters kRun neighbouring outputs with the 11 taps, from 14 inputs that are each loaded once.
 template <class Load>
 __device__ void FilterRun(const LossParams& p, Load&& load, float (&out)[kRun]) {
   float in[kRun + 2 * kSsimRadius];
@@ -64,11 +86,14 @@ __device__ void FilterRun(const LossParams& p, Load&& load, float (&out)[kRun]) 
   }
 }
 
+// Shared memory of MomentKernel.
 struct MomentTile {
   float x[kWide][kPitch], y[kWide][kPitch];
   alignas(16) float filtered[kNumMoments][kWide][kTile];
 };
 
+// Filters all moments along x, for the scanlines of the margins, too. A thread takes runs of kRun
+// outputs.
 __device__ void FilterAcross(const LossParams& p, MomentTile& tile) {
   constexpr int kRuns = kTile / kRun;
   for (int item = static_cast<int>(threadIdx.x); item < kWide * kRuns; item += kBlock) {
@@ -91,7 +116,7 @@ __device__ void FilterAcross(const LossParams& p, MomentTile& tile) {
   }
 }
 
-// Adds the block's sums in a fixed order and stores them.
+// Adds the sums of the block's threads in a fixed order and stores them. Called by all threads.
 __device__ void StorePartials(const LossParams& p, const float (&own)[3]) {
   __shared__ float warps[3][kBlock / 32];
   const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
@@ -109,7 +134,7 @@ __device__ void StorePartials(const LossParams& p, const float (&own)[3]) {
   p.partials[block * 3 + threadIdx.x] = sum;
 }
 
-// The moments of the windows, their SSIM, and its gradients as maps.
+// blockIdx.z is the channel. An ignored pixel stores zeros in the maps: its window does not count.
 __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
   __shared__ MomentTile tile;
   const int channel = static_cast<int>(blockIdx.z);
@@ -161,12 +186,14 @@ __global__ void __launch_bounds__(kBlock) MomentKernel(LossParams p) {
   StorePartials(p, sums);
 }
 
+// Shared memory of LossGradKernel.
 struct GradTile {
   float map[kNumMaps][kWide][kPitch];
   alignas(16) float filtered[kNumMaps][kWide][kTile];
 };
 
-// The gradient of a pixel from the maps of the windows that hold it.
+// Gradient of each pixel. The filter is symmetric, so the sum over the windows that hold a pixel is
+// the filtered map at the pixel. The maps already have the weight of SSIM.
 __global__ void __launch_bounds__(kBlock) LossGradKernel(LossParams p) {
   __shared__ GradTile tile;
   const int channel = static_cast<int>(blockIdx.z);
@@ -228,7 +255,7 @@ __global__ void __launch_bounds__(kBlock)
   }
 }
 
-// One block: the partial sums in a fixed order.
+// Adds the partial sums of all blocks, in a fixed order. One block.
 __global__ void __launch_bounds__(kBlock)
     SumPartialsKernel(LossParams p, int num_partials, double* sums) {
   __shared__ double threads[3][kBlock];

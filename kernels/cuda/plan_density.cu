@@ -10,11 +10,28 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/density.h"
 
+// PlanDensity (PlanDensityArgs in kernels/ops/density.h; METHOD.md section 1, "Density"; formulas
+// in kernels/math/density.h). Launches, ordered by the stream:
+//   FateKernel         a thread has a Gaussian: its fate; and the number of each fate
+//   sort, LimitKernel  only if there is no space for all: a thread has one of the Gaussians with
+//                      the smallest gradients, which is not densified
+//   CountKernel, running sum
+//                      a thread has a Gaussian: where its descendants are listed
+//   RowKernel          a thread has a Gaussian: source, mean and log scales of its descendants
+//   BoxKernel, MortonKernel, sort, OrderKernel
+//                      a thread has a descendant: Morton order of the means
+//
+// The host waits for the number of each fate, once or twice, as it has to size the outputs.
+//
+// Blocks share only integer atomics: counts (one a block, by __syncthreads_count), and the corners
+// of the box as integers that order as the floats do (after a reduction over the warp). Sorts are
+// stable and random numbers are hashes of seed and index, so results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
-constexpr int kNumMoved = 6;  // planes that a child has of its own: mean and log scale
+constexpr int kNumMoved = 6;  // planes in which a child may differ from its source: mean, log scale
 
 __device__ int64_t ThreadIndex() { return int64_t{blockIdx.x} * kBlock + threadIdx.x; }
 
@@ -24,13 +41,15 @@ struct FateParams {
   const float* mean2d_grad_sum;
   const int32_t* num_visible;
   DensityBounds bounds;
-  // Outputs; a key orders as the mean gradient of what is densified, and is 0 otherwise.
+  // Outputs. The key of a Gaussian that is densified orders as its mean gradient; that of others is
+  // 0.
   DensityFate* fate;
   uint32_t* key;
   int32_t* index;
   unsigned long long* num_of_fate;  // [4]
 };
 
+// The division is the IEEE one, so that CPU and CUDA decide alike at the bound.
 __global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
   const int64_t i = ThreadIndex();
   DensityFate fate = kFatePruned;
@@ -43,7 +62,7 @@ __global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
         views == 0 ? 0.0f : __fdiv_rn(p.mean2d_grad_sum[i], static_cast<float>(views));
     fate = FateOf(p.bounds, p.gaussians.At(kOpacityPlane, i), largest, gradient);
     p.fate[i] = fate;
-    // The bits of a float that is not negative order as it does.
+    // The bits of floats that are not negative order as the floats do.
     p.key[i] = NumRowsOf(fate) == 2 ? __float_as_uint(gradient) + 1 : 0;
     p.index[i] = static_cast<int32_t>(i);
   }
@@ -55,7 +74,8 @@ __global__ void __launch_bounds__(kBlock) FateKernel(FateParams p) {
   }
 }
 
-// `index` by falling key: those from `room` on, where they would be densified, are only kept.
+// `index` is sorted by descending key. The Gaussians from place `room` on, which would be
+// densified, are only kept.
 __global__ void __launch_bounds__(kBlock)
     LimitKernel(const int32_t* index, int64_t room, int64_t num_densified, DensityFate* fate,
                 unsigned long long* num_of_fate) {
@@ -72,6 +92,7 @@ __global__ void __launch_bounds__(kBlock)
   if (i < count) num_rows[i] = NumRowsOf(fate[i]);
 }
 
+// The descendants of Gaussian i are rows first_row[i] and the next ones, in the order of i.
 struct RowParams {
   DevicePlanes<const float> gaussians;
   int64_t count, num_rows;
@@ -104,7 +125,7 @@ __global__ void __launch_bounds__(kBlock) RowKernel(RowParams p) {
   }
 }
 
-// Floats as integers of the same order.
+// Floats as integers that order as the floats do, and back.
 __device__ int32_t ToOrdered(float x) {
   const int32_t bits = __float_as_int(x);
   return bits >= 0 ? bits : bits ^ 0x7fffffff;
@@ -113,7 +134,8 @@ __device__ float FromOrdered(int32_t bits) {
   return __int_as_float(bits >= 0 ? bits : bits ^ 0x7fffffff);
 }
 
-// box: smallest x, y, z, then largest, ordered; a NaN takes no part.
+// Lowers and raises `box`, the smallest x, y, z and then the largest, as ordered integers. NaN
+// takes no part. One atomic a warp and bound.
 __global__ void __launch_bounds__(kBlock)
     BoxKernel(const float* moved, int64_t num_rows, int32_t* box) {
   const int64_t i = ThreadIndex();
@@ -168,6 +190,7 @@ __global__ void __launch_bounds__(kBlock) OrderKernel(OrderParams p) {
   }
 }
 
+// Keys and values of a radix sort, each with a second half to sort into.
 template <class Key>
 struct SortBuffers {
   SortBuffers(Backend& backend, int64_t count)
@@ -181,7 +204,7 @@ struct SortBuffers {
 
 }  // namespace
 
-// Leaves the fates and gives the counts, whose num_rows is 0 when an error came up.
+// Writes the fates and returns the counts. num_rows is 0 after an error. The host waits.
 DensityCounts CudaBackend::DecideFates(const PlanDensityArgs& args, DeviceSpan<uint8_t> fate) {
   const int64_t count = args.gaussians.count;
   SortBuffers<uint32_t> sort(*this, count);

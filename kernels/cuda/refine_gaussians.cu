@@ -9,6 +9,19 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/refine.h"
 
+// RefineGaussians (RefineGaussiansArgs in kernels/ops/refine.h; METHOD.md section 1, "Refinement";
+// formulas in kernels/math/refine.h). In all kernels a thread has one visible Gaussian. Launches,
+// ordered by the stream; the host waits for nothing:
+//   RankKernel     key of each Gaussian: the gap to the rendered depth above its index
+//   radix sort     of the keys by gap, by cub; the key at the candidate share is the limit
+//   RefineKernel   Gaussians up to the limit: finds the crossing and shortens them
+//   running sum    over the outside parts, by cub: their places in the output
+//   CompactKernel  copies the outside parts there, in the order of their Gaussians
+//
+// A Gaussian is read and written by one thread. Counts are integer atomics, one a block
+// (__syncthreads_count). Places come from a scan and equal gaps are ordered by index, so results
+// are the same in every run.
+
 namespace pepeseg {
 namespace {
 
@@ -16,7 +29,7 @@ constexpr int kBlock = 256;
 constexpr uint64_t kNoCandidate = ~uint64_t{0};
 
 struct RefineParams {
-  // Of the render; num_visible is a bound, the number is a counter.
+  // Outputs of the render. num_visible is an upper bound; the number is a counter on the device.
   const int32_t* visible_gaussian;
   const Splat* visible_splat;
   int64_t num_visible;
@@ -34,13 +47,14 @@ struct RefineParams {
   uint64_t* sorted_keys;    // [visible]
   float* outside_shape;     // [6, visible]
   int32_t* has_outside;     // [visible]
-  int32_t* outside_end;     // [visible] outside parts up to and with this one
+  int32_t* outside_end;     // [visible] number of outside parts up to and including this Gaussian's
   int32_t* outside_source;  // [room_outside]
   float* outside_out;       // [6, room_outside]
   int64_t room_outside;
   int64_t* counts;
 };
 
+// Adds the number of threads of the block for which `counts` is true. Called by all threads.
 __device__ void Count(int64_t* count, bool counts) {
   const int num = __syncthreads_count(counts);
   if (threadIdx.x == 0 && num > 0) {
@@ -48,8 +62,9 @@ __device__ void Count(int64_t* count, bool counts) {
   }
 }
 
-// The distance to the rendered depth, whose bits order as it does, then the index, so that equal
-// distances are in the order of their index.
+// The bits of the gap to the rendered depth, which order as the gap does, above the index among the
+// visible, which orders equal gaps. kNoCandidate: not refinable, not in the image, or the pixel has
+// no depth.
 __device__ uint64_t CandidateKey(const RefineParams& p, int64_t visible) {
   if (visible >= p.room.counters[kNumVisible] || p.room.IsVoid()) return kNoCandidate;
   if (p.refinable[p.visible_gaussian[visible]] == 0) return kNoCandidate;
@@ -72,10 +87,12 @@ __global__ void __launch_bounds__(kBlock) RankKernel(RefineParams p) {
   Count(p.counts + kNumRefineRanked, key != kNoCandidate);
 }
 
+// Read by all threads of RefineKernel, after RankKernel has counted.
 __device__ int64_t NumCandidates(const RefineParams& p) {
   return static_cast<int64_t>(p.candidate_share * static_cast<double>(p.counts[kNumRefineRanked]));
 }
 
+// Writes mean and log scales to six planes, from `first` on.
 __device__ void StoreShape(const GaussianShape<float>& shape, float* first, int64_t stride) {
   first[0 * stride] = shape.mean.x;
   first[1 * stride] = shape.mean.y;
@@ -85,7 +102,8 @@ __device__ void StoreShape(const GaussianShape<float>& shape, float* first, int6
   first[5 * stride] = shape.log_scale.z;
 }
 
-// Whether it was made shorter.
+// Shortens a candidate that crosses the border of a mask, resets its moments and step count, and
+// stores the outside part, if one is wanted. Returns whether it was shortened.
 __device__ bool RefineOne(const RefineParams& p, int64_t visible) {
   const int64_t i = p.visible_gaussian[visible];
   const DevicePlanes<const float> planes = {p.gaussians.data, p.gaussians.stride};
@@ -105,6 +123,8 @@ __device__ bool RefineOne(const RefineParams& p, int64_t visible) {
   return true;
 }
 
+// Candidates are the Gaussians whose key is not above that at the candidate share of the sorted
+// keys.
 __global__ void __launch_bounds__(kBlock) RefineKernel(RefineParams p) {
   const int64_t visible = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   const int64_t num_candidates = NumCandidates(p);
@@ -119,7 +139,7 @@ __global__ void __launch_bounds__(kBlock) RefineKernel(RefineParams p) {
   Count(p.counts + kNumRefined, refined);
 }
 
-// Outside parts in the order of the visible.
+// Copies the outside parts that fit the capacity, in the order of the visible, and counts them.
 __global__ void __launch_bounds__(kBlock) CompactKernel(RefineParams p) {
   const int64_t visible = int64_t{blockIdx.x} * kBlock + threadIdx.x;
   if (visible >= p.num_visible) return;
@@ -181,7 +201,7 @@ void CudaBackend::RefineGaussians(const RefineGaussiansArgs& args) {
   const int num_blocks = NumBlocks(num_visible, kBlock);
   RankKernel<<<num_blocks, kBlock, 0, stream_>>>(p);
   Launched("rank candidates");
-  // Stable, so that equal distances stay in the order of their index.
+  // Only the gaps are sorted. The sort is stable, so equal gaps stay in the order of their index.
   Keep(cub::DeviceRadixSort::SortKeys(temporary, sort_bytes, p.keys, p.sorted_keys, num_keys, 32,
                                       64, stream_),
        "sorting the candidates");

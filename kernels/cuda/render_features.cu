@@ -4,6 +4,19 @@
 #include "kernels/cuda/blend_tile.cuh"
 #include "kernels/cuda/cuda_backend.h"
 
+// RenderFeatures (RenderFeaturesArgs in kernels/ops/render.h; METHOD.md section 4): the feature of
+// each pixel, blended with the weights of colour, as halves.
+//
+// A warp has a cell of 8x4 pixels of a tile (blend_tile.cuh), a lane a pixel with its 32 sums in
+// registers; a block is two warps, which do not wait for each other. The warp takes the entries of
+// the tile in groups of 32: lane k loads splat k into shared memory and tests it against the cell,
+// the whole warp loads the features of those that reach the cell, 32 floats at a time, and then
+// each lane blends them in order. __syncwarp separates writing the group (FeatureBatch) from
+// reading it.
+//
+// Each pixel is summed by one thread in the order of the entries, with the decisions of Render
+// (SplatAlpha, pixel_last_entry): maps are the same in every run.
+
 namespace pepeseg {
 namespace {
 
@@ -17,13 +30,14 @@ struct FeatureParams {
   __half* map;              // [H * W, 32]
 };
 
+// Shared memory of a warp: 32 splats as SplatWords, with the features of those that reach the cell.
 struct FeatureBatch {
   float4 a[32], b[32], c[32];
   float confidence[32];
   float4 feature[32][kFeatureSize / 4];
 };
 
-// A warp a cell of a tile, 32 sums a lane. The warps of a tile do not wait for each other.
+// Warp `index` of the launch has cell index % 8 of tile index / 8.
 __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
   __shared__ FeatureBatch batches[2];
   FeatureBatch& batch = batches[threadIdx.x / 32];
@@ -55,7 +69,8 @@ __global__ void __launch_bounds__(64) FeatureKernel(FeatureParams p) {
           ReachesCell(MakeSplatExtent(ToSplat(s)), cell_x + 0.5f - s.a.x, cell_y + 0.5f - s.a.y);
     }
     const uint32_t all = __ballot_sync(kAllLanes, reached);
-    for (uint32_t left = all; left != 0; left &= left - 1) {  // a Gaussian's 32 floats at once
+    // The 32 floats of one Gaussian at a time, a channel a lane.
+    for (uint32_t left = all; left != 0; left &= left - 1) {
       const int k = __ffs(left) - 1;
       const int64_t from = int64_t{__shfl_sync(kAllLanes, gaussian, k)} * kFeatureSize;
       reinterpret_cast<float*>(batch.feature[k])[lane] = p.features[from + lane];

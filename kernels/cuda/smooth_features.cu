@@ -9,12 +9,22 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/direction.h"
 
+// NeighborRows, SmoothFeatures and SmoothBackward (kernels/ops/smooth.h; METHOD.md section 3,
+// "Smoothing"; formulas in kernels/math/direction.h).
+//
+// NeighborRowsKernel: a thread has a Gaussian and lists its drawn neighbours. SmoothKernel and
+// BackwardKernel: a warp has a Gaussian, a lane a channel; norms and dot products are shuffles over
+// the warp (channel.cuh). Blocks are eight warps that share nothing, and there are no atomics: a
+// Gaussian is summed by one warp, over its neighbours or its column in their order, so results are
+// the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
 constexpr int kWarps = kBlock / 32;
 
+// All groups draw the same number `bits` of neighbours, so that rows have a fixed length.
 struct NeighborRowsParams {
   NeighborGraph graph;
   DeviceSpan<const int32_t> gaussian;
@@ -36,8 +46,9 @@ __global__ void __launch_bounds__(kBlock) NeighborRowsKernel(NeighborRowsParams 
   }
 }
 
-// A warp a Gaussian. Which neighbours are drawn is the same for all.
-constexpr int kAtOnce = 8;
+// The draw is the same for all Gaussians, so all lanes take the same branches. Lane k holds the
+// index of neighbour k.
+constexpr int kAtOnce = 8;  // loads of features in flight at once
 __global__ void __launch_bounds__(kBlock) SmoothKernel(SmoothFeaturesArgs args, int64_t count) {
   const int64_t i = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
   if (i >= count) return;
@@ -70,7 +81,7 @@ __global__ void __launch_bounds__(kBlock) SmoothKernel(SmoothFeaturesArgs args, 
   if (lane == 0) args.inv_length.data[gaussian] = inv_length.v;
 }
 
-// A warp a touched Gaussian.
+// Gathers the gradient of fbar over the column and passes it through the normalisation.
 __global__ void __launch_bounds__(kBlock) BackwardKernel(SmoothBackwardArgs args) {
   const int64_t i = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
   if (i >= args.columns.gaussian.size) return;

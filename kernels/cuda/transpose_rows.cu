@@ -12,20 +12,33 @@
 #include "kernels/cuda/groups.cuh"
 #include "kernels/cuda/launch.h"
 
+// TransposeRows (TransposeRowsArgs in kernels/ops/feature.h): the entries of sparse rows, grouped
+// by Gaussian, so that the backward pass gathers and needs no atomics. Launches, ordered by the
+// stream:
+//   ListKernel    a warp has a row, a lane every 32nd of its entries: lists the key (group,
+//                 Gaussian) and the value (row, weight)
+//   radix sort    of the pairs by key, by cub; stable, so that rows ascend within a column
+//   selection     of the first entry of each key, by cub: where the columns begin
+//   ColumnKernel  thread i unpacks entry i, and column i if there are as many
+// Threads share nothing. The sort is stable and its input has a fixed order, so columns are the
+// same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
 
-// An entry on its way through the sort: the row, within its group, above the bits of the weight.
+// The value of an entry in the sort: its row, within its group, above the bits of its weight.
 using RowAndWeight = uint64_t;
 
+// Groups of rows that are transposed separately, on the device.
 struct Groups {
   DeviceSpan<const int32_t> first;  // [groups + 1] rows
   int32_t num_gaussians;
 };
 
-// A warp a row. Keys are the Gaussians, those of group k from k * num_gaussians on.
+// The key of a Gaussian in group k is k * num_gaussians + its index. `begin` is the first entry of
+// the first group.
 __global__ void __launch_bounds__(kBlock)
     ListKernel(RowSpan rows, Groups groups, int32_t begin, int32_t* key, RowAndWeight* value) {
   const int64_t row = groups.first.data[0] + (int64_t{blockIdx.x} * kBlock + threadIdx.x) / 32;
@@ -40,7 +53,7 @@ __global__ void __launch_bounds__(kBlock)
   }
 }
 
-// Whether an entry is the first of its Gaussian, once they are sorted.
+// Returns whether a sorted entry is the first of its column.
 struct IsFirst {
   const int32_t* key;
   __device__ bool operator()(int32_t i) const { return i == 0 || key[i] != key[i - 1]; }
@@ -58,7 +71,9 @@ struct ColumnParams {
   float* weight;  // or null
 };
 
-// Groups begin at the first column that is theirs or a later one's.
+// Writes the Gaussian of a column and, if the column is the first of its group, where that group
+// begins. Groups before it without a column begin there as well; the last column ends the groups
+// after its own.
 __device__ void PlaceColumn(const ColumnParams& p, int column, int num_touched) {
   const int32_t num_gaussians = p.groups.num_gaussians, key = p.key[p.first[column]];
   p.column_gaussian[column] = key % num_gaussians;
@@ -81,7 +96,7 @@ __global__ void __launch_bounds__(kBlock) ColumnKernel(ColumnParams p) {
 
 struct TransposeScratch {
   int32_t *group_first, *group_column;      // [groups + 1]
-  int32_t *column_gaussian, *column_first;  // [entries], [entries + 1]: of so many only some
+  int32_t *column_gaussian, *column_first;  // [entries], [entries + 1]; upper bounds
   int32_t *key, *other_key;                 // [entries]
   RowAndWeight *value, *other_value;
   int32_t* num_touched;  // [1]
@@ -102,7 +117,7 @@ TransposeScratch TakeScratch(Arena& arena, int num_groups, int count, size_t cub
           cub_bytes};
 }
 
-// What the sort and the selection need, one after the other.
+// Bytes that the sort and the selection need, one after the other.
 size_t CubBytes(int count, int num_bits) {
   cub::DoubleBuffer<int32_t> keys;
   cub::DoubleBuffer<RowAndWeight> values;
@@ -113,14 +128,16 @@ size_t CubBytes(int count, int num_bits) {
   return std::max(sort, select);
 }
 
-// An entry's Gaussian and the rest of it, sorted: stable, so that rows stay ascending.
+// The entries to be transposed.
 struct Entries {
   RowSpan rows;
   Groups groups;
   int64_t num_rows;
   int32_t begin;
-  int count, num_bits;  // of a key
+  int count, num_bits;  // number of entries; bits of a key
 };
+// Lists and sorts the entries, and unpacks them into the outputs and the scratch. Returns the first
+// error of the launches.
 cudaError_t SortByGaussian(const Entries& entries, const TransposeRowsArgs& args,
                            TransposeScratch& scratch, cudaStream_t stream) {
   ListKernel<<<NumBlocks(entries.num_rows * 32, kBlock), kBlock, 0, stream>>>(
@@ -148,7 +165,7 @@ std::vector<int32_t> GroupsOf(const TransposeRowsArgs& args) {
 
 }  // namespace
 
-// The host waits twice, for the number of entries and for those of the columns.
+// The host waits for the number of entries and for that of columns, to size the outputs.
 void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   const Turn turn(*this);
   if (!turn || args.rows.first.size < 1) return;
