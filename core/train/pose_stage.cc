@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/sfm/estimate_poses.h"
-#include "core/train/video_photographs.h"
+#include "core/train/prepare_files.h"
 
 namespace pepeseg {
 namespace {

@@ -11,7 +11,6 @@
 #include "core/train/priors_command.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_inputs.h"
-#include "core/train/training_scene.h"
 #include "core/train/training_settings.h"
 
 namespace pepeseg {

@@ -15,15 +15,13 @@
 #include "core/base/status_macros.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
-#include "core/train/heic_photographs.h"
 #include "core/train/held_out_scores.h"
 #include "core/train/pose_stage.h"
+#include "core/train/prepare_files.h"
 #include "core/train/prior_stage.h"
 #include "core/train/resumed_stages.h"
 #include "core/train/stage_log.h"
-#include "core/train/training_scene.h"
-#include "core/train/verify_files.h"
-#include "core/train/video_photographs.h"
+#include "core/train/training_inputs.h"
 
 namespace pepeseg {
 namespace {
@@ -79,6 +77,23 @@ class Training {
   Model model_;
 };
 
+}  // namespace
+
+absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingSettings& settings,
+                                   Backend& backend, TrainingObserver& observer) {
+  Training training(inputs, settings, backend, observer);
+  RETURN_IF_ERROR(training.Open());
+  RETURN_IF_ERROR(training.Prepare());
+  RETURN_IF_ERROR(training.EstimatePoses());
+  RETURN_IF_ERROR(training.MakePriors());
+  RETURN_IF_ERROR(training.ReconstructScene());
+  RETURN_IF_ERROR(training.EvaluateScene());
+  RETURN_IF_ERROR(training.LearnFeatures());
+  return std::move(training).Index();
+}
+
+namespace {
+
 absl::Status Training::Open() {
   // Wrong weights are an error at once, not after an hour.
   ASSIGN_OR_RETURN(scorer_, HeldOutScorer::Create(inputs_.tools.lpips_weights));
@@ -117,7 +132,8 @@ absl::Status Training::EstimatePoses() {
   return stages_.End(made.metrics);
 }
 
-// Decodes the photographs, once: everything after this works on the views.
+// Decodes the photographs, once: all later stages work on the views. Only SAM reads photographs for
+// itself, since it starts before there are views.
 absl::Status Training::ImportViews() {
   ASSIGN_OR_RETURN(scene_.capture, ImportCapture(scene_.files, settings_.import));
   stages_.WarnOfAll(scene_.capture.warnings);
@@ -126,7 +142,7 @@ absl::Status Training::ImportViews() {
   return absl::OkStatus();
 }
 
-// Masks, which stage two learns from, and depth, which stage one is regularised by.
+// Masks, which stage two learns from, and depth, which losses of both stages use.
 absl::Status Training::MakePriors() {
   facts_.num_to_segment = priors_.NumToSegment(scene_.capture);
   if (facts_.num_to_segment) {
@@ -313,18 +329,5 @@ absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
 }
 
 }  // namespace
-
-absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingSettings& settings,
-                                   Backend& backend, TrainingObserver& observer) {
-  Training training(inputs, settings, backend, observer);
-  RETURN_IF_ERROR(training.Open());
-  RETURN_IF_ERROR(training.Prepare());
-  RETURN_IF_ERROR(training.EstimatePoses());
-  RETURN_IF_ERROR(training.MakePriors());
-  RETURN_IF_ERROR(training.ReconstructScene());
-  RETURN_IF_ERROR(training.EvaluateScene());
-  RETURN_IF_ERROR(training.LearnFeatures());
-  return std::move(training).Index();
-}
 
 }  // namespace pepeseg

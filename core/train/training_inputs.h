@@ -4,14 +4,34 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/dataset/import.h"
-#include "core/train/training_folders.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
+
+// Folders below that of a run, each of one stage. They hold what a later run need not do again.
+inline constexpr char kHeicFolder[] = "heic";                // JPEGs of HEIC photographs
+inline constexpr char kFramesFolder[] = "frames";            // JPEGs of video frames
+inline constexpr char kPosesFolder[] = "poses";              // COLMAP's result
+inline constexpr char kReconstructFolder[] = "reconstruct";  // stage one's result, as a model
+
+// Where a training leaves the files of its stages and finds those of earlier runs. A training that
+// was interrupted is run again with the same inputs and options, in a folder of its own.
+struct TrainingFolders {
+  std::filesystem::path run = {};  // of this run; gets the model's files at the end
+  std::vector<std::filesystem::path> earlier = {};  // of earlier runs, newest first
+  std::filesystem::path priors = {};   // of the priors command and SAM, shared by all runs
+  std::filesystem::path sfm_log = {};  // COLMAP's output is appended to it
+
+  // This run's, then the earlier ones.
+  std::vector<std::filesystem::path> all() const;
+};
 
 // The operator's program that makes masks and depth maps, see priors_command.h.
 struct PriorsCommand {
@@ -39,5 +59,31 @@ struct TrainingInputs {
   TrainingTools tools;
   std::map<std::string, std::string> facts;  // added to Model::facts
 };
+
+// What stage one starts from. The stages before it make it, one after the other.
+struct TrainingScene {
+  // Of the dataset, and those made of it: frames, poses, priors.
+  std::vector<DatasetFile> files = {};
+  Capture capture = {};  // empty until poses are known
+  // Where "poses", "masks" and "depth" came from: "given", "none", "embedded", "sam", "command
+  // NAME", or the program that estimated the poses.
+  std::map<std::string, std::string> sources = {};
+};
+
+// Whether a file of this kind is among them.
+bool HasKind(std::span<const DatasetFile> files, FileKind kind);
+
+// "num_views", "num_points", "num_masks" and "num_depth_maps" of a capture.
+std::map<std::string, double> Counts(const Capture& capture);
+
+// Finds the folder `name` of the newest run in which every file agrees with the folder's manifest.
+std::optional<std::filesystem::path> FindWhole(const TrainingFolders& folders, const char* name);
+
+// Removes what the stages before the last one left, once there is a model: this run's folders
+// above, the folders of earlier runs, and `priors`. Errors are ignored: leftovers only cost space.
+void RemoveIntermediates(const TrainingFolders& folders);
+
+// Returns the sum of the sizes of the files in a folder, without subfolders.
+absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder);
 
 }  // namespace pepeseg

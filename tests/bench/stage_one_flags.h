@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "core/reconstruct/reconstruct.h"
-#include "core/train/preset.h"
+#include "core/train/training_settings.h"
 
 namespace pepeseg {
 

@@ -1,5 +1,5 @@
 // Photographs: tests/core/dataset/heic_test.cc says what they show.
-#include "core/train/heic_photographs.h"
+#include "core/train/prepare_files.h"
 
 #include <gtest/gtest.h>
 

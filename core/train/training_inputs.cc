@@ -1,5 +1,6 @@
-#include "core/train/training_folders.h"
+#include "core/train/training_inputs.h"
 
+#include <algorithm>
 #include <system_error>
 
 #include "core/base/file_error.h"
@@ -41,6 +42,23 @@ absl::StatusOr<int64_t> BytesIn(const std::filesystem::path& folder) {
   }
   if (error) return FileError(folder, "list", error.value());
   return num_bytes;
+}
+
+bool HasKind(std::span<const DatasetFile> files, FileKind kind) {
+  return std::any_of(files.begin(), files.end(),
+                     [kind](const DatasetFile& file) { return file.kind == kind; });
+}
+
+std::map<std::string, double> Counts(const Capture& capture) {
+  double num_masks = 0, num_depth_maps = 0;
+  for (const View& view : capture.views) {
+    num_masks += view.masks.num_masks;
+    num_depth_maps += view.depth.values.empty() ? 0 : 1;
+  }
+  return {{"num_views", static_cast<double>(capture.views.size())},
+          {"num_points", static_cast<double>(capture.points.size())},
+          {"num_masks", num_masks},
+          {"num_depth_maps", num_depth_maps}};
 }
 
 }  // namespace pepeseg

@@ -1,4 +1,4 @@
-#include "core/train/preset.h"
+#include "core/train/training_settings.h"
 
 #include "absl/strings/str_cat.h"
 
@@ -7,7 +7,8 @@ namespace pepeseg {
 absl::Status Validate(Preset preset) {
   if (preset >= Preset::kPreview && preset <= Preset::kBest) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("preset is ", static_cast<int>(preset), ", not one of those that there are"));
+      absl::StrCat("preset is ", static_cast<int>(preset),
+                   "; it must be 1 (preview), 2 (standard) or 3 (best)"));
 }
 
 void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& features) {
