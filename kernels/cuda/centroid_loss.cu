@@ -6,22 +6,33 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/gate.h"
 
+// CentroidLoss (CentroidLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Centroids").
+// Launches, ordered by the stream:
+//   NearKernel  a warp has a pixel: its nearest centroid above min_cosine. A lane has every 32nd
+//               centroid; the pixel's unit vector is in shared memory, a row a warp (__syncwarp);
+//               shuffles find the best lane, of equal cosines the first centroid
+//   SumKernel   one block: loss and count, as a tree in shared memory (__syncthreads)
+//   GradKernel  a warp has a pixel, a lane a channel: gradients of the feature and of psi
+//   GateKernel  one block: the gradients of psi over the pixels, then of the gate
+// There are no atomics, and all sums have a fixed order: the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
 constexpr int kWarps = kBlock / 32;
 
+// Nearest centroid of a pixel.
 struct Near {
   int32_t index;  // -1: no centroid is near
   float cosine;
 };
 
+// Channel k of psi.
 __device__ float PsiOf(const CentroidLossArgs& args, int k) {
   return Gate(args.gate.data[k], args.gate.data[kFeatureSize + k], args.scale);
 }
 
-// A warp a pixel; a lane has every 32nd centroid.
 __global__ void __launch_bounds__(kBlock) NearKernel(CentroidLossArgs args, Near* near) {
   __shared__ float units[kWarps][kFeatureSize];
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
@@ -41,7 +52,7 @@ __global__ void __launch_bounds__(kBlock) NearKernel(CentroidLossArgs args, Near
     for (int c = 0; c < kFeatureSize; ++c) cosine = MulAdd(units[warp][c], centroid[c], cosine);
     if (cosine > best.cosine) best = {k, cosine};
   }
-  // Of equal ones the first.
+  // Of equal cosines the first centroid wins.
   for (int offset = 16; offset > 0; offset /= 2) {
     const Near other = {__shfl_xor_sync(~0u, best.index, offset),
                         __shfl_xor_sync(~0u, best.cosine, offset)};
@@ -52,7 +63,7 @@ __global__ void __launch_bounds__(kBlock) NearKernel(CentroidLossArgs args, Near
   if (lane == 0) near[pixel] = best;
 }
 
-// One block, in a fixed order.
+// Sums in double. GradKernel reads the count from `sums`.
 __global__ void __launch_bounds__(kBlock) SumKernel(CentroidLossArgs args, const Near* near) {
   __shared__ double losses[kBlock], counts[kBlock];
   const int t = static_cast<int>(threadIdx.x);
@@ -73,7 +84,7 @@ __global__ void __launch_bounds__(kBlock) SumKernel(CentroidLossArgs args, const
   args.sums.data[kNumNearCentroids] = counts[0];
 }
 
-// A warp a pixel.
+// Adds to pixel_grad and writes the gradient of psi, 0 for pixels that are near no centroid.
 __global__ void __launch_bounds__(kBlock)
     GradKernel(CentroidLossArgs args, const Near* near, float* psi_grads) {
   const int64_t pixel = int64_t{blockIdx.x} * kWarps + threadIdx.x / 32;
@@ -93,7 +104,7 @@ __global__ void __launch_bounds__(kBlock)
   psi_grads[at] = psi_grad.v;
 }
 
-// One block: a warp sums every kWarps-th pixel.
+// Each warp sums every kWarps-th pixel, then warp 0 sums the warps.
 __global__ void __launch_bounds__(kBlock)
     GateKernel(CentroidLossArgs args, const float* psi_grads) {
   __shared__ float sums[kWarps][kFeatureSize];

@@ -14,14 +14,15 @@ namespace pepeseg {
 // Sets up the device. After an error the rest fails as well; the first error is kept, and
 // MakeCudaBackend reports it.
 CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
-  Keep(cudaSetDevice(options.device), "choosing the device");
+  Keep(cudaSetDevice(options.device), "setting the device");
   cudaDeviceProp properties = {};
-  Keep(cudaGetDeviceProperties(&properties, options.device), "asking for the device");
+  Keep(cudaGetDeviceProperties(&properties, options.device),
+       "reading the properties of the device");
   device_name_ = properties.name;
-  Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
-  Keep(cudaStreamCreateWithFlags(&side_stream_, cudaStreamNonBlocking), "making a stream");
+  Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "creating a stream");
+  Keep(cudaStreamCreateWithFlags(&side_stream_, cudaStreamNonBlocking), "creating a stream");
   for (cudaEvent_t& event : readbacks_) {
-    Keep(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "making an event");
+    Keep(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "creating an event");
   }
   Keep(cudaMallocHost(reinterpret_cast<void**>(&pinned_counters_),
                       kNumCudaCounters * sizeof(int64_t)),
@@ -30,7 +31,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
   // each time.
   cudaMemPool_t pool;
   uint64_t keep_all = UINT64_MAX;
-  Keep(cudaDeviceGetDefaultMemPool(&pool, options.device), "asking for the memory pool");
+  Keep(cudaDeviceGetDefaultMemPool(&pool, options.device), "getting the memory pool");
   Keep(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep_all),
        "setting up the memory pool");
 }
@@ -53,7 +54,7 @@ CudaBackend::Turn::Turn(CudaBackend& backend) : lock_(backend.mutex_) {
   usable_ = backend.error_.empty();
   if (usable_) {
     // Each host thread has a current device of its own.
-    backend.Keep(cudaSetDevice(backend.options_.device), "choosing the device");
+    backend.Keep(cudaSetDevice(backend.options_.device), "setting the device");
     if (backend.options_.kernel_times != nullptr) backend.Launched(nullptr);
   }
 }
@@ -103,7 +104,7 @@ void CudaBackend::Launched(const char* kernel) {
   Keep(cudaGetLastError(), kernel);
   if (options_.kernel_times == nullptr) return;
   cudaEvent_t event;
-  Keep(cudaEventCreate(&event), "making an event");
+  Keep(cudaEventCreate(&event), "creating an event");
   Keep(cudaEventRecord(event, stream_), "recording an event");
   marks_.push_back({kernel, event});
 }
@@ -193,7 +194,7 @@ void CudaBackend::LaunchSequence(int key, cudaGraph_t graph) {
     cudaGraphExecDestroy(sequence);
     sequence = nullptr;
   }
-  if (sequence == nullptr) Keep(cudaGraphInstantiate(&sequence, graph, 0), "making a graph");
+  if (sequence == nullptr) Keep(cudaGraphInstantiate(&sequence, graph, 0), "instantiating a graph");
   if (sequence != nullptr) Keep(cudaGraphLaunch(sequence, stream_), "launching a graph");
 }
 

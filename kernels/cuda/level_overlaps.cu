@@ -6,6 +6,17 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/pixel_feature.cuh"
 
+// LevelOverlaps (LevelOverlapsArgs in kernels/ops/feature.h; METHOD.md section 4): the threshold
+// level of each pixel at each scale, and how many pixels have each pair of levels at each pair of
+// scales. Two launches, ordered by the stream:
+//   LevelKernel    a thread has a pixel at scale blockIdx.y; gated queries are in up to 32 KiB of
+//                  dynamic shared memory (GateQueries)
+//   OverlapKernel  blockIdx.y is the first scale; a thread takes every k-th pixel and counts it
+//                  against all scales from the first on. A block clears its counts in shared
+//                  memory (up to 32 KiB), counts there by atomics, and adds the counts to the
+//                  output by atomics, with __syncthreads between the three
+// Counts are integers, so they are the same in every run.
+
 namespace pepeseg {
 namespace {
 
@@ -23,7 +34,7 @@ struct LevelParams {
   uint8_t* levels;  // [num_scales, num_pixels]
 };
 
-// A thread a pixel, blockIdx.y a scale.
+// Writes the threshold levels.
 __global__ void __launch_bounds__(kBlock) LevelKernel(LevelParams p) {
   extern __shared__ float queries[];  // [num_queries, 32]
   __shared__ float psi2[kFeatureSize];
@@ -42,12 +53,11 @@ __global__ void __launch_bounds__(kBlock) LevelKernel(LevelParams p) {
 struct OverlapParams {
   const uint8_t* levels;  // [num_scales, num_pixels]
   int64_t num_pixels;
-  int num_scales, side;
-  int32_t* overlaps;  // [num_scales, num_scales, side, side], zeros
+  int num_scales, side;  // side: number of levels, thresholds + 1
+  int32_t* overlaps;     // [num_scales, num_scales, side, side], zeros
 };
 
-// blockIdx.y: the first of two scales; the block counts its pixels for all later ones in shared
-// memory. Counts are integers, so that their order does not matter.
+// Counts pixels by their levels at scale blockIdx.y and at each scale from it on.
 __global__ void __launch_bounds__(kBlock) OverlapKernel(OverlapParams p) {
   extern __shared__ int32_t counts[];  // [num_scales - scale, side, side]
   const int scale = static_cast<int>(blockIdx.y), square = p.side * p.side;
@@ -88,7 +98,7 @@ void CudaBackend::LevelOverlaps(const LevelOverlapsArgs& args) {
        static_cast<int>(args.queries.size / kFeatureSize), args.num_positive, args.thresholds.data,
        num_thresholds, args.min_norm, args.levels.data});
   Launched("levels");
-  constexpr int kMostBlocks = 32;  // a scale: each empties its counts once
+  constexpr int kMostBlocks = 32;  // blocks a scale; each adds its counts to the output once
   OverlapKernel<<<dim3(std::min(kMostBlocks, NumBlocks(num_pixels, kBlock)), num_scales), kBlock,
                   num_scales * side * side * sizeof(int32_t), stream_>>>(
       {args.levels.data, num_pixels, static_cast<int>(num_scales), side, args.overlaps.data});

@@ -27,7 +27,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   }
   if (error == cudaErrorMemoryAllocation) {
     cudaGetLastError();
-    Fail({"CUDA: out of memory: " + std::to_string(num_bytes) + " bytes asked for, " +
+    Fail({"CUDA: out of memory: " + std::to_string(num_bytes) + " bytes requested, " +
           std::to_string(bytes_in_use_) + " in use"});
     return nullptr;
   }
@@ -103,8 +103,8 @@ void CudaBackend::ReleaseFreed() {
   if (!turn || recording_) return;
   cudaMemPool_t pool;
   Keep(cudaStreamSynchronize(stream_), "waiting for the device");
-  Keep(cudaDeviceGetDefaultMemPool(&pool, options_.device), "asking for the memory pool");
-  if (error_.empty()) Keep(cudaMemPoolTrimTo(pool, 0), "giving memory back");
+  Keep(cudaDeviceGetDefaultMemPool(&pool, options_.device), "getting the memory pool");
+  if (error_.empty()) Keep(cudaMemPoolTrimTo(pool, 0), "returning memory to the device");
 }
 
 }  // namespace pepeseg

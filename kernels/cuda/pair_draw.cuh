@@ -6,13 +6,14 @@
 
 namespace pepeseg {
 
-// The draw of easy pairs, the same as the CPU's. A constant-positive resp. -negative pair is drawn
-// when its 31-bit hash is below.
+// The draw of easy pairs (see PairLossArgs), the same as on the CPU (kernels/cpu/pair_plan.h): a
+// constant-positive, or constant-negative, pair is drawn if its 31-bit hash is below the limit.
 struct DrawLimits {
   int32_t positive, negative;
 };
 
-// So that the draws give the asked number of easy pairs on average (the CPU's PairPlan).
+// Limits that draw, on average, easy_share pairs of each kind for each hard pair, or as for
+// kMinHardShare of all pairs if fewer are hard. Reads the counts of pair_plan.cu.
 __device__ inline DrawLimits LimitDraws(const PairWork& work) {
   constexpr double kMinHardShare = 0.05;  // of all pairs, for the number of easy ones
   const auto positive = static_cast<double>(work.counts->constant_positive / 2);
@@ -27,7 +28,7 @@ __device__ inline DrawLimits LimitDraws(const PairWork& work) {
   return {limit(positive), limit(negative)};
 }
 
-// 31 random bits for a pair; the same for (p, q) and (q, p).
+// Returns 31 random bits for a pair, the same for (p, q) and (q, p). p and q are below 2^16.
 __device__ inline int32_t PairHash(uint32_t p, uint32_t q, uint32_t seed) {
   uint32_t h = (max(p, q) << 16 | min(p, q)) ^ seed;
   h = (h ^ h >> 16) * 0x7feb352du;

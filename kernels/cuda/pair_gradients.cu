@@ -4,29 +4,48 @@
 #include "kernels/cuda/tensor_core.cuh"
 #include "kernels/math/pair.h"
 
+// Third pass of PairLoss: from the plan to the gradients of the normalised gated features,
+//   unit_grad_p = sum over q of (d loss / d C_pq) F_q / |psi * F_q|,
+// without the factor psi, which pair_pixels.cu applies. It is a product of matrices: one over (p,
+// q) that the bits of the plan and the weights generate on the fly, and one over (q, channel). It
+// runs on the tensor cores, in tf32 with each factor split in two (tensor_core.cuh).
+//
+// A block has 128 pixels p, two scales and one of kPairSplits parts of the pixels q; a warp has 32
+// of the p and all 32 channels, a lane 4 of the p against 2 channels of each 8. The block takes 32
+// q at a time: its threads load their features and inverse norms, split them, and store them to one
+// of two buffers in shared memory (Columns), while all warps multiply the other. One __syncthreads
+// per 32 q is enough: it separates the stores to a buffer from its reads, and the reads of the
+// buffer before last from the stores that replace it. Words of the plan go straight to registers, a
+// batch ahead.
+//
+// Each sum is in one thread's registers, over q in a fixed order, and the parts have places of
+// their own, which pair_pixels.cu adds in order: results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kRows = kPairPad;  // pixels p of a block
-constexpr int kWarpRows = 32;    // of a warp: two products of 16
+constexpr int kWarpRows = 32;    // pixels p of a warp: two products of 16
 constexpr int kColumns = 32;     // pixels q at a time
-constexpr int kScales = 2;       // at once: they share the words of the plan and the weights
+constexpr int kScales = 2;       // scales of a block, which share words of the plan and weights
 constexpr int kBlock = kRows / kWarpRows * 32;
 constexpr int kParts = kFeatureSize / 8;  // products of 8 channels
 
-// F / |psi F| of some pixels q, a word two q at a channel: the high parts, then the low parts. The
-// stride keeps the lanes of a product in different banks.
+// Shared memory: F / |psi F| of 32 pixels q at two scales, and their weights. A word has two q at
+// one channel, their high parts, then their low parts. The padding of the rows keeps the lanes of a
+// product in different banks.
 struct Columns {
   alignas(16) uint4 at[kScales][kColumns / 2][kFeatureSize + 2];
   alignas(16) float weight[kColumns];
 };
 
-// A lane j of four reads the plan in runs of four q, 16 h + 4 j to 16 h + 4 j + 3, of which a
-// product takes two: q = 16 h + 4 j + 2 k + e in step 2 h + k, as number j + 4 e of its eight. The
-// place of two such q among the steps' rows:
+// The order of the q in a product is free if both factors have the same. Lane j of four reads the
+// plan in runs of four q, 16 h + 4 j to 16 h + 4 j + 3. Step 2 h + k multiplies two q of a run,
+// q = 16 h + 4 j + 2 k + e with e = 0 or 1, as number j + 4 e of its eight. Returns the row of
+// Columns for two such q, number `pair` among the 16 of a batch.
 __device__ int PlaceOf(int pair) { return (pair / 8 * 2 + pair % 2) * 4 + pair / 2 % 4; }
 
-// A thread's part of Columns on its way: two q at every eighth channel.
+// A thread's part of Columns in registers, between load and store: two q at every eighth channel.
 constexpr int kEighths = kFeatureSize / 8;
 static_assert(kBlock == kColumns / 2 * 8);
 struct Fetched {
@@ -34,6 +53,7 @@ struct Fetched {
   float2 inv_norm[kScales];
   float weight;
 };
+// Loads the thread's part for the q from `first` on; zeros in the padding.
 __device__ void FetchColumns(const PairWork& work, int first_scale, int first, Fetched& fetched) {
   const int q = first + static_cast<int>(threadIdx.x) / 8 * 2;
 #pragma unroll
@@ -52,6 +72,7 @@ __device__ void FetchColumns(const PairWork& work, int first_scale, int first, F
   const int own = first + static_cast<int>(threadIdx.x) % kColumns;
   fetched.weight = work.args.pixel_weight.data[min(own, work.num_pixels - 1)];
 }
+// Splits the thread's part and stores it to shared memory.
 __device__ void StoreColumns(const Fetched& fetched, Columns& columns) {
   const int place = PlaceOf(static_cast<int>(threadIdx.x) / 8);
 #pragma unroll
@@ -66,13 +87,14 @@ __device__ void StoreColumns(const Fetched& fetched, Columns& columns) {
   if (threadIdx.x < kColumns) columns.weight[threadIdx.x] = fetched.weight;
 }
 
-// Of a lane's four pixels p: 8 apart, from `p` on.
+// A lane's four pixels p, 8 apart from `p` on, and the gradient of the cosine of a pair: base +
+// slope * weight of q, one for pairs that pull and one for pairs that push.
 struct Rows {
   int p;
-  // d loss / d cosine is base + slope * weight of q, where the pair pulls resp. pushes.
   float pull_base, push_base, pull_slope[4], push_slope[4];
 };
 
+// Divides by the numbers of positives and negatives, as the losses are means.
 __device__ Rows RowsOf(const PairWork& work, int p) {
   const PairWeights weights = *work.weights;
   const float pull = PositiveTermVjp(Inverse(work.counts->positives));
@@ -87,8 +109,9 @@ __device__ Rows RowsOf(const PairWork& work, int p) {
   return rows;
 }
 
+// Words of the plan for a lane's four pixels p and its two runs of four q.
 struct Words {
-  uint4 bits[4][2];  // of a pixel p and a run of q
+  uint4 bits[4][2];
 };
 __device__ void LoadWords(const PairWork& work, int first, int p, Words& words) {
   const int q = first + static_cast<int>(threadIdx.x) % 4 * 4;
@@ -102,11 +125,12 @@ __device__ void LoadWords(const PairWork& work, int first, int p, Words& words) 
   }
 }
 
+// A lane's sums: by scale, product of 16 p, product of 8 channels, and element of the product.
 struct Sums {
   float at[kScales][2][kParts][4];
 };
 
-// Two q of a run against the four p, as the numbers of two products.
+// Bits and gradients of two q of a run against the four p, as the elements of two products.
 struct PairGrads {
   uint32_t bits[2][4];
   float pull[2][4], push[2][4];
@@ -130,6 +154,8 @@ __device__ PairGrads PairGradsOf(const Rows& rows, const Words& words, const flo
   return out;
 }
 
+// Multiplies the gradients of one step with its q, at one scale. `column` is the lane's word of the
+// first eight channels.
 __device__ void AddProducts(const PairGrads& grads, int scale, const uint4* column,
                             float (&sum)[2][kParts][4]) {
   SplitB b[kParts];
@@ -153,6 +179,7 @@ __device__ void AddProducts(const PairGrads& grads, int scale, const uint4* colu
   }
 }
 
+// Adds the 32 q in shared memory to the sums.
 __device__ void AddColumns(const Rows& rows, const Words& words, int first_scale,
                            const Columns& columns, Sums& sums) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
@@ -169,6 +196,7 @@ __device__ void AddColumns(const Rows& rows, const Words& words, int first_scale
   }
 }
 
+// Writes a lane's sums at one scale to the place of this block's part.
 __device__ void StoreSums(const PairWork& work, int scale, int p,
                           const float (&sum)[2][kParts][4]) {
   const int channel = static_cast<int>(threadIdx.x) % 4 * 2;
@@ -184,8 +212,7 @@ __device__ void StoreSums(const PairWork& work, int scale, int p,
   }
 }
 
-// sum over q of (d loss / d cosine) F_q / |psi F_q|, for kRows pixels p at kScales scales, over one
-// part of the q.
+// blockIdx: pixels p, scales, part of the q. A part may be empty; its sums are 0.
 __global__ void __launch_bounds__(kBlock, 2) UnitGradientKernel(PairWork work) {
   __shared__ Columns columns[2];
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
@@ -205,7 +232,8 @@ __global__ void __launch_bounds__(kBlock, 2) UnitGradientKernel(PairWork work) {
   }
   for (int i = begin; i < end; ++i) {
     __syncthreads();
-    // The next are on their way while these are multiplied; the last are fetched once more.
+    // The next 32 q are loaded while these are multiplied. The last round loads its own again, so
+    // that no branch is needed; nothing reads them.
     const int next = min(i + 1, end - 1) * kColumns;
     Words next_words;
     LoadWords(work, next, p, next_words);

@@ -3,6 +3,11 @@
 #include "kernels/cuda/cuda_backend.h"
 #include "kernels/cuda/pair_work.cuh"
 
+// PairLoss (PairLossArgs in kernels/ops/feature.h; METHOD.md section 3, "Contrastive loss" and
+// "Norms"): the host side, which sizes the working memory and launches the passes in their order.
+// The host waits for nothing, so the op can be recorded. Contracts that the passes share are in
+// pair_work.cuh.
+
 namespace pepeseg {
 
 PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
@@ -25,17 +30,18 @@ PairWork TakePairWork(const PairLossArgs& args, Arena& arena) {
   return work;
 }
 
-// Two passes over pairs. The first computes the cosines of a tile of pairs at all scales in
-// registers, decides with them which pairs count, and leaves a word of bits a pair. The second
-// multiplies those bits with the features. Between the two the counts of positives and negatives
-// are known, so that one gradient is gathered where one pass would have to keep two apart.
+// Makes two passes over pairs. The first (pair_tiles.cu) computes the cosines of a tile of pairs at
+// all scales in registers, decides with them which pairs count, and stores a word of bits for each
+// pair. The second (pair_gradients.cu) multiplies those bits with the features. The means need the
+// numbers of positives and negatives, which are known between the two; a single pass would have to
+// keep the gradients of both apart.
 void CudaBackend::PairLoss(const PairLossArgs& args) {
   const Turn turn(*this);
   if (!turn) return;
   if (args.scales.size < 1 || args.scales.size > kMaxScales || args.pixel_weight.size >= 1 << 16) {
-    return Fail({"PairLoss: " + std::to_string(args.scales.size) + " scales of " +
-                 std::to_string(args.pixel_weight.size) + " pixels, must be 1 to " +
-                 std::to_string(kMaxScales) + " of at most 65535"});
+    return Fail({"PairLoss: " + std::to_string(args.scales.size) + " scales and " +
+                 std::to_string(args.pixel_weight.size) + " pixels; the limits are 1 to " +
+                 std::to_string(kMaxScales) + " scales and 65535 pixels"});
   }
   Arena sizes;
   TakePairWork(args, sizes);

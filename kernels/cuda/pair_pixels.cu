@@ -3,16 +3,25 @@
 #include "kernels/cuda/channel.cuh"
 #include "kernels/cuda/pair_work.cuh"
 
+// Fourth pass of PairLoss: the gradient of each pixel's feature and of the gate, through the gated
+// and normalised features at all scales (GatedUnitVjp of kernels/math/pair.h), and the norm term.
+//
+// A warp has a pixel, a lane a channel; a block is kPixelWarps warps. Norms are shuffles over the
+// warp. Shared memory holds the gradients of psi and the norm term of each warp; after one
+// __syncthreads the block adds them over its warps and stores them for pair_sums.cu. All sums have
+// a fixed order: over the parts of pair_gradients.cu, the scales, the warps.
+
 namespace pepeseg {
 namespace {
 
-// A pixel's gradient through its gated and normalised features.
 constexpr int kPixelBlock = 32 * kPixelWarps;
 struct PixelShared {
   float psi_grad[kPixelWarps][kMaxScales * kFeatureSize];
   double norm_loss[kPixelWarps];
 };
 
+// Returns one channel of the gradient of pixel p through all scales, and writes those of psi to
+// psi_grads[scales, 32].
 __device__ Channel BackwardPixel(const PairWork& work, int p, const Channel& feature,
                                  float* psi_grads) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
@@ -34,7 +43,7 @@ __device__ Channel BackwardPixel(const PairWork& work, int p, const Channel& fea
   return grad;
 }
 
-// A warp a pixel.
+// Warps of the padding take part in the sums with zeros.
 __global__ void __launch_bounds__(kPixelBlock) PixelGradientKernel(PairWork work) {
   __shared__ PixelShared shared;
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;

@@ -5,13 +5,26 @@
 #include "kernels/cuda/pair_work.cuh"
 #include "kernels/math/gate.h"
 
+// First pass of PairLoss: everything that does not need cosines. One launch with three kinds of
+// blocks, which do not depend on each other:
+//   block 0           psi, the scaling of the weights, and the number of pixels in the norm term
+//   one a mask cell   G of the cell with every cell at all scales (a thread has a cell), then the
+//                     number of its pixels' pairs with all pixels by G (a thread has every 256th
+//                     pixel)
+//   the others        a warp has a pixel, a lane a channel: 1 / |psi * F| at all scales
+// Pixels of a mask cell have the same labels, so G is compared by cell and not by pixel.
+//
+// __syncthreads separates the steps within a block. Counts are integer atomics, within the block in
+// shared memory and between blocks in global memory; the extremes of the weights are exact in any
+// order. So the results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
 constexpr int kWarps = kBlock / 32;
 
-// The two smallest and the two largest of some numbers, the first the more extreme.
+// The two smallest and the two largest of a set of numbers, the more extreme first.
 struct Extremes {
   float low[2], high[2];
 };
@@ -19,6 +32,7 @@ __device__ Extremes Merge(const Extremes& a, const Extremes& b) {
   return {{min(a.low[0], b.low[0]), min(max(a.low[0], b.low[0]), min(a.low[1], b.low[1]))},
           {max(a.high[0], b.high[0]), max(min(a.high[0], b.high[0]), max(a.high[1], b.high[1]))}};
 }
+// Extremes over the lanes of a warp, in every lane.
 __device__ Extremes MergeOverWarp(Extremes own) {
   for (int offset = 16; offset > 0; offset /= 2) {
     Extremes other;
@@ -31,6 +45,9 @@ __device__ Extremes MergeOverWarp(Extremes own) {
   return own;
 }
 
+// Scales the weights of pairs to [1, 10]: the smallest product is that of the two smallest weights,
+// the largest that of the two largest. All become 1 if those differ by at most 1e-6 of the largest,
+// or if there is no pair.
 __device__ PairWeights ScaleWeights(const Extremes& of_all, int num_pixels) {
   if (num_pixels < 2) return {1, 0};
   const double low = static_cast<double>(of_all.low[0]) * static_cast<double>(of_all.low[1]);
@@ -41,12 +58,13 @@ __device__ PairWeights ScaleWeights(const Extremes& of_all, int num_pixels) {
           static_cast<float>(kRange / (high - low))};
 }
 
+// One channel of psi at a scale.
 __device__ float PsiOf(const PairWork& work, int scale, int channel) {
   const float* gate = work.args.gate.data;
   return Gate(gate[channel], gate[kFeatureSize + channel], work.args.scales.data[scale]);
 }
 
-// One block finds psi, how the weights are scaled, and how many pixels count for the norm.
+// Finds psi, the scaling of the weights, and the number of pixels in the norm term. One block.
 __device__ void SurveyPixels(const PairWork& work) {
   for (int i = static_cast<int>(threadIdx.x); i < work.num_scales * kFeatureSize; i += kBlock) {
     work.psi[i] = PsiOf(work, i / kFeatureSize, i % kFeatureSize);
@@ -74,7 +92,7 @@ __device__ void SurveyPixels(const PairWork& work) {
   work.counts->norm_pixels = static_cast<unsigned long long>(num_norm_pixels);
 }
 
-// 1 / |psi * F| at all scales; a warp a pixel.
+// Writes 1 / |psi * F| of pixel p at all scales, by one warp; 0 for the padding.
 __device__ void GatePixel(const PairWork& work, int p) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   if (p >= work.padded) return;
@@ -89,7 +107,7 @@ __device__ void GatePixel(const PairWork& work, int p) {
   }
 }
 
-// G of two patches at all scales.
+// Returns G of two mask cells: bit k is set if their labels at scale k intersect.
 __device__ uint32_t AgreesOf(const PairWork& work, int a, int b) {
   const int64_t words = work.args.label_words, stride = work.args.num_patches * words;
   const uint64_t *of_a = work.args.labels.data + a * words, *of_b = of_a + (b - a) * words;
@@ -105,11 +123,13 @@ __device__ uint32_t AgreesOf(const PairWork& work, int a, int b) {
   return agrees;
 }
 
-// Pixels by what a patch has in common with theirs.
+// Number of pixels in a mask cell, and of all pixels by G with it.
 struct PixelClasses {
   int own, positive, negative, hard;
 };
 
+// Adds the pixels of the batch to `classes`, which is in shared memory. `agrees_row` is the cell's
+// row of `agrees`.
 __device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, int patch,
                              PixelClasses& classes) {
   const uint32_t all = (1u << work.num_scales) - 1u;
@@ -128,7 +148,8 @@ __device__ void CountClasses(const PairWork& work, const uint32_t* agrees_row, i
   if (own.hard > 0) atomicAdd(&classes.hard, own.hard);
 }
 
-// A block a patch: its row of `agrees`, and its pixels' pairs with all pixels, both ways round.
+// Writes a mask cell's row of `agrees` and counts the ordered pairs of its pixels with all other
+// pixels. One block a cell.
 __device__ void ComparePatch(const PairWork& work, int patch) {
   __shared__ PixelClasses classes;
   uint32_t* row = work.agrees + int64_t{patch} * work.args.num_patches;
@@ -141,6 +162,7 @@ __device__ void ComparePatch(const PairWork& work, int patch) {
   __syncthreads();
   if (threadIdx.x != 0 || classes.own == 0) return;
   const uint32_t all = (1u << work.num_scales) - 1u, agrees = row[patch];
+  // has_itself: the pixels counted include the pixel p of the pair itself.
   const auto add = [&](unsigned long long& pairs, int count, bool has_itself) {
     const int others = count - static_cast<int>(has_itself);
     if (others > 0) atomicAdd(&pairs, uint64_t{1} * classes.own * others);

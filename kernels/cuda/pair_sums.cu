@@ -3,22 +3,28 @@
 #include "kernels/cuda/pair_work.cuh"
 #include "kernels/math/gate.h"
 
+// Last pass of PairLoss: adds the parts that tiles and blocks of pixels have stored, and passes the
+// gradient of psi on to the gate. Two blocks, which share nothing: block 0 has the gate, block 1
+// the losses. Every sum has a fixed order: a thread (or a warp) adds every k-th part, then shuffles
+// or shared memory add over threads, with __syncthreads in between.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 512;
 constexpr int kWarps = kBlock / 32;
 
-// The losses' sums, in the order of kLosses.
+// Places in `sums` of the three losses that are added here.
 constexpr int kNumLosses = 3;
 __constant__ const int kLosses[kNumLosses] = {kPositiveLoss, kNegativeLoss, kNormLoss};
 
+// Shared memory: of SumGate and of SumLosses.
 struct Shared {
   float psi_grad[kWarps][kMaxScales * kFeatureSize];
   double loss[kWarps][kNumLosses];
 };
 
-// The same order each time.
+// Sums the losses in double and copies the counts. By block 1.
 __device__ void SumLosses(const PairWork& work, int num_tiles, int num_pixel_blocks,
                           Shared& shared) {
   double loss[kNumLosses] = {};
@@ -49,7 +55,9 @@ __device__ void SumLosses(const PairWork& work, int num_tiles, int num_pixel_blo
   sums[kNumNormPixels] = static_cast<double>(work.counts->norm_pixels);
 }
 
-// Warps take turns with the blocks of pixels, then threads sum over the warps.
+// Sums the gradients of psi: each warp adds every kWarps-th block of pixels, then each thread adds
+// one (scale, channel) over the warps. One warp then adds the gate's weights and biases over the
+// scales. By block 0.
 __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shared) {
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   const int num_psi = work.num_scales * kFeatureSize;
@@ -84,7 +92,6 @@ __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shar
   work.args.gate_grad.data[kFeatureSize + lane] = bias_grad;
 }
 
-// Adds what the tiles and the blocks of pixels have left: a block the gate, one the losses.
 __global__ void __launch_bounds__(kBlock)
     SumKernel(PairWork work, int num_tiles, int num_pixel_blocks) {
   __shared__ Shared shared;

@@ -5,24 +5,43 @@
 #include "kernels/cuda/tensor_core.cuh"
 #include "kernels/math/pair.h"
 
+// Second pass of PairLoss: the cosines of all pairs p < q at all scales, the plan of which pairs
+// count, and the losses.
+//
+// A block has a tile of 32x32 pairs on or above the diagonal, a warp 16x16 of them, a lane eight,
+// at all scales: whether a pair counts depends on its cosines at all scales, so they are in one
+// thread. A cosine is sum_k psi_k^2 F_pk F_qk times both inverse norms (pair_plan.cu). The sums are
+// products of matrices on the tensor cores, in tf32 with each factor split in two
+// (tensor_core.cuh), to about the precision of float. Only the side of p changes with the scale;
+// that of q is split once.
+//
+// Shared memory holds psi^2, the limits of the draw, and the sums of the warps; one __syncthreads
+// precedes the loop over the scales, one the sum over the warps. Features are in registers.
+//
+// A word of the plan is written by one thread, mirrored to (q, p). Losses are added over a lane's
+// pairs, by shuffles over the warp, over the warps, and later over the tiles (pair_sums.cu), in
+// double from the warp on and in fixed orders; counts are integer atomics. So the results are the
+// same in every run.
+
 namespace pepeseg {
 namespace {
 
-// A block has a tile of kPairTile x kPairTile pairs, a warp 16 x 16 of them, a lane eight: pixels
-// row + 8 i against column + 8 part + j. A product over channels takes them in an order of its own,
-// the same for both sides: lane j of four holds channels 8 j to 8 j + 7, of which step k takes two.
+// Pairs of a lane: pixels row + 8 i against columns column + 8 part + j, with i, part and j 0 or 1.
+// The order of channels in a product is free if both sides have the same: lane j of four holds
+// channels 8 j to 8 j + 7, so that it loads whole words, and step k multiplies two of them.
 constexpr int kWarps = 4;
 constexpr int kBlock = 32 * kWarps;
 constexpr int kParts = 2, kPairs = 4 * kParts;
 constexpr int kSteps = 4, kChannels = 2 * kSteps;
 
+// Shared memory of a block.
 struct Shared {
   alignas(16) float psi2[kMaxScales][kFeatureSize];
   DrawLimits limits;
   PairLossPart of_warp[kWarps];
 };
 
-// Pair `at` of a lane.
+// The eight pairs of a lane, numbered `at`.
 struct Pairs {
   int row, column;
   uint32_t bits[kPairs];                     // agrees, and above kPushShift: the cosine is positive
@@ -33,12 +52,13 @@ struct Pairs {
   __device__ int ColumnOf(int at) const { return column + at / 4 * 8 + at % 2; }
 };
 
-// The features of a lane's pixels: of the rows as they are, of the columns split.
+// The channels that a lane holds, of two row pixels as they are and of two column pixels split.
 struct Sides {
   float row[2][kChannels];
   SplitB column[kParts][kSteps];
 };
 
+// Loads the lane's eight channels of a pixel; zeros in the padding.
 __device__ void LoadChannels(const PairWork& work, int pixel, float (&channel)[kChannels]) {
   const int j = static_cast<int>(threadIdx.x) % 4;
   const auto* words = reinterpret_cast<const float4*>(work.args.pixel_features.data);
@@ -69,6 +89,8 @@ __device__ void LoadSides(const PairWork& work, int first_row, int first_column,
   }
 }
 
+// Looks up G of the lane's pairs at all scales. Pixels of the padding take the mask cell of the
+// last pixel; Choose rejects their pairs.
 __device__ void BeginPairs(const PairWork& work, Pairs& pairs) {
   const int32_t* patch = work.args.pixel_patch.data;
   const int last = work.num_pixels - 1;
@@ -82,7 +104,7 @@ __device__ void BeginPairs(const PairWork& work, Pairs& pairs) {
   }
 }
 
-// sum_k psi_k^2 F_pk F_qk of a lane's pairs.
+// Computes sum_k psi_k^2 F_pk F_qk of the lane's pairs, by the whole warp.
 __device__ void Correlate(const Sides& sides, const float* psi2, float (&sum)[kParts][4]) {
   const auto* words = reinterpret_cast<const float4*>(psi2);
   const float4 a = words[threadIdx.x % 4 * 2], b = words[threadIdx.x % 4 * 2 + 1];
@@ -102,7 +124,8 @@ __device__ void Correlate(const Sides& sides, const float* psi2, float (&sum)[kP
   for (int at = 0; at < kPairs; ++at) sum[at / 4][at % 4] += mixed[at / 4][at % 4];
 }
 
-// A pair's cosine at one scale.
+// Records the cosine of pair `at` at one scale: whether it violates its label, whether it is
+// positive, and its terms of weight 1.
 __device__ void AddCosine(const PairWork& work, int scale, float cosine, int at, Pairs& pairs) {
   const bool agrees = (pairs.bits[at] >> scale & 1u) != 0;
   const bool violates = agrees ? cosine < work.args.min_positive : work.args.max_negative < cosine;
@@ -115,6 +138,7 @@ __device__ void AddCosine(const PairWork& work, int scale, float cosine, int at,
   }
 }
 
+// Computes and records the cosines of the lane's pairs at one scale.
 __device__ void AddScale(const PairWork& work, int scale, const Sides& sides, const float* psi2,
                          Pairs& pairs) {
   const float* inv_norm = work.inv_norm + scale * work.padded;
@@ -133,13 +157,13 @@ __device__ void AddScale(const PairWork& work, int scale, const Sides& sides, co
   }
 }
 
-// What a lane's pairs add.
+// Sums over the pairs of a lane that count.
 struct Totals {
   float positive = 0, negative = 0;
   int num_positives = 0, num_negatives = 0;
 };
 
-// Turns the bits of a pair into its word of the plan.
+// Decides whether pair `at` counts, turns its bits into its word of the plan, and adds its terms.
 __device__ void Choose(const PairWork& work, const DrawLimits& limits, int at, Pairs& pairs,
                        Totals& totals) {
   const int p = pairs.RowOf(at), q = pairs.ColumnOf(at);
@@ -149,7 +173,7 @@ __device__ void Choose(const PairWork& work, const DrawLimits& limits, int at, P
       PairHash(static_cast<uint32_t>(p), static_cast<uint32_t>(q), work.args.pair_seed);
   const bool drawn = hash < (agrees == 0 ? limits.negative : limits.positive);
   const bool violates = (pairs.violates >> at & 1u) != 0;
-  // Pairs of pixels with themselves and the mirrored half of a tile on the diagonal do not count.
+  // Of a tile on the diagonal only the pairs above the diagonal count.
   const bool counts = (hard || drawn || violates) && p < q && q < work.num_pixels;
   const uint32_t pulls = counts ? agrees : 0, pushes = counts ? ~agrees & all : 0;
   pairs.bits[at] = pulls | (pairs.bits[at] & pushes << kPushShift);
@@ -163,8 +187,8 @@ __device__ void Choose(const PairWork& work, const DrawLimits& limits, int at, P
   totals.num_negatives += __popc(pushes);
 }
 
-// The plan is symmetric. Within a tile on the diagonal only one of (p, q) and (q, p) counts: it
-// fills both places.
+// Stores the words at (p, q) and (q, p): the plan is symmetric. In a tile on the diagonal another
+// lane has (q, p), whose word would be 0; it is not stored.
 __device__ void StorePlan(const PairWork& work, const Pairs& pairs, bool on_diagonal) {
 #pragma unroll
   for (int at = 0; at < kPairs; ++at) {
@@ -175,7 +199,7 @@ __device__ void StorePlan(const PairWork& work, const Pairs& pairs, bool on_diag
   }
 }
 
-// In a fixed order, so that the sums are the same each time.
+// Adds the sums of the block in a fixed order and stores them. Called by all threads.
 __device__ void AddTotals(const PairWork& work, const Totals& totals, Shared& shared) {
   auto positive = static_cast<double>(totals.positive);
   auto negative = static_cast<double>(totals.negative);
@@ -200,7 +224,8 @@ __device__ void AddTotals(const PairWork& work, const Totals& totals, Shared& sh
   work.tile_part[blockIdx.x] = sum;
 }
 
-// Tiles (i, j), i <= j, numbered by j, then by i.
+// Returns tile (i, j), i <= j, of a number. Tiles are numbered by j, then by i. The loops correct
+// the rounding of the root.
 __device__ int2 TileOf(int number) {
   int j = static_cast<int>((sqrtf(8.0f * static_cast<float>(number) + 1) - 1) / 2);
   while (j * (j + 1) / 2 > number) --j;
@@ -208,8 +233,7 @@ __device__ int2 TileOf(int number) {
   return {number - j * (j + 1) / 2, j};
 }
 
-// A block a tile of pairs at all scales, which the choice of pairs couples. Cosines are
-// sum_k psi_k^2 F_pk F_qk over both norms, so that only one side changes with the scale.
+// Block b has tile number b.
 __global__ void __launch_bounds__(kBlock, 4) TileKernel(PairWork work) {
   __shared__ Shared shared;
   const int2 tile = TileOf(static_cast<int>(blockIdx.x));

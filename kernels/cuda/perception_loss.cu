@@ -6,18 +6,34 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/math/gate.h"
 
+// PerceptionLoss (PerceptionLossArgs in kernels/ops/perception.h; METHOD.md section 3, "Perception
+// loss"; terms in kernels/math/pair.h). Two launches, ordered by the stream.
+//
+// PairKernel: a block has kPixels pixels, one after the other, a warp one scale, a lane a channel.
+// It goes through the pairs of the pixel; norms and cosines are shuffles over the warp. Each pair
+// is listed under both of its pixels, so a pixel's gradient is complete without atomics. Shared
+// memory holds the gradients of the scales, which warp 0 adds to pixel_grad; __syncthreads before
+// and after. Gradients of psi and losses are summed over the pixels of the block and stored.
+//
+// SumKernel: one block adds what the blocks have stored; kSumWarps warps share a scale. After
+// __syncthreads warp 0 adds over these and the scales, and passes the gradient on to the gate.
+// Losses are halved, because each pair is counted twice.
+//
+// All sums are over pairs, scales, pixels and blocks in fixed orders: the same in every run.
+
 namespace pepeseg {
 namespace {
 
-constexpr int kPixels = 4;    // of a block, one after the other
-constexpr int kAtOnce = 4;    // pairs whose features are on their way at once
-constexpr int kSumWarps = 3;  // a scale, in the last kernel
+constexpr int kPixels = 4;    // pixels of a block of PairKernel
+constexpr int kAtOnce = 4;    // pairs whose features are in flight at once
+constexpr int kSumWarps = 3;  // warps a scale in SumKernel
 
+// Arguments, and parts of sums in the backend's temporary memory.
 struct Work {
   PerceptionLossArgs args;
   int num_pixels, num_scales;
   float* psi_grad;  // [pixel blocks, scales, 32]
-  double* loss;     // [pixel blocks, scales] of ordered pairs
+  double* loss;     // [pixel blocks, scales] over ordered pairs
 };
 
 Work TakeWork(const PerceptionLossArgs& args, Arena& arena) {
@@ -28,12 +44,13 @@ Work TakeWork(const PerceptionLossArgs& args, Arena& arena) {
   return work;
 }
 
+// One channel of psi at a scale.
 __device__ float PsiOf(const Work& work, int scale, int lane) {
   const float* gate = work.args.gate.data;
   return Gate(gate[lane], gate[kFeatureSize + lane], work.args.scales.data[scale]);
 }
 
-// One pixel at one scale, a channel a lane.
+// One pixel at one scale, as a lane holds it.
 struct PixelAtScale {
   int scale;
   float psi, unit;        // of the pixel
@@ -41,7 +58,8 @@ struct PixelAtScale {
   float unit_grad, loss;  // sums
 };
 
-// kAtOnce pairs from entry e on, of which those from `end` on are none.
+// Adds the terms and the gradients of kAtOnce pairs from entry e on; entries from `end` on do not
+// count.
 __device__ void AddPairs(const Work& work, int32_t e, int32_t end, PixelAtScale& pixel) {
   const PerceptionLossArgs& args = work.args;
   const int lane = static_cast<int>(threadIdx.x) % 32;
@@ -67,7 +85,8 @@ __device__ void AddPairs(const Work& work, int32_t e, int32_t end, PixelAtScale&
   }
 }
 
-// The gradient of the pixel's feature through one scale; adds to psi_grad and the loss.
+// Returns one channel of the gradient of pixel p through one scale, and adds to psi_grad and the
+// loss.
 __device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad, float& loss) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   const Channel psi(PsiOf(work, scale, lane));
@@ -85,14 +104,15 @@ __device__ float PixelGrad(const Work& work, int p, int scale, Channel& psi_grad
   return grad.v;
 }
 
-// A warp a scale.
+// The block has as many warps as there are scales. Pixels without pairs are skipped by all of them.
 __global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
   __shared__ float grads[kMaxScales][kFeatureSize];
   const int scale = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   Channel psi_grad(0);
   float loss = 0;
   for (int i = 0; i < kPixels; ++i) {
-    // Far apart: pixels with many pairs stand together.
+    // The pixels of a block are far apart in the list, because those with many pairs are
+    // neighbours.
     const int p = i * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
     if (p >= work.num_pixels || work.args.first.data[p] == work.args.first.data[p + 1]) continue;
     grads[scale][lane] = PixelGrad(work, p, scale, psi_grad, loss);
@@ -109,7 +129,8 @@ __global__ void __launch_bounds__(kMaxScales * 32) PairKernel(Work work) {
   if (lane == 0) work.loss[part] = static_cast<double>(loss);
 }
 
-// One block, in a fixed order: some warps a scale.
+// One block. Warp w has scale w / kSumWarps and every kScalesAtOnce-th after it, and of the blocks
+// every kSumWarps-th from w % kSumWarps on.
 __global__ void __launch_bounds__(1024) SumKernel(Work work, int num_blocks) {
   constexpr int kScalesAtOnce = 1024 / 32 / kSumWarps;
   __shared__ float psi_grads[kMaxScales][kSumWarps][kFeatureSize];

@@ -7,16 +7,21 @@
 
 #include "kernels/ops/render.h"
 
+// Cosines of the pixels of a cached feature map with queries (METHOD.md section 4), shared by
+// similarity.cu, segment_pixels.cu and level_overlaps.cu. A thread has a pixel, whose 32 channels
+// are in registers; the block has the gated queries in shared memory:
+//   cos(psi f, psi q) = sum_k f_k (psi_k^2 q_k / |psi q|) / |psi f|.
+// Channels are summed by one thread in their order: the same in every run.
+
 namespace pepeseg {
 
-// A pixel of a cached feature map in registers, and queries gated for it in shared memory:
-// cos(psi f, psi q) = sum_k f_k (psi_k^2 q_k / |psi q|) / |psi f|.
+// Feature f of a pixel.
 struct PixelFeature {
   float value[kFeatureSize];
-  float inv_norm;  // 1 / |psi f|; 0 where |f| is under the least norm that counts
+  float inv_norm;  // 1 / |psi f|; 0 where |f| < min_norm, or where psi f is 0
 };
 
-// map: [num_pixels, 32] halves, four words of eight.
+// Loads a pixel. map: [num_pixels, 32] halves, four words of eight. psi2: [32] psi^2.
 __device__ inline PixelFeature LoadPixelFeature(const uint4* map, int64_t pixel, const float* psi2,
                                                 float min_norm) {
   PixelFeature f;
@@ -41,6 +46,7 @@ __device__ inline PixelFeature LoadPixelFeature(const uint4* map, int64_t pixel,
   return f;
 }
 
+// Cosine to one gated query, [32]. 0 where inv_norm is 0.
 __device__ inline float CosineTo(const PixelFeature& f, const float* gated_query) {
   float dot = 0;
 #pragma unroll
@@ -48,7 +54,8 @@ __device__ inline float CosineTo(const PixelFeature& f, const float* gated_query
   return dot * f.inv_norm;
 }
 
-// By a whole warp, lane = channel: psi^2 q / |psi q|, or 0.
+// Returns one channel of psi^2 q / |psi q|, or 0 for psi q = 0. Called by a whole warp, a channel a
+// lane.
 __device__ inline float GateQuery(float psi, float query) {
   const float gated = psi * query;
   float norm2 = gated * gated;
@@ -56,8 +63,8 @@ __device__ inline float GateQuery(float psi, float query) {
   return norm2 > 0 ? psi * gated * rsqrtf(norm2) : 0.0f;
 }
 
-// By a whole block of kBlock threads, which then may read both: psi^2 [32], and the queries gated
-// [num_queries, 32].
+// Writes psi^2 [32] and the gated queries [num_queries, 32] to shared memory. Called by all kBlock
+// threads of a block; they may read both when it returns, as it ends with __syncthreads.
 template <int kBlock>
 __device__ inline void GateQueries(const float* psi_of, const float* queries, int num_queries,
                                    float* psi2, float* gated) {
@@ -70,8 +77,8 @@ __device__ inline void GateQueries(const float* psi_of, const float* queries, in
   __syncthreads();
 }
 
-// The best similarity to the first num_positive queries, and to the others; -infinity, where there
-// is none.
+// The largest cosine to the first num_positive queries, and to the others; -infinity where there
+// are none.
 struct BestCosines {
   float positive = -INFINITY, negative = -INFINITY;
 };

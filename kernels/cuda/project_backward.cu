@@ -37,6 +37,7 @@ __global__ void __launch_bounds__(kBlock) ProjectBackwardKernel(ProjectBackwardP
   }
 #pragma unroll
   for (int k = 0; k < kShPlane; ++k) p.grad.At(k, i) = vjp.shape[k];
+    // All stored coefficients; `basis` is 0 beyond the active degree.
 #pragma unroll
   for (int k = 0; k < NumShCoefficients(kMaxShDegree); ++k) {
     if (k >= p.num_coefficients) break;

@@ -184,7 +184,7 @@ SortKeyBits CudaBackend::MakeRoom(const RenderArgs& args) {
     if (num_entries > INT32_MAX) {
       Fail({"rendering " + std::to_string(scratch.width) + "x" + std::to_string(scratch.height) +
             " pixels takes " + std::to_string(num_entries) +
-            " pairs of a Gaussian and a tile; the limit is 2147483647"});
+            " pairs of a Gaussian and a tile; the limit is 2147483647; render fewer pixels"});
       return bits;
     }
     const auto largest = static_cast<uint32_t>(pinned_counters_[kLargestDepth]);

@@ -4,6 +4,12 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/pixel_feature.cuh"
 
+// SegmentPixels (SegmentPixelsArgs in kernels/ops/feature.h; METHOD.md section 4): the mask of a
+// query. A thread has a pixel. The block first gates all queries, at most 256, into 32 KiB of
+// dynamic shared memory (GateQueries, which ends with __syncthreads). Counts and similarities are
+// added over the warp and then by one atomic a warp; similarities are rounded to integers first, so
+// the sums are exact in any order and the same in every run.
+
 namespace pepeseg {
 namespace {
 
@@ -21,8 +27,7 @@ struct SegmentParams {
   unsigned long long* sums;
 };
 
-// A thread a pixel; the block gates the queries first. Sums are integers, so that their order does
-// not matter.
+// All lanes stay to the end, because the ballot and the sum are over whole warps.
 __global__ void __launch_bounds__(kBlock) SegmentKernel(SegmentParams p) {
   extern __shared__ float queries[];  // [num_queries, 32]
   __shared__ float psi2[kFeatureSize];

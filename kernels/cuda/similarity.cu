@@ -4,11 +4,16 @@
 #include "kernels/cuda/launch.h"
 #include "kernels/cuda/pixel_feature.cuh"
 
+// Similarity (SimilarityArgs in kernels/ops/feature.h; METHOD.md section 4): the cosine of each
+// pixel to each query. A thread has a pixel, a block 256 of them against up to 32 queries
+// (blockIdx.y). The block first gates its queries into shared memory, a warp a query, and meets at
+// __syncthreads; after it threads share nothing. Formulas are in pixel_feature.cuh.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
-constexpr int kQueriesAtOnce = 32;
+constexpr int kQueriesAtOnce = 32;  // queries of a block
 
 struct SimilarityParams {
   const uint4* map;  // [num_pixels, 32] halves: four words of eight
@@ -20,7 +25,6 @@ struct SimilarityParams {
   float* similarity;
 };
 
-// A thread a pixel; the block gates the queries first.
 __global__ void __launch_bounds__(kBlock) SimilarityKernel(SimilarityParams p) {
   __shared__ float psi2[kFeatureSize];
   __shared__ float query[kQueriesAtOnce][kFeatureSize];

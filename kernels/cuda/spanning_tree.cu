@@ -10,26 +10,42 @@
 #include "kernels/cuda/tree_work.cuh"
 #include "kernels/math/reach.h"
 
+// SpanningTree (SpanningTreeArgs in kernels/ops/cluster.h): the minimum spanning tree under mutual
+// reachability, by Boruvka's rounds: each component finds its least edge to another one, and the
+// components that these edges connect become one. Least edges come from short lists of nearest
+// neighbours where these decide them, and from a scan of all points where they do not
+// (tree_distances.cu).
+//
+// In all kernels of this file a thread has one point (or one listed row, or one edge). A round is
+// seven launches, and the stream is the only barrier between them. Within a launch threads
+// communicate by integer atomics: minima (Lower), and counters that give out places in a list. The
+// exception is NameKernel, see there.
+//
+// The number of rounds is known beforehand and the host waits for nothing: after the last edge is
+// found, the launches that remain do nothing. The order in which edges are found depends on timing,
+// but the order of edges by (weight, points) is total, so the set of edges is unique, and it is
+// sorted at the end: results are the same in every run.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kBlock = 256;
-// Neighbours beyond those that the core distance needs: with them most of the tree is decided
-// without a look at all pairs.
+// Neighbours beyond those that the core distance needs: with them the lists decide most of the
+// tree, without examining all pairs.
 constexpr int kMoreNeighbours = 3;
 constexpr int kMaxNearest = 32;
 static_assert(kMaxMinSamples - 1 <= kMaxNearest);
 
 constexpr uint32_t kNoWeight = ~uint32_t{0};
-using Pair = uint64_t;  // of points, the lower one above the other
+using Pair = uint64_t;  // two points, the lower index in the upper half
 constexpr Pair kNoPair = ~Pair{0};
 
 struct TreeCounts {
-  int32_t num_edges, num_rows;
-  int32_t done;  // all edges are found: what is still launched does nothing
+  int32_t num_edges, num_rows;  // edges found; points to be scanned in this round
+  int32_t done;                 // all edges are found: what is still launched does nothing
 };
 
-// State of Boruvka's rounds. Weights are squared, and their bits order as they do.
+// State of Boruvka's rounds. Weights are the bits of squared distances, which order as these do.
 struct TreeWork {
   int num_points, num_nearest;
   const float* core;                // [n]
@@ -37,8 +53,9 @@ struct TreeWork {
   int32_t* nearest;                 // [n, num_nearest]
   EdgeKey* scanned;                 // [n] the least edge to another component at the last scan
   EdgeKey* own;                     // [n] the least one known now; kNoEdge: none
-  uint32_t* unseen;                 // [n] what edges that are not known are at least
-  int32_t *component, *parent;      // [n] a component is named by one of its points
+  uint32_t* unseen;                 // [n] lower bound on the weights of edges that are not known;
+                                    // kNoWeight: `own` is the least of all
+  int32_t *component, *parent;      // [n] a component is named by one of its points, its root
   uint32_t* least_weight;           // [n] of the edges that leave a component
   Pair* least_pair;                 // [n] the first of those in the order of edges
   int32_t* row;                     // [n] points to be scanned
@@ -55,6 +72,7 @@ __device__ Pair PairOf(int32_t a, int32_t b) {
 __device__ int ThreadPoint() {
   return static_cast<int>(blockIdx.x) * kBlock + static_cast<int>(threadIdx.x);
 }
+// Sets *value to the smaller of *value and `to`, atomically.
 template <class T>
 __device__ void Lower(T* value, T to) {
   if constexpr (sizeof(T) == 8) {
@@ -64,6 +82,7 @@ __device__ void Lower(T* value, T to) {
   }
 }
 
+// Makes each point a component of its own.
 __global__ void __launch_bounds__(kBlock) BeginKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point == 0) *w.counts = {0, 0, 0};
@@ -74,8 +93,9 @@ __global__ void __launch_bounds__(kBlock) BeginKernel(TreeWork w) {
   w.least_pair[point] = kNoPair;
 }
 
-// Each point's least edge to another component, as far as its list and its last scan tell. A scan
-// holds while the point that it found is outside; later it is still a lower bound.
+// Finds each point's least edge to another component, as far as its list and its last scan show.
+// The result of a scan holds while the point that it found is in another component; later it is
+// still a lower bound, as components only grow.
 __global__ void __launch_bounds__(kBlock) OwnEdgeKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point >= w.num_points || w.counts->done != 0) return;
@@ -103,8 +123,8 @@ __global__ void __launch_bounds__(kBlock) OwnEdgeKernel(TreeWork w) {
   if (own != kNoEdge) Lower(w.least_weight + component, WeightOf(own));
 }
 
-// Lists the points that may have a lesser edge than is known of their component, or an equal one
-// that comes before it.
+// Lists the points that may have an edge less than the least one known of their component, or an
+// equal one that comes before it in the order of edges.
 __global__ void __launch_bounds__(kBlock) ChooseRowsKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point >= w.num_points || w.counts->done != 0) return;
@@ -114,6 +134,7 @@ __global__ void __launch_bounds__(kBlock) ChooseRowsKernel(TreeWork w) {
   w.scanned[point] = kNoEdge;
 }
 
+// Takes over the edges that the scan has found.
 __global__ void __launch_bounds__(kBlock) TakeScansKernel(TreeWork w) {
   const int i = ThreadPoint();
   if (i >= w.counts->num_rows) return;
@@ -123,6 +144,7 @@ __global__ void __launch_bounds__(kBlock) TakeScansKernel(TreeWork w) {
   Lower(w.least_weight + w.component[point], WeightOf(scanned));
 }
 
+// Of the edges of least weight of each component, finds the first in the order of edges.
 __global__ void __launch_bounds__(kBlock) LeastPairKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point >= w.num_points || w.counts->done != 0) return;
@@ -132,8 +154,9 @@ __global__ void __launch_bounds__(kBlock) LeastPairKernel(TreeWork w) {
   Lower(w.least_pair + component, PairOf(point, PointOf(own)));
 }
 
-// Each component hangs itself below the one that its least edge leads to. The order of edges is
-// total, so the only rings are of two components with the same edge; the lower one of those stays.
+// Hangs each component below the one that its least edge leads to, by its root's thread. The order
+// of edges is total, so the only cycles are of two components with the same least edge; the one
+// with the lower root stays a root and records the edge.
 __global__ void __launch_bounds__(kBlock) JoinKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point >= w.num_points || w.counts->done != 0 || w.component[point] != point) return;
@@ -148,8 +171,9 @@ __global__ void __launch_bounds__(kBlock) JoinKernel(TreeWork w) {
   w.pair[edge] = pair;
 }
 
-// Names the new components by their roots, and makes ready for the next round. Threads shorten the
-// paths for each other: whatever they write is nearer to the same root.
+// Renames the components by their new roots and resets the state for the next round. Threads read
+// and shorten paths that others shorten at the same time, without synchronisation: whatever they
+// write to parent[] is an ancestor nearer to the same root, so that all find that root.
 __global__ void __launch_bounds__(kBlock) NameKernel(TreeWork w) {
   const int point = ThreadPoint();
   if (point == 0) {
@@ -177,8 +201,7 @@ __global__ void __launch_bounds__(kBlock)
               static_cast<int32_t>(pair[i])};
 }
 
-// By pair, then by weight: the sort is stable. The order that edges are found in differs from run
-// to run.
+// Sorts the edges by weight, then by pair: first by pair, then, stably, by weight.
 struct EdgeSort {
   cub::DoubleBuffer<uint32_t> weight;
   cub::DoubleBuffer<Pair> pair;
@@ -229,6 +252,7 @@ TreeWork TakeWork(const SpanningTreeArgs& args, Arena& arena) {
   return w;
 }
 
+// One round of Boruvka.
 void LaunchRound(const TreeWork& w, const float* points, cudaStream_t stream) {
   const int blocks = NumBlocks(w.num_points, kBlock);
   OwnEdgeKernel<<<blocks, kBlock, 0, stream>>>(w);
@@ -243,18 +267,17 @@ void LaunchRound(const TreeWork& w, const float* points, cudaStream_t stream) {
 
 }  // namespace
 
-// Lists of nearest neighbours, then Boruvka's rounds: least edges come from the lists where these
-// decide them, and from a look at all points where they do not. A round at least halves the number
-// of components, so their number is known beforehand and the host waits for nothing.
+// Makes the lists, then floor(log2 n) rounds, which are enough as a round at least halves the
+// number of components, then sorts the edges.
 void CudaBackend::SpanningTree(const SpanningTreeArgs& args) {
   const Turn turn(*this);
   if (!turn) return;
   const int64_t num_points = args.points.size / kFeatureSize;
-  constexpr int64_t kMaxPoints = 1 << 20;  // of a look at all pairs in seconds
+  constexpr int64_t kMaxPoints = 1 << 20;  // all pairs are examined within seconds
   if (args.min_samples < 1 || args.min_samples > kMaxMinSamples || num_points > kMaxPoints) {
-    return Fail({"SpanningTree: min_samples " + std::to_string(args.min_samples) + " of " +
-                 std::to_string(num_points) + " points, must be 1 to " +
-                 std::to_string(kMaxMinSamples) + " of at most " + std::to_string(kMaxPoints)});
+    return Fail({"SpanningTree: min_samples " + std::to_string(args.min_samples) + " and " +
+                 std::to_string(num_points) + " points; the limits are 1 to " +
+                 std::to_string(kMaxMinSamples) + " and " + std::to_string(kMaxPoints)});
   }
   if (num_points == 0) return;
   Arena sizes;

@@ -2,9 +2,16 @@
 
 #include <cstdint>
 
+// Products of small matrices on the tensor cores, to about the precision of float. The tensor cores
+// take tf32, floats with 11 significant bits, so each factor is split into a high and a low part
+// and three products are added: high * high, low * high and high * low. All 32 lanes of a warp must
+// call them together. Sums within an instruction have an order fixed by the hardware: the same in
+// every run on the same kind of device.
+
 namespace pepeseg {
 
-// A float as the sum of two numbers that the tensor cores take (tf32: 11 bits), to 2^-20 of it.
+// A float as the sum of two tf32 numbers, to 2^-20 of its value. Parts are bits of floats, whose
+// lower 13 bits are 0.
 struct TwoParts {
   uint32_t high, low;
 };
@@ -26,8 +33,8 @@ __device__ inline void Multiply(const uint32_t (&a)[4], const uint32_t (&b)[2], 
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b[0]), "r"(b[1]));
 }
 
-// The same of numbers in two parts, to about float's own precision: what both low parts give is
-// left away.
+// Factors in two parts, laid out as in Multiply above. The product of the low parts, about 2^-20 of
+// the whole, is left out.
 struct SplitA {
   uint32_t high[4], low[4];
 };
@@ -44,13 +51,15 @@ __device__ inline SplitA SplitOf(const float (&a)[4]) {
   }
   return out;
 }
-// The mixed parts have a sum of their own, so that products need not wait for each other.
+// The mixed products have a sum of their own, so that the instructions need not wait for each
+// other. The caller adds the two.
 __device__ inline void Multiply(const SplitA& a, const SplitB& b, float (&sum)[4],
                                 float (&mixed)[4]) {
   Multiply(a.high, b.high, sum);
   Multiply(a.low, b.high, mixed);
   Multiply(a.high, b.low, mixed);
 }
+// The same with one sum, where registers are short. The small products are added first.
 __device__ inline void Multiply(const SplitA& a, const SplitB& b, float (&sum)[4]) {
   Multiply(a.low, b.high, sum);
   Multiply(a.high, b.low, sum);

@@ -174,7 +174,8 @@ void CudaBackend::TransposeRows(const TransposeRowsArgs& args) {
   const int64_t num_keys = num_groups * args.num_gaussians;
   if (num_keys >= int64_t{1} << 31) {
     return Fail({"TransposeRows: " + std::to_string(num_groups) + " groups of " +
-                 std::to_string(args.num_gaussians) + " Gaussians, must be under 2^31 together"});
+                 std::to_string(args.num_gaussians) +
+                 " Gaussians: the product must be below 2^31"});
   }
   int32_t begin = 0, end = 0, num_touched = 0;
   CopyToHost(&begin, args.rows.first.data + group_first.front(), sizeof(begin));

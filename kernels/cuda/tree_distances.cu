@@ -4,18 +4,33 @@
 #include "kernels/cuda/tree_work.cuh"
 #include "kernels/math/reach.h"
 
+// Squared distances between all pairs of points of 32 channels, for SpanningTree: the lists of
+// nearest neighbours, and scans for the least edge to another component.
+//
+// A block has 32 points as rows and goes through columns, 128 at a time: NearestKernel through all
+// points, ScanKernel through its share of them (blockIdx.y). Both are in shared memory (Points); a
+// warp has 8 of the rows, a lane one column of each 32. LoadColumns replaces the columns; it starts
+// and ends with __syncthreads. A distance is summed by one thread, channel by channel
+// (kernels/math/reach.h), so that it is the same in both kernels and bitwise symmetric.
+//
+// NearestKernel: each warp keeps a sorted list for each of its rows, an element a lane; the ballot
+// lists candidates, which are inserted in the order of their index, by shuffles. ScanKernel: each
+// lane keeps the least key of each row, shuffles find that of the warp, and an integer atomic
+// minimum that of all blocks. Neither depends on the order of blocks: results are the same in every
+// run.
+
 namespace pepeseg {
 namespace {
 
-// A warp has kRows points as rows, a lane one column of each 32; a block shares its columns.
 constexpr int kWarps = 4, kBlock = 32 * kWarps;
 constexpr int kRows = 8, kBlockRows = kRows * kWarps;
 constexpr int kTile = 128;   // columns in shared memory
-constexpr int kStride = 36;  // floats: eight lanes reading 16 bytes meet all banks
+constexpr int kStride = 36;  // floats a column: 16-byte reads of eight lanes meet different banks
 constexpr int kQuads = kFeatureSize / 4;
-constexpr int kScanColumns = 8 * kTile;  // of a block of the scan
+constexpr int kScanColumns = 8 * kTile;  // columns of a block of ScanKernel
 constexpr unsigned kAllLanes = 0xffffffffu;
 
+// Shared memory: rows of a block, and the present columns.
 struct Points {
   float4 row[kBlockRows][kQuads];
   alignas(16) float column[kTile][kStride];
@@ -25,9 +40,9 @@ __device__ float4 QuadOf(const float* points, int point, int quad) {
   return reinterpret_cast<const float4*>(points)[int64_t{point} * kQuads + quad];
 }
 
-// Points from `first` on; zeros behind the last one.
+// Loads the columns from `first` on; zeros beyond the last point. Called by all threads.
 __device__ void LoadColumns(const float* points, int first, int num_points, Points& shared) {
-  __syncthreads();  // the columns before are done with
+  __syncthreads();  // no thread reads the columns before any longer
   for (int i = static_cast<int>(threadIdx.x); i < kTile * kQuads; i += kBlock) {
     const int column = i / kQuads, quad = i % kQuads;
     const float4 value = first + column < num_points ? QuadOf(points, first + column, quad)
@@ -37,7 +52,7 @@ __device__ void LoadColumns(const float* points, int first, int num_points, Poin
   __syncthreads();
 }
 
-// Of a warp's rows to a lane's column.
+// Squared distances of the warp's rows to a lane's column.
 __device__ void SquaredDistances(const Points& shared, int warp, int column,
                                  float (&squared)[kRows]) {
 #pragma unroll
@@ -56,12 +71,15 @@ __device__ void SquaredDistances(const Points& shared, int warp, int column,
   }
 }
 
-// A row's nearest, one a lane, ascending; lanes behind num_nearest hold what has dropped out.
+// Nearest points of a row, ascending, one a lane. Lanes from num_nearest on hold points that have
+// dropped out.
 struct List {
   float squared = INFINITY;
   int32_t point = -1;
-  float farthest = INFINITY;  // of the first num_nearest
+  float farthest = INFINITY;  // largest of the first num_nearest; the same in all lanes
 };
+// Inserts a point behind those that are as near, and moves the farther ones up a lane. Called by a
+// whole warp with the same point.
 __device__ void Insert(float squared, int32_t point, int num_nearest, List& list) {
   const int lane = static_cast<int>(threadIdx.x) % 32;
   const float before = __shfl_up_sync(kAllLanes, list.squared, 1);
@@ -74,11 +92,13 @@ __device__ void Insert(float squared, int32_t point, int num_nearest, List& list
   list.farthest = __shfl_sync(kAllLanes, list.squared, num_nearest - 1);
 }
 
+// A distance that is NaN or infinite is never below `farthest` and is not listed.
 __global__ void __launch_bounds__(kBlock) NearestKernel(NearestParams p) {
   __shared__ Points shared;
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
   const int first_row = static_cast<int>(blockIdx.x) * kBlockRows;
-  // Rows behind the last one are worked on as that one, and written by none.
+  // Rows beyond the last point repeat it, so that all threads reach the barriers; they are not
+  // written.
   for (int i = static_cast<int>(threadIdx.x); i < kBlockRows * kQuads; i += kBlock) {
     const int row = min(first_row + i / kQuads, p.num_points - 1);
     shared.row[i / kQuads][i % kQuads] = QuadOf(p.points, row, i % kQuads);
@@ -115,13 +135,15 @@ __global__ void __launch_bounds__(kBlock) NearestKernel(NearestParams p) {
   }
 }
 
+// Shared memory of ScanKernel: the points, and index, component and core distance of each row.
 struct ScanShared {
   Points points;
   int32_t row[kBlockRows], row_component[kBlockRows];
   float row_core[kBlockRows];
 };
 
-// Blocks (rows, columns): what is found of a row in its columns goes into least.
+// Lowers `least` of the block's rows by what it finds in its columns. The grid is for n rows,
+// because the host does not know num_rows; blocks beyond it return at once.
 __global__ void __launch_bounds__(kBlock) ScanKernel(ScanParams p) {
   __shared__ ScanShared shared;
   const int warp = static_cast<int>(threadIdx.x) / 32, lane = static_cast<int>(threadIdx.x) % 32;
@@ -147,7 +169,8 @@ __global__ void __launch_bounds__(kBlock) ScanKernel(ScanParams p) {
   for (int tile = begin; tile < end; tile += kTile) {
     LoadColumns(p.points, tile, p.num_points, shared.points);
     for (int first = 0; first < kTile; first += 32) {
-      __syncwarp();  // else all rows are read ahead of the loop, into more registers than there are
+      // Keeps the compiler from reading all rows ahead of the loop, which takes too many registers.
+      __syncwarp();
       float squared[kRows];
       SquaredDistances(shared.points, warp, first + lane, squared);
       const int column = tile + first + lane;
@@ -170,7 +193,7 @@ __global__ void __launch_bounds__(kBlock) ScanKernel(ScanParams p) {
       const EdgeKey other = __shfl_xor_sync(kAllLanes, least[i], offset);
       least[i] = other < least[i] ? other : least[i];
     }
-    // Rows behind the last one repeat it.
+    // Rows beyond the last one repeat it, which does not change the minimum.
     if (lane == i && least[i] != kNoEdge) {
       atomicMin(reinterpret_cast<unsigned long long*>(p.least + shared.row[warp * kRows + i]),
                 static_cast<unsigned long long>(least[i]));
