@@ -38,7 +38,7 @@ PEPESEG_HD Channel Total(Channel x) {
 struct EntryRange {
   int32_t first, end;
   const int32_t* index;
-  const float* weight;  // null: 1
+  const float* weight;  // null: all are 1
 };
 
 // Returns channel `lane` of the sum over the entries of weight * rows[index], in their order.

@@ -44,7 +44,7 @@ struct LossParams {
   float l1_weight, ssim_weight;
   float taps[kSsimRadius + 1];
   float* maps;       // [kNumMaps, 3, H, W]; null: evaluate only
-  double* partials;  // [blocks, kNumImageLossSums]
+  double* partials;  // [blocks, 3] sums kSumL1, kSumSsim and kSumSquared
   float* color_grad;
 };
 

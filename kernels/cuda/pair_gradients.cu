@@ -29,7 +29,7 @@ constexpr int kWarpRows = 32;    // pixels p of a warp: two products of 16
 constexpr int kColumns = 32;     // pixels q at a time
 constexpr int kScales = 2;       // scales of a block, which share words of the plan and weights
 constexpr int kBlock = kRows / kWarpRows * 32;
-constexpr int kParts = kFeatureSize / 8;  // products of 8 channels
+constexpr int kParts = kFeatureSize / 8;  // products, of 8 channels each
 
 // Shared memory: F / |psi F| of 32 pixels q at two scales, and their weights. A word has two q at
 // one channel, their high parts, then their low parts. The padding of the rows keeps the lanes of a

@@ -114,7 +114,7 @@ __device__ uint32_t AgreesOf(const PairWork& work, int a, int b) {
   uint32_t agrees = 0;
   for (int64_t w = 0; w < words; ++w) {
 #pragma unroll
-    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads on their way at once
+    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads in flight at once
       const int64_t at = min(scale, work.num_scales - 1) * stride + w;
       const bool common = (of_a[at] & of_b[at]) != 0 && scale < work.num_scales;
       agrees |= static_cast<uint32_t>(common) << scale;

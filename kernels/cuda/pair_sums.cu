@@ -66,7 +66,7 @@ __device__ void SumGate(const PairWork& work, int num_pixel_blocks, Shared& shar
   for (int block = warp; block < num_pixel_blocks; block += kWarps) {
     const float* parts = work.psi_grad + block * num_psi + lane;
 #pragma unroll
-    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads on their way at once
+    for (int scale = 0; scale < kMaxScales; ++scale) {  // all loads in flight at once
       sum[scale] += parts[min(scale, work.num_scales - 1) * kFeatureSize];
     }
   }

@@ -44,7 +44,7 @@ struct Shared {
 // The eight pairs of a lane, numbered `at`.
 struct Pairs {
   int row, column;
-  uint32_t bits[kPairs];                     // agrees, and above kPushShift: the cosine is positive
+  uint32_t bits[kPairs];                     // G by scale; above kPushShift: the cosine is positive
   uint32_t violates;                         // bit `at`
   float positive[kPairs], negative[kPairs];  // sums over the scales, of weight 1
 

@@ -56,11 +56,11 @@ struct TreeWork {
   uint32_t* unseen;                 // [n] lower bound on the weights of edges that are not known;
                                     // kNoWeight: `own` is the least of all
   int32_t *component, *parent;      // [n] a component is named by one of its points, its root
-  uint32_t* least_weight;           // [n] of the edges that leave a component
-  Pair* least_pair;                 // [n] the first of those in the order of edges
+  uint32_t* least_weight;           // [n] least weight of the edges that leave a component
+  Pair* least_pair;                 // [n] the first edge of that weight in the order of edges
   int32_t* row;                     // [n] points to be scanned
   TreeCounts* counts;               // [1]
-  uint32_t *weight, *other_weight;  // [n] edges found, and room to sort them
+  uint32_t *weight, *other_weight;  // [n] edges found, and space to sort them
   Pair *pair, *other_pair;          // [n]
 };
 
