@@ -178,7 +178,7 @@ TEST(ReconstructCheckpoint, ResumeRefusesWhatIsOfAnotherRun) {
   };
   ReconstructOptions shorter = Options();
   shorter.num_steps = 59;
-  expect(good, shorter, "step 60 of 59");
+  expect(good, shorter, "step 60 exceeds the num_steps of the options, 59");
   ReconstructOptions flatter = Options();
   flatter.sh_degree = 1;
   expect(good, flatter, "degree");
@@ -190,7 +190,7 @@ TEST(ReconstructCheckpoint, ResumeRefusesWhatIsOfAnotherRun) {
   for (const char* random : {"", "1 2 3", "x"}) {
     ReconstructCheckpoint bad = good;
     bad.random = random;
-    expect(bad, Options(), "random engine");
+    expect(bad, Options(), "the random engine's state cannot be parsed");
   }
 }
 
