@@ -6,11 +6,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/evaluate/deepest_pixel.h"
 #include "core/evaluate/metrics.h"
 #include "core/evaluate/scored_entities.h"
 #include "core/prompt/resolve_prompt.h"
 #include "core/query/check_prompt.h"
+#include "core/query/deepest_pixel.h"
 
 namespace pepeseg {
 namespace {

@@ -1,7 +1,6 @@
 #include "core/prompt/ladder.h"
 
 #include <algorithm>
-#include <limits>
 #include <span>
 #include <tuple>
 
@@ -34,16 +33,16 @@ bool Holds(const MaskGrid& masks, const Candidate& large, const Candidate& small
 
 // Smallest first.
 std::vector<Candidate> FindCandidates(const MaskGrid& masks,
-                                      std::span<const MaskGrid::Plateau> plateaus) {
+                                      std::span<const MaskGrid::Plateau> plateaus, size_t best) {
   const double one_cell = 1.0 / (masks.num_scales() * masks.num_thresholds());
   std::vector<Candidate> found;
   for (size_t p = 0; p < plateaus.size(); ++p) {
-    if (p > 0 && plateaus[p].support < 1.5 * one_cell) continue;
+    if (p != best && plateaus[p].support < 1.5 * one_cell) continue;
     for (int scale = 0; scale < masks.num_scales(); ++scale) {
       for (int threshold = 0; threshold < masks.num_thresholds(); ++threshold) {
         const MaskGrid::Cell cell = {scale, threshold};
         const double iou = masks.Iou(plateaus[p].cell, cell);
-        if (iou < (p == 0 ? kSameAsBest : kSameAsOther)) continue;
+        if (iou < (p == best ? kSameAsBest : kSameAsOther)) continue;
         found.push_back({cell, p, masks.Area(cell), plateaus[p].support * iou});
       }
     }
@@ -88,31 +87,30 @@ void Shorten(size_t max_count, Ladder& ladder) {
 
 }  // namespace
 
-Ladder FindLadder(const MaskGrid& masks, int64_t min_area, int max_count) {
-  const std::vector<MaskGrid::Plateau> plateaus =
-      masks.FindPlateaus(min_area, std::numeric_limits<int>::max());
-  const std::vector<Candidate> candidates = FindCandidates(masks, plateaus);
+Ladder FindLadder(const MaskGrid& masks, std::span<const MaskGrid::Plateau> plateaus, size_t best,
+                  int max_count) {
+  const std::vector<Candidate> candidates = FindCandidates(masks, plateaus, best);
   const std::vector<Reach> down = FindReaches(masks, candidates, true);
   const std::vector<Reach> up = FindReaches(masks, candidates, false);
-  int best = -1;
+  int through = -1;
   double best_value = 0;
   for (int i = 0; i < static_cast<int>(candidates.size()); ++i) {
     const double value = down[i].value + up[i].value - candidates[i].value;
-    if (candidates[i].plateau == 0 && (best < 0 || value > best_value)) {
-      best = i;
+    if (candidates[i].plateau == best && (through < 0 || value > best_value)) {
+      through = i;
       best_value = value;
     }
   }
   Ladder ladder;
-  if (best < 0) return ladder;
+  if (through < 0) return ladder;
   const auto rung = [&](int i) {
     const Candidate& at = candidates[i];
     return MaskGrid::Plateau{at.cell, masks.Stability(at.cell), plateaus[at.plateau].support};
   };
-  for (int i = best; i >= 0; i = down[i].next) ladder.rungs.push_back(rung(i));
+  for (int i = through; i >= 0; i = down[i].next) ladder.rungs.push_back(rung(i));
   std::reverse(ladder.rungs.begin(), ladder.rungs.end());
   ladder.best = static_cast<int>(ladder.rungs.size()) - 1;
-  for (int i = up[best].next; i >= 0; i = up[i].next) ladder.rungs.push_back(rung(i));
+  for (int i = up[through].next; i >= 0; i = up[i].next) ladder.rungs.push_back(rung(i));
   Shorten(static_cast<size_t>(max_count), ladder);
   return ladder;
 }

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/prompt/choose_granularity.h"
+#include "core/prompt/click_granularity.h"
 #include "core/prompt/ladder.h"
 
 namespace pepeseg {
@@ -47,12 +47,11 @@ absl::StatusOr<ScaleProposals> ProposeScales(const Segmenter& segmenter, const M
     return absl::InvalidArgumentError(
         absl::StrCat(max_count, " proposals are asked for, must be at least 1"));
   }
-  Query query;
-  ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
-  for (const PointPrompt& point : points) query.positive.push_back(point.positive ? 1 : 0);
+  ASSIGN_OR_RETURN(const ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
   ASSIGN_OR_RETURN(const GranularityLadder found,
-                   FindGranularities(segmenter, query, view, GridOf({}), max_count));
+                   FindGranularities(segmenter, clicks, GridOf({}), max_count));
   ScaleProposals proposals = {{}, found.best};
+  Query query = clicks.query;
   for (const StableGranularity& at : found.rungs) {
     query.scale = at.scale;
     query.threshold = at.threshold;

@@ -1,7 +1,7 @@
 #include "core/prompt/resolve_prompt.h"
 
 #include "core/base/status_macros.h"
-#include "core/prompt/choose_granularity.h"
+#include "core/prompt/click_granularity.h"
 #include "core/prompt/fit_prompt.h"
 #include "core/query/check_prompt.h"
 
@@ -11,14 +11,13 @@ namespace {
 absl::StatusOr<Query> ResolvePoints(const Segmenter& segmenter, const ModelView& view,
                                     const std::vector<PointPrompt>& points,
                                     const Granularity& granularity) {
-  Query query;
-  ASSIGN_OR_RETURN(query.features, segmenter.PointFeatures(view, points));
-  for (const PointPrompt& point : points) query.positive.push_back(point.positive ? 1 : 0);
+  ASSIGN_OR_RETURN(ClickedFeatures clicks, FindClickedFeatures(segmenter, view, points));
+  Query& query = clicks.query;
   query.scale = granularity.scale.value_or(query.scale);
   query.threshold = granularity.threshold.value_or(query.threshold);
   if (granularity.scale && granularity.threshold) return query;
   ASSIGN_OR_RETURN(const GranularityLadder ladder,
-                   FindGranularities(segmenter, query, view, GridOf(granularity), 1));
+                   FindGranularities(segmenter, clicks, GridOf(granularity), 1));
   if (ladder.rungs.empty()) return query;  // some pixels at most, at any scale: as good as any
   const StableGranularity& best = ladder.rungs[ladder.best];
   query.scale = best.scale;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -30,6 +31,13 @@ Map Squares(const std::vector<Square>& squares) {
   return map;
 }
 
+constexpr int kAll = std::numeric_limits<int>::max();
+
+// Through the plateau with the most support.
+Ladder LadderOf(const MaskGrid& grid, int64_t min_area, int max_count) {
+  return FindLadder(grid, grid.FindPlateaus(min_area, kAll), 0, max_count);
+}
+
 std::vector<int64_t> Areas(const MaskGrid& grid, const Ladder& ladder) {
   std::vector<int64_t> areas;
   for (const auto& rung : ladder.rungs) areas.push_back(grid.Area(rung.cell));
@@ -42,7 +50,7 @@ TEST(Ladder, ListsPartObjectAndGroupSmallestFirst) {
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 2; ++k) scales.Add(Squares({{32, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder ladder = FindLadder(grid, 8, 5);
+  const Ladder ladder = LadderOf(grid, 8, 5);
   EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{64, 256, 1024}));
   EXPECT_EQ(ladder.best, 1);
   EXPECT_NEAR(ladder.rungs[1].support, 0.5, 1e-9);
@@ -56,10 +64,24 @@ TEST(Ladder, NamesTheCellsAtWhichScalesDoNotFall) {
   const MaskGrid grid = scales.Grid();
   const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, 5);
   ASSERT_EQ(plateaus.size(), 2u);
-  const Ladder ladder = FindLadder(grid, 8, 5);
+  const Ladder ladder = LadderOf(grid, 8, 5);
   ASSERT_EQ(Areas(grid, ladder), (std::vector<int64_t>{64, 256}));
   EXPECT_LE(ladder.rungs[0].cell.scale, ladder.rungs[1].cell.scale);
   EXPECT_GT(ladder.rungs[0].cell.threshold, ladder.rungs[1].cell.threshold);
+}
+
+TEST(Ladder, GoesThroughTheNamedPlateau) {
+  testing::Scales scales;
+  Map beside = kNothing;
+  for (int y = 20; y < 40; ++y) std::fill_n(beside.begin() + y * kSide + 20, 20, 0.95f);
+  for (int k = 0; k < 5; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
+  for (int k = 0; k < 2; ++k) scales.Add(beside, kNothing);
+  const MaskGrid grid = scales.Grid();
+  const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(8, kAll);
+  ASSERT_EQ(plateaus.size(), 2u);
+  const Ladder ladder = FindLadder(grid, plateaus, 1, 5);
+  EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{400}));
+  EXPECT_EQ(ladder.best, 0);
 }
 
 TEST(Ladder, LeavesOutAPartThatIsOnlyThereAtLargerScales) {
@@ -67,7 +89,7 @@ TEST(Ladder, LeavesOutAPartThatIsOnlyThereAtLargerScales) {
   for (int k = 0; k < 6; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 4; ++k) scales.Add(Squares({{8, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder ladder = FindLadder(grid, 8, 5);
+  const Ladder ladder = LadderOf(grid, 8, 5);
   EXPECT_EQ(Areas(grid, ladder), (std::vector<int64_t>{256}));
   EXPECT_EQ(ladder.best, 0);
 }
@@ -81,7 +103,7 @@ TEST(Ladder, LeavesOutWhatGrowsTooLittleOrLiesBeside) {
   for (int k = 0; k < 3; ++k) scales.Add(beside, kNothing);
   const MaskGrid grid = scales.Grid();
   ASSERT_EQ(grid.FindPlateaus(8, 5).size(), 3u);
-  EXPECT_EQ(Areas(grid, FindLadder(grid, 8, 5)), (std::vector<int64_t>{256}));
+  EXPECT_EQ(Areas(grid, LadderOf(grid, 8, 5)), (std::vector<int64_t>{256}));
 }
 
 TEST(Ladder, KeepsTheBestAndThoseWithTheMostSupport) {
@@ -90,10 +112,10 @@ TEST(Ladder, KeepsTheBestAndThoseWithTheMostSupport) {
   for (int k = 0; k < 3; ++k) scales.Add(Squares({{16, 0.95f}}), kNothing);
   for (int k = 0; k < 5; ++k) scales.Add(Squares({{32, 0.95f}}), kNothing);
   const MaskGrid grid = scales.Grid();
-  const Ladder two = FindLadder(grid, 8, 2);
+  const Ladder two = LadderOf(grid, 8, 2);
   EXPECT_EQ(Areas(grid, two), (std::vector<int64_t>{256, 1024}));
   EXPECT_EQ(two.best, 1);
-  const Ladder one = FindLadder(grid, 8, 1);
+  const Ladder one = LadderOf(grid, 8, 1);
   EXPECT_EQ(Areas(grid, one), (std::vector<int64_t>{1024}));
   EXPECT_EQ(one.best, 0);
 }
@@ -111,7 +133,7 @@ TEST(Ladder, EachRungHoldsTheOneBefore) {
       scales.Add(Squares(squares), kNothing);
     }
     const MaskGrid grid = scales.Grid();
-    const Ladder ladder = FindLadder(grid, 16, 16);
+    const Ladder ladder = LadderOf(grid, 16, 16);
     const std::vector<MaskGrid::Plateau> plateaus = grid.FindPlateaus(16, 1);
     ASSERT_EQ(ladder.rungs.empty(), plateaus.empty());
     if (plateaus.empty()) continue;
@@ -129,7 +151,7 @@ TEST(Ladder, EachRungHoldsTheOneBefore) {
 TEST(Ladder, IsEmptyWithoutAMask) {
   testing::Scales scales;
   scales.Add(kNothing, kNothing);
-  EXPECT_TRUE(FindLadder(scales.Grid(), 1, 3).rungs.empty());
+  EXPECT_TRUE(LadderOf(scales.Grid(), 1, 3).rungs.empty());
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
-#include "core/prompt/choose_granularity.h"
+#include "core/prompt/click_granularity.h"
 #include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
@@ -56,11 +56,12 @@ TEST_F(ResolvePromptTest, PointsTakeWhatIsGivenAsItIs) {
 }
 
 TEST_F(ResolvePromptTest, PointsWithoutAGranularityTakeTheBestProposal) {
-  const SmallView small = SmallViewOf(view_);
+  ASSERT_OK_AND_ASSIGN(const ClickedFeatures clicks,
+                       FindClickedFeatures(*segmenter_, view_, kLeftPoint));
   ASSERT_OK_AND_ASSIGN(const Query query, ResolvePrompt(*segmenter_, {view_, kLeftPoint}, {}));
   for (const int max_count : {1, 5}) {
     ASSERT_OK_AND_ASSIGN(const GranularityLadder ladder,
-                         FindGranularities(*segmenter_, query, small.view, GridOf({}), max_count));
+                         FindGranularities(*segmenter_, clicks, GridOf({}), max_count));
     ASSERT_FALSE(ladder.rungs.empty());
     EXPECT_EQ(query.scale, ladder.rungs[ladder.best].scale);
     EXPECT_EQ(query.threshold, ladder.rungs[ladder.best].threshold);

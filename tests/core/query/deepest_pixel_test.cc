@@ -1,4 +1,4 @@
-#include "core/evaluate/deepest_pixel.h"
+#include "core/query/deepest_pixel.h"
 
 #include <gtest/gtest.h>
 

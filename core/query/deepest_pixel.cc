@@ -1,4 +1,4 @@
-#include "core/evaluate/deepest_pixel.h"
+#include "core/query/deepest_pixel.h"
 
 #include <algorithm>
 #include <cassert>
@@ -8,12 +8,12 @@
 namespace pepeseg {
 namespace {
 
-struct Bounds {
+struct MaskExtent {
   int left = std::numeric_limits<int>::max(), top = left, right = -1, bottom = -1;  // inclusive
 };
 
-Bounds BoundsOf(std::span<const uint8_t> mask, int width, int height) {
-  Bounds bounds;
+MaskExtent BoundsOf(std::span<const uint8_t> mask, int width, int height) {
+  MaskExtent bounds;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       if (mask[static_cast<size_t>(y) * width + x] == 0) continue;
@@ -66,7 +66,7 @@ class RowDistances {
 
 DeepPixel FindDeepest(std::span<const uint8_t> mask, int width, int height) {
   assert(mask.size() == static_cast<size_t>(width) * height);
-  const Bounds bounds = BoundsOf(mask, width, height);
+  const MaskExtent bounds = BoundsOf(mask, width, height);
   if (bounds.right < 0) return {};
   // What is around the bounding box is not in the mask: one pixel of it on each side will do.
   const int columns = bounds.right - bounds.left + 3, rows = bounds.bottom - bounds.top + 3;

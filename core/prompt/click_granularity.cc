@@ -1,0 +1,177 @@
+#include "core/prompt/click_granularity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "core/prompt/ladder.h"
+#include "core/query/mask_grid.h"
+#include "kernels/ops/render.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr int64_t kMinArea = 16;          // pixels of the small view
+constexpr size_t kMostPlateaus = 12;      // compared for a further point, those with most support
+constexpr double kSupportExponent = 0.5;  // of support against plausibility
+
+// The squared distance of a pixel to the nearest one that is not in the mask, as none beyond the
+// image is.
+int64_t SquaredDepth(std::span<const uint8_t> mask, int width, const PixelIndex& at) {
+  const int height = static_cast<int>(mask.size()) / width;
+  const int64_t border = std::min({at.x + 1, width - at.x, at.y + 1, height - at.y});
+  int64_t nearest = border * border;
+  for (int y = 0; y < height; ++y) {
+    const int64_t dy = y - at.y;
+    if (dy * dy >= nearest) continue;
+    for (int x = 0; x < width; ++x) {
+      const int64_t dx = x - at.x;
+      if (mask[static_cast<size_t>(y) * width + x] == 0) {
+        nearest = std::min(nearest, dx * dx + dy * dy);
+      }
+    }
+  }
+  return nearest;
+}
+
+// Adds the points one after the other, and keeps what they mean together.
+class ClickFollower {
+ public:
+  ClickFollower(const Segmenter& segmenter, const ClickedFeatures& clicks,
+                const GranularityGrid& grid)
+      : segmenter_(segmenter), clicks_(clicks), grid_(grid), small_(SmallViewOf(clicks.view)) {}
+
+  absl::Status Add(size_t point) {
+    clicks_made_.push_back({PixelOf(clicks_.points[point]), clicks_.points[point].positive});
+    const auto from = clicks_.query.features.begin() + static_cast<int64_t>(point) * kFeatureSize;
+    query_.features.insert(query_.features.end(), from, from + kFeatureSize);
+    query_.positive.push_back(clicks_.query.positive[point]);
+    ASSIGN_OR_RETURN(LevelCounts counts,
+                     segmenter_.CountLevels(query_, grid_.scales, grid_.thresholds, small_.view));
+    masks_.emplace(std::move(counts));
+    plateaus_ = masks_->FindPlateaus(kMinArea, std::numeric_limits<int>::max());
+    chosen_ = 0;
+    if (clicks_.points.size() == 1 || plateaus_.empty()) return absl::OkStatus();
+    return Choose();
+  }
+
+  GranularityLadder FindRungs(int max_count) const {
+    const Ladder ladder = FindLadder(*masks_, plateaus_, chosen_, max_count);
+    GranularityLadder found = {{}, ladder.best};
+    for (const MaskGrid::Plateau& rung : ladder.rungs) found.rungs.push_back(GranularityOf(rung));
+    return found;
+  }
+
+ private:
+  PixelIndex PixelOf(const PointPrompt& point) const {
+    const Camera& camera = small_.view.camera;
+    return {std::min(camera.width - 1, static_cast<int>(point.x) / small_.factor),
+            std::min(camera.height - 1, static_cast<int>(point.y) / small_.factor)};
+  }
+  StableGranularity GranularityOf(const MaskGrid::Plateau& plateau) const {
+    return {grid_.scales[plateau.cell.scale], double{grid_.thresholds[plateau.cell.threshold]},
+            plateau.stability, plateau.support};
+  }
+  absl::StatusOr<std::vector<uint8_t>> MaskOf(const MaskGrid::Plateau& plateau) const {
+    const StableGranularity at = GranularityOf(plateau);
+    const Query query = {query_.features, query_.positive, at.scale, at.threshold};
+    ASSIGN_OR_RETURN(auto results, segmenter_.Segment(query, {&small_.view, 1}));
+    return std::move(results[0].mask.pixels);
+  }
+  int64_t NumAnswered(std::span<const uint8_t> mask) const {
+    const int width = small_.view.camera.width;
+    return std::count_if(clicks_made_.begin(), clicks_made_.end(), [&](const Click& click) {
+      return (mask[static_cast<size_t>(click.pixel.y) * width + click.pixel.x] != 0) ==
+             click.positive;
+    });
+  }
+
+  // Chooses among the plateaus: first that as many points as possible are answered, then
+  // plausibility and support.
+  absl::Status Choose() {
+    const bool is_first = answer_.empty();
+    const size_t num_compared = is_first ? 1 : std::min(plateaus_.size(), kMostPlateaus);
+    std::pair<int64_t, double> best = {-1, 0};
+    std::vector<uint8_t> chosen;
+    for (size_t i = 0; i < num_compared; ++i) {
+      ASSIGN_OR_RETURN(std::vector<uint8_t> mask, MaskOf(plateaus_[i]));
+      double score = std::pow(plateaus_[i].support, kSupportExponent);
+      if (!is_first) {
+        score *= ClickPlausibility(clicks_made_.back(), answer_, mask, small_.view.camera.width);
+      }
+      const std::pair<int64_t, double> rank = {NumAnswered(mask), score};
+      if (rank <= best) continue;
+      best = rank;
+      chosen_ = i;
+      chosen = std::move(mask);
+    }
+    answer_ = std::move(chosen);
+    return absl::OkStatus();
+  }
+
+  const Segmenter& segmenter_;
+  const ClickedFeatures& clicks_;
+  const GranularityGrid& grid_;
+  const SmallView small_;
+  // Of the points that were added:
+  std::vector<Click> clicks_made_;  // in the small view
+  Query query_;
+  std::optional<MaskGrid> masks_;
+  std::vector<MaskGrid::Plateau> plateaus_;
+  size_t chosen_ = 0;            // plateau
+  std::vector<uint8_t> answer_;  // its mask; empty for a single point
+};
+
+}  // namespace
+
+absl::StatusOr<ClickedFeatures> FindClickedFeatures(const Segmenter& segmenter,
+                                                    const ModelView& view,
+                                                    std::span<const PointPrompt> points) {
+  ClickedFeatures clicks = {view, {points.begin(), points.end()}, {}};
+  ASSIGN_OR_RETURN(clicks.query.features, segmenter.PointFeatures(view, points));
+  for (const PointPrompt& point : points) clicks.query.positive.push_back(point.positive ? 1 : 0);
+  return clicks;
+}
+
+absl::StatusOr<GranularityLadder> FindGranularities(const Segmenter& segmenter,
+                                                    const ClickedFeatures& clicks,
+                                                    const GranularityGrid& grid, int max_count) {
+  std::vector<size_t> order(clicks.points.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  const auto first =
+      std::find_if(order.begin(), order.end(), [&](size_t i) { return clicks.points[i].positive; });
+  std::rotate(order.begin(), first, first + 1);
+  ClickFollower follower(segmenter, clicks, grid);
+  for (const size_t point : order) RETURN_IF_ERROR(follower.Add(point));
+  return follower.FindRungs(max_count);
+}
+
+double ClickPlausibility(const Click& click, std::span<const uint8_t> before,
+                         std::span<const uint8_t> after, int width) {
+  std::vector<uint8_t> changed(after.size());
+  double area_before = 0, area_after = 0, common = 0;
+  for (size_t i = 0; i < after.size(); ++i) {
+    const bool was = before[i] != 0, is = after[i] != 0;
+    area_before += was ? 1 : 0;
+    area_after += is ? 1 : 0;
+    common += was && is ? 1 : 0;
+    changed[i] = click.positive ? is && !was : was && !is;
+  }
+  if (area_after == 0) return 0;
+  const size_t at = static_cast<size_t>(click.pixel.y) * width + click.pixel.x;
+  if ((before[at] != 0) == click.positive) {
+    return common / (area_before + area_after - common);
+  }
+  if (changed[at] == 0) return 0;
+  const int height = static_cast<int>(after.size()) / width;
+  const auto deepest = static_cast<double>(FindDeepest(changed, width, height).squared_depth);
+  const auto depth = static_cast<double>(SquaredDepth(changed, width, click.pixel));
+  return std::sqrt(depth / deepest) * common /
+         std::max(1.0, click.positive ? area_before : area_after);
+}
+
+}  // namespace pepeseg
