@@ -7,9 +7,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxGridPixels = 65'536;  // depths kept of a view
-constexpr double kDepthTolerance = 0.02;   // of the depth: what is that near is the same surface
+constexpr double kMaxGridPixels = 65'536;  // depths that are kept of a view, about
+// Share of the depth by which a point may miss the depth of a view and still lie on its surface.
+constexpr double kDepthTolerance = 0.02;
 
+// Returns the pose that applies `inner`, then `outer`.
 Pose Compose(const Pose& outer, const Pose& inner) {
   return {outer.rotation * inner.rotation, outer.rotation * inner.translation + outer.translation};
 }

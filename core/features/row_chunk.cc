@@ -25,7 +25,8 @@ DeviceSpan<const T> SpanFrom(const Buffer<T>& buffer, int64_t first, size_t coun
   return buffer.span().Subspan(first, static_cast<int64_t>(count));
 }
 
-// Columns [begin, end) of several batches' columns.
+// Returns the columns [range.first, range.second) of the columns of several batches, without
+// weights.
 ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first,
                    const Buffer<int32_t>& pixel, std::pair<int32_t, int32_t> range) {
   const int64_t count = range.second - range.first;
