@@ -12,8 +12,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr uint64_t kCentroidStream =
-    0xd1b54a32d192ed03u;  // keeps its random numbers apart from the drawer's
+// Keeps these random numbers apart from the drawer's.
+constexpr uint64_t kCentroidStream = 0xd1b54a32d192ed03u;
 
 }  // namespace
 
