@@ -144,7 +144,7 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
 std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
                                               Random& random) const {
   const MaskSet& masks = *view.masks;
-  std::unordered_map<uint32_t, int32_t> number;
+  std::unordered_map<uint32_t, int32_t> number;  // mask cell of the view -> of the batch
   std::vector<uint32_t> patches;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
   for (int i = 0; i < options_.num_pixels; ++i) {
@@ -213,7 +213,7 @@ absl::Status BatchDrawer::Restore(const DrawerState& state, int step) {
   for (const int32_t view : state.views_left) {
     if (view >= 0 && view < static_cast<int32_t>(views_.size())) continue;
     return absl::DataLossError(
-        absl::StrCat("views_left has view ", view, " of ", views_.size(), " that are drawn"));
+        absl::StrCat("views_left has view ", view, ", must be in [0, ", views_.size(), ")"));
   }
   step_ = step;
   views_left_.assign(state.views_left.begin(), state.views_left.end());

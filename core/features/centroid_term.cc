@@ -27,6 +27,7 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
       every_(options.centroid_every),
       max_pixels_(options.centroid_pixels),
       random_(options.seed ^ kCentroidStream) {
+  // HDBSCAN options are {min_cluster_size, min_samples}, chosen for pixels of one view.
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
   // See Level::min_cosine. At the lower scale the 0.9 of the paper pulls touching parts onto one
   // another.
@@ -76,6 +77,7 @@ std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
   return pixels;
 }
 
+// The blend rows of the chunk are of other pixels, so the view is rasterised again.
 std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const int32_t> pixels,
                                                DeviceSpan<const float> features) {
   const CapturedRows rows = scene_.Capture(view, pixels);
@@ -133,6 +135,7 @@ absl::Status CentroidTerm::Restore(const CentroidState& state) {
 void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {
   for (size_t i = 0; i < levels_.size(); ++i) {
     if (levels_[i].centroids.empty()) continue;
+    // A slot for each step and scale, so that the host need not wait after each step.
     const auto at = static_cast<int64_t>(unread_step * levels_.size() + i) * kNumCentroidSums;
     backend_.CentroidLoss({.pixel_features = spans.pixel_features,
                            .centroids = levels_[i].centroids.span(),

@@ -61,9 +61,10 @@ absl::Status Validate(const FeatureCheckpoint& checkpoint) {
   const auto& [step, steps_of_chunk, count, num_left_out, left_out_after] = checkpoint.counters;
   if (step < 0 || steps_of_chunk < 0 || steps_of_chunk > step || count < 1 || num_left_out < 0 ||
       left_out_after < 0 || left_out_after > step) {
-    return absl::DataLossError(absl::StrCat(
-        "step ", step, ", ", steps_of_chunk, " of a chunk, on ", count, " Gaussians, ",
-        num_left_out, " steps left out after step ", left_out_after, ": out of range"));
+    return absl::DataLossError(absl::StrCat("counters are out of range: step ", step,
+                                            ", steps_of_chunk ", steps_of_chunk, ", num_gaussians ",
+                                            count, ", num_left_out ", num_left_out,
+                                            ", left_out_after ", left_out_after));
   }
   RETURN_IF_ERROR(CheckSize("losses", checkpoint.losses.size(), 3));
   const FeatureRowsState& rows = checkpoint.rows;

@@ -28,7 +28,7 @@ bool WantsPerception(const Capture& capture, const FeatureOptions& options) {
 std::string WhyNoPerception(const Capture& capture, const FeatureOptions& options) {
   if (options.perception_weight == 0) return "perception_weight is 0";
   if (!HasTrainingDepth(capture)) return "no training view has a depth prior";
-  return "masks or the background cover all pixels away from edges";
+  return "all pixels away from edges of the depth prior are under a mask or background";
 }
 
 // Returns FeatureField::scale_quantiles for the scales of all views.
@@ -145,7 +145,7 @@ std::vector<SkippedTerm> SkippedTerms(const Capture& capture, const FeatureOptio
   if (!Any(prepared.views, [](const auto& view) { return !view.background.empty(); })) {
     skipped.push_back({"background", options.num_background_pixels == 0
                                          ? "num_background_pixels is 0"
-                                         : "masks cover all that is seen in some view"});
+                                         : "everything seen is under a mask in at least one view"});
   }
   if (options.centroid_weight_upper == 0 && options.centroid_weight_lower == 0) {
     skipped.push_back({"centroids", "both centroid weights are 0"});

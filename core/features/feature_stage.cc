@@ -57,10 +57,11 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
   if (counters.step + counters.num_left_out > options.num_steps ||
       counters.num_gaussians != gaussians.count ||
       counters.steps_of_chunk > options.steps_per_chunk) {
-    return absl::DataLossError(
-        absl::StrCat("step ", counters.step, ", ", counters.steps_of_chunk, " of a chunk, on ",
-                     counters.num_gaussians, " Gaussians: the training has ", options.num_steps,
-                     " steps in chunks of ", options.steps_per_chunk, " on ", gaussians.count));
+    return absl::DataLossError(absl::StrCat(
+        "checkpoint after step ", counters.step, " (", counters.steps_of_chunk, " of its chunk; ",
+        counters.num_left_out, " steps left out) with ", counters.num_gaussians,
+        " Gaussians does not fit the training, which has ", options.num_steps,
+        " steps in chunks of ", options.steps_per_chunk, " and ", gaussians.count, " Gaussians"));
   }
   std::unique_ptr<FeatureStage> stage(new FeatureStage(backend, capture, gaussians, options));
   ASSIGN_OR_RETURN(PreparedFeatures prepared,
@@ -85,6 +86,8 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
   trainer_.emplace(backend_, prepared.features, graph_, *centroids_, options_);
   if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
+  // A checkpoint within a chunk has the drawer's state before the chunk. The whole chunk is drawn
+  // and rasterised again, and the steps that are already done are skipped.
   const int num_left = num_steps() - (step_ - steps_of_chunk_);
   batches_.emplace(*drawer_, cues_.get(), num_left, options_.steps_per_chunk);
   if (steps_of_chunk_ == 0) return absl::OkStatus();
@@ -126,6 +129,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
     if (centroids_->Due(step_ + num_left_out_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
     const RowChunk::Step step = chunk_.Next();
+    // A step runs the same ops as the last one of its kind, whose graph a backend may reuse.
     const int kind = (centroids_->active() ? 1 : 0) + (step.pair_other.empty() ? 0 : 2);
     backend_.Sequence(kFeatureStep + kind, [&] { trainer_->Train(step); });
   }

@@ -47,6 +47,7 @@ void Reprojection::FindNear() {
       if (other == view) continue;
       others.emplace_back((center(other) - center(view)).squaredNorm(), other);
     }
+    // Equal distances are ordered by view, so that the result is the same in each run.
     const size_t count = std::min<size_t>(kNearViews, others.size());
     std::partial_sort(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(count),
                       others.end());
@@ -70,8 +71,10 @@ int32_t Reprojection::PixelAt(int number, const Eigen::Vector3d& in_cam) const {
   if (in_cam.z() <= 0) return kUnknown;
   const double u = camera.fx * in_cam.x() / in_cam.z() + camera.cx;
   const double v = camera.fy * in_cam.y() / in_cam.z() + camera.cy;
+  // Written so that NaN is outside.
   if (!(u >= 0 && v >= 0 && u < camera.width && v < camera.height)) return kUnknown;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
+  // A point in front of or behind the surface there is hidden, or the depths disagree.
   const double depth = DepthAt(seen_[number], camera, x, y);
   if (!(std::abs(depth - in_cam.z()) < kDepthTolerance * in_cam.z())) return kUnknown;
   const int32_t pixel = y * camera.width + x;

@@ -14,7 +14,7 @@ namespace pepeseg {
 
 // Returns up to `num` views that vote on a selection, without the one named `prompted`: spread
 // evenly over the views that have `center` (world) in their image, and over the others if those are
-// too few. A view behind whose surface the centre is hidden counts as having it in its image.
+// too few. Occlusion is not considered.
 std::vector<ModelView> VotingViews(std::span<const ModelView> views, const std::string& prompted,
                                    const Eigen::Vector3d& center, size_t num);
 

@@ -36,7 +36,7 @@ std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count);
 //   largest one if they show none. With keep_disconnected the others are kept as well. Floaters
 //   are never kept: parts with under 2 % of the Gaussians of the largest part shown.
 // - A Gaussian that no view sees, such as one inside an object, is added if it lies in the bounding
-//   box of the kept members, and most of its 8 nearest seen Gaussians are among them.
+//   box of the kept members, and most of the 8 nearest seen Gaussians in it are among them.
 //
 // The set is empty if the mask in the prompt's view is empty. It does not depend on the number of
 // threads. Calls `before_view` before each view; an error that it returns (such as CANCELLED) ends
