@@ -13,8 +13,8 @@ constexpr size_t kMaxViews = 64;      // views that are looked at
 constexpr double kMaxCells = 32'768;  // pixels that are looked at in a view, on a grid
 // Sum of a Gaussian's blending weights over these pixels above which the view shows it.
 constexpr float kMinWeight = 0.01f;
-constexpr float kMinShare = 1.0f / 6;  // of the views that are looked at: see FeatureConfidence
-constexpr float kOfUnseen = 0.005f;    // smallest confidence
+constexpr float kMinViewShare = 1.0f / 6;  // of the views that are looked at: see FeatureConfidence
+constexpr float kOfUnseen = 0.005f;        // smallest confidence
 
 // Returns up to kMaxViews of the views that stage two learns from, spread evenly.
 std::vector<const View*> SomeTrained(const Capture& capture) {
@@ -37,7 +37,7 @@ std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
   const auto num_looked_at = static_cast<float>(views.size());
   const float num_required =
       std::max({1.0f, std::min(static_cast<float>(min_confident_views), num_looked_at),
-                kMinShare * num_looked_at});
+                kMinViewShare * num_looked_at});
   std::vector<int> num_views(count);
   std::vector<float> weight(count);
   for (const View* view : views) {
