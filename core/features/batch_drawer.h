@@ -63,8 +63,8 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
 std::vector<const MaskSet*> OwnMasks(const Capture& capture);
 
 // Draws the batches of stage two (METHOD.md section 3, "Samples"), all from one seed. A round takes
-// each view once, in random order. Drafts are drawn one after the other; each has its own seed, on
-// which the batch depends alone, so that batches can be drawn from drafts in parallel.
+// each view once, in random order. Drafts are drawn one after the other. Each has its own seed, and
+// a batch depends on its draft alone, so that batches can be drawn in parallel.
 class BatchDrawer {
  public:
   // The views' masks and the field must outlive it. Of the field it reads scale_quantiles.

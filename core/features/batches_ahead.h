@@ -70,8 +70,8 @@ class BatchesAhead {
   DrawerState start_;
   int num_left_;  // batches that no task has begun to draw
   int chunk_size_;
-  std::future<Chunk>
-      next_;  // last: its destructor waits for the task, which uses the members above
+  // Declared last: its destructor waits for the task, which uses the members above.
+  std::future<Chunk> next_;
 };
 
 }  // namespace pepeseg

@@ -47,10 +47,9 @@ class FeatureStage {
   // Returns how well the capture's masks agree across views, see MaskQuality.
   std::optional<double> mask_quality() const { return mask_quality_; }
 
-  // Does as many steps as the backend queues before the host waits (one if it does not
-  // queue), and returns a report of each. Must not be called once done(). INTERNAL: the device
-  // failed, or a loss is not finite. RESOURCE_EXHAUSTED: the blend rows do not fit into the
-  // device's memory.
+  // Does as many steps as the backend queues before the host waits (one if it does not queue), and
+  // returns a report of each. Must not be called once done(). INTERNAL: the device failed, or a
+  // loss is not finite. RESOURCE_EXHAUSTED: the blend rows do not fit into the device's memory.
   absl::StatusOr<std::vector<StepReport>> Advance();
   // Returns the state after the steps done. INTERNAL: the device failed.
   absl::StatusOr<FeatureCheckpoint> Save();

@@ -66,8 +66,8 @@ class MaskCandidates {
   size_t num_near_ = 0;
   std::vector<std::vector<int>> number_of_;  // by near view and mask: candidate, or -1
   std::vector<MaskCandidate> candidates_;
-  std::vector<int>
-      shared_;  // [candidates, candidates] cells under both; 0 unless the first is lacking
+  // [candidates, candidates] grid cells under both; 0 unless the first is lacking.
+  std::vector<int> shared_;
 };
 
 }  // namespace pepeseg
