@@ -83,9 +83,8 @@ int CondensedTree::RootOf(int point) {
   return point;
 }
 
-// Two components may be connected by several of the edges, over others. So the union-find is
-// updated first, then each group of connected components is joined as a whole, as the definition
-// requires.
+// Edges of one length may connect components in a chain. So the union-find is updated first, then
+// each group of connected components is joined as a whole, as the definition requires.
 void CondensedTree::MergeLevel(std::span<const TreeEdge> edges) {
   std::vector<int> parts;
   for (const TreeEdge& edge : edges) {
