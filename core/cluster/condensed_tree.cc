@@ -5,48 +5,60 @@
 #include <cstdint>
 #include <numeric>
 
+// The definition in the header removes edges from the longest to the shortest. Here the tree is
+// built the other way round, because that takes a union-find only: edges are added from the
+// shortest to the longest, and components of points merge as the distance grows and lambda falls. A
+// cluster is therefore created at the lambda where it ends by the definition, and gets its parent
+// at the lambda where it begins.
+
 namespace pepeseg {
 namespace {
 
 constexpr int kNone = -1;
 
 struct Cluster {
-  int parent = kNone;    // made later than this one
-  double deepest = 0;    // the lambda at which it ends, and parts of it or none live on
-  double stability = 0;  // until its beginning is known, the sum of its points' lambdas
+  int parent = kNone;    // has a higher index; kNone: the root
+  double deepest = 0;    // lambda at which it ends by the definition
+  double stability = 0;  // before it has a parent: the sum of the lambdas at which its points leave
 };
 
-// Builds the tree from below: components merge as the distance grows. What the paper calls the end
-// of a cluster comes first here, its beginning last.
+// The tree of the clusters of at least min_cluster_size points.
 class CondensedTree {
  public:
   CondensedTree(std::span<const TreeEdge> edges, int min_cluster_size);
 
-  // The chosen cluster of each cluster, itself or one above, or kNone.
+  // Returns for each cluster the chosen cluster that holds it, itself or one above it, or kNone.
   std::vector<int> Choose() const;
 
   const std::vector<Cluster>& clusters() const { return clusters_; }
-  int cluster_of(int point) const { return point_cluster_[point]; }  // that it leaves first
+  // Returns the smallest cluster that a point is in, or kNone, and the lambda at which it leaves
+  // it.
+  int cluster_of(int point) const { return point_cluster_[point]; }
   double lambda_of(int point) const { return point_lambda_[point]; }
 
  private:
+  // A node of the union-find, by point. All but `parent` and `next` are read at roots only.
   struct Component {
-    int parent;  // of the union-find
+    int parent;
     int size = 1;
-    int cluster = kNone;     // since its size is min_cluster_size
-    int last, next = kNone;  // its points as a list, as long as it has no cluster
+    int cluster = kNone;  // kNone while the size is under min_cluster_size
+    // The points of a component without a cluster, as a linked list that begins at the root.
+    int last, next = kNone;
   };
 
   int RootOf(int point);
+  // Adds all edges of one length.
   void MergeLevel(std::span<const TreeEdge> edges);
+  // Joins components to one. parts: their roots, the root of the joined component first.
   void Join(std::span<const int> parts, double lambda);
+  // Puts the points of a component without a cluster into a cluster, which they leave at `lambda`.
   void Give(int component, int cluster, double lambda);
 
   int min_cluster_size_;
   std::vector<Component> components_;  // [points]
-  std::vector<Cluster> clusters_;
-  std::vector<int> point_cluster_;
-  std::vector<double> point_lambda_;
+  std::vector<Cluster> clusters_;      // children before their parents
+  std::vector<int> point_cluster_;     // [points] see cluster_of
+  std::vector<double> point_lambda_;   // [points] see lambda_of
 };
 
 CondensedTree::CondensedTree(std::span<const TreeEdge> edges, int min_cluster_size)
@@ -63,6 +75,7 @@ CondensedTree::CondensedTree(std::span<const TreeEdge> edges, int min_cluster_si
   }
 }
 
+// Halves the path on the way.
 int CondensedTree::RootOf(int point) {
   while (components_[point].parent != point) {
     point = components_[point].parent = components_[components_[point].parent].parent;
@@ -70,7 +83,8 @@ int CondensedTree::RootOf(int point) {
   return point;
 }
 
-// Finds the groups of components that the edges join, and joins each as a whole.
+// Edges of one length may connect components in a chain. So the union-find is updated first, then
+// each group of connected components is joined as a whole, as the definition requires.
 void CondensedTree::MergeLevel(std::span<const TreeEdge> edges) {
   std::vector<int> parts;
   for (const TreeEdge& edge : edges) {
@@ -81,7 +95,7 @@ void CondensedTree::MergeLevel(std::span<const TreeEdge> edges) {
   parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
   for (const TreeEdge& edge : edges) {
     const int a = RootOf(edge.a), b = RootOf(edge.b);
-    // The larger one's root stays: paths are short.
+    // The root of the larger component stays the root, so that paths stay short.
     if (components_[a].size < components_[b].size) {
       components_[a].parent = b;
     } else {
@@ -103,7 +117,10 @@ void CondensedTree::MergeLevel(std::span<const TreeEdge> edges) {
   }
 }
 
-// Parts of one component, whose root is the first of them.
+// Parts with a cluster are large. If exactly one is, its cluster continues, and the points of the
+// other parts leave it here. Otherwise a new cluster begins to exist, if the joined component is
+// large enough: it ends here by the definition, and the clusters of the large parts are its
+// children.
 void CondensedTree::Join(std::span<const int> parts, double lambda) {
   int size = 0, num_large = 0, cluster = kNone;
   for (const int part : parts) {
@@ -122,6 +139,7 @@ void CondensedTree::Join(std::span<const int> parts, double lambda) {
     if (component.cluster == kNone && cluster != kNone) {
       Give(part, cluster, lambda);
     } else if (component.cluster != cluster) {
+      // All points that are left in the child leave the parent here, where the child begins.
       Cluster& child = clusters_[component.cluster];
       child.parent = cluster;
       child.stability -= component.size * lambda;
@@ -145,14 +163,15 @@ void CondensedTree::Give(int component, int cluster, double lambda) {
 
 std::vector<int> CondensedTree::Choose() const {
   const int count = static_cast<int>(clusters_.size());
-  std::vector<double> below(count, 0);  // the best choice's stability
+  std::vector<double> below(count, 0);  // sum of the stabilities of the best choice below
   std::vector<int> chosen(count, kNone);
-  // A parent is made after its children; the last cluster is the root.
+  // Children come before their parents; the last cluster is the root, which is not a candidate.
   for (int i = 0; i + 1 < count; ++i) {
     const Cluster& cluster = clusters_[i];
     if (below[i] <= cluster.stability) chosen[i] = i;
     below[cluster.parent] += std::max(below[i], cluster.stability);
   }
+  // A chosen cluster overrules the choices below it.
   for (int i = count - 2; i >= 0; --i) {
     const int above = chosen[clusters_[i].parent];
     if (above != kNone) chosen[i] = above;
@@ -160,6 +179,7 @@ std::vector<int> CondensedTree::Choose() const {
   return chosen;
 }
 
+// Returns the strength of a point that leaves a cluster at `lambda`. Both lambdas may be infinite.
 float Strength(double lambda, double deepest) {
   if (std::isinf(lambda) || lambda >= deepest) return 1;
   return static_cast<float>(lambda / deepest);

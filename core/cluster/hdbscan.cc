@@ -46,6 +46,7 @@ absl::StatusOr<Clusters> Hdbscan(Backend& backend, std::span<const float> points
 }
 
 std::vector<float> ClusterMeans(std::span<const float> points, const Clusters& clusters) {
+  // The length of a mean is normalised, so the number of points is not needed.
   std::vector<double> sums(static_cast<size_t>(clusters.count) * kFeatureSize);
   for (size_t point = 0; point < clusters.labels.size(); ++point) {
     const int label = clusters.labels[point];

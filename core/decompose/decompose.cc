@@ -9,27 +9,50 @@
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/decompose/join_pieces.h"
-#include "core/decompose/visible_weights.h"
 #include "core/scene/gated_units.h"
+#include "core/scene/pixel_grid.h"
 
 namespace pepeseg {
 namespace {
 
-// Chosen on the desk scene, by how its levels agree with the truth's of the held-out views.
-constexpr double kFinestScale = 0.01;  // of the pieces
-constexpr size_t kMaxPoints = 16'384;
+// These numbers were chosen on the desk scene, by the agreement of its granularity levels with the
+// ground truth of the held-out views.
+constexpr double kFinestScale = 0.01;  // largest scale at which pieces are found
+constexpr size_t kMaxPoints = 16'384;  // Gaussians that are clustered
 constexpr HdbscanOptions kPieces = {.min_cluster_size = 8, .min_samples = 3};
-// A Gaussian that is seen less than this part of the mean was hardly trained: it is no point to
-// cluster, and it must be the more like a piece to be in it, lest floaters are.
+constexpr int64_t kMaxViews = 32;          // views that show which Gaussians are visible
+constexpr double kMaxGridPixels = 16'384;  // pixels of each of these views, about
+// A Gaussian whose visible weight is less than this share of the mean was hardly trained. It is not
+// clustered, and it needs a larger cosine to be in a piece, which keeps floaters out.
 constexpr double kMinVisible = 0.5;
 constexpr float kMinCosine = 0.5f, kMinUnseenCosine = 0.8f;
 constexpr int32_t kNoPiece = -1;
 
-// Two segments are one where their means have at least this cosine. Training pushes pairs of one
-// thing over 0.75. Of the large things there are few masks, so their parts become less alike.
+// Returns the cosine of the means above which two segments are joined at a scale. Training pushes
+// pairs of one object over 0.75. There are few masks of large objects, so their parts are less
+// alike.
 double JoinCosine(double scale) { return 0.8 - 0.6 * std::max(0.0, scale - 0.5); }
 
-// [num_gaussians] 0 or 1.
+// Returns how much of each Gaussian the model's views show, [num_gaussians]: the sum of its
+// blending weights over a grid of pixels of up to kMaxViews views, spread evenly. All 1 if the
+// model has no views. Errors are those of `rows`.
+absl::StatusOr<std::vector<float>> VisibleWeights(const Model& model, RowsOfPixels rows) {
+  const auto num_views = static_cast<int64_t>(model.views.size());
+  const auto count = static_cast<size_t>(model.gaussians.count);
+  if (num_views == 0) return std::vector<float>(count, 1.0f);
+  std::vector<float> weights(count);
+  const int64_t num_shown = std::min(num_views, kMaxViews);
+  for (int64_t k = 0; k < num_shown; ++k) {
+    const ModelView& view = model.views[k * num_views / num_shown];
+    ASSIGN_OR_RETURN(const PixelRows shown, rows(view, GridPixels(view.camera, kMaxGridPixels)));
+    for (size_t e = 0; e < shown.gaussian.size(); ++e) {
+      weights[shown.gaussian[e]] += shown.weight[e];
+    }
+  }
+  return weights;
+}
+
+// Returns which Gaussians are visible enough to be clustered, [num_gaussians] 0 or 1.
 std::vector<uint8_t> SeenEnough(std::span<const float> visible) {
   const double mean = std::accumulate(visible.begin(), visible.end(), 0.0) /
                       static_cast<double>(std::max<size_t>(1, visible.size()));
@@ -41,24 +64,25 @@ std::vector<uint8_t> SeenEnough(std::span<const float> visible) {
   return seen;
 }
 
-// The features of kMaxPoints that are seen enough, evenly spaced, so that no dice are needed.
+// Returns the features of up to kMaxPoints visible Gaussians, [n, 32]. They are spread evenly over
+// the indices instead of drawn, so that the result does not depend on a seed.
 std::vector<float> PointsToCluster(std::span<const float> units, std::span<const uint8_t> seen) {
-  std::vector<size_t> rows;
-  rows.reserve(seen.size());
+  std::vector<size_t> visible;
+  visible.reserve(seen.size());
   for (size_t i = 0; i < seen.size(); ++i) {
-    if (seen[i] != 0) rows.push_back(i);
+    if (seen[i] != 0) visible.push_back(i);
   }
-  const size_t count = std::min(rows.size(), kMaxPoints);
+  const size_t count = std::min(visible.size(), kMaxPoints);
   std::vector<float> points;
   points.reserve(count * kFeatureSize);
   for (size_t k = 0; k < count; ++k) {
-    const float* unit = &units[rows[k * rows.size() / count] * kFeatureSize];
+    const float* unit = &units[visible[k * visible.size() / count] * kFeatureSize];
     points.insert(points.end(), unit, unit + kFeatureSize);
   }
   return points;
 }
 
-// kNoPiece: none has a cosine over `min_cosine`.
+// Returns the mean with the largest cosine to `unit`, or kNoPiece if none is over `min_cosine`.
 int32_t NearestMean(const float* unit, std::span<const float> means, float min_cosine) {
   int32_t nearest = kNoPiece;
   float best = min_cosine;
@@ -72,7 +96,7 @@ int32_t NearestMean(const float* unit, std::span<const float> means, float min_c
   return nearest;
 }
 
-// Of each Gaussian.
+// Returns the piece of each Gaussian, or kNoPiece. Waits for the device lock.
 absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& model, double scale,
                                                 std::span<const float> visible) {
   const std::vector<float> units =
@@ -92,7 +116,8 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
   return pieces;
 }
 
-// The pieces joined at a scale.
+// Returns the pieces of the Gaussians after joining at a scale. A Gaussian counts in the mean of
+// its piece by its visible weight.
 std::vector<int32_t> JoinAt(double scale, const FeatureField& field,
                             std::span<const int32_t> pieces, std::span<const float> visible) {
   const int32_t last = pieces.empty() ? kNoPiece : *std::max_element(pieces.begin(), pieces.end());

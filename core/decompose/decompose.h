@@ -10,12 +10,17 @@
 
 namespace pepeseg {
 
-// Takes a model apart (METHOD.md section 4, "Decomposition"). HDBSCAN over the gated unit features,
-// at the finest scale, of 16,384 Gaussians that the views show gives the smallest pieces; every
-// Gaussian goes to the nearest of their means, or to none where that is not alike. A level's
-// segments are those of the level before, the first one's the pieces, joined while the means of two
-// are alike at the level's scale: so they nest. The same model and scales give the same ids.
-// INVALID_ARGUMENT as CheckDecompositionScales; errors of `rows`.
+// Decomposes a model into segments at each scale (METHOD.md section 4, "Decomposition").
+//
+// HDBSCAN over the gated unit features of up to 16,384 visible Gaussians, at a fine scale, gives
+// the smallest pieces. Each Gaussian goes to the piece whose mean is nearest, or to none if that is
+// not similar enough. The segments of a granularity level are those of the finer level, or the
+// pieces, joined as long as the means of two are similar at the scale of the level; so segments
+// nest.
+//
+// The same model and scales give the same ids. rows: renders blend rows of the model's views.
+// Takes the device lock while it clusters. INVALID_ARGUMENT: see CheckDecompositionScales. Other
+// errors are those of `rows` and of Hdbscan.
 absl::StatusOr<Decomposition> Decompose(Backend& backend, const Model& model,
                                         std::span<const double> scales, RowsOfPixels rows);
 

@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-// Of each piece; those of no Gaussian too.
+// Returns the number of Gaussians of each piece, up to the highest piece; some may have none.
 std::vector<int64_t> CountPieces(std::span<const int32_t> pieces) {
   const int32_t last = pieces.empty() ? -1 : *std::max_element(pieces.begin(), pieces.end());
   std::vector<int64_t> counts(static_cast<size_t>(last + 1));
@@ -20,9 +20,10 @@ std::vector<int64_t> CountPieces(std::span<const int32_t> pieces) {
   return counts;
 }
 
-void Extend(Decomposition::Segment& segment, const Gaussians& gaussians, int64_t row) {
+// Extends the bounding box of a segment by the mean of a Gaussian.
+void Extend(Decomposition::Segment& segment, const Gaussians& gaussians, int64_t gaussian) {
   for (int k = 0; k < 3; ++k) {
-    const float at = gaussians.Plane(kMeanPlane + k)[row];
+    const float at = gaussians.Plane(kMeanPlane + k)[gaussian];
     segment.min[k] = std::min(segment.min[k], at);
     segment.max[k] = std::max(segment.max[k], at);
   }
@@ -36,7 +37,7 @@ absl::Status CheckDecompositionScales(std::span<const double> scales) {
         absl::StrCat(scales.size(), " scales, must be 1 to ", kMaxLevels));
   }
   for (size_t i = 0; i < scales.size(); ++i) {
-    if (!(scales[i] >= 0 && scales[i] <= 1)) {  // true for NaN
+    if (!(scales[i] >= 0 && scales[i] <= 1)) {  // also catches NaN
       return absl::InvalidArgumentError(
           absl::StrCat("scale ", i, " is ", scales[i], ", must be in [0, 1]"));
     }

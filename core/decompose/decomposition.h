@@ -12,40 +12,41 @@
 
 namespace pepeseg {
 
-// A model taken apart at ascending scales: each Gaussian is in at most one segment of each level,
-// and the segments of one level lie in those of the next as a whole.
+// The segments of a model at several granularity levels, from fine to coarse. A Gaussian is in at
+// most one segment of each level, and a segment lies as a whole in one segment of the next level.
 struct Decomposition {
   struct Segment {
-    int32_t parent = 0;  // id of the segment of the next level that it lies in; 0 on the last one
-    int64_t num_gaussians = 0;
-    std::array<float, 3> min{}, max{};  // of the Gaussians' means, scene units
+    int32_t parent = 0;  // id of the segment of the next level that holds it; 0 on the last level
+    int64_t num_gaussians = 0;          // at least 1
+    std::array<float, 3> min{}, max{};  // bounding box of the Gaussians' means, scene units
   };
   struct Level {
-    double scale = 0;               // quantile, [0, 1]
-    std::vector<int32_t> ids;       // [num_gaussians] 1.. or 0: in no segment
-    std::vector<Segment> segments;  // [k] has the id k + 1; the one with the most Gaussians first
+    double scale = 0;               // query scale, [0, 1]
+    std::vector<int32_t> ids;       // [num_gaussians] id of the segment, from 1; 0: in no segment
+    std::vector<Segment> segments;  // segments[k] has the id k + 1; largest first
   };
-  std::vector<Level> levels;  // in the order of the scales
+  std::vector<Level> levels;  // by scale, ascending
 };
 
-// Parts, objects, groups.
+// The default scales: parts, objects, groups.
 inline constexpr std::array<double, 3> kDefaultDecompositionScales = {0.01, 0.5, 1};
 inline constexpr int kMaxLevels = 8;
 
-// INVALID_ARGUMENT: none, more than kMaxLevels, one that is not in [0, 1] or not over the one
-// before.
+// Returns INVALID_ARGUMENT unless there are 1 to kMaxLevels scales, all in [0, 1] and ascending
+// without repeats.
 absl::Status CheckDecompositionScales(std::span<const double> scales);
-// INVALID_ARGUMENT tells which levels there are.
+// Returns INVALID_ARGUMENT unless 0 <= level < levels.size(). The message has the valid range.
 absl::Status CheckLevel(const Decomposition& decomposition, int level);
-// Errors as CheckLevel's; an id that is none on its level.
+// Returns the Gaussians of a segment. INVALID_ARGUMENT: see CheckLevel, or the level has no segment
+// with this id.
 absl::StatusOr<GaussianSet> MembersOf(const Decomposition& decomposition, int level, int32_t id);
 
-// The level of `scale` from the number of the piece, 0.., that each Gaussian is in; -1: in none.
-// Segments are numbered by falling number of Gaussians, of equal ones the one of the lower piece
-// first. Parents stay 0.
+// Makes a level from the piece of each Gaussian, numbered from 0; -1: in no piece. Segments are
+// numbered by the number of their Gaussians, descending; of equal ones the lower piece comes first.
+// Parents stay 0.
 Decomposition::Level LevelOfPieces(double scale, std::span<const int32_t> pieces,
                                    const Gaussians& gaussians);
-// Sets the parents of `fine`, whose segments lie in those of `coarse`.
+// Sets the parents of the segments of `fine`, each of which lies in one segment of `coarse`.
 void SetParents(Decomposition::Level& fine, const Decomposition::Level& coarse);
 
 }  // namespace pepeseg

@@ -16,6 +16,7 @@ Decompositions::Entries::iterator Decompositions::Find(std::span<const double> s
 
 absl::StatusOr<Decompositions::Entries::iterator> Decompositions::Get(
     std::span<const double> scales, Make make, std::unique_lock<std::mutex>& lock) {
+  // An entry may be gone after waiting, if its `make` failed: it is looked up again.
   auto entry = Find(scales);
   while (entry != entries_.end() && !entry->ready) {
     made_.wait(lock);
@@ -27,6 +28,7 @@ absl::StatusOr<Decompositions::Entries::iterator> Decompositions::Get(
   }
   entry = entries_.emplace(entries_.begin());
   entry->scales.assign(scales.begin(), scales.end());
+  // Others cannot drop the entry, because it is not ready; a list keeps its iterator valid.
   lock.unlock();
   absl::StatusOr<Decomposition> decomposition = make();
   lock.lock();

@@ -13,37 +13,44 @@
 
 namespace pepeseg {
 
-// The last decompositions of a model that were asked for, by their scales: each is made once,
-// however many ask for it at the same time. Thread safe.
+// Cache of the decompositions of a model, by their scales. Each is computed once, even if several
+// threads request it at the same time. Keeps the kMostKept most recently used ones. Thread safe:
+// one mutex guards the entries, and neither computing nor using a decomposition holds it.
 class Decompositions {
  public:
   static constexpr int kMostKept = 4;
   using Make = absl::FunctionRef<absl::StatusOr<Decomposition>()>;
   using Use = absl::FunctionRef<absl::Status(const Decomposition&)>;
 
-  // What `use` answers, called with the decomposition at these scales, which does not go meanwhile.
-  // Without one `make` is called first, while others can use the ones that there are. Its error is
-  // answered to who called; others who waited for it try again.
+  // Calls `use` with the decomposition for `scales`, which stays alive for the call, and returns
+  // its status. If it is not cached, calls `make` first; other threads that want the same scales
+  // wait, those with other scales do not. An error of `make` is returned to the caller and not
+  // cached; the threads that waited then try themselves. Both are called on the calling thread.
   absl::Status With(std::span<const double> scales, Make make, Use use);
 
  private:
+  // A decomposition that is cached, or that a thread is computing (not ready). Entries that are not
+  // ready or have users are never dropped, so that references to them stay valid without the mutex.
   struct Entry {
     std::vector<double> scales;
     Decomposition decomposition;
     bool ready = false;
-    int num_users = 0;
+    int num_users = 0;  // calls of `use` that are running
   };
   using Entries = std::list<Entry>;
 
+  // Returns the entry for `scales`, or end(). The mutex must be held.
   Entries::iterator Find(std::span<const double> scales);
-  // With the mutex held by `lock`; released while `make` runs.
+  // Returns the entry for `scales`, computing it if needed, and moves it to the front. `lock` must
+  // hold the mutex; it is released while `make` runs and while waiting for another thread.
   absl::StatusOr<Entries::iterator> Get(std::span<const double> scales, Make make,
                                         std::unique_lock<std::mutex>& lock);
+  // Drops the least recently used entries that can be, down to kMostKept. The mutex must be held.
   void DropOldest();
 
   std::mutex mutex_;
-  std::condition_variable made_;
-  Entries entries_;  // the last used first
+  std::condition_variable made_;  // a `make` has ended, with or without a result
+  Entries entries_;               // most recently used first; guarded by mutex_
 };
 
 }  // namespace pepeseg

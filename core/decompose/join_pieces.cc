@@ -12,6 +12,8 @@ namespace {
 
 constexpr float kApart = -2;  // below any cosine
 
+// Keeps the matrix of all cosines and the nearest piece of each piece, so that a join costs one row
+// of the matrix, and another one for each piece whose nearest piece was one of the two.
 class Joiner {
  public:
   explicit Joiner(std::span<const float> sums)
@@ -27,21 +29,22 @@ class Joiner {
     for (size_t a = 0; a < count_; ++a) FindNearest(a);
   }
 
-  // False: no two are that close.
+  // Joins the closest two pieces. Returns false if no two have a cosine over `join_cosine`.
   bool JoinClosest(double join_cosine) {
     size_t a = 0;
     for (size_t i = 1; i < count_; ++i) {
       if (NearestCosine(i) > NearestCosine(a)) a = i;
     }
     if (count_ == 0 || !(double{NearestCosine(a)} > join_cosine)) return false;
-    Join(a, nearest_[a]);  // the lower of the two: it came first
+    Join(a, nearest_[a]);  // a is the lower of the two, because the search took the first maximum
     return true;
   }
 
+  // Returns the new number of each piece.
   std::vector<int32_t> Numbers() const {
     std::vector<int32_t> numbers(count_);
     int32_t next = 0;
-    for (size_t i = 0; i < count_; ++i) {  // a piece is joined to one before it
+    for (size_t i = 0; i < count_; ++i) {  // pieces are joined to lower ones only
       numbers[i] = joined_to_[i] == i ? next++ : numbers[joined_to_[i]];
     }
     return numbers;
@@ -62,12 +65,14 @@ class Joiner {
     cosine_[a * count_ + b] = cosine_[b * count_ + a] = cosine;
   }
   float NearestCosine(size_t a) const { return cosine_[a * count_ + nearest_[a]]; }
+  // Sets the first piece with the largest cosine to a.
   void FindNearest(size_t a) {
     nearest_[a] = 0;
     for (size_t b = 1; b < count_; ++b) {
       if (cosine_[a * count_ + b] > NearestCosine(a)) nearest_[a] = b;
     }
   }
+  // Joins b to a.
   void Join(size_t a, size_t b) {
     assert(a < b);
     for (int k = 0; k < kFeatureSize; ++k)
@@ -87,10 +92,10 @@ class Joiner {
   }
 
   size_t count_;
-  std::vector<double> sums_;     // [count, 32]
-  std::vector<float> cosine_;    // [count, count]; kApart with itself and with what is joined away
-  std::vector<size_t> nearest_;  // the first of the largest cosine
-  std::vector<size_t> joined_to_;
+  std::vector<double> sums_;       // [count, 32]
+  std::vector<float> cosine_;      // [count, count]; kApart with itself and with joined pieces
+  std::vector<size_t> nearest_;    // [count] see FindNearest
+  std::vector<size_t> joined_to_;  // [count] the lower piece that it was joined to; itself: none
 };
 
 }  // namespace

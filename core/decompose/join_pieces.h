@@ -6,11 +6,13 @@
 
 namespace pepeseg {
 
-// Agglomerative clustering of directions. Piece i points along sums[i], [num_pieces, 32], of any
-// length: that is its weight. Time and again the two of the largest cosine are joined, and their
-// sums added, as long as it is over `join_cosine`; of equal ones the two of the lowest numbers.
-// Answers the new number of each piece, 0.., in the order of the pieces that come first in them.
-// Memory in proportion to the square of the pieces. A sum of zeros is joined to nothing.
+// Clusters directions agglomeratively, by their centroids. As long as the largest cosine between
+// two pieces is over `join_cosine`, these two are joined and their sums added; of equal cosines the
+// pair with the lowest numbers comes first. A sum of zeros is never joined.
+//
+// sums: [num_pieces, 32], the direction of each piece; its length is its weight. Returns the new
+// number of each piece, from 0, in the order of the first pieces of the clusters. Memory grows with
+// the square of num_pieces, time with its square times the number of joins at worst.
 std::vector<int32_t> JoinPieces(std::span<const float> sums, double join_cosine);
 
 }  // namespace pepeseg

@@ -7,16 +7,14 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
-#include "core/features/masks_of_patch.h"
 #include "core/features/random_draws.h"
-#include "core/features/scale_labels.h"
 
 namespace pepeseg {
 namespace {
 
-// `count` of the lowest `size` bits.
+// Returns a word in which `count` of the lowest `size` bits are set, each choice equally likely.
+// count <= size <= 32.
 uint32_t DrawBits(int size, int count, std::mt19937_64& random) {
   uint32_t bits = 0;
   for (int left = size; left > 0; --left) {
@@ -27,6 +25,7 @@ uint32_t DrawBits(int size, int count, std::mt19937_64& random) {
   return bits;
 }
 
+// Returns 1 / mean area of the masks with a scale over each mask cell; 0 for cells without one.
 std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mask_scales) {
   std::vector<float> weights;
   for (int patch = 0; patch < masks.num_patches(); ++patch) {
@@ -42,7 +41,8 @@ std::vector<float> PatchWeights(const MaskSet& masks, std::span<const float> mas
   return weights;
 }
 
-// How many of a view's masks, from the finest on, give scales at a step. See fine_first.
+// Returns how many of a view's masks, the finest ones, give scales at a step: see
+// FeatureOptions::fine_first. The share grows linearly from kFirstShare to 1.
 size_t NumMasksAt(int step, const FeatureOptions& options, size_t num_masks) {
   constexpr double kFirstShare = 0.3;
   const double end = options.fine_first * options.num_steps;
@@ -117,9 +117,11 @@ PixelBatch BatchDrawer::Draw(const Draft& draft) const {
   return batch;
 }
 
-// Scene units: masks at random, each jittered down towards the next smaller one; one scale at which
-// only the largest mask may still hold things apart; one below the smallest. While fine masks go
-// first, all of them are below the largest mask that takes part.
+// All but two scales come from random masks: each is drawn between the scale of the next smaller
+// mask and the mask's own, so that every interval between two masks gets its share. Of the other
+// two, one is above the second largest mask, where at most the largest mask still separates pixels,
+// and one below the smallest mask. While fine masks go first, no scale is above the largest mask
+// that takes part.
 std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
                                            Random& random) const {
   const size_t num_masks = NumMasksAt(step, options_, view.sorted_scales.size());
@@ -142,7 +144,7 @@ std::vector<float> BatchDrawer::DrawScales(const DrawableView& view, int step,
 std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBatch& batch,
                                               Random& random) const {
   const MaskSet& masks = *view.masks;
-  std::unordered_map<uint32_t, int32_t> number;
+  std::unordered_map<uint32_t, int32_t> number;  // mask cell of the view -> of the batch
   std::vector<uint32_t> patches;
   const long num_by_mask = std::lround(options_.mask_share * options_.num_pixels);
   for (int i = 0; i < options_.num_pixels; ++i) {
@@ -159,7 +161,8 @@ std::vector<uint32_t> BatchDrawer::DrawPixels(const DrawableView& view, PixelBat
   return patches;
 }
 
-// One patch more, without a number in the view: a mask of its own, as large as the image.
+// Adds the background as one more mask cell, which the view does not have. It counts as a mask of
+// its own that is as large as the image.
 void BatchDrawer::DrawBackground(const DrawableView& view, PixelBatch& batch,
                                  Random& random) const {
   if (view.background.empty() || options_.num_background_pixels == 0) return;
@@ -186,7 +189,7 @@ void BatchDrawer::Label(const DrawableView& view, std::span<const uint32_t> patc
   const MaskSet& masks = *view.masks;
   const auto words = static_cast<size_t>(masks.words);
   const bool has_background = static_cast<size_t>(batch.num_patches) > patches.size();
-  // Behind the masks' bits stands that of the background.
+  // The bit of the background follows the masks' bits, which may take one word more.
   const size_t all_words = has_background ? static_cast<size_t>(masks.num_masks) / 64 + 1 : words;
   batch.label_words = static_cast<int>(all_words);
   batch.labels.resize(batch.scene_scales.size() * batch.num_patches * all_words);
@@ -210,7 +213,7 @@ absl::Status BatchDrawer::Restore(const DrawerState& state, int step) {
   for (const int32_t view : state.views_left) {
     if (view >= 0 && view < static_cast<int32_t>(views_.size())) continue;
     return absl::DataLossError(
-        absl::StrCat("views_left has view ", view, " of ", views_.size(), " that are drawn"));
+        absl::StrCat("views_left has view ", view, ", must be in [0, ", views_.size(), ")"));
   }
   step_ = step;
   views_left_.assign(state.views_left.begin(), state.views_left.end());

@@ -14,71 +14,76 @@
 
 namespace pepeseg {
 
-// Pairs of a batch's pixels for PerceptionLoss, which says more of each.
+// The pairs of a batch's pixels for the perception loss: the arrays of PerceptionLossArgs.
+// `other` is empty if there is no pair.
 struct PairLists {
-  std::vector<int32_t> first = {}, other = {};
-  std::vector<uint32_t> cues = {};
-  std::vector<float> share = {};
+  std::vector<int32_t> first = {}, other = {};  // [S + 1], [entries]
+  std::vector<uint32_t> cues = {};              // [entries]
+  std::vector<float> share = {};                // [2, num_scales]
 };
 
-// The samples of one step: nothing here depends on a feature.
+// The samples of one step. Nothing here depends on a feature, so batches can be drawn ahead.
 struct PixelBatch {
   int view = 0;  // index in the capture
-  // [S] y * width + x: the labelled ones, each under a mask that has a scale; of the background,
-  // which is labelled, too; of what no mask covers in this view.
+  // [S] y * width + x. First the labelled pixels: num_pixels under masks that have a scale, then
+  // those of the background. The rest are unlabelled: no mask covers them in this view.
   std::vector<int32_t> pixels;
   int num_labelled = 0;
-  std::vector<float> weight;   // [labelled] 1 / mean area of the masks over the pixel
-  std::vector<int32_t> patch;  // [labelled] -> patches of this batch
-  int num_patches = 0;
-  int label_words = 1;
-  std::vector<uint64_t> labels;  // [num_scales, num_patches, label_words]
-  std::vector<float> scales;     // [num_scales] quantiles; the same in scene units:
-  std::vector<float> scene_scales;
-  PairLists pairs;  // empty where the perception loss is left out
-  uint32_t pair_seed = 0;
-  uint32_t drawn_neighbors = 1;  // bits: columns of the neighbour graph, see SmoothFeatures
+  std::vector<float> weight;        // [labelled] 1 / mean area of the masks over the pixel
+  std::vector<int32_t> patch;       // [labelled] -> mask cell of this batch
+  int num_patches = 0;              // mask cells; the last one is the background, if it is drawn
+  int label_words = 1;              // 64-bit words of a label
+  std::vector<uint64_t> labels;     // [num_scales, num_patches, label_words] see ScaleLabels
+  std::vector<float> scales;        // [num_scales] query scales, [0, 1]
+  std::vector<float> scene_scales;  // [num_scales] the same in scene units
+  PairLists pairs;                  // empty where the perception loss is left out
+  uint32_t pair_seed = 0;           // see PairLossArgs
+  uint32_t drawn_neighbors = 1;     // the draw of the neighbour graph, see NeighborGraph
 };
 
-// A training view as the drawer sees it.
+// A training view as the drawer sees it. Pixels are y * width + x.
 struct DrawableView {
-  int view = 0;
-  const MaskSet* masks = nullptr;        // that it learns from
+  int view = 0;                          // index in the capture
+  const MaskSet* masks = nullptr;        // the masks to learn from; not owned
   std::vector<float> mask_scales;        // [num_masks] scene units, or kNoScale
-  std::vector<float> sorted_scales;      // those over 0, ascending
-  std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored
-  PixelsByMask pixels_by_mask;           // of them
+  std::vector<float> sorted_scales;      // the scales over 0, ascending
+  std::vector<int32_t> pixels;           // under a mask that has a scale, not ignored; ascending
+  PixelsByMask pixels_by_mask;           // over `pixels`
   std::vector<float> patch_weight;       // [num_patches] 1 / mean area of the masks with a scale
-  std::vector<int32_t> background = {};  // see UncoveredPixels, as:
-  std::vector<int32_t> unlabelled = {};
+  std::vector<int32_t> background = {};  // UncoveredPixels::background, if it is drawn
+  std::vector<int32_t> unlabelled = {};  // other uncovered pixels, for the perception loss
 };
 
-// masks: that each view of the capture learns from; they must outlive what comes out. Views without
-// a pixel to draw are left out.
+// Returns the training views with a pixel to draw, without background and unlabelled pixels. masks,
+// mask_scales: by view of the capture; `masks` must outlive the result.
 std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
                                             std::span<const MaskSet* const> masks,
                                             std::span<const std::vector<float>> mask_scales);
-// The views' own masks, by view of the capture, which must outlive them.
+// Returns the views' own masks, by view of the capture. The capture must outlive them.
 std::vector<const MaskSet*> OwnMasks(const Capture& capture);
 
-// Draws batches, view after view shuffled without replacement, all from one seed. Which view and
-// which random numbers a batch has is drawn one after the other; its content from these alone.
+// Draws the batches of stage two (METHOD.md section 3, "Samples"), all from one seed. A round takes
+// each view once, in random order. Drafts are drawn one after the other. Each has its own seed, and
+// a batch depends on its draft alone, so that batches can be drawn in parallel.
 class BatchDrawer {
  public:
-  // The views' masks and the field (for its quantiles) must outlive it.
+  // The views' masks and the field must outlive it. Of the field it reads scale_quantiles.
   BatchDrawer(const FeatureField& field, std::vector<DrawableView> views,
               const FeatureOptions& options);
 
   struct Draft {
     int view = 0;  // index into views()
     uint64_t seed = 0;
-    int step = 0;  // of the training, from 0 on
+    int step = 0;  // of the training, from 0
   };
+  // Returns the draft of the next step. Not thread safe.
   Draft Next();
-  PixelBatch Draw(const Draft& draft) const;  // thread safe
+  // Returns the batch of a draft, without pairs. Thread safe.
+  PixelBatch Draw(const Draft& draft) const;
 
   DrawerState Save() const;
-  // step: of the next draft. DATA_LOSS: what it holds is no state of a drawer of these views.
+  // Continues from `state`. step: the step of the next draft. DATA_LOSS: `state` is not the state
+  // of a drawer of these views.
   absl::Status Restore(const DrawerState& state, int step);
 
   const std::vector<DrawableView>& views() const { return views_; }
@@ -86,12 +91,15 @@ class BatchDrawer {
  private:
   using Random = std::mt19937_64;
 
+  // Returns num_scales scales, scene units.
   std::vector<float> DrawScales(const DrawableView& view, int step, Random& random) const;
-  // The patches of the view that the batch has, by their number in it.
+  // Draws the pixels under masks. Returns the view's mask cells that they lie in; their order is
+  // that of PixelBatch::patch.
   std::vector<uint32_t> DrawPixels(const DrawableView& view, PixelBatch& batch,
                                    Random& random) const;
   void DrawBackground(const DrawableView& view, PixelBatch& batch, Random& random) const;
   void DrawUnlabelled(const DrawableView& view, PixelBatch& batch, Random& random) const;
+  // Fills in the labels of the mask cells at each scale.
   void Label(const DrawableView& view, std::span<const uint32_t> patches, PixelBatch& batch) const;
 
   const FeatureField& field_;
@@ -99,7 +107,7 @@ class BatchDrawer {
   FeatureOptions options_;
   Random random_;
   int step_ = 0;                 // of the next draft
-  std::vector<int> views_left_;  // of this round
+  std::vector<int> views_left_;  // of this round; indices into views_
 };
 
 }  // namespace pepeseg

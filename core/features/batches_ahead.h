@@ -11,15 +11,18 @@
 
 namespace pepeseg {
 
-// Draws the batches of the next chunk on threads of its own while one chunk is trained.
+// Draws the batches of the next chunk on threads of its own while the current chunk is trained.
+// One asynchronous task at a time uses the drawer: it takes the drafts in order, then draws the
+// batches in parallel. All calls must come from one thread; the destructor waits for the task.
 class BatchesAhead {
  public:
   struct Chunk {
-    DrawerState before;  // where the drawer stood
+    DrawerState before;  // of the drawer before the first of the batches, for checkpoints
     std::vector<PixelBatch> batches;
   };
 
-  // The drawer must outlive it, and nobody else may call it. cues: null where no pairs are listed.
+  // The drawer and the cues must outlive it, and nobody else may call the drawer. cues: null if no
+  // pairs are to be listed. num_batches: of all chunks together.
   BatchesAhead(BatchDrawer& drawer, const PerceptionCues* cues, int num_batches, int chunk_size)
       : drawer_(drawer),
         cues_(cues),
@@ -29,13 +32,14 @@ class BatchesAhead {
     Begin();
   }
 
-  // Where the drawer stood at first.
+  // Returns the state of the drawer before the first chunk.
   const DrawerState& start() const { return start_; }
 
-  // So many batches of the end are not wanted.
-  void Forgo(int num_batches) { num_left_ = std::max(0, num_left_ - num_batches); }
+  // Drops the last `num_batches` of the schedule. Chunks that are being drawn are not shortened.
+  void Skip(int num_batches) { num_left_ = std::max(0, num_left_ - num_batches); }
 
-  // The next chunk; empty after the last.
+  // Returns the next chunk and starts drawing the one after it. Waits if it is still being drawn.
+  // Empty after the last one.
   Chunk Next() {
     Chunk chunk = next_.get();
     Begin();
@@ -43,6 +47,7 @@ class BatchesAhead {
   }
 
  private:
+  // Starts the task that draws a chunk.
   void Begin() {
     const int count = std::min(chunk_size_, num_left_);
     num_left_ -= count;
@@ -63,9 +68,10 @@ class BatchesAhead {
   const PerceptionCues* cues_;
   ThreadPool pool_ = ThreadPool(0);
   DrawerState start_;
-  int num_left_;
+  int num_left_;  // batches that no task has begun to draw
   int chunk_size_;
-  std::future<Chunk> next_;  // its destructor waits
+  // Declared last: its destructor waits for the task, which uses the members above.
+  std::future<Chunk> next_;
 };
 
 }  // namespace pepeseg

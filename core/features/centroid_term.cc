@@ -6,45 +6,16 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/features/cluster_agreement.h"
 #include "core/features/random_draws.h"
 #include "core/scene/gated_units.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kMovedShare = 0.1f;  // of a centroid towards a cluster that is seen again
-constexpr uint64_t kCentroidStream = 0xd1b54a32d192ed03u;  // apart from the sampler's
-
-double Dot(const float* a, const float* b) {
-  double sum = 0;
-  for (int k = 0; k < kFeatureSize; ++k) sum += double{a[k]} * b[k];
-  return sum;
-}
+// Keeps these random numbers apart from the drawer's.
+constexpr uint64_t kCentroidStream = 0xd1b54a32d192ed03u;
 
 }  // namespace
-
-void CentroidBank::Merge(std::span<const float> means) {
-  const size_t num_known = centroids_.size();
-  for (size_t i = 0; i < means.size(); i += kFeatureSize) {
-    const float* mean = means.data() + i;
-    double best = double{merge_cosine_};
-    float* nearest = nullptr;
-    for (size_t k = 0; k < num_known; k += kFeatureSize) {
-      const double cosine = Dot(mean, centroids_.data() + k);
-      if (cosine <= best) continue;
-      best = cosine;
-      nearest = centroids_.data() + k;
-    }
-    if (nearest == nullptr) {
-      centroids_.insert(centroids_.end(), mean, mean + kFeatureSize);
-      continue;
-    }
-    for (int k = 0; k < kFeatureSize; ++k) nearest[k] += kMovedShare * (mean[k] - nearest[k]);
-    const auto inv_length = static_cast<float>(1 / std::sqrt(Dot(nearest, nearest)));
-    for (int k = 0; k < kFeatureSize; ++k) nearest[k] *= inv_length;
-  }
-}
 
 CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene& scene,
                            const std::vector<DrawableView>& views, const FeatureOptions& options)
@@ -56,8 +27,10 @@ CentroidTerm::CentroidTerm(Backend& backend, const Capture& capture, FrozenScene
       every_(options.centroid_every),
       max_pixels_(options.centroid_pixels),
       random_(options.seed ^ kCentroidStream) {
+  // HDBSCAN options are {min_cluster_size, min_samples}, chosen for pixels of one view.
   constexpr float kUpperMerge = 0.90f, kLowerMerge = 0.95f;
-  // Of what is pulled. 0.9 (METHOD.md) at the lower scale pulls parts that touch onto one another.
+  // See Level::min_cosine. At the lower scale the 0.9 of the paper pulls touching parts onto one
+  // another.
   constexpr float kUpperCosine = 0.9f, kLowerCosine = 0.97f;
   if (options.centroid_weight_upper > 0) {
     levels_.push_back({true,
@@ -90,7 +63,8 @@ bool CentroidTerm::active() const {
                      [](const Level& level) { return !level.centroids.empty(); });
 }
 
-// Without one twice, ascending.
+// Selection sampling (Knuth, volume 2, algorithm S): each pixel is taken with the probability
+// wanted / left.
 std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
   auto left = static_cast<int64_t>(view.pixels.size());
   int64_t wanted = std::min<int64_t>(left, max_pixels_);
@@ -103,6 +77,7 @@ std::vector<int32_t> CentroidTerm::DrawPixels(const DrawableView& view) {
   return pixels;
 }
 
+// The blend rows of the chunk are of other pixels, so the view is rasterised again.
 std::vector<float> CentroidTerm::PixelFeatures(const View& view, std::span<const int32_t> pixels,
                                                DeviceSpan<const float> features) {
   const CapturedRows rows = scene_.Capture(view, pixels);
@@ -125,7 +100,7 @@ absl::Status CentroidTerm::Refresh(DeviceSpan<const float> features, std::span<c
     const std::vector<float> units = GatedUnits(of_pixels, gate, level.scale);
     ASSIGN_OR_RETURN(const Clusters found,
                      Hdbscan(backend_, std::span<const float>(units), level.hdbscan));
-    // At the upper scale a pixel has all its masks, at the lower one only the finest.
+    // The label of a pixel has all its masks at the upper scale, the finest alone at the lower.
     const float label_scale = level.upper ? std::numeric_limits<float>::infinity() : 0.0f;
     const Clusters clusters =
         KeepAgreeing(found, *view.masks, pixels, view.mask_scales, label_scale);
@@ -160,6 +135,7 @@ absl::Status CentroidTerm::Restore(const CentroidState& state) {
 void CentroidTerm::AddGradients(const StepSpans& spans, int unread_step) {
   for (size_t i = 0; i < levels_.size(); ++i) {
     if (levels_[i].centroids.empty()) continue;
+    // A slot for each step and scale, so that the host need not wait after each step.
     const auto at = static_cast<int64_t>(unread_step * levels_.size() + i) * kNumCentroidSums;
     backend_.CentroidLoss({.pixel_features = spans.pixel_features,
                            .centroids = levels_[i].centroids.span(),

@@ -2,71 +2,71 @@
 
 #include <cstdint>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "core/cluster/hdbscan.h"
 #include "core/features/batch_drawer.h"
+#include "core/features/centroid_bank.h"
 #include "core/features/train_features.h"
 #include "core/render/frozen_scene.h"
 
 namespace pepeseg {
 
-// What clusters were seen at one scale: directions of gated features. A cluster that is seen again,
-// by its cosine, moves its centroid by a tenth of the way.
-class CentroidBank {
- public:
-  explicit CentroidBank(float merge_cosine) : merge_cosine_(merge_cosine) {}
-
-  void Set(std::vector<float> centroids) { centroids_ = std::move(centroids); }
-
-  void Merge(std::span<const float> means);                           // [count, 32] of length 1
-  const std::vector<float>& centroids() const { return centroids_; }  // [K, 32]
-
- private:
-  float merge_cosine_;
-  std::vector<float> centroids_;
-};
-
-// The centroid loss L_c (METHOD.md section 3): late in training, now and then, the masked pixels of
-// a view are clustered at a large and at a small scale; pixels near a centroid are pulled onto it.
+// The centroid loss L_c (METHOD.md section 3, "Centroids"). Late in training, every few hundred
+// steps, the masked pixels of one view are clustered by HDBSCAN at a large (upper) and a small
+// (lower) scale, and the clusters' means go into a bank of each scale. Pixels whose gated feature
+// is near a centroid of a bank are pulled onto it. A scale whose weight is 0 is left out.
 class CentroidTerm {
  public:
-  // All must outlive it.
+  // All arguments but the options must outlive it.
   CentroidTerm(Backend& backend, const Capture& capture, FrozenScene& scene,
                const std::vector<DrawableView>& views, const FeatureOptions& options);
 
-  // Whether a refresh comes before this step, counted from 0.
+  // Returns whether the centroids are to be refreshed before this step, counted from 0.
   bool Due(int step) const;
-  // features: smoothed, of every Gaussian, in the backend's memory. gate: [kGateSize].
+  // Clusters the pixels of a random view and merges the clusters into the banks. features:
+  // smoothed, [N, 32] of every Gaussian, in backend memory. gate: [kGateSize]. Waits for the
+  // device. RESOURCE_EXHAUSTED: the pixels' rows do not fit into its memory.
   absl::Status Refresh(DeviceSpan<const float> features, std::span<const float> gate);
 
   CentroidState Save() const;
+  // DATA_LOSS: `state` has no valid random state.
   absl::Status Restore(const CentroidState& state);
 
-  bool active() const;  // some scale has a centroid
-  // Adds its gradients to `args`' and leaves its sums of a step; see ReadLosses.
+  // Returns whether any scale has a centroid.
+  bool active() const;
+
+  // What a step adds its gradients to, in backend memory.
   struct StepSpans {
-    DeviceSpan<const float> pixel_features, gate;
-    DeviceSpan<float> pixel_grad, gate_grad;
+    DeviceSpan<const float> pixel_features;  // [labelled pixels, 32]
+    DeviceSpan<const float> gate;            // [kGateSize]
+    DeviceSpan<float> pixel_grad;            // [labelled pixels, 32] added to
+    DeviceSpan<float> gate_grad;             // [kGateSize] added to
   };
+  // Adds the gradients of the loss, and keeps the step's sums for ReadLosses in the slot
+  // `unread_step`, in [0, kMaxUnreadFeatureSteps).
   void AddGradients(const StepSpans& spans, int unread_step);
-  // The weighted loss of each of the first steps since the last call.
+  // Returns the weighted losses of the slots 0 .. num_steps - 1. Waits for the device.
   std::vector<double> ReadLosses(int num_steps) const;
 
  private:
+  // The loss at one scale.
   struct Level {
     bool upper;
-    float scale;  // quantile
-    float weight;
-    float min_cosine;  // of what is pulled
+    float scale;       // quantile scale
+    float weight;      // of the loss
+    float min_cosine;  // a pixel is pulled if its cosine with the nearest centroid is larger
     HdbscanOptions hdbscan;
     CentroidBank bank;
-    Buffer<float> centroids;
+    Buffer<float> centroids;  // the bank, in backend memory
   };
 
   void UploadBank(Level& level);
+  // Returns up to max_pixels_ of the view's masked pixels, without repeats, ascending.
   std::vector<int32_t> DrawPixels(const DrawableView& view);
+  // Returns the blended features of the pixels, [pixels, 32].
   std::vector<float> PixelFeatures(const View& view, std::span<const int32_t> pixels,
                                    DeviceSpan<const float> features);
 
@@ -74,10 +74,10 @@ class CentroidTerm {
   const Capture& capture_;
   FrozenScene& scene_;
   const std::vector<DrawableView>& views_;
-  int first_step_, every_, max_pixels_;
+  int first_step_, every_, max_pixels_;  // steps, steps, pixels
   std::mt19937_64 random_;
   std::vector<Level> levels_;
-  Buffer<double> sums_;  // [kMaxUnreadSteps, levels, kNumCentroidSums]
+  Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, levels, kNumCentroidSums]
 };
 
 }  // namespace pepeseg

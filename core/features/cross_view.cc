@@ -4,12 +4,11 @@
 #include <cmath>
 
 #include "core/features/mask_scales.h"
-#include "core/features/masks_of_patch.h"
 
 namespace pepeseg {
 namespace {
 
-// The finest of the masks that are not smaller; -1: none.
+// Returns the finest mask that is not smaller than `scale`, or -1. masks: by scale, ascending.
 template <class Masks>
 int32_t FinestFrom(const Masks& masks, float scale) {
   for (const auto& at : masks) {
@@ -52,7 +51,8 @@ CrossView::Sight CrossView::Look(int number, int32_t pixel) const {
   return sight;
 }
 
-// G as ScaleLabels has it.
+// Computes G without building the labels of ScaleLabels: two cells share a label if they share a
+// mask below the scale, or if the finest mask from the scale on is the same.
 uint32_t CrossView::Agreements(std::span<const MaskAt> a, std::span<const MaskAt> b,
                                std::span<const float> scales) {
   float finest_common = INFINITY;

@@ -11,11 +11,13 @@ namespace {
 
 constexpr int64_t kFloat = sizeof(float);
 
+// Returns the number of pixels of a batch.
 int64_t SamplesOf(const FeatureOptions& options) {
   return int64_t{options.num_pixels} + options.num_background_pixels +
          (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
 
+// Returns the number of pixels of all batches of a chunk.
 int64_t SamplesInChunk(const FeatureOptions& options) {
   return int64_t{std::min(options.steps_per_chunk, options.num_steps)} * SamplesOf(options);
 }
@@ -28,19 +30,21 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   render.for_backward = false;
   const CapturedRows rows;
   const int64_t entry = BytesOfRow(rows.gaussian, rows.weight);
-  // The entries by Gaussian, too; the Gaussians that they reach, each with its drawn neighbours,
-  // and the Gaussians that those are. Weight, patch and share of the labels of the sample.
+  // A sample takes the entries of its blend row twice, as row and as columns. It reaches `reached`
+  // Gaussians, with two arrays by column, the lists of their drawn neighbours, and two arrays by
+  // neighbour. kLabels bounds its weight, its mask cell and its share of the labels.
   constexpr int64_t kInt = sizeof(int32_t), kLabels = 64;
   const int64_t reached = kTypicalRow / 2;
   const int64_t sample = BytesOfRow(rows.first, rows.alpha) + 2 * kTypicalRow * entry +
                          reached * (2 + options.num_drawn_neighbors + 2) * kInt + kLabels;
-  // Features, twice smoothed, two moments and the step of each row, and its neighbours; colour,
-  // alpha and depth of a view.
+  // A Gaussian takes its planes, five vectors of 32 numbers (feature, smoothed feature, two
+  // moments, and the copy that FeatureTrainer::Export smooths), its length, its last step and its
+  // neighbours. A view takes colour, alpha and depth.
   const int64_t gaussian =
       (NumPlanes(sh_degree) + 5 * kFeatureSize + 1) * kFloat + (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
-  // A batch: features and gradients of its pixels, gradients of the Gaussians that it reaches, and
-  // a pair's bits and parts of its gradient at every scale.
+  // A batch takes features and gradients of its pixels, gradients of the Gaussians that it reaches,
+  // the bits of each pair, and partial sums of gradients at each scale.
   const int64_t pixels = SamplesOf(options);
   constexpr int64_t kPairBytes = sizeof(uint32_t), kParts = 4;
   const int64_t batch = pixels * (2 + reached) * kFeatureSize * kFloat +
@@ -52,9 +56,9 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
 }
 
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {
-  // The Gaussians; features before the upload or after the download, with a moment.
+  // The Gaussians, and their features and one moment before the upload or after the download.
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
-  // Pixel, weight and patch of a sample, and its share of the labels.
+  // Pixel, weight and mask cell of a sample, and its share of the labels.
   constexpr int64_t kSample = 64;
   return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample;
 }

@@ -8,7 +8,8 @@
 namespace pepeseg {
 namespace {
 
-// The one list of sections, for writing and for reading: name, version, value.
+// Calls visit(name, version, value) for each section. The only list of them, for writing and
+// reading.
 template <class AnyCheckpoint, class Visit>
 void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("counters", 2, checkpoint.counters);
@@ -27,12 +28,13 @@ void VisitSections(AnyCheckpoint& checkpoint, const Visit& visit) {
   visit("gate_moment2", 1, checkpoint.rows.gate_moment2);
 }
 
+// Returns DATA_LOSS unless `values` has the expected size and only finite numbers.
 absl::Status CheckNumbers(const char* name, const std::vector<float>& values, int64_t expected) {
   RETURN_IF_ERROR(CheckSize(name, values.size(), expected));
   return CheckFinite(name, values);
 }
 
-// Any number of centroids.
+// Returns DATA_LOSS unless `values` are finite and a whole number of centroids.
 absl::Status CheckCentroids(const char* name, const std::vector<float>& values) {
   const auto size = static_cast<int64_t>(values.size());
   return CheckNumbers(name, values, size / kFeatureSize * kFeatureSize);
@@ -59,13 +61,15 @@ absl::Status Validate(const FeatureCheckpoint& checkpoint) {
   const auto& [step, steps_of_chunk, count, num_left_out, left_out_after] = checkpoint.counters;
   if (step < 0 || steps_of_chunk < 0 || steps_of_chunk > step || count < 1 || num_left_out < 0 ||
       left_out_after < 0 || left_out_after > step) {
-    return absl::DataLossError(absl::StrCat(
-        "step ", step, ", ", steps_of_chunk, " of a chunk, on ", count, " Gaussians, ",
-        num_left_out, " steps left out after step ", left_out_after, ": out of range"));
+    return absl::DataLossError(absl::StrCat("counters are out of range: step ", step,
+                                            ", steps_of_chunk ", steps_of_chunk, ", num_gaussians ",
+                                            count, ", num_left_out ", num_left_out,
+                                            ", left_out_after ", left_out_after));
   }
   RETURN_IF_ERROR(CheckSize("losses", checkpoint.losses.size(), 3));
   const FeatureRowsState& rows = checkpoint.rows;
-  // First: then the count is one of numbers that are there, and no product of it overflows.
+  // Checked first: the count is then the size of an array in memory, so that the products below
+  // cannot overflow.
   RETURN_IF_ERROR(CheckSize("last_step", rows.last_step.size(), count));
   RETURN_IF_ERROR(CheckNumbers("features", rows.features, count * kFeatureSize));
   RETURN_IF_ERROR(CheckNumbers("moment1", rows.moment1, count * kFeatureSize));

@@ -3,19 +3,20 @@
 #include <algorithm>
 #include <span>
 
-#include "core/features/is_trained.h"
+#include "core/features/mask_scales.h"
 #include "core/render/host_rows.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMaxViews = 64;
-constexpr double kMaxCells = 32'768;    // of a view
-constexpr float kMinWeight = 0.01f;     // of blending, over a view's cells: the view shows it
-constexpr float kSureShare = 1.0f / 6;  // of the views that are looked at
-constexpr float kOfUnseen = 0.005f;     // confidence
+constexpr size_t kMaxViews = 64;      // views that are looked at
+constexpr double kMaxCells = 32'768;  // pixels that are looked at in a view, on a grid
+// Sum of a Gaussian's blending weights over these pixels above which the view shows it.
+constexpr float kMinWeight = 0.01f;
+constexpr float kMinViewShare = 1.0f / 6;  // of the views that are looked at: see FeatureConfidence
+constexpr float kOfUnseen = 0.005f;        // smallest confidence
 
-// Spread evenly.
+// Returns up to kMaxViews of the views that stage two learns from, spread evenly.
 std::vector<const View*> SomeTrained(const Capture& capture) {
   std::vector<const View*> all;
   for (const View& view : capture.views) {
@@ -29,12 +30,14 @@ std::vector<const View*> SomeTrained(const Capture& capture) {
 
 }  // namespace
 
-std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene, int sure_views) {
+std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
+                                     int min_confident_views) {
   const auto count = static_cast<size_t>(scene.num_gaussians());
   const std::vector<const View*> views = SomeTrained(capture);
   const auto num_looked_at = static_cast<float>(views.size());
-  const float enough = std::max(
-      {1.0f, std::min(static_cast<float>(sure_views), num_looked_at), kSureShare * num_looked_at});
+  const float num_required =
+      std::max({1.0f, std::min(static_cast<float>(min_confident_views), num_looked_at),
+                kMinViewShare * num_looked_at});
   std::vector<int> num_views(count);
   std::vector<float> weight(count);
   for (const View* view : views) {
@@ -45,7 +48,7 @@ std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
   }
   std::vector<float> confidence(count);
   std::ranges::transform(num_views, confidence.begin(), [&](int num) {
-    const float share = static_cast<float>(num) / enough;
+    const float share = static_cast<float>(num) / num_required;
     return std::clamp(share * share, kOfUnseen, 1.0f);
   });
   return confidence;

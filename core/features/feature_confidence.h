@@ -7,11 +7,14 @@
 
 namespace pepeseg {
 
-// How far the feature of each Gaussian is to be believed, (0, 1]: the number of training views with
-// masks that show it, of up to 64 of them, as a share of sure_views or of a sixth of them, what is
-// more, squared. What hangs before a camera or two, to make up there for what the scene lacks,
-// has a feature that suits those views alone, and in a view beyond them lies before all else; not
-// in the paper.
-std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene, int sure_views);
+// Returns the confidence of each Gaussian's feature, [num_gaussians] in [0.005, 1] (METHOD.md
+// section 3, "Confidence"; not in the paper). It suppresses floaters: a Gaussian that only one or
+// two cameras see has a feature that fits those views alone, and occludes the scene in all others.
+//
+// Up to 64 of the training views with masks are looked at, spread evenly. The confidence is
+// (views that show the Gaussian / required views)^2, at most 1, where `min_confident_views` views
+// are required, but at least a sixth of the views looked at, and at most all of them.
+std::vector<float> FeatureConfidence(const Capture& capture, FrozenScene& scene,
+                                     int min_confident_views);
 
 }  // namespace pepeseg

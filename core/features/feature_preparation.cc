@@ -8,7 +8,6 @@
 
 #include "core/features/feature_confidence.h"
 #include "core/features/feature_trainer.h"
-#include "core/features/is_trained.h"
 #include "core/features/mask_agreement.h"
 #include "core/features/mask_completion.h"
 #include "core/features/mask_coverage.h"
@@ -20,16 +19,19 @@
 namespace pepeseg {
 namespace {
 
+// Returns whether the perception loss has a weight, and depth to work with.
 bool WantsPerception(const Capture& capture, const FeatureOptions& options) {
   return options.perception_weight > 0 && HasTrainingDepth(capture);
 }
 
+// Returns for a person why there is no perception loss.
 std::string WhyNoPerception(const Capture& capture, const FeatureOptions& options) {
   if (options.perception_weight == 0) return "perception_weight is 0";
   if (!HasTrainingDepth(capture)) return "no training view has a depth prior";
-  return "masks or the background cover all pixels away from edges";
+  return "all pixels away from edges of the depth prior are under a mask or background";
 }
 
+// Returns FeatureField::scale_quantiles for the scales of all views.
 std::vector<float> ScaleKnots(const std::vector<std::vector<float>>& scales, ScaleMapping mapping) {
   std::vector<float> all;
   for (const std::vector<float>& of_view : scales) {
@@ -46,12 +48,12 @@ std::vector<int> TrainedViews(const Capture& capture) {
   return trained;
 }
 
-// The scales of all masks, by view of the capture; none where a view is not trained on. Keeps the
-// depths in the reprojection. A block of views at a time: their depths are rendered, then their
-// masks measured in parallel.
+// Returns the scales of all masks, by view of the capture, empty for views that are not trained on.
+// Gives the depths to the reprojection. Works on a block of views at a time, to bound the memory:
+// renders their depths one after the other, then measures their masks in parallel.
 std::vector<std::vector<float>> MeasureViews(const Capture& capture, FrozenScene& scene,
                                              Reprojection& reprojection) {
-  constexpr size_t kBlock = 16;
+  constexpr size_t kBlock = 16;  // views
   const std::span<const int> trained = reprojection.views();
   std::vector<std::vector<float>> mask_scales(capture.views.size());
   ThreadPool pool(0);
@@ -68,8 +70,9 @@ std::vector<std::vector<float>> MeasureViews(const Capture& capture, FrozenScene
   return mask_scales;
 }
 
-// Compares the masks of the views. Takes the scales of masks that stand alone, and adds to each
-// view the masks that it lacks, with their scales. Returns the masks that each view learns from.
+// Compares the masks of the views. Sets the scales of masks that stand alone to kNoScale, and adds
+// the masks that a view lacks, with their scales. Fills in mask_quality and completed_masks.
+// Returns the masks that each view learns from, by view of the capture.
 std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const FeatureOptions& options,
                                            std::vector<std::vector<float>>& mask_scales,
                                            PreparedFeatures& prepared) {
@@ -97,6 +100,8 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
   return masks;
 }
 
+// Fills in the background and the unlabelled pixels of the views. Without background samples, its
+// pixels are unlabelled ones, too.
 void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks, FrozenScene& scene,
                   const FeatureOptions& options, std::vector<DrawableView>& views) {
   const bool with_background = options.num_background_pixels > 0;
@@ -110,8 +115,10 @@ void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks,
   }
 }
 
-// Without those near an edge of the view's prior: they are told nothing. The edges by view of the
-// capture.
+// Removes the unlabelled pixels near an edge of their view's depth prior, where the prior is not
+// reliable, and all pixels of views without one; all of all views unless `wanted`. Returns the
+// edges [height, width], by view of the capture; empty for views without a depth prior or that are
+// not drawn.
 std::vector<std::vector<uint8_t>> KeepAwayFromEdges(const Capture& capture, bool wanted,
                                                     std::vector<DrawableView>& views) {
   std::vector<std::vector<uint8_t>> edges(capture.views.size());
@@ -131,13 +138,14 @@ bool Any(const std::vector<DrawableView>& views, HasPixels has_pixels) {
   return std::any_of(views.begin(), views.end(), has_pixels);
 }
 
+// Lists the parts of the loss that are left out, each with the reason.
 std::vector<SkippedTerm> SkippedTerms(const Capture& capture, const FeatureOptions& options,
                                       const PreparedFeatures& prepared) {
   std::vector<SkippedTerm> skipped;
   if (!Any(prepared.views, [](const auto& view) { return !view.background.empty(); })) {
     skipped.push_back({"background", options.num_background_pixels == 0
                                          ? "num_background_pixels is 0"
-                                         : "masks cover all that is seen in some view"});
+                                         : "everything seen is under a mask in at least one view"});
   }
   if (options.centroid_weight_upper == 0 && options.centroid_weight_lower == 0) {
     skipped.push_back({"centroids", "both centroid weights are 0"});
@@ -153,7 +161,7 @@ std::vector<SkippedTerm> SkippedTerms(const Capture& capture, const FeatureOptio
 absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const Gaussians& gaussians,
                                                  FrozenScene& scene,
                                                  const FeatureOptions& options) {
-  // Beside the device's work.
+  // Both take a while and use no device: they run while the device renders.
   auto neighbors = std::async(std::launch::async,
                               [&] { return NearestNeighbors(gaussians, options.num_neighbors); });
   auto features = std::async(std::launch::async, [&] {

@@ -18,24 +18,26 @@
 
 namespace pepeseg {
 
-// What stage two knows before its first step.
+// What stage two computes before its first step. The views refer to completed_masks, cross_view and
+// cues to the reprojection: these must outlive them.
 struct PreparedFeatures {
-  std::vector<MaskSet> completed_masks;  // by view of the capture; empty where none was added
+  std::vector<MaskSet> completed_masks;  // by view of the capture; empty where no mask was added
   std::optional<double> mask_quality;    // see MaskQuality
-  std::vector<DrawableView> views;
-  std::vector<float> scale_quantiles;  // of the field, as the next
-  std::vector<float> confidence;       // none where all count alike
-  std::vector<int32_t> neighbors;      // of the graph
-  std::vector<float> features;         // to begin with
+  std::vector<DrawableView> views;       // at least one
+  std::vector<float> scale_quantiles;    // of the FeatureField
+  std::vector<float> confidence;         // of the FeatureField; empty: all features count in full
+  std::vector<int32_t> neighbors;        // [num_gaussians, num_neighbors] see NearestNeighbors
+  std::vector<float> features;           // [num_gaussians, 32] initial values
   std::unique_ptr<Reprojection> reprojection;
-  // Null where the perception loss is left out. Both look at the reprojection.
+  // Null if the perception loss is left out.
   std::unique_ptr<CrossView> cross_view;
   std::unique_ptr<PerceptionCues> cues;
-  std::vector<SkippedTerm> skipped;
+  std::vector<SkippedTerm> skipped;  // parts of the loss that are left out
 };
 
-// The capture must outlive what comes out. FAILED_PRECONDITION: no training view has a mask with a
-// scale.
+// Measures, compares and completes the masks of the capture (METHOD.md section 2), and lists what
+// stage two samples from. The capture must outlive the result. FAILED_PRECONDITION: no training
+// view has a mask with a scale.
 absl::StatusOr<PreparedFeatures> PrepareFeatures(const Capture& capture, const Gaussians& gaussians,
                                                  FrozenScene& scene, const FeatureOptions& options);
 

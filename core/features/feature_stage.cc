@@ -11,14 +11,14 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kFeatureStep = 100;  // of Backend::Sequence; stage one has the small numbers
+constexpr int kFeatureStep = 100;  // first id for Backend::Sequence; stage one has smaller ones
 
-// How many steps are queued before the host waits for their losses.
+// Returns the largest number of steps that are queued before the host waits for their losses.
 int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
 
-// What no mask reached has no feature, and stays before what is behind it: that it is in no mask is
-// sure.
-void TrustNoFeature(FeatureField& field) {
+// Sets the confidence of Gaussians without a feature to 1. No mask ever reached them, and that they
+// belong to no mask is certain: they must occlude what is behind them.
+void TrustZeroFeatures(FeatureField& field) {
   for (size_t i = 0; i < field.confidence.size(); ++i) {
     const std::span<const float> feature(&field.features[i * kFeatureSize], kFeatureSize);
     if (std::ranges::all_of(feature, [](float f) { return f == 0; })) field.confidence[i] = 1;
@@ -57,10 +57,11 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> FeatureStage::Resume(
   if (counters.step + counters.num_left_out > options.num_steps ||
       counters.num_gaussians != gaussians.count ||
       counters.steps_of_chunk > options.steps_per_chunk) {
-    return absl::DataLossError(
-        absl::StrCat("step ", counters.step, ", ", counters.steps_of_chunk, " of a chunk, on ",
-                     counters.num_gaussians, " Gaussians: the training has ", options.num_steps,
-                     " steps in chunks of ", options.steps_per_chunk, " on ", gaussians.count));
+    return absl::DataLossError(absl::StrCat(
+        "checkpoint after step ", counters.step, " (", counters.steps_of_chunk, " of its chunk; ",
+        counters.num_left_out, " steps left out) with ", counters.num_gaussians,
+        " Gaussians does not fit the training, which has ", options.num_steps,
+        " steps in chunks of ", options.steps_per_chunk, " and ", gaussians.count, " Gaussians"));
   }
   std::unique_ptr<FeatureStage> stage(new FeatureStage(backend, capture, gaussians, options));
   ASSIGN_OR_RETURN(PreparedFeatures prepared,
@@ -85,6 +86,8 @@ absl::Status FeatureStage::Begin(PreparedFeatures prepared, const FeatureCheckpo
   centroids_.emplace(backend_, capture_, scene_, drawer_->views(), options_);
   trainer_.emplace(backend_, prepared.features, graph_, *centroids_, options_);
   if (checkpoint != nullptr) RETURN_IF_ERROR(Restore(*checkpoint));
+  // A checkpoint within a chunk has the drawer's state before the chunk. The whole chunk is drawn
+  // and rasterised again, and the steps that are already done are skipped.
   const int num_left = num_steps() - (step_ - steps_of_chunk_);
   batches_.emplace(*drawer_, cues_.get(), num_left, options_.steps_per_chunk);
   if (steps_of_chunk_ == 0) return absl::OkStatus();
@@ -115,7 +118,7 @@ absl::Status FeatureStage::BeginChunk() {
   return chunk_.Refill(std::move(drawn.batches), capture_, scene_, graph_);
 }
 
-// Windows of losses end between two waits.
+// Never steps over the end of a window, so that the losses can be reviewed there.
 int FeatureStage::StepsAhead() const {
   return std::min({num_steps() - step_, StepsUnread(backend_), window_ - step_ % window_});
 }
@@ -126,6 +129,7 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
     if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk());
     if (centroids_->Due(step_ + num_left_out_)) RETURN_IF_ERROR(trainer_->RefreshCentroids());
     const RowChunk::Step step = chunk_.Next();
+    // A step runs the same ops as the last one of its kind, whose graph a backend may reuse.
     const int kind = (centroids_->active() ? 1 : 0) + (step.pair_other.empty() ? 0 : 2);
     backend_.Sequence(kFeatureStep + kind, [&] { trainer_->Train(step); });
   }
@@ -134,8 +138,9 @@ absl::StatusOr<std::vector<StepReport>> FeatureStage::Advance() {
   return Reports(losses);
 }
 
-// Of the steps up to this one. When they have stopped falling, only the schedule's end is left.
-// Windows in which fine masks went first are not compared: their losses are of other scales.
+// At the end of a window in which the losses have not fallen enough, all steps are left out except
+// closing_share of the schedule, in which the learning rate falls to its end. Windows that begin
+// while fine masks go first are not compared, because their losses are of other scales.
 void FeatureStage::ReviewLosses(std::span<const double> losses) {
   for (const double loss : losses) losses_.Add(loss);
   if (step_ % window_ != 0) return;
@@ -147,7 +152,7 @@ void FeatureStage::ReviewLosses(std::span<const double> losses) {
   num_left_out_ = num_saved;
   left_out_after_ = step_;
   trainer_->LeaveOut(left_out_after_, num_left_out_);
-  batches_->Forgo(num_saved);
+  batches_->Skip(num_saved);
   skipped_.push_back(
       {"steps",
        absl::StrCat("the loss has stopped falling: ", closing, " steps close the schedule"), step_,
@@ -176,7 +181,8 @@ absl::StatusOr<FeatureCheckpoint> FeatureStage::Save() {
   FeatureCheckpoint checkpoint;
   checkpoint.counters = {step_, steps_of_chunk_, num_gaussians_, num_left_out_, left_out_after_};
   checkpoint.losses = {losses_.state().sum, losses_.state().num, losses_.state().before};
-  // Before the first chunk nothing has been drawn that counts: the drawer begins by its seed.
+  // Before the first chunk chunk_start_ is not set. Later a chunk always has at least one step
+  // done.
   checkpoint.drawer = steps_of_chunk_ == 0 ? batches_->start() : chunk_start_;
   checkpoint.centroids = centroids_->Save();
   checkpoint.rows = trainer_->Save();
@@ -187,7 +193,7 @@ absl::StatusOr<FeatureCheckpoint> FeatureStage::Save() {
 FeatureField FeatureStage::Export() {
   FeatureField field = field_;
   trainer_->Export(field);
-  TrustNoFeature(field);
+  TrustZeroFeatures(field);
   return field;
 }
 

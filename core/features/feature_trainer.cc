@@ -4,16 +4,16 @@
 #include <cmath>
 #include <random>
 
-#include "core/features/rate_fall.h"
-
 namespace pepeseg {
 namespace {
 
-constexpr float kInitialDeviation = 0.01f;
-constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;  // apart from the sampler's
+constexpr float kInitialDeviation = 0.01f;  // of each number of a feature
+// Keeps these random numbers apart from the drawer's.
+constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;
 
-// c(t) of FeatureState's comment, for t up to the number of steps. The fall of the learning rate is
-// a factor of it, so that rows that wait are moved by the rates of the steps that they missed.
+// Returns c(t) of FeatureState times the factor of the learning rate schedule, for t from 0 to
+// num_steps. With the schedule in c, a Gaussian that catches up is moved by the learning rates of
+// the steps that it missed.
 std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& options,
                                const LeftOutSteps& left_out) {
   std::vector<float> terms(options.num_steps + 1);
@@ -28,8 +28,8 @@ std::vector<float> Corrections(const FeatureRates& rates, const FeatureOptions& 
   return terms;
 }
 
-// The sum of four uniforms, of 16 bits each, stands for a normal: the same with every standard
-// library, and quickly drawn.
+// Returns nearly normal numbers, each the sum of four 16-bit uniform numbers (Irwin-Hall): the same
+// with every standard library, unlike std::normal_distribution, and fast.
 std::vector<float> NormalNumbers(int64_t count, float deviation, uint64_t seed) {
   std::mt19937_64 random(seed);
   std::vector<float> numbers(count);
@@ -82,6 +82,10 @@ void FeatureTrainer::LeaveOut(int num_done, int num_left_out) {
   correction_.Upload(Corrections(rates_, options_, {num_done, num_left_out}));
 }
 
+// The order of the ops matters: catch up and smooth what the batch reads, blend the features of its
+// pixels, let PairLoss overwrite the gradients of the labelled pixels and the gate, add the other
+// two losses to them, then go back through smoothing into the update. The kernels run in the order
+// in which they are queued.
 void FeatureTrainer::Train(const RowChunk::Step& step) {
   const PixelBatch& batch = *step.batch;
   const auto num_pixels = static_cast<int64_t>(batch.pixels.size());
@@ -136,7 +140,8 @@ void FeatureTrainer::Train(const RowChunk::Step& step) {
   if (!options_.only_seen_gaussians) backend_.FeatureCatchUp({{}, rates_, step_, State()});
 }
 
-// Beyond the labelled pixels nothing has written gradients yet.
+// PairLoss has written the gradients of the labelled pixels only; those of the others are cleared
+// first.
 void FeatureTrainer::AddPerception(const RowChunk::Step& step) {
   const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
   const DeviceSpan<float> unlabelled =
@@ -229,6 +234,8 @@ void FeatureTrainer::Export(FeatureField& field) {
   features_.Download(field.features);
   std::vector<float> moment2(moment2_.size());
   moment2_.Download(std::span<float>(moment2));
+  // The second moment is over 0 if a gradient ever reached the Gaussian. Others still have their
+  // random initial feature.
   for (int64_t i = 0; i < num_gaussians_; ++i) {
     const std::span<const float> seen(moment2.data() + i * kFeatureSize, kFeatureSize);
     if (std::any_of(seen.begin(), seen.end(), [](float m) { return m > 0; })) continue;

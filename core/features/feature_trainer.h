@@ -10,61 +10,85 @@
 
 namespace pepeseg {
 
-// Features, gate and optimiser in backend memory, and the update of one batch.
+// The steps that a schedule skips: the `num` steps after the first `num_done`. 0: none.
+struct LeftOutSteps {
+  int num_done = 0;
+  int num = 0;  // at most the steps that remain after num_done
+};
+
+// Returns the share of a learning rate's fall over `num_steps` that the step after `done` others
+// has reached, [0, 1]. The fall is even in steps. If steps are left out, the rest of the fall is
+// spread evenly over the steps that remain after num_done, so that the rate does not jump and still
+// ends where it would.
+inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out) {
+  if (done <= left_out.num_done) return static_cast<double>(done) / num_steps;
+  const int planned = num_steps - left_out.num_done, remaining = planned - left_out.num;
+  if (done >= left_out.num_done + remaining) return 1;
+  return (left_out.num_done + static_cast<double>(done - left_out.num_done) * planned / remaining) /
+         num_steps;
+}
+
+// Features, gate and optimiser (lazy Adam, see FeatureState) in backend memory, and the update of
+// one batch. Not thread safe.
 class FeatureTrainer {
  public:
-  // The features to begin with, [num_gaussians, 32]: drawn, which takes a while.
+  // Returns random features to begin with, [num_gaussians, 32]. Takes a while, uses no device.
   static std::vector<float> InitialFeatures(int64_t num_gaussians, const FeatureOptions& options);
 
-  // The centroid term must outlive it.
+  // The backend, the graph's buffers and the centroid term must outlive it. initial:
+  // [num_gaussians, 32].
   FeatureTrainer(Backend& backend, std::span<const float> initial, const NeighborGraph& graph,
                  CentroidTerm& centroids, const FeatureOptions& options);
 
-  // After the first num_done steps, the rest of the learning rate's fall is done in num_left_out
-  // steps less.
+  // Shortens the schedule: the num_left_out steps after the first num_done are not done, and the
+  // learning rate falls the faster in the rest. See ShareOfFall.
   void LeaveOut(int num_done, int num_left_out);
 
-  // Waits for nothing. At most kMaxUnreadFeatureSteps between two calls of ReadLosses.
+  // Queues one update and waits for nothing. At most kMaxUnreadFeatureSteps calls may lie between
+  // two calls of ReadLosses.
   void Train(const RowChunk::Step& step);
+  // Smooths all features and has the centroid term cluster a view by them. Waits for the device.
   absl::Status RefreshCentroids();
-  // The losses of the steps since it was last called, each before its update. Waits for them.
+  // Returns the losses of the steps since the last call, each before its update. Waits for the
+  // device.
   std::vector<double> ReadLosses();
 
   FeatureRowsState Save() const;
-  // Of a checkpoint of as many Gaussians, after `step` updates.
+  // Continues from the state saved after `step` updates, which must be of as many Gaussians.
   void Restore(const FeatureRowsState& rows, int step);
 
-  // Brings all rows up to date and fills features and gate. Features are smoothed over all
-  // neighbours and normalised; they are zero, so that they resemble nothing, where no sample ever
-  // touched any neighbour.
+  // Brings all features up to date and fills field.features and field.gate. The features are
+  // smoothed over all neighbours and normalised. A Gaussian of which no neighbour was ever touched
+  // by a sample gets the feature 0, which is similar to nothing.
   void Export(FeatureField& field);
 
  private:
+  // Adds the gradients of the perception loss, if the step has pairs.
   void AddPerception(const RowChunk::Step& step);
-  // Over all neighbours, of every row.
+  // Smooths all features over all neighbours into smoothed_.
   void SmoothAll(DeviceSpan<const float> features);
   FeatureState State() {
     return {features_.span(), moment1_.span(), moment2_.span(), last_step_.span()};
   }
 
   Backend& backend_;
-  int64_t num_gaussians_;
+  int64_t num_gaussians_;  // N
   NeighborGraph graph_;
   CentroidTerm& centroids_;
   int step_ = 0;  // updates done
   const FeatureOptions options_;
   FeatureRates rates_;
-  Buffer<float> correction_;                    // see FeatureRates
+  Buffer<float> correction_;                    // [num_steps + 1] see FeatureRates
   Buffer<float> features_, moment1_, moment2_;  // [N, 32]
   Buffer<int32_t> last_step_;                   // [N]
-  Buffer<float> smoothed_, inv_length_;         // [N, 32], [N]: see SmoothFeatures
-  Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;
-  // Of the batch.
+  Buffer<float> smoothed_, inv_length_;         // [N, 32], [N]: see SmoothFeaturesArgs
+  Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;  // [kGateSize]
+  // The batch: [pixels, 32] and [Gaussians that it reaches, 32].
   Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
   Buffer<double> sums_;             // [kMaxUnreadFeatureSteps, kNumPairLossSums]
   Buffer<double> perception_loss_;  // [kMaxUnreadFeatureSteps] 0 where a step has no pair
   float perception_weight_;
-  int num_unread_ = 0;
+  int num_unread_ = 0;  // steps since the last ReadLosses
 };
 
 }  // namespace pepeseg

@@ -5,17 +5,19 @@
 #include <cstdint>
 #include <span>
 
-#include "core/features/masks_of_patch.h"
+#include "core/features/mask_scales.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kMinSeen = 0.5;  // of a mask's cells: a view sees the mask
-constexpr int kMinSeenCells = 6;  // and at least as many
-constexpr int kMinJudgingViews = 3;
+// A view sees a mask if it sees this share of its grid cells, and at least this many.
+constexpr double kMinSeen = 0.5;
+constexpr int kMinSeenCells = 6;
+constexpr int kMinJudgingViews = 3;  // views that must see a mask that stands alone
 
-// Counts grid cells under the masks of a view and of one near view, of the cells that both see.
+// Counts the grid cells under the masks of a view and of one near view, among the cells that both
+// views see.
 class Overlaps {
  public:
   Overlaps(int num_own, int num_near)
@@ -24,16 +26,19 @@ class Overlaps {
         own_(num_own),
         near_(num_near) {}
 
+  // Adds a cell. own, near: bitsets of the masks over it in either view.
   void Add(std::span<const uint64_t> own, std::span<const uint64_t> near) {
     ForEachMaskIn(near, [&](int mask) { ++near_[mask]; });
     ForEachMaskIn(own, [&](int mask) {
       ++own_[mask];
-      int* row = shared_.data() + static_cast<size_t>(mask) * num_near_;
-      ForEachMaskIn(near, [&](int other) { ++row[other]; });
+      int* shared = shared_.data() + static_cast<size_t>(mask) * num_near_;
+      ForEachMaskIn(near, [&](int other) { ++shared[other]; });
     });
   }
 
+  // Returns how many cells of an own mask the near view sees.
   int num_seen(int own) const { return own_[own]; }
+  // Returns the best IoU of an own mask with a mask of the near view.
   float BestIou(int own) const {
     float best = 0;
     for (int other = 0; other < num_near_; ++other) {
@@ -47,14 +52,14 @@ class Overlaps {
 
  private:
   int num_near_;
-  std::vector<int> shared_;  // [own masks, near masks]
-  std::vector<int> own_, near_;
+  std::vector<int> shared_;      // [own masks, near masks] cells under both
+  std::vector<int> own_, near_;  // cells by mask
 };
 
-// The overlaps of a view with each near view, and the number of cells under each of its masks.
+// The cells of one view.
 struct CountedView {
-  std::vector<Overlaps> overlaps;
-  std::vector<int> num_cells;
+  std::vector<Overlaps> overlaps;  // by near view
+  std::vector<int> num_cells;      // [num_masks] cells under each mask, seen elsewhere or not
 };
 
 CountedView Count(const Capture& capture, int number, const Reprojection& reprojection) {

@@ -8,30 +8,33 @@
 
 namespace pepeseg {
 
-// IoU from which masks of two views are of the same surface.
+// Minimum IoU of two masks of different views that are taken to be of the same surface.
 inline constexpr float kSameMask = 0.5f;
 
-// How far a mask agrees with the masks of the near views.
+// How well a mask agrees with the masks of the near views (METHOD.md section 2, "Masks that
+// disagree"). A view sees a mask if it sees at least half of its grid cells, and at least 6.
 struct MaskAgreement {
-  int num_seen = 0;  // near views that see at least half of the mask
-  int num_same = 0;  // of these, those with a mask of the same surface
-  // Mean of the best IoU with a mask of each view that sees it, over what both views see, weighted
-  // by the area seen. [0, 1]; 0 where no view sees it.
+  int num_seen = 0;  // near views that see the mask
+  int num_same = 0;  // those of them that have a mask of the same surface, see kSameMask
+  // Mean over the views that see the mask of its best IoU with one of their masks, weighted by the
+  // area seen. An IoU is taken over the cells that both views see. [0, 1]; 0 if no view sees the
+  // mask.
   float iou = 0;
 };
 
-// By view of the capture and mask; views that take no part in the reprojection have none. Masks
-// are compared on the grid of the reprojection, so the cost does not grow with the photographs.
+// Agreements by view of the capture and mask; none for views that take no part in the reprojection.
 using MaskAgreements = std::vector<std::vector<MaskAgreement>>;
+// Compares the masks of all views, on the grid of the reprojection, so that the cost does not grow
+// with the size of the photographs. Uses all cores of the machine.
 MaskAgreements MeasureMaskAgreement(const Capture& capture, const Reprojection& reprojection);
 
-// Whether a mask stands alone: at least three near views see it, and its mean IoU is under
+// Returns whether a mask stands alone: at least three near views see it, and its mean IoU is under
 // `min_agreement`.
 bool StandsAlone(const MaskAgreement& agreement, double min_agreement);
 
-// Mean IoU of the masks that a near view sees, each weighted by the square root of its area, so
-// that neither the largest nor the many small ones decide. [0, 1]; none where no mask is seen from
-// elsewhere, as with one view.
+// Returns the mean IoU of the masks that at least one near view sees, each weighted by the square
+// root of its area, so that neither the largest masks nor the many small ones decide. [0, 1]; none
+// if no mask is seen by another view, as with a single view.
 std::optional<double> MaskQuality(const Capture& capture, const MaskAgreements& agreements);
 
 }  // namespace pepeseg

@@ -4,16 +4,16 @@
 #include <utility>
 
 #include "core/features/mask_scales.h"
-#include "core/features/masks_of_patch.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr int kMinCells = 12;        // of the grid, under a mask that is added
-constexpr size_t kMinGroup = 2;      // views that hold the surface as one mask
-constexpr double kMinShare = 0.5;    // of the views that see it
-constexpr double kMinSupport = 0.5;  // of the views that see a candidate: they have its like
+constexpr int kMinCells = 12;        // grid cells under a mask that is added
+constexpr size_t kMinGroup = 2;      // near views that hold the surface as one mask
+constexpr double kMinShare = 0.5;    // these views as a share of all views that see the surface
+constexpr double kMinSupport = 0.5;  // share of the views that see a candidate and agree with it
 
+// Returns whether enough near views of the mask's own view have a mask of the same surface.
 bool IsSupported(const MaskAgreement& agreement) {
   return agreement.num_same >= 1 && agreement.num_same >= kMinSupport * agreement.num_seen;
 }
@@ -123,13 +123,13 @@ void MaskCandidates::CountShared(const Capture& capture, std::span<const int> ne
     ListAt(capture, near, cell, here);
     for (const int candidate : here) {
       if (!candidates_[candidate].lacking) continue;
-      int* row = shared_.data() + static_cast<size_t>(candidate) * count;
-      for (const int other : here) ++row[other];
+      int* shared = shared_.data() + static_cast<size_t>(candidate) * count;
+      for (const int other : here) ++shared[other];
     }
   }
 }
 
-// Over the cells that the views of both see.
+// Over the cells that the near views of both see.
 float MaskCandidates::Iou(int lacking, int other) const {
   const MaskCandidate &a = candidates_[lacking], &b = candidates_[other];
   const int shared = shared_[static_cast<size_t>(lacking) * candidates_.size() + other];
@@ -146,7 +146,8 @@ double MaskCandidates::Support(int lacking) const {
   return support;
 }
 
-// With the seed first. Empty: too few views have it.
+// Takes from each other near view the candidate that is most like the seed, if any is of its
+// surface. A near view sees the surface if it sees half of the seed's cells.
 std::vector<int> MaskCandidates::GroupOf(int seed) const {
   const MaskCandidate& of_seed = candidates_[seed];
   std::vector<int> best(num_near_, -1);
@@ -160,7 +161,7 @@ std::vector<int> MaskCandidates::GroupOf(int seed) const {
     best_iou[near] = iou;
   }
   std::vector<int> group = {seed};
-  int num_seeing = 2;  // the seed's view and this one
+  int num_seeing = 2;  // the seed's view and this view
   for (size_t i = 0; i < num_near_; ++i) {
     if (static_cast<int>(i) == of_seed.near) continue;
     if (2 * of_seed.known_cells[i] < of_seed.num_cells) continue;
@@ -172,6 +173,8 @@ std::vector<int> MaskCandidates::GroupOf(int seed) const {
   return enough ? group : std::vector<int>();
 }
 
+// Greedy: the best supported candidate forms a group, and all candidates of its surface are used
+// up.
 std::vector<std::vector<int>> MaskCandidates::Groups() const {
   std::vector<std::pair<double, int>> order;
   for (size_t c = 0; c < candidates_.size(); ++c) {

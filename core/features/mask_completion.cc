@@ -5,15 +5,15 @@
 #include <utility>
 
 #include "core/features/mask_candidates.h"
-#include "core/features/masks_of_patch.h"
+#include "core/features/mask_scales.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr size_t kMinPixels = 8;  // of an added mask, as of one that has a scale
+constexpr size_t kMinPixels = 8;  // of an added mask, as MaskScales requires
 
-// Pixels by mask of a view.
+// Returns the pixels under each mask of a view.
 std::vector<std::vector<uint32_t>> PixelsOf(const MaskSet& masks) {
   std::vector<std::vector<uint32_t>> pixels(masks.num_masks);
   for (size_t pixel = 0; pixel < masks.pixel_patch.size(); ++pixel) {
@@ -23,18 +23,20 @@ std::vector<std::vector<uint32_t>> PixelsOf(const MaskSet& masks) {
   return pixels;
 }
 
-// A mask of a near view that has a vote.
+// A mask of a near view that votes on the pixels of an added mask.
 struct Voter {
-  int near;
+  int near;  // index in Reprojection::near
   const MaskSet* masks;
   int mask;
 
+  // Returns whether the mask covers a pixel of the near view.
   bool HasUnderMask(int32_t pixel) const {
     const std::span<const uint64_t> bits = PatchBits(*masks, masks->pixel_patch[pixel]);
     return (bits[mask / 64] >> (mask % 64) & 1) != 0;
   }
 };
 
+// Returns whether more than half of the voters that know a pixel have it under their mask.
 bool IsIn(std::span<const Voter> voters, const Reprojection::Sight& sight) {
   int num_known = 0, num_in = 0;
   for (const Voter& voter : voters) {
@@ -46,7 +48,7 @@ bool IsIn(std::span<const Voter> voters, const Reprojection::Sight& sight) {
   return 2 * num_in > num_known;
 }
 
-// Pixels of the view by group of voters.
+// Returns the pixels of the view that each group of voters has under its masks.
 std::vector<std::vector<uint32_t>> Vote(const View& view, int number,
                                         const Reprojection& reprojection,
                                         std::span<const std::vector<Voter>> groups) {
@@ -61,7 +63,8 @@ std::vector<std::vector<uint32_t>> Vote(const View& view, int number,
   return pixels;
 }
 
-// A mask that no pixel is left of could not be added, and would move the numbers of the others.
+// Returns whether no mask is empty. MaskSetBuilder drops an empty mask, which would renumber the
+// others.
 bool AllHavePixels(const std::vector<std::vector<uint32_t>>& masks) {
   return std::ranges::none_of(masks, [](const auto& pixels) { return pixels.empty(); });
 }
@@ -71,9 +74,10 @@ float Median(std::vector<float> values) {
   return values[values.size() / 2];
 }
 
+// The groups of near views that vote on masks to add.
 struct Ballot {
   std::vector<std::vector<Voter>> groups;
-  std::vector<float> scales;  // by group
+  std::vector<float> scales;  // by group, scene units
 };
 
 Ballot MakeBallot(const Capture& capture, int number, const Reprojection& reprojection,
@@ -96,6 +100,7 @@ Ballot MakeBallot(const Capture& capture, int number, const Reprojection& reproj
   return ballot;
 }
 
+// Completes the masks of one view.
 CompletedMasks Complete(const Capture& capture, int number, const Reprojection& reprojection,
                         const MaskAgreements& agreements,
                         std::span<const std::vector<float>> mask_scales) {
@@ -103,7 +108,7 @@ CompletedMasks Complete(const Capture& capture, int number, const Reprojection& 
   const Ballot ballot = MakeBallot(capture, number, reprojection, agreements, mask_scales);
   const std::vector<std::vector<uint32_t>> own = PixelsOf(view.masks);
   if (ballot.groups.empty() || !AllHavePixels(own)) return {};
-  constexpr double kKeepDuplicates = 1;  // so that own masks keep their numbers
+  constexpr double kKeepDuplicates = 1;  // IoU above which masks are dropped: none is
   MaskSetBuilder builder(view.masks.width, view.masks.height, kKeepDuplicates);
   for (const std::vector<uint32_t>& pixels : own) builder.Add(pixels);
   const auto added = Vote(view, number, reprojection, ballot.groups);

@@ -9,22 +9,24 @@
 
 namespace pepeseg {
 
-// MaskQuality from which a capture's masks are left as they are.
+// MaskQuality below which masks are completed. Masks that agree better have little to add.
 inline constexpr double kCompleteBelow = 0.65;
 
-// The masks of a view with those that it lacks, voted for by the near views.
+// The masks of a view with those that it lacked, added by a vote of the near views.
 struct CompletedMasks {
-  // The view's own masks in their order, then the added ones. Empty where none was added.
+  // The view's own masks in their order, then the added ones. Empty if none was added.
   MaskSet masks;
-  std::vector<float> added_scales;  // scene units
+  std::vector<float> added_scales;  // of the added masks, scene units
 };
 
-// By view of the capture. Adds a mask where at least two near views, and at least half of those
-// that see the surface (the view itself is one of them), hold a surface as one mask, other views
-// agree with these masks, and the view has no mask of that surface. A pixel is under the added mask
-// where most of these views have it under theirs. The scale is the median of their scales.
+// Returns the completed masks, by view of the capture (METHOD.md section 2, "Masks that disagree").
+// A mask is added to a view if the view has no mask of a surface, at least two near views and at
+// least half of all views that see the surface (this view is one of them) hold it as one mask, and
+// other views agree with these masks. A pixel is under the added mask if more than half of the near
+// views that know it have it under theirs. The scale is the median of their scales.
 //
-// mask_scales: by view and mask; masks without a scale are not added to other views.
+// mask_scales: by view and mask, scene units. Masks without a scale are not added to other views.
+// Uses all cores of the machine. Views in which an own mask covers no pixel are left as they are.
 std::vector<CompletedMasks> CompleteMasks(const Capture& capture, const Reprojection& reprojection,
                                           const MaskAgreements& agreements,
                                           std::span<const std::vector<float>> mask_scales);

@@ -4,24 +4,26 @@
 #include <optional>
 #include <span>
 
-#include "core/features/is_trained.h"
+#include "core/features/mask_scales.h"
 #include "core/render/host_rows.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxCellsOfView = 16'384;  // of a view
+constexpr double kMaxCellsOfView = 16'384;  // pixels that are looked at in a view, on a grid
 constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
-constexpr double kMinAlpha = 0.5;           // where less is blended nothing is known
+constexpr double kMinAlpha = 0.5;           // of a pixel whose coverage is known
 
 bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_patch[pixel] != 0; }
 
-// How much of what was seen of a Gaussian lay under a mask.
+// Measures which share of each Gaussian lies under masks, over all views: the blending weights in
+// covered pixels, divided by those in all pixels.
 class Coverage {
  public:
   explicit Coverage(int64_t num_gaussians)
       : covered_(static_cast<size_t>(num_gaussians)), seen_(static_cast<size_t>(num_gaussians)) {}
 
+  // Adds the pixels of a view. rows: their blend rows.
   void Add(const MaskSet& masks, std::span<const int32_t> pixels, const HostRows& rows) {
     for (size_t i = 0; i < rows.num_rows(); ++i) {
       const bool covered = IsCovered(masks, pixels[i]);
@@ -32,7 +34,8 @@ class Coverage {
     }
   }
 
-  // The mean over what is blended into a pixel, in [0, 1]; none where too little is.
+  // Returns the share of a pixel, in [0, 1]: the mean over the Gaussians blended there, by weight.
+  // None where alpha is at most kMinAlpha.
   std::optional<double> OfRow(const HostRows& rows, size_t row) const {
     double sum = 0, alpha = 0;
     for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
@@ -55,6 +58,7 @@ class Coverage {
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
                                            std::span<const MaskSet* const> masks,
                                            FrozenScene& scene) {
+  // All views are needed before the first pixel can be judged, so each is rendered twice.
   Coverage coverage(scene.num_gaussians());
   std::vector<std::vector<int32_t>> uncovered(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {

@@ -9,15 +9,18 @@
 
 namespace pepeseg {
 
-// Pixels that no mask of their view covers, on a grid of the view, none of them ignored and each
-// with something rendered on it: y * width + x. An uncovered pixel alone says little, because a
-// mask may just be missing in its view; the Gaussians that it shows tell how often masks covered
-// them.
+// Pixels of a view that none of its masks covers, y * width + x. A mask may be missing in one view,
+// so an uncovered pixel alone does not prove background: what counts is how often masks of all
+// views cover the Gaussians that it shows.
 struct UncoveredPixels {
-  std::vector<int32_t> background;         // hardly any mask covers what they show in any view
-  std::vector<int32_t> covered_elsewhere;  // the others
+  std::vector<int32_t> background;         // masks cover less than 10 % of what they show
+  std::vector<int32_t> covered_elsewhere;  // the other uncovered pixels
 };
-// Of each view, by the masks that it learns from; none of held-out views and views without masks.
+
+// Returns the uncovered pixels by view of the capture, on a grid of up to about 16,384 pixels of
+// each view (METHOD.md section 3, "Samples"). Ignored pixels and pixels with an alpha of at most
+// 0.5 are left out, as are held-out views and views without masks. masks: the masks that each view
+// learns from, by view of the capture.
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
                                            std::span<const MaskSet* const> masks,
                                            FrozenScene& scene);

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/features/masks_of_patch.h"
-
 namespace pepeseg {
 namespace {
 
-constexpr int kMinPixels = 8;
-constexpr int kMajority = 5;  // of 3x3
+constexpr int kMinPixels = 8;  // of a mask that has a scale, after the filter
+constexpr int kMajority = 5;   // of the 3x3 pixels of the filter
 
+// Sums over the points of a mask. Coordinates are of the camera, where the trace of the covariance
+// is the same as in the world.
 struct Moments {
   int64_t count = 0;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -25,11 +25,13 @@ struct Moments {
   }
 };
 
-// The masks that cover at least five of the nine pixels about (x, y), as a bitset.
+// Finds the masks that cover at least kMajority of the nine pixels around a pixel. At the image's
+// border the missing pixels count as uncovered.
 class MajorityFilter {
  public:
   explicit MajorityFilter(const MaskSet& masks) : masks_(masks), count_(masks.num_masks) {}
 
+  // Calls fn(mask) for each of these masks of (x, y), in no particular order.
   template <class Fn>
   void ForEachMask(int x, int y, Fn&& fn) {
     touched_.clear();
@@ -50,17 +52,18 @@ class MajorityFilter {
   }
 
   const MaskSet& masks_;
-  std::vector<int> count_;  // [num_masks]
-  std::vector<int> touched_;
+  std::vector<int> count_;    // [num_masks] pixels of the window; 0 between two calls
+  std::vector<int> touched_;  // masks of the window
 };
 
-// False when none is over 0.
+// Sorts the scales that are over 0 and removes the others. Returns whether any is left.
 bool SortPositive(std::vector<float>& scales) {
   std::erase_if(scales, [](float scale) { return scale <= kNoScale; });
   std::sort(scales.begin(), scales.end());
   return !scales.empty();
 }
 
+// Returns the quantile at `share` in [0, 1]. `sorted` must not be empty.
 float Quantile(const std::vector<float>& sorted, double share) {
   const double position = share * static_cast<double>(sorted.size() - 1);
   const auto low = static_cast<size_t>(position);
@@ -106,7 +109,7 @@ std::vector<float> ScaleQuantiles(std::vector<float> scales) {
 }
 
 std::vector<float> EvenScales(std::vector<float> scales) {
-  constexpr double kLargest = 0.99;
+  constexpr double kLargest = 0.99;  // quantile of the last knot
   if (!SortPositive(scales)) return {};
   const double low = double{scales.front()}, high = double{Quantile(scales, kLargest)};
   std::vector<float> knots;
@@ -116,6 +119,22 @@ std::vector<float> EvenScales(std::vector<float> scales) {
     knots.push_back(static_cast<float>(std::lerp(low, high, share)));
   }
   return knots;
+}
+
+void ScaleLabels(std::span<const uint64_t> patch_bits, std::span<const float> mask_scales,
+                 float scale, std::span<uint64_t> out) {
+  std::fill(out.begin(), out.end(), uint64_t{0});
+  int finest = -1;  // of the masks that are not smaller; the first of equal ones
+  const auto keep = [&](int mask) { out[mask / 64] |= uint64_t{1} << (mask % 64); };
+  ForEachMaskIn(patch_bits, [&](int mask) {
+    if (mask_scales[mask] <= kNoScale) return;
+    if (mask_scales[mask] < scale) {
+      keep(mask);
+    } else if (finest < 0 || mask_scales[mask] < mask_scales[finest]) {
+      finest = mask;
+    }
+  });
+  if (finest >= 0) keep(finest);
 }
 
 }  // namespace pepeseg

@@ -10,10 +10,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kChunk = 1024;  // Gaussians a task
+constexpr int64_t kChunk = 1024;  // Gaussians per task
 constexpr size_t kLeafSize = 16;
 
-// nanoflann's view of the means.
+// The means as a data set of nanoflann, which reads them in place.
 struct MeanCloud {
   const Gaussians& gaussians;
 
@@ -21,6 +21,7 @@ struct MeanCloud {
   float kdtree_get_pt(size_t i, size_t axis) const {
     return gaussians.Plane(kMeanPlane + static_cast<int>(axis))[i];
   }
+  // Leaves the bounding box to nanoflann.
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
     return false;
@@ -29,7 +30,8 @@ struct MeanCloud {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, MeanCloud>,
                                                    MeanCloud, 3, int32_t>;
 
-// Itself first: at equal means another one may have been found in its place.
+// Fills in the neighbours of Gaussian i. Of several Gaussians with the same mean the search may
+// return any first, or leave out i itself: then i replaces the last one found.
 void FindNeighbors(const KdTree& tree, const MeanCloud& cloud, int32_t i,
                    std::span<int32_t> neighbors) {
   float squared[kMaxNeighbors];

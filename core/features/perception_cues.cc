@@ -11,21 +11,24 @@
 namespace pepeseg {
 namespace {
 
-// r(s) as a share of the image's shorter side, and as a share of the masks' sides.
+// r(s) by the image is min(kMaxRadius, kRadiusBase + kRadiusSlope * s) of its shorter side; by the
+// masks it is kRadiusOfMasks of their mean side. The smaller one counts.
 constexpr float kRadiusBase = 0.03f, kRadiusSlope = 0.12f, kMaxRadius = 0.2f;
 constexpr float kRadiusOfMasks = 0.5f;
 constexpr float kMinRadius = 2;  // pixels
-// Of the pixels about one, the nearest are paired with it, and as many of the others.
+// A pixel is paired with this many of the nearest pixels around it, and with as many of the others.
 constexpr size_t kNearest = 8;
-// What differs less is not dissimilar, however even its surroundings are.
-constexpr float kDepthNoise = 0.005f;  // of the prior's range
-constexpr float kColorNoise = 0.03f;   // of white
-// Differences are sampled along a spiral, the denser the nearer.
+// Lower bounds of the thresholds: in even surroundings noise must not make a pair dissimilar.
+constexpr float kDepthNoise = 0.005f;  // share of the prior's range
+constexpr float kColorNoise = 0.03f;   // share of white
+// A threshold is measured on a spiral of samples around the pixel, denser towards the pixel.
+// Smaller scales use the first samples only, at least kMinSamples.
 constexpr int kNumSamples = 64, kMinSamples = 8;
 
 struct Offset {
-  float x, y;  // on the unit disc
+  float x, y;  // in the unit disc
 };
+// Returns the samples from the centre outwards: steps of the golden angle, evenly growing radii.
 std::array<Offset, kNumSamples> Spiral() {
   constexpr double kGoldenAngle = 2.399963229728653;
   std::array<Offset, kNumSamples> spiral;
@@ -37,6 +40,7 @@ std::array<Offset, kNumSamples> Spiral() {
   return spiral;
 }
 
+// Returns the Euclidean distance of two colours in RGB; 1: one channel from black to white.
 float ColorDifference(const Image& photo, int64_t a, int64_t b) {
   int squares = 0;
   for (int c = 0; c < 3; ++c) {
@@ -46,16 +50,16 @@ float ColorDifference(const Image& photo, int64_t a, int64_t b) {
   return std::sqrt(static_cast<float>(squares)) / 255;
 }
 
-// A pixel of a batch.
+// A pixel of a batch, in the order of the scanlines.
 struct Place {
   float y, x;
-  int32_t number;
+  int32_t number;  // index into PixelBatch::pixels
 
   friend bool operator<(const Place& a, const Place& b) {
     return std::tie(a.y, a.number) < std::tie(b.y, b.number);
   }
 };
-// Those away from edges.
+// Returns the pixels away from edges, sorted.
 std::vector<Place> PlacesByRow(std::span<const int32_t> pixels, std::span<const uint8_t> edges,
                                int width) {
   std::vector<Place> places;
@@ -69,7 +73,7 @@ std::vector<Place> PlacesByRow(std::span<const int32_t> pixels, std::span<const 
   return places;
 }
 
-// Mean + standard deviation of what has been added.
+// Computes mean and standard deviation of the numbers added.
 class Spread {
  public:
   void Add(float x) {
@@ -77,6 +81,7 @@ class Spread {
     sum_ += x;
     squares_ += x * x;
   }
+  // Returns mean + standard deviation; 0 if nothing was added.
   float OneAboveMean() const {
     if (count_ == 0) return 0;
     const float mean = sum_ / static_cast<float>(count_);
@@ -111,8 +116,9 @@ PerceptionCues::PerceptionCues(const Capture& capture, const CrossView& cross_vi
   }
 }
 
-// Pixels, at each scale of the batch: as the paper has it, but no more than half the mean side of
-// the view's masks that are no larger than the scale.
+// The radius of the paper, but at most half the mean side of the view's masks that are not larger
+// than the scale, so that it does not reach over whole objects. If all masks are larger, the finest
+// one counts.
 std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
   const Camera& camera = capture_.views[batch.view].camera;
   const auto side = static_cast<float>(std::min(camera.width, camera.height));
@@ -133,7 +139,8 @@ std::vector<float> PerceptionCues::Radii(const PixelBatch& batch) const {
   return radii;
 }
 
-// Each unlabelled pixel with some of the pixels about it.
+// The nearest pixels of all are paired, and a regular selection of the others by distance. A pixel
+// can only be near pixels in a band of scanlines, which a binary search finds.
 std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& batch,
                                                             float radius) const {
   const std::vector<Place> places =
@@ -152,7 +159,7 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
     const size_t nearest = std::min(kNearest, about.size()), others = about.size() - nearest;
     const size_t stride = std::max<size_t>(1, (others + kNearest - 1) / kNearest);
     for (size_t i = 0; i < about.size(); i += i < nearest ? 1 : stride) {
-      // Two unlabelled ones meet twice.
+      // Two unlabelled pixels meet twice; the pair is listed once.
       const int32_t q = about[i].second;
       if (q < batch.num_labelled || place.number < q) pairs.push_back({place.number, q, 0});
     }
@@ -160,13 +167,15 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
   return pairs;
 }
 
+// With kDifferences the samples are compared with the pixel itself. With kGradients each sample is
+// compared with its neighbour on the right or below, by turns.
 PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_t pixel,
                                                  std::span<const float> radii) const {
   static const std::array<Offset, kNumSamples> kSpiral = Spiral();
   const View& view = capture_.views[batch.view];
   const int width = view.camera.width, height = view.camera.height;
   const float max_radius = *std::max_element(radii.begin(), radii.end());
-  std::array<Spread, kNumSamples + 1> depth, color;  // of the first so many samples
+  std::array<Spread, kNumSamples + 1> depth, color;  // [i]: of the first i samples
   for (int i = 0; i < kNumSamples; ++i) {
     depth[i + 1] = depth[i];
     color[i + 1] = color[i];
@@ -190,7 +199,7 @@ PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_
   return usual;
 }
 
-// What is asked of a pixel is kept: most are in several pairs.
+// Keeps the thresholds and sights of pixels, because most pixels are in several pairs.
 class PerceptionCues::Judge {
  public:
   Judge(const PerceptionCues& cues, const PixelBatch& batch, std::span<const float> radii)

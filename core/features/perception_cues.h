@@ -13,43 +13,53 @@
 
 namespace pepeseg {
 
-// What colour and depth say of pixels that masks leave open (METHOD.md section 3, "Perception
-// loss"). At scale s, two pixels count that are within r(s) of each other, away from the edges of
-// the depth prior, one of them under no mask in this view. They are similar where both their depth
-// and their colour differ less than is usual about them, dissimilar where both differ at least so.
-// Unless the options say otherwise, other views' masks have the last word: what they keep apart is
-// not similar, what they put together is not dissimilar.
+// Lists the pairs of pixels for the perception loss (METHOD.md section 3, "Perception loss"), with
+// what colour and depth indicate about them. At scale s a pair counts if its pixels are within r(s)
+// of each other and away from the edges of the depth prior, and at least one of them is unlabelled.
+// A pair is similar if both its depth and its colour differ less than the thresholds of its two
+// pixels, and dissimilar if both differ at least by them.
+//
+// With FeatureOptions::perception_cross_view the masks of near views overrule this: a pair that
+// they keep apart is not similar, and a pair that they put together is not dissimilar.
 class PerceptionCues {
  public:
-  // edges: DepthEdges of each view of the capture that is drawn. All must outlive it but the edges.
+  // edges: DepthEdges of the views with unlabelled pixels, by view of the capture. All arguments
+  // but the edges and the options must outlive it.
   PerceptionCues(const Capture& capture, const CrossView& cross_view,
                  const std::vector<DrawableView>& views, std::vector<std::vector<uint8_t>> edges,
                  const FeatureOptions& options);
 
-  // Fills in the batch's pairs. Thread safe.
+  // Fills in the pairs of a batch. Thread safe.
   void List(PixelBatch& batch) const;
 
  private:
-  // Over which differences are not usual about a pixel, at each scale of the batch.
+  // Thresholds of one pixel at each scale of the batch: differences below them are usual in the
+  // pixel's surroundings. depth: units of the prior, which has the range [0, 1]. color: 1 is the
+  // difference of one channel from black to white.
   struct Usual {
     std::array<float, kMaxScales> depth, color;
   };
   struct Pair {
-    int32_t p, q;  // of the batch
+    int32_t p, q;  // indices into PixelBatch::pixels
     PairCues cues;
   };
-  class Judge;  // of one batch's pairs
+  class Judge;  // computes the cues of the pairs of one batch
 
+  // Returns r(s) at each scale of the batch, pixels.
   std::vector<float> Radii(const PixelBatch& batch) const;
-  // Both ways round, by pixel.
+  // Returns the arrays of PerceptionLossArgs, with each pair under both of its pixels.
   static PairLists ListsOf(std::span<const Pair> pairs, size_t num_pixels, size_t num_scales);
+  // Returns up to about 16 pairs of each unlabelled pixel, all within `radius` pixels, without
+  // cues.
   std::vector<Pair> NearPairs(const PixelBatch& batch, float radius) const;
+  // Returns the thresholds of a pixel, y * width + x. radii: see Radii.
   Usual UsualAbout(const PixelBatch& batch, int32_t pixel, std::span<const float> radii) const;
 
   const Capture& capture_;
   const CrossView& cross_view_;
   std::vector<std::vector<uint8_t>> edges_;  // by view of the capture
-  // By view of the capture: scale and side, pixels, of each mask with a scale, by scale.
+  // By view of the capture: the scale (scene units) and the side (square root of the area, pixels)
+  // of each mask with a scale, ascending.
   std::vector<std::vector<std::pair<float, float>>> mask_sides_;
   PerceptionThreshold threshold_;
   bool ask_other_views_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "core/features/mask_scales.h"
-#include "core/features/masks_of_patch.h"
 #include "core/features/random_draws.h"
 
 namespace pepeseg {
@@ -11,6 +10,7 @@ namespace pepeseg {
 PixelsByMask::PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
                            std::span<const int32_t> pixels)
     : masks_(mask_scales.size()) {
+  // Neighbouring pixels mostly lie in one mask cell, so the masks are read once a run of a cell.
   const auto size = static_cast<int64_t>(pixels.size());
   for (int64_t first = 0, end = 0; first < size; first = end) {
     const auto patch = static_cast<size_t>(masks.pixel_patch[pixels[first]]);
@@ -34,6 +34,7 @@ void PixelsByMask::Append(int64_t first, int64_t count, std::vector<Run>& runs) 
 
 size_t PixelsByMask::Draw(std::mt19937_64& random) const {
   const std::vector<Run>& runs = masks_[DrawIndex(masks_.size(), random)];
+  // The run that holds the mask's pixel number `place`, by binary search over the runs' ends.
   const auto place = static_cast<int64_t>(DrawIndex(static_cast<size_t>(runs.back().end), random));
   const auto run = std::upper_bound(runs.begin(), runs.end(), place,
                                     [](int64_t at, const Run& r) { return at < r.end; });

@@ -9,31 +9,32 @@
 
 namespace pepeseg {
 
-// The pixels that a view's masks cover, to be drawn mask by mask: so that a small part has as many
-// samples as a wall.
+// Draws pixels of a view mask by mask, so that a small part gets as many samples as a wall. A
+// mask's pixels are kept as runs of consecutive indices, not one by one.
 class PixelsByMask {
  public:
   PixelsByMask() = default;
-  // pixels: y * width + x ascending, those that may be drawn. Masks without a scale (see
-  // MaskScales) and those that hold none of the pixels are never drawn.
+  // pixels: the pixels that may be drawn, y * width + x, ascending. Masks without a scale and masks
+  // that cover none of the pixels are never drawn. mask_scales: [num_masks].
   PixelsByMask(const MaskSet& masks, std::span<const float> mask_scales,
                std::span<const int32_t> pixels);
 
+  // Returns whether there is no pixel to draw.
   bool empty() const { return masks_.empty(); }
-  // The place in `pixels` of one of a mask, each mask as likely as any other, each of its pixels
-  // likewise.
+  // Returns the index in `pixels` of a random pixel of a random mask. All masks are equally likely,
+  // and so are all pixels of a mask. Must not be called if empty().
   size_t Draw(std::mt19937_64& random) const;
 
  private:
-  // Pixels of a mask that follow each other: where they begin, and how many the mask has up to
-  // their end.
+  // Consecutive entries of `pixels` under one mask.
   struct Run {
-    int64_t first = 0;
-    int64_t end = 0;
+    int64_t first = 0;  // index in `pixels`
+    int64_t end = 0;    // pixels of the mask up to the end of this run
   };
+  // Appends a run, or extends the last one if it continues there.
   static void Append(int64_t first, int64_t count, std::vector<Run>& runs);
 
-  std::vector<std::vector<Run>> masks_;  // ascending
+  std::vector<std::vector<Run>> masks_;  // runs of each mask, ascending
 };
 
 }  // namespace pepeseg

@@ -7,9 +7,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxGridPixels = 65'536;  // depths kept of a view
-constexpr double kDepthTolerance = 0.02;   // of the depth: what is that near is the same surface
+constexpr double kMaxGridPixels = 65'536;  // depths that are kept of a view, about
+// Share of the depth by which a point may miss the depth of a view and still lie on its surface.
+constexpr double kDepthTolerance = 0.02;
 
+// Returns the pose that applies `inner`, then `outer`.
 Pose Compose(const Pose& outer, const Pose& inner) {
   return {outer.rotation * inner.rotation, outer.rotation * inner.translation + outer.translation};
 }
@@ -45,6 +47,7 @@ void Reprojection::FindNear() {
       if (other == view) continue;
       others.emplace_back((center(other) - center(view)).squaredNorm(), other);
     }
+    // Equal distances are ordered by view, so that the result is the same in each run.
     const size_t count = std::min<size_t>(kNearViews, others.size());
     std::partial_sort(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(count),
                       others.end());
@@ -68,8 +71,10 @@ int32_t Reprojection::PixelAt(int number, const Eigen::Vector3d& in_cam) const {
   if (in_cam.z() <= 0) return kUnknown;
   const double u = camera.fx * in_cam.x() / in_cam.z() + camera.cx;
   const double v = camera.fy * in_cam.y() / in_cam.z() + camera.cy;
+  // Written so that NaN is outside.
   if (!(u >= 0 && v >= 0 && u < camera.width && v < camera.height)) return kUnknown;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
+  // A point in front of or behind the surface there is hidden, or the depths disagree.
   const double depth = DepthAt(seen_[number], camera, x, y);
   if (!(std::abs(depth - in_cam.z()) < kDepthTolerance * in_cam.z())) return kUnknown;
   const int32_t pixel = y * camera.width + x;

@@ -9,39 +9,47 @@
 
 namespace pepeseg {
 
-// Where pixels of one view lie in the views near it. The geometry is frozen, so a pixel's depth
-// says where it is seen from elsewhere.
+// Finds where pixels of one view lie in the views near it, by the rendered depth (METHOD.md section
+// 2, "Masks that disagree"). This is exact but for the depth, because the geometry is frozen. Views
+// are given by their index in the capture.
 class Reprojection {
  public:
   static constexpr int kNearViews = 8;
 
-  // views: those of the capture that take part. The capture must outlive it.
+  // views: the views that take part. The capture must outlive it.
   Reprojection(const Capture& capture, std::span<const int> views);
-  // Keeps a grid of a view's depth, as FrozenScene::Depth returns it. Every view that takes part
-  // needs one before the first Look(). Calls for different views may run at the same time.
+  // Keeps a grid of a view's depth, at most about 65,536 values. depth: [height, width] as from
+  // FrozenScene::Depth. Must be called for each view that takes part before the first Look().
+  // Calls for different views may run in parallel.
   void KeepDepth(int view, std::span<const float> depth);
 
-  // By near view: the pixel there, y * width + x; kUnknown where it is hidden, outside or ignored.
   static constexpr int32_t kUnknown = -1;
   using Sight = std::array<int32_t, kNearViews>;
-  Sight Look(int view, int32_t pixel) const;  // view: of the capture
+  // Returns where a pixel lies in each near view, in the order of near(): y * width + x there, or
+  // kUnknown if it is hidden, outside or ignored there, or has no depth here. Entries beyond the
+  // number of near views are kUnknown. Thread safe.
+  Sight Look(int view, int32_t pixel) const;
 
-  // Views that take part, by number in the capture.
+  // Returns the views that take part.
   std::span<const int> views() const { return views_; }
-  // At most kNearViews of them, the nearest first; none of a view that takes no part.
+  // Returns the nearest other views that take part, at most kNearViews, by the distance of the
+  // cameras' centres, ascending. Empty for a view that takes no part.
   std::span<const int> near(int view) const { return seen_[view].near; }
-  // Pixels between two kept depths, along either axis.
+  // Returns the distance of two kept depths along either axis, pixels.
   int stride(int view) const { return seen_[view].stride; }
 
  private:
+  // A view that takes part.
   struct Seen {
     int stride = 1;
     std::vector<float> depth;  // [ceil(height / stride), ceil(width / stride)]
     std::vector<int> near;
-    std::vector<Pose> to_near;  // from this camera's axes to those of each near view
+    std::vector<Pose> to_near;  // from this camera's frame to that of each near view
   };
 
+  // Returns the kept depth nearest above and to the left of (x, y).
   static float DepthAt(const Seen& seen, const Camera& camera, int x, int y);
+  // Returns the pixel of `view` that shows a point in its camera frame, or kUnknown.
   int32_t PixelAt(int view, const Eigen::Vector3d& in_cam) const;
   void FindNear();
 

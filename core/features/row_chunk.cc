@@ -25,7 +25,8 @@ DeviceSpan<const T> SpanFrom(const Buffer<T>& buffer, int64_t first, size_t coun
   return buffer.span().Subspan(first, static_cast<int64_t>(count));
 }
 
-// Columns [begin, end) of several batches' columns.
+// Returns the columns [range.first, range.second) of the columns of several batches, without
+// weights.
 ColumnSpan Columns(const Buffer<int32_t>& gaussian, const Buffer<int32_t>& first,
                    const Buffer<int32_t>& pixel, std::pair<int32_t, int32_t> range) {
   const int64_t count = range.second - range.first;
@@ -43,6 +44,7 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
   batches_ = std::move(batches);
   views_.clear();
   places_.assign(batches_.size(), {});
+  // By view, ascending: the order decides the layout of the rows, and is the same in each run.
   std::map<int, std::vector<size_t>> batches_of_view;
   for (size_t i = 0; i < batches_.size(); ++i) batches_of_view[batches_[i].view].push_back(i);
   UploadBatches(scene.backend());
@@ -62,13 +64,16 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
     ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
     if (const std::string error = scene.backend().error(); !error.empty()) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("features: the rows of ", pixels.size(), " pixels of view ",
-                       capture.views[number].name, ": ", error, "; try fewer steps_per_chunk"));
+          absl::StrCat("features: the blend rows of ", pixels.size(), " pixels of view ",
+                       capture.views[number].name, " do not fit into memory: ", error,
+                       "; lower steps_per_chunk"));
     }
   }
   return absl::OkStatus();
 }
 
+// Each member of a batch goes into one buffer for all batches: a few large copies instead of many
+// small ones.
 void RowChunk::UploadBatches(Backend& backend) {
   std::vector<float> weight, scales, share;
   std::vector<int32_t> patch, pair_first, pair_other;
@@ -101,6 +106,8 @@ void RowChunk::UploadBatches(Backend& backend) {
   UploadTo(backend, share, pair_share_);
 }
 
+// A group is a batch: its columns list the Gaussians that its pixels reach, and so on. All batches
+// of the view are done by three calls, which saves waits of the host for the sizes.
 void RowChunk::ListColumns(Backend& backend, const NeighborGraph& graph, int64_t num_gaussians,
                            std::span<const uint32_t> drawn, ViewRows& view) {
   const CapturedRows& rows = view.rows;

@@ -9,6 +9,7 @@
 namespace pepeseg {
 namespace {
 
+// Returns INVALID_ARGUMENT unless low <= value <= high. NaN is out of range.
 template <class T>
 absl::Status CheckRange(const char* name, T value, T low, T high) {
   if (value >= low && value <= high) return absl::OkStatus();

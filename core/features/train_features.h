@@ -12,89 +12,93 @@
 
 namespace pepeseg {
 
-// How scene units become the query scale in [0, 1].
+// How a scale in scene units becomes the query scale in [0, 1].
 enum class ScaleMapping {
   kQuantiles = 1,  // the share of the masks that are smaller
-  kEven = 2,       // linearly, from the smallest mask to the largest but for the last percent
+  kEven = 2,       // linear from the smallest mask to the 99th percentile, see EvenScales
 };
 
-// What a difference of depth or colour between two pixels is measured against.
+// What the perception loss compares a difference of depth or colour between two pixels with.
 enum class PerceptionThreshold {
-  kDifferences = 1,  // between each of them and the pixels about it
-  kGradients = 2,    // between neighbours about each of them
+  kDifferences = 1,  // differences between each of the two and the pixels around it
+  kGradients = 2,    // differences between adjacent pixels around each of the two
 };
 
-// Stage two (METHOD.md sections 2 and 3): geometry frozen; a feature per Gaussian and the scale
-// gate from the scale-aware loss, the perception loss and the centroid loss on sparse rows, and the
-// norms of pixels and Gaussians.
+// Options of stage two (METHOD.md sections 2 and 3), which trains a feature for each Gaussian and
+// the scale gate, with frozen geometry.
 struct FeatureOptions {
-  int num_steps = 10000;  // one view each
-  int num_pixels = 1000;  // samples a step, each under a mask that has a scale
-  // The share of them drawn mask by mask, each as likely as any other: so that small parts are
-  // seen, too. The rest is drawn pixel by pixel (METHOD.md section 3 draws all so).
-  double mask_share = 0.25;  // [0, 1]
-  // Further samples of what no mask covers in any view, as one thing apart from all others.
+  int num_steps = 10000;  // one view each; [1, 10,000,000]
+  int num_pixels = 1000;  // samples of a step under masks that have a scale; [2, 16,384]
+  // Share of these samples that are drawn mask by mask, all masks equally likely, so that small
+  // parts are seen. The rest is drawn pixel by pixel, as in the paper. [0, 1].
+  double mask_share = 0.25;
+  // Additional samples of a step that no mask covers in any view. They count as one object of their
+  // own, apart from all others. 0: none; [0, 16,384].
   int num_background_pixels = 200;
-  int num_scales = 10;  // a step, 1..kMaxScales; two of them beyond the masks' own
-  // During this share of the steps the largest masks give no scales: those of the finest 30 % of a
-  // view's masks are drawn first, then those of ever larger ones. Things that touch must come apart
-  // before they are pulled together at a larger scale: the gradient that separates two features is
-  // zero where they are equal. 0: all scales from the first step (METHOD.md section 3).
+  int num_scales = 10;  // of a step; two are not from random masks, see BatchDrawer; 1..kMaxScales
+  // Share of the steps in which the largest masks give no scales: scales come from the finest 30 %
+  // of a view's masks first, then from more and more of them. Objects that touch must come apart
+  // before larger masks pull them together, because the gradient that separates two features is
+  // zero where they are equal. 0: all scales from the first step, as in the paper. [0, 0.9].
   // tests/bench/results/fine_first.md.
-  double fine_first = 0.3;  // [0, 0.9]
+  double fine_first = 0.3;
   ScaleMapping scale_mapping = ScaleMapping::kQuantiles;
-  float learning_rate = 1e-2f;  // of Adam, at the start; falls exponentially to
+  // Learning rate of Adam at the start and at the end; it falls exponentially. [1e-8, 1].
+  float learning_rate = 1e-2f;
   float learning_rate_final = 1e-4f;
-  // A feature is smoothed over the nearest Gaussians, itself among them: over some of them, drawn
-  // anew each step, in training, and over all in the model.
+  // Number of nearest Gaussians, itself included, over which a feature is smoothed in the model,
+  // and number of them that each training step draws.
   int num_neighbors = 4;        // 1..kMaxNeighbors
   int num_drawn_neighbors = 2;  // 1..num_neighbors
-  // The centroid loss, from this share of the steps on: every so many steps up to so many masked
-  // pixels of a view are clustered at scale 1 (upper) and 0.01 (lower). Weight 0: left out.
-  double centroid_from = 0.7;  // [0, 1]
-  int centroid_every = 200;
-  int centroid_pixels = 16'384;
-  float centroid_weight_upper = 1.0f;
-  // Off: worth nothing measurable on desk, and it loses where many small parts touch
+  // The centroid loss starts at this share of the steps. Every `centroid_every` steps, up to
+  // `centroid_pixels` masked pixels of a view are clustered at scale 1 (upper) and 0.01 (lower).
+  double centroid_from = 0.7;    // [0, 1]
+  int centroid_every = 200;      // steps; [1, 10,000,000]
+  int centroid_pixels = 16'384;  // [1, 65,536]
+  // Weights of the centroid loss at either scale. 0: left out; [0, 100]. The lower scale is off: on
+  // desk it gains nothing measurable, and it loses where many small parts touch
   // (tests/bench/results/h200_segmentation.md).
+  float centroid_weight_upper = 1.0f;
   float centroid_weight_lower = 0;
-  // The perception loss, for pixels that no mask of their view covers. Weight 0: left out, as where
-  // no view has a depth prior, or every pixel is covered or background.
+  // Weight of the perception loss, for pixels that no mask of their view covers. It is left out if
+  // the weight is 0, if no training view has a depth prior, or if all pixels are covered or
+  // background. [0, 100].
   float perception_weight = 0.2f;
-  int num_perception_pixels = 128;  // further samples a step
+  int num_perception_pixels = 128;  // additional samples of a step; [1, 16,384]
   PerceptionThreshold perception_threshold = PerceptionThreshold::kDifferences;
-  bool perception_cross_view = true;  // whether other views' masks overrule what it sees
-  // A mask that at least three near views see, and whose mean IoU with their masks is less than
-  // this, stands alone and is not trained on. 0: all are. See MaskAgreement.
-  // Off: it loses (tests/bench/results/mask_agreement.md).
-  double min_mask_agreement = 0;  // [0, 1]
-  // Whether a view gets the masks that it lacks and the near views agree on, see CompleteMasks.
-  // Only where the MaskQuality of the capture is under kCompleteBelow: there is little to add to
-  // masks that agree.
+  bool perception_cross_view = true;  // masks of other views overrule depth and colour
+  // Minimum mean IoU of a mask with the masks of near views. A mask under it that at least three
+  // near views see is not trained on, see StandsAlone. 0: all masks are. [0, 1]. Off, because it
+  // loses (tests/bench/results/mask_agreement.md).
+  double min_mask_agreement = 0;
+  // Adds the masks that a view lacks and the near views agree on, see CompleteMasks, if the
+  // MaskQuality of the capture is under kCompleteBelow.
   bool complete_masks = true;
-  // Samples drawn ahead: each view is rasterised once a chunk, and the chunk's rows are kept, 1 to
-  // 3 MB a step.
+  // Number of steps whose samples are drawn ahead. Each view is rasterised once in that many steps,
+  // and their blend rows are kept, 1 to 3 MB a step. [1, 100,000].
   int steps_per_chunk = 750;
-  // When the loss has fallen by less than this share of itself over a round of at least 500 steps,
-  // the rest of the schedule is done in closing_share of the steps, the learning rate falling the
-  // faster. 0: never.
+  // Minimum share by which the loss must fall from one window of at least 500 steps to the next. If
+  // it falls by less, the schedule ends with `closing_share` of its steps, in which the learning
+  // rate falls faster. 0: never; [0, 1].
   double min_loss_fall = 0.01;
-  double closing_share = 0.5;
-  // In so many training views, and a sixth of them, a Gaussian must show for its feature to count
-  // in full where features are blended, see FeatureConfidence. 0: all count alike.
+  double closing_share = 0.5;  // [0, 1]
+  // Minimum number of training views (and at least a sixth of them) that must see a Gaussian before
+  // its feature gets full blending weight, see FeatureConfidence; suppresses floaters. 0: all
+  // features count in full; [0, 64].
   int sure_views = 8;
-  // A step moves only the Gaussians that its samples see; what the moments of the others would have
-  // done is made up for when they are next seen. False: it moves all of them, for nothing but to
-  // measure what that saves.
+  // A step moves only the Gaussians that its samples see; the others catch up when they are next
+  // seen, see FeatureState. False: a step moves all of them, only to measure what this saves.
   bool only_seen_gaussians = true;
   uint64_t seed = 1;
 };
+// Returns INVALID_ARGUMENT, naming the field, if an option is out of range.
 absl::Status Validate(const FeatureOptions& options);
 
-// Steps whose losses may stay on the device before the host waits for them.
+// Maximum number of steps whose losses stay on the device before the host waits for them.
 inline constexpr int kMaxUnreadFeatureSteps = 64;
 
-// FAILED_PRECONDITION when no training view has a mask with a scale.
+// Runs stage two from start to end. Errors are those of FeatureStage::Create and Advance, and that
+// of `progress`, which is called for each step.
 absl::StatusOr<FeatureField> TrainFeatures(Backend& backend, const Capture& capture,
                                            const Gaussians& gaussians,
                                            const FeatureOptions& options, ProgressFn progress);

@@ -8,10 +8,12 @@
 
 namespace pepeseg {
 
-// The part of each of some Gaussians, where a part is what hangs together: 0, 1, ... in the order
-// of the rows in which they are first met. A Gaussian is joined to those of its 16 nearest
-// neighbours among the rows that it touches: the ellipsoids of 3 standard deviations, to where
-// splats are drawn, reach as far along the line between the two means as these are apart.
-std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const int32_t> rows);
+// Returns the connected part of each of the `selected` Gaussians (indices into `gaussians`, without
+// repeats): 0, 1, ... in the order in which the parts appear in `selected`.
+//
+// A Gaussian is connected to those of its 16 nearest selected neighbours that it touches. Two
+// Gaussians touch if their ellipsoids of 3 standard deviations, to which splats are drawn, together
+// reach from one mean to the other along the line between them.
+std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const int32_t> selected);
 
 }  // namespace pepeseg

@@ -9,13 +9,14 @@
 namespace pepeseg {
 namespace {
 
+// Returns the set of the Gaussians for which operation(is in a, is in b).
 template <class Operation>
 absl::StatusOr<GaussianSet> Combine(const GaussianSet& a, const GaussianSet& b,
                                     Operation operation) {
   if (a.member.size() != b.member.size()) {
     return absl::InvalidArgumentError(absl::StrCat("sets of ", a.member.size(), " and of ",
                                                    b.member.size(),
-                                                   " Gaussians: not of the same model"));
+                                                   " Gaussians do not belong to the same model"));
   }
   GaussianSet result;
   result.member.resize(a.member.size());

@@ -8,22 +8,23 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxNearPixels = 49'152;  // looked at around a mask
-constexpr double kMaxFarPixels = 16'384;   // and elsewhere
-constexpr int kMinMargin = 8;              // around a mask, pixels
+constexpr double kMaxNearPixels = 49'152;  // pixels that are looked at around a mask
+constexpr double kMaxFarPixels = 16'384;   // pixels that are looked at elsewhere, at most
+constexpr int kMinMargin = 8;              // width of the border around a mask, pixels
 
+// [left, right) x [top, bottom).
 struct PixelBox {
-  int left = 0, top = 0, right = 0, bottom = 0;  // half open
+  int left = 0, top = 0, right = 0, bottom = 0;
 
   bool Contains(int x, int y) const { return x >= left && x < right && y >= top && y < bottom; }
 };
 
 struct SampledPixels {
   std::vector<int32_t> pixels;  // y * width + x
-  std::vector<double> area;     // that each stands for
+  std::vector<double> area;     // pixels that each of them stands for
 };
 
-// The mask's box and a margin, since Gaussians on its border reach over it.
+// Returns the mask's bounding box with a margin, because Gaussians at its border reach beyond it.
 PixelBox BoxAround(const SegmentResult& result) {
   const int margin = std::max(kMinMargin, std::max(result.box[2], result.box[3]) / 8);
   return {std::max(0, result.box[0] - margin), std::max(0, result.box[1] - margin),
@@ -31,6 +32,7 @@ PixelBox BoxAround(const SegmentResult& result) {
           std::min(result.height, result.box[1] + result.box[3] + margin)};
 }
 
+// Returns the distance of the pixels of a grid that has at most about max_pixels.
 int StrideFor(int width, int height, double max_pixels) {
   return std::max(1,
                   static_cast<int>(std::ceil(std::sqrt(double{1} * width * height / max_pixels))));
@@ -56,7 +58,35 @@ SampledPixels ChoosePixels(const SegmentResult& result) {
   return chosen;
 }
 
+// Returns whether a point of the world projects into the image of a view.
+bool LooksAt(const ModelView& view, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d in_cam = view.cam_from_world * point;
+  if (in_cam.z() <= 0) return false;
+  const double x = view.camera.fx * in_cam.x() / in_cam.z() + view.camera.cx;
+  const double y = view.camera.fy * in_cam.y() / in_cam.z() + view.camera.cy;
+  return x >= 0 && x < view.camera.width && y >= 0 && y < view.camera.height;
+}
+
+// Appends the views in the middle of `num` equal parts of `from`, or all if there are fewer.
+void AppendSpread(const std::vector<const ModelView*>& from, size_t num,
+                  std::vector<ModelView>& to) {
+  num = std::min(num, from.size());
+  for (size_t i = 0; i < num; ++i) to.push_back(*from[(2 * i + 1) * from.size() / (2 * num)]);
+}
+
 }  // namespace
+
+std::vector<ModelView> VotingViews(std::span<const ModelView> views, const std::string& prompted,
+                                   const Eigen::Vector3d& center, size_t num) {
+  std::vector<const ModelView*> looking, others;
+  for (const ModelView& view : views) {
+    if (view.name != prompted) (LooksAt(view, center) ? looking : others).push_back(&view);
+  }
+  std::vector<ModelView> chosen;
+  AppendSpread(looking, num, chosen);
+  AppendSpread(others, num - chosen.size(), chosen);
+  return chosen;
+}
 
 absl::Status GaussianVotes::Add(const Segmenter& segmenter, const ModelView& view,
                                 const SegmentResult& result) {

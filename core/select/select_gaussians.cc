@@ -1,6 +1,7 @@
 #include "core/select/select_gaussians.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -10,19 +11,38 @@
 #include "core/select/gaussian_sets.h"
 #include "core/select/gaussian_votes.h"
 #include "core/select/mean_tree.h"
-#include "core/select/prompted_pixels.h"
-#include "core/select/voting_views.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kShownWeight = 0.1f;    // of a pixel: what has less is not what it shows
-constexpr double kFloaterShare = 0.02;  // of the largest part shown
+// Pixels around a point that a prompt points at: the clicked one may show a gap between Gaussians.
+constexpr double kPointRadius = 2;
+constexpr float kShownWeight = 0.1f;  // minimum blending weight in a pixel that shows a Gaussian
+// A floater has less than this share of the Gaussians of the largest part shown.
+constexpr double kFloaterShare = 0.02;
 constexpr size_t kMaxPromptedPixels = 16'384;
-constexpr int kSeenNeighbors = 8;
+constexpr int kSeenNeighbors = 8;  // that decide about a Gaussian that no view sees
 
-// Which Gaussians the prompt points at: [num_gaussians], the most that each adds to one of the
-// prompted pixels. Pixels outside the prompt's mask do not count, unless all are.
+// Visits a prompt: whether it points at a pixel.
+struct Pointing {
+  double x, y;    // centre of the pixel
+  int32_t pixel;  // y * width + x
+
+  bool operator()(const std::vector<PointPrompt>& points) const {
+    for (const PointPrompt& point : points) {
+      if (point.positive && std::hypot(point.x - x, point.y - y) <= kPointRadius) return true;
+    }
+    return false;
+  }
+  bool operator()(const BoxPrompt& box) const {
+    return x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height;
+  }
+  bool operator()(const BinaryMask& mask) const { return mask.pixels[pixel] != 0; }
+};
+
+// Returns how much the prompted pixels show of each Gaussian, [num_gaussians]: its largest blending
+// weight in one of them. Pixels outside the mask of the prompt do not count, unless all are
+// outside.
 absl::StatusOr<std::vector<float>> ShownWeights(const Segmenter& segmenter, const Prompt& prompt,
                                                 const BinaryMask& mask) {
   std::vector<int32_t> pixels = PromptedPixels(prompt, kMaxPromptedPixels);
@@ -39,18 +59,20 @@ absl::StatusOr<std::vector<float>> ShownWeights(const Segmenter& segmenter, cons
   return shown;
 }
 
+// A connected part of the members.
 struct Part {
-  int64_t size = 0;
-  bool shown = false;
+  int64_t size = 0;    // Gaussians
+  bool shown = false;  // in the prompted pixels
 };
 
+// Marks the largest part as shown.
 void MarkLargest(std::vector<Part>& parts) {
   std::max_element(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
     return a.size < b.size;
   })->shown = true;
 }
 
-// The members of the parts that stay.
+// Returns the members of the parts that are kept, see SelectGaussians. shown: see ShownWeights.
 GaussianSet KeepParts(const Gaussians& gaussians, const std::vector<int32_t>& members,
                       const std::vector<float>& shown, bool keep_disconnected) {
   GaussianSet kept = {std::vector<uint8_t>(static_cast<size_t>(gaussians.count))};
@@ -69,14 +91,14 @@ GaussianSet KeepParts(const Gaussians& gaussians, const std::vector<int32_t>& me
   for (const Part& part : parts) largest = std::max(largest, part.shown ? part.size : 0);
   for (size_t i = 0; i < members.size(); ++i) {
     const Part& part = parts[part_of[i]];
-    const bool floats =
+    const bool is_floater =
         static_cast<double>(part.size) < kFloaterShare * static_cast<double>(largest);
-    kept.member[members[i]] = (part.shown || keep_disconnected) && !floats ? 1 : 0;
+    kept.member[members[i]] = (part.shown || keep_disconnected) && !is_floater ? 1 : 0;
   }
   return kept;
 }
 
-// Decides those that no view saw.
+// Adds the Gaussians that no view sees if most of their nearest seen neighbours are in the set.
 void AddUnseen(const Gaussians& gaussians, const GaussianVotes& votes, GaussianSet& set) {
   const SetBounds bounds = BoundsOf(gaussians, set);
   if (bounds.empty()) return;
@@ -98,6 +120,7 @@ void AddUnseen(const Gaussians& gaussians, const GaussianVotes& votes, GaussianS
   }
 }
 
+// Segments a view, adds its votes, and returns its mask.
 absl::StatusOr<SegmentResult> AddVotes(const Segmenter& segmenter, const Query& query,
                                        const ModelView& view, GaussianVotes& votes) {
   ASSIGN_OR_RETURN(std::vector<SegmentResult> results, segmenter.Segment(query, {&view, 1}));
@@ -106,6 +129,24 @@ absl::StatusOr<SegmentResult> AddVotes(const Segmenter& segmenter, const Query& 
 }
 
 }  // namespace
+
+std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count) {
+  const int width = prompt.view.camera.width, height = prompt.view.camera.height;
+  std::vector<int32_t> pixels;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const Pointing points_at = {x + 0.5, y + 0.5, y * width + x};
+      if (std::visit(points_at, prompt.what)) pixels.push_back(points_at.pixel);
+    }
+  }
+  if (pixels.size() <= max_count) return pixels;
+  std::vector<int32_t> thinned;
+  thinned.reserve(max_count);
+  for (size_t i = 0; i < max_count; ++i) {
+    thinned.push_back(pixels[(2 * i + 1) * pixels.size() / (2 * max_count)]);
+  }
+  return thinned;
+}
 
 absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const SelectTask& task,
                                             absl::FunctionRef<absl::Status()> before_view) {

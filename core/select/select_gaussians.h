@@ -1,5 +1,9 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -13,22 +17,31 @@ inline constexpr int kDefaultVotingViews = 16;
 
 struct SelectTask {
   Prompt prompt;
-  Query query;  // what ResolvePrompt made of it
-  // That vote, >= 1: the prompt's, and the VotingViews around what its mask shows.
+  Query query;  // from ResolvePrompt
+  // Maximum number of views that vote, at least 1: the view of the prompt, and VotingViews around
+  // what its mask shows.
   int num_views = kDefaultVotingViews;
-  bool keep_disconnected = false;
+  bool keep_disconnected = false;  // keep parts that the prompted pixels do not show
 };
 
-// The Gaussians that a query means: those of which the views see more inside the masks of the query
-// than outside, see GaussianVotes. Of the parts that hang together (ConnectedParts) those are kept
-// that the prompted pixels show; the largest one, when they show none. With keep_disconnected so
-// are the others, but never floaters: parts of under 2 % of the Gaussians of the largest part
-// shown. A Gaussian that no view sees, as inside of things, goes with most of the 8 nearest seen
-// ones, where it lies within the box around the members.
+// Returns the pixels of its view that a prompt points at, y * width + x, ascending: those within 2
+// pixels of a positive point, those whose centre is in the box, or those of the mask. If there are
+// more than `max_count` (> 0), that many of them, spread evenly.
+std::vector<int32_t> PromptedPixels(const Prompt& prompt, size_t max_count);
+
+// Selects the Gaussians of a query in 3D (METHOD.md section 4, "Selection in 3D").
+// - Views vote: a Gaussian is a member if they see more of it inside the masks of the query than
+//   outside, see GaussianVotes.
+// - Of the ConnectedParts of the members, those are kept that the prompted pixels show, or the
+//   largest one if they show none. With keep_disconnected the others are kept as well. Floaters
+//   are never kept: parts with under 2 % of the Gaussians of the largest part shown.
+// - A Gaussian that no view sees, such as one inside an object, is added if it lies in the bounding
+//   box of the kept members, and most of the 8 nearest seen Gaussians in it are among them.
 //
-// The prompt's mask being empty, the set is empty. The same for any number of threads.
-// `before_view` is called before each view: an error returned (CANCELLED, say) ends it with that
-// error. Errors as Segmenter's, and INVALID_ARGUMENT for num_views < 1.
+// The set is empty if the mask in the prompt's view is empty. It does not depend on the number of
+// threads. Calls `before_view` before each view; an error that it returns (such as CANCELLED) ends
+// the selection with that error. INVALID_ARGUMENT: num_views < 1. Other errors are those of
+// Segmenter.
 absl::StatusOr<GaussianSet> SelectGaussians(const Segmenter& segmenter, const SelectTask& task,
                                             absl::FunctionRef<absl::Status()> before_view);
 

@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 
 class Cloud {
  public:
-  // Normal around (x, y), in the first two channels.
+  // Adds normally distributed points around (x, y), in the first two of the 32 numbers.
   void AddBlob(int count, double x, double y, double spread) {
     for (int i = 0; i < count; ++i) {
       Add(x + spread * normal_(random_), y + spread * normal_(random_));
@@ -86,7 +86,7 @@ TEST(Hdbscan, FollowsTwoMoons) {
   for (int i = 0; i < 200; ++i) EXPECT_EQ(clusters.labels[i], i % 2) << i;
 }
 
-// A large cluster of two that are closer to each other than to the third.
+// Two of three groups are closer to each other than to the third.
 TEST(Hdbscan, ChoosesTheMoreStableLevel) {
   const auto labels_with_gap = [](double gap) {
     Cloud cloud;
@@ -99,18 +99,18 @@ TEST(Hdbscan, ChoosesTheMoreStableLevel) {
   EXPECT_EQ(labels_with_gap(10), 3);
 }
 
-TEST(Hdbscan, OneClusterAloneIsNoise) {
+TEST(Hdbscan, LabelsASingleClusterAsNoise) {
   Cloud blob, ring;
   blob.AddBlob(200, 3, 4, 1);
   for (int i = 0; i < 64; ++i) ring.Add(std::cos(i * M_PI / 32), std::sin(i * M_PI / 32));
-  // Too large for two of them to be in 200 points.
+  // Two clusters of this size do not fit into 200 points.
   const HdbscanOptions options = {.min_cluster_size = 101, .min_samples = 5};
   EXPECT_THAT(HdbscanOnCpu(blob.points, options).labels, Each(kNoise));
   EXPECT_THAT(HdbscanOnCpu(ring.points, {.min_cluster_size = 10, .min_samples = 3}).labels,
               Each(kNoise));
 }
 
-TEST(Hdbscan, EqualPointsAreNoise) {
+TEST(Hdbscan, LabelsEqualPointsAsNoise) {
   const std::vector<float> points(100 * kFeatureSize, 0.5f);
   const Clusters clusters = HdbscanOnCpu(points, {});
   EXPECT_EQ(clusters.count, 0);
@@ -118,7 +118,7 @@ TEST(Hdbscan, EqualPointsAreNoise) {
   EXPECT_THAT(clusters.strengths, Each(0));
 }
 
-TEST(Hdbscan, TwoHeapsOfEqualPointsAreTwoClusters) {
+TEST(Hdbscan, SeparatesTwoHeapsOfEqualPoints) {
   Cloud cloud;
   for (int i = 0; i < 30; ++i) cloud.Add(i % 2, 0);
   cloud.Add(5, 0);
@@ -129,7 +129,7 @@ TEST(Hdbscan, TwoHeapsOfEqualPointsAreTwoClusters) {
   EXPECT_EQ(clusters.strengths[0], 1);
 }
 
-TEST(Hdbscan, AGroupBelowTheSizeIsNoise) {
+TEST(Hdbscan, LabelsGroupsBelowTheMinimumSizeAsNoise) {
   Cloud cloud;
   cloud.AddBlob(50, 0, 0, 0.2);
   cloud.AddBlob(50, 10, 0, 0.2);
@@ -140,9 +140,9 @@ TEST(Hdbscan, AGroupBelowTheSizeIsNoise) {
   EXPECT_EQ(HdbscanOnCpu(cloud.points, {.min_cluster_size = 19, .min_samples = 5}).count, 3);
 }
 
-// A point just between two clusters, tied to both at its core distance, is in neither: the order
-// of the points must not choose.
-TEST(Hdbscan, APointBetweenTwoClustersIsNoise) {
+// A point halfway between two clusters, as far from either as its core distance, is in neither: the
+// order of the points must not decide.
+TEST(Hdbscan, LabelsAPointBetweenTwoClustersAsNoise) {
   Cloud cloud;
   for (int i = 0; i < 10; ++i) cloud.Add(i % 5, i < 5 ? 0 : 1);
   cloud.Add(8, 0);
@@ -157,7 +157,7 @@ TEST(Hdbscan, APointBetweenTwoClustersIsNoise) {
 TEST(Hdbscan, DoesNotDependOnTheOrderOfThePoints) {
   Cloud cloud;
   for (int i = 0; i < 6; ++i) cloud.AddBlob(30, 4 * i, i % 3, 0.8);
-  for (float& value : cloud.points) value = std::round(4 * value) / 4;  // for equal distances
+  for (float& value : cloud.points) value = std::round(4 * value) / 4;  // makes distances equal
   const HdbscanOptions options = {.min_cluster_size = 8, .min_samples = 4};
   const Clusters want = HdbscanOnCpu(cloud.points, options);
   ASSERT_GT(want.count, 2);
@@ -192,7 +192,7 @@ TEST(Hdbscan, NumbersClustersByTheirFirstPoints) {
   EXPECT_EQ(seen, clusters.count);
 }
 
-TEST(Hdbscan, RowsWithoutAPlaceAreNoise) {
+TEST(Hdbscan, LabelsPointsThatAreNotFiniteAsNoise) {
   Cloud cloud;
   cloud.AddBlob(50, 0, 0, 0.2);
   cloud.AddBlob(50, 10, 0, 0.2);
@@ -206,7 +206,7 @@ TEST(Hdbscan, RowsWithoutAPlaceAreNoise) {
   EXPECT_EQ(got.labels, want.labels);
 }
 
-TEST(Hdbscan, OfTooFewPointsIsNoise) {
+TEST(Hdbscan, LabelsTooFewPointsAsNoise) {
   Cloud cloud;
   for (int count = 0; count < 10; ++count) {
     EXPECT_THAT(HdbscanOnCpu(cloud.points, {.min_cluster_size = 10, .min_samples = 5}).labels,
@@ -218,7 +218,7 @@ TEST(Hdbscan, OfTooFewPointsIsNoise) {
   }
 }
 
-TEST(Hdbscan, TakesPointsOfTheDevice) {
+TEST(Hdbscan, ClustersPointsInDeviceMemory) {
   Cloud cloud;
   cloud.AddBlob(50, 0, 0, 0.2);
   cloud.AddBlob(50, 10, 0, 0.2);
@@ -229,7 +229,7 @@ TEST(Hdbscan, TakesPointsOfTheDevice) {
   EXPECT_EQ(clusters->labels, HdbscanOnCpu(cloud.points, {}).labels);
 }
 
-TEST(Hdbscan, RefusesWhatMakesNoSense) {
+TEST(Hdbscan, RefusesBadOptionsAndSizes) {
   const auto message = [](const HdbscanOptions& options) {
     return std::string(Validate(options).message());
   };
@@ -244,7 +244,7 @@ TEST(Hdbscan, RefusesWhatMakesNoSense) {
   EXPECT_THAT(std::string(clusters.status().message()), HasSubstr("33"));
 }
 
-TEST(ClusterMeans, AreNormalisedAndWithoutNoise) {
+TEST(ClusterMeans, HaveLengthOneAndLeaveOutNoise) {
   Cloud cloud;
   cloud.Add(3, 0);
   cloud.Add(0, 4);

@@ -1,6 +1,6 @@
-// Labels that scikit-learn 1.9.1's HDBSCAN gave (algorithm="brute", and the same by "kd_tree"), up
-// to renaming. A file of tests/data/hdbscan: number of points, min_cluster_size, min_samples; then
-// a line a point: its label, and 32 coordinates in 1/8192.
+// Compares HDBSCAN with the labels of scikit-learn 1.9.1 (algorithm="brute"; "kd_tree" gave the
+// same), up to renaming. A file of tests/data/hdbscan has the number of points, min_cluster_size
+// and min_samples, then a line for each point: its label, and 32 coordinates in units of 1/8192.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -15,9 +15,9 @@
 namespace pepeseg {
 namespace {
 
-// Of the case "small": its core distance is the length of its edges to two clusters, at which these
-// part. scikit-learn removes one of the equal edges after the other and leaves the point to one of
-// the clusters, by the order of the points; here edges of one length go together, and it is noise.
+// A point of the case "small" between two clusters, which part at its core distance. scikit-learn
+// removes equal edges one after the other and leaves the point in one of the clusters, by the order
+// of the points; here edges of one length are removed together, and the point is noise.
 constexpr size_t kBetween = 80;
 
 struct Recorded {
@@ -49,7 +49,7 @@ INSTANTIATE_TEST_SUITE_P(ScikitLearn, RecordedLabelsTest,
                                            "grid"),
                          [](const auto& info) { return info.param; });
 
-TEST_P(RecordedLabelsTest, AreTheSameUpToRenaming) {
+TEST_P(RecordedLabelsTest, MatchUpToRenaming) {
   const Recorded recorded =
       ReadRecorded(std::filesystem::path(PEPESEG_TEST_DATA) / "hdbscan" / (GetParam() + ".txt"));
   const auto backend = MakeCpuBackend(2);

@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-// Directions in a plane, degrees, each with a length.
+// Returns directions in a plane, [n, 32]. rays: angle in degrees, and length.
 std::vector<float> Fan(const std::vector<std::pair<double, double>>& rays) {
   std::vector<float> sums;
   for (const auto& [degrees, length] : rays) {
@@ -23,30 +23,30 @@ std::vector<float> Fan(const std::vector<std::pair<double, double>>& rays) {
 
 const double kCosine20 = std::cos(20 * M_PI / 180);
 
-TEST(JoinPieces, JoinsWhatIsClose) {
+TEST(JoinPieces, JoinsCloseDirections) {
   EXPECT_EQ(JoinPieces(Fan({{0, 1}, {90, 1}, {10, 1}, {95, 2}, {180, 1}}), kCosine20),
             (std::vector<int32_t>{0, 1, 0, 1, 2}));
   EXPECT_EQ(JoinPieces(Fan({{0, 1}, {10, 1}}), 1), (std::vector<int32_t>{0, 1}));
   EXPECT_TRUE(JoinPieces({}, 0.5).empty());
 }
 
-TEST(JoinPieces, TheClosestGoFirstAndLengthsWeigh) {
-  // 15 and 29 are joined first, at 22: too far from 0.
+TEST(JoinPieces, JoinsTheClosestFirstAndWeighsByLength) {
+  // 15 and 29 degrees are joined first, at 22 degrees: too far from 0.
   EXPECT_EQ(JoinPieces(Fan({{0, 1}, {15, 1}, {29, 1}}), kCosine20),
             (std::vector<int32_t>{0, 1, 1}));
   EXPECT_EQ(JoinPieces(Fan({{0, 1}, {14, 100}, {33, 1}}), kCosine20),
             (std::vector<int32_t>{0, 0, 0}))
-      << "the heavy one keeps its place";
+      << "the heavy piece keeps its direction";
   EXPECT_EQ(JoinPieces(Fan({{0, 100}, {14, 1}, {33, 1}}), kCosine20),
             (std::vector<int32_t>{0, 0, 1}));
 }
 
-TEST(JoinPieces, ZerosAreJoinedToNothing) {
+TEST(JoinPieces, NeverJoinsZeros) {
   EXPECT_EQ(JoinPieces(Fan({{0, 0}, {0, 1}, {0, 0}, {0, 2}}), -1),
             (std::vector<int32_t>{0, 1, 2, 1}));
 }
 
-// The same, a joined pair at a time, all cosines anew.
+// Joins one pair at a time and computes all cosines again each time.
 std::vector<int32_t> JoinNaively(std::vector<float> sums, double join_cosine) {
   const size_t count = sums.size() / 32;
   std::vector<int32_t> to(count);
@@ -74,7 +74,7 @@ std::vector<int32_t> JoinNaively(std::vector<float> sums, double join_cosine) {
   }
 }
 
-TEST(JoinPieces, AgreesWithTheNaiveWay) {
+TEST(JoinPieces, AgreesWithANaiveImplementation) {
   std::mt19937 random(8);
   std::normal_distribution<float> normal;
   for (int round = 0; round < 5; ++round) {

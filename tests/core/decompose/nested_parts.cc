@@ -14,7 +14,7 @@ void SetFeature(std::vector<float>& features, size_t row, int part, std::mt19937
     feature[kLoneChannel] = 1;
     return;
   }
-  // Their jitter is small against what tells them apart.
+  // The noise is small compared with the differences between parts.
   for (int k = 0; k < 8; ++k) feature[k] = 0.01f * static_cast<float>(random() % 100) / 100;
   feature[part / 2] += 0.6f;
   feature[kFirstPartChannel + part] += 0.8f;
@@ -33,7 +33,8 @@ NestedParts MakeNestedParts() {
   model.gaussians = Gaussians::Zero(static_cast<int64_t>(count), 0);
   model.field.features.assign(32 * count, 0.0f);
   model.field.scale_quantiles = {1, 3};
-  for (int part = 0; part < 4; ++part) {  // psi falls from 0.98 at scale 0 to 0.02 at scale 1
+  // The gate of the part channels falls from 0.98 at scale 0 to 0.02 at scale 1.
+  for (int part = 0; part < 4; ++part) {
     model.field.gate[kFirstPartChannel + part] = -8;
     model.field.gate[32 + kFirstPartChannel + part] = 4;
   }

@@ -13,6 +13,8 @@
 namespace pepeseg {
 namespace {
 
+// A drawer over the synthetic scene. Mask m of view i has the scale 0.3 + 0.2 m + 0.01 i; part of
+// view 3 is ignored.
 struct Drawn {
   explicit Drawn(const FeatureOptions& options)
       : capture(testing::MakeSyntheticScene().capture), scales(capture.views.size()) {
@@ -34,7 +36,7 @@ struct Drawn {
   std::optional<BatchDrawer> drawer;
 };
 
-TEST(BatchDrawer, DrawsEachTrainingViewOnceARound) {
+TEST(BatchDrawer, DrawsEachTrainingViewOncePerRound) {
   Drawn drawn({.num_pixels = 10});
   int num_training = 0;
   for (const View& view : drawn.capture.views) num_training += view.held_out ? 0 : 1;
@@ -46,7 +48,7 @@ TEST(BatchDrawer, DrawsEachTrainingViewOnceARound) {
   }
 }
 
-TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
+TEST(BatchDrawer, DrawsOnlyPixelsUnderMasksThatAreNotIgnored) {
   Drawn drawn({.num_pixels = 200});
   for (int i = 0; i < 24; ++i) {
     const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
@@ -59,7 +61,7 @@ TEST(BatchDrawer, DrawsPixelsUnderMasksOnlyAndNoneIgnored) {
   }
 }
 
-TEST(BatchDrawer, SeesSmallMasksMoreOftenWhereMasksAreDrawn) {
+TEST(BatchDrawer, DrawsSmallMasksMoreOftenWithAMaskShare) {
   Drawn by_pixel({.num_pixels = 300, .mask_share = 0}),
       by_mask({.num_pixels = 300, .mask_share = 1});
   const auto share_of_smallest = [](Drawn& drawn) {
@@ -97,7 +99,7 @@ TEST(BatchDrawer, WeighsPixelsByTheAreaOfTheirMasks) {
   }
 }
 
-TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
+TEST(BatchDrawer, DrawsScalesFromBelowTheSmallestMaskToBeyondTheLargest) {
   Drawn drawn({.num_pixels = 4, .num_scales = 10});
   for (int i = 0; i < 50; ++i) {
     const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
@@ -106,7 +108,7 @@ TEST(BatchDrawer, ScalesSpanTheMasksAndBeyond) {
       EXPECT_GE(scale, 0);
       EXPECT_LE(scale, 1);
     }
-    // The smallest mask of the view, and not more.
+    // The last scale is below the smallest mask of the view.
     const double smallest = QuantileOfScale(drawn.field, 0.3 + 0.01 * batch.view + 1e-6);
     EXPECT_LE(batch.scales.back(), smallest + 1e-6);
     EXPECT_EQ(batch.labels.size(),
@@ -121,16 +123,17 @@ TEST(BatchDrawer, DrawsTheScalesOfFineMasksFirst) {
     const PixelBatch batch = drawn.drawer->Draw(drawn.drawer->Next());
     const std::vector<float>& scales = drawn.scales[batch.view];
     const float highest = *std::ranges::max_element(batch.scene_scales);
-    // At a third of the way 53 % of the masks take part, rounded up: not yet the largest.
+    // After a third of the fine steps 53 % of the masks take part, rounded up: not yet the largest.
     if (step < 17) {
       EXPECT_LE(highest, scales[scales.size() - 2]) << step;
     }
     if (step >= 50) num_beyond += highest > scales.back() ? 1 : 0;
   }
-  EXPECT_GT(num_beyond, 25);  // one scale of each is drawn from beyond the second largest mask
+  // One scale of each batch is drawn from beyond the second largest mask.
+  EXPECT_GT(num_beyond, 25);
 }
 
-TEST(BatchDrawer, RestoredAmongFineMasksDrawsTheSame) {
+TEST(BatchDrawer, DrawsTheSameAfterARestoreWhileFineMasksGoFirst) {
   const FeatureOptions options = {.num_steps = 40, .num_pixels = 4, .fine_first = 0.9};
   Drawn unbroken(options), resumed(options);
   for (int step = 0; step < 20; ++step) unbroken.drawer->Next();
@@ -141,7 +144,7 @@ TEST(BatchDrawer, RestoredAmongFineMasksDrawsTheSame) {
   }
 }
 
-TEST(BatchDrawer, FollowsItsSeed) {
+TEST(BatchDrawer, DependsOnItsSeedAlone) {
   Drawn a({.num_pixels = 30, .seed = 5}), b({.num_pixels = 30, .seed = 5});
   Drawn c({.num_pixels = 30, .seed = 6});
   bool differs = false;

@@ -12,7 +12,7 @@ namespace {
 using ::pepeseg::testing::kBlueBox;
 using ::pepeseg::testing::kRedBox;
 
-// Pixels of a view well inside one object.
+// Returns the pixels of a view whose 5x5 neighbourhood shows one object only. label 0: the table.
 std::vector<int32_t> Inside(const testing::PerceptionScene& scene, int view, int label) {
   const Camera& camera = scene.scene.capture.views[view].camera;
   const std::vector<uint8_t>& labels = scene.scene.labels[view];
@@ -36,7 +36,7 @@ class CrossViewTest : public ::testing::Test {
   int view_ = scene_.views[3].view;
 };
 
-TEST_F(CrossViewTest, SeesMostOfAnObjectUnderItsMaskElsewhere) {
+TEST_F(CrossViewTest, FindsMostOfAnObjectUnderMasksOfOtherViews) {
   const std::vector<int32_t> pixels = Inside(scene_, view_, kRedBox);
   ASSERT_GT(pixels.size(), 20u);
   int num_known = 0;
@@ -47,7 +47,7 @@ TEST_F(CrossViewTest, SeesMostOfAnObjectUnderItsMaskElsewhere) {
   EXPECT_GT(num_known, 0.9 * static_cast<double>(pixels.size()));
 }
 
-TEST_F(CrossViewTest, PutsAnObjectTogetherAndKeepsTwoApart) {
+TEST_F(CrossViewTest, JudgesOneObjectTogetherAndTwoObjectsApart) {
   const std::vector<int32_t> red = Inside(scene_, view_, kRedBox),
                              blue = Inside(scene_, view_, kBlueBox);
   ASSERT_GT(blue.size(), 20u);
@@ -60,7 +60,8 @@ TEST_F(CrossViewTest, PutsAnObjectTogetherAndKeepsTwoApart) {
     const CrossView::Verdict same = cross_view_.Judge(view_, a, b, scales),
                              other = cross_view_.Judge(view_, a, c, scales);
     EXPECT_TRUE(same.together == 7 || same.together == 0);
-    num_wrong += same.apart != 0 ? 1 : 0;  // splats overhang: a pixel misses the mask elsewhere
+    // Splats overhang the masks, so that a pixel may miss the mask of another view.
+    num_wrong += same.apart != 0 ? 1 : 0;
     EXPECT_EQ(other.together, 0u);
     EXPECT_TRUE(other.apart == 7 || other.apart == 0);
     num_judged += same.together != 0 && other.apart != 0 ? 1 : 0;
@@ -69,7 +70,7 @@ TEST_F(CrossViewTest, PutsAnObjectTogetherAndKeepsTwoApart) {
   EXPECT_LE(num_wrong, 2);
 }
 
-TEST_F(CrossViewTest, KeepsAnObjectApartFromWhatNoMaskCoversAndThatFromNothing) {
+TEST_F(CrossViewTest, KeepsAnObjectApartFromUncoveredPixelsAndIsSilentAmongThose) {
   const std::vector<int32_t> red = Inside(scene_, view_, kRedBox), table = Inside(scene_, view_, 0);
   const std::vector<float> scales = {0.01f, 10};
   int num_judged = 0;
@@ -86,7 +87,7 @@ TEST_F(CrossViewTest, KeepsAnObjectApartFromWhatNoMaskCoversAndThatFromNothing) 
   EXPECT_GE(num_judged, 3);
 }
 
-TEST_F(CrossViewTest, OneViewHasNoOthers) {
+TEST_F(CrossViewTest, KnowsNothingWithoutOtherViews) {
   scene_.views.resize(1);
   const CrossView alone(scene_.reprojection, scene_.views);
   const CrossView::Sight sight = alone.Look(scene_.views[0].view, scene_.views[0].pixels[0]);

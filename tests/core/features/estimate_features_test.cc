@@ -8,12 +8,12 @@
 namespace pepeseg {
 namespace {
 
-TEST(EstimateFeatures, BoundsATrainingFromAboveAndNotFarAbove) {
+TEST(EstimateFeatures, BoundsTheMemoryOfATrainingWithinAFactorOfTwoAndAHalf) {
   Capture capture =
       testing::MakeSyntheticScene({.num_points = 4000, .depth = DepthPrior::Kind::kDisparity})
           .capture;
   testing::DropMasks(capture);
-  // Wide enough that rows are about as long as the estimate supposes.
+  // Wide enough for blend rows about as long as the estimate assumes.
   const Gaussians gaussians = testing::PointGaussians(capture, 0.1f);
   for (const int steps_per_chunk : {5, 40}) {
     FeatureOptions options;
@@ -23,7 +23,7 @@ TEST(EstimateFeatures, BoundsATrainingFromAboveAndNotFarAbove) {
     const auto backend = MakeCpuBackend(2);
     ASSERT_OK(TrainFeatures(*backend, capture, gaussians, options,
                             [](const StepReport&) { return absl::OkStatus(); }));
-    // What a render of these takes is stage one's to estimate: here as it was.
+    // The sizes of a render, which stage one estimates: here those of this capture.
     const int64_t num_pixels = 96 * 72, num_tiles = 6 * 5;
     const ScratchSize scratch = {gaussians.count, 12 * gaussians.count, num_tiles, num_pixels};
     const auto bound =

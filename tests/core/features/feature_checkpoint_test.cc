@@ -13,7 +13,7 @@
 namespace pepeseg {
 namespace {
 
-// Chunks of 7 steps, centroids from step 24 on, every 5.
+// Chunks of 7 steps; centroids are refreshed every 5 steps from step 24 on.
 constexpr FeatureOptions kOptions = {.num_steps = 40,
                                      .num_pixels = 60,
                                      .num_background_pixels = 10,
@@ -47,7 +47,7 @@ FeatureCheckpoint CheckpointAt(int step) {
   return stage->Save().value();
 }
 
-// Through a file, as another process would.
+// Returns the checkpoint as another process would read it from a file.
 FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
   const testing::TempFolder folder;
   const std::filesystem::path path = folder.path() / "checkpoint";
@@ -59,11 +59,12 @@ FeatureCheckpoint WriteAndRead(const FeatureCheckpoint& checkpoint) {
   return *std::move(read);
 }
 
-TEST(FeatureCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
+TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
   ASSERT_OK_AND_ASSIGN(const FeatureField want, FinishFeatures(*unbroken, Go));
-  // At the start, within chunks and at their ends, about the first centroids, and at the end.
+  // At the start, within chunks and at their ends, around the first refresh of the centroids, and
+  // at the end.
   for (const int step : {0, 1, 6, 7, 8, 14, 23, 24, 25, 31, 39, 40}) {
     SCOPED_TRACE(step);
     const FeatureCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
@@ -78,7 +79,8 @@ TEST(FeatureCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
   }
 }
 
-// Windows of 504 steps; the second ends the falling whatever the loss does.
+// Windows of 500 steps (100 rounds of 5 training views). min_loss_fall is 1, so the loss counts as
+// converged after the second window, whatever it does.
 constexpr FeatureOptions kConverging = {.num_steps = 2000,
                                         .num_pixels = 12,
                                         .num_background_pixels = 4,
@@ -89,7 +91,7 @@ constexpr FeatureOptions kConverging = {.num_steps = 2000,
                                         .min_loss_fall = 1,
                                         .closing_share = 0.3};
 
-TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
+TEST(FeatureStage, LeavesOutStepsAfterConvergenceAlsoWhenResumed) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto unbroken,
                        FeatureStage::Create(*backend, Synthetic(), Points(), kConverging));
@@ -100,7 +102,7 @@ TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
                        }));
   const SkippedTerm& steps = unbroken->skipped().back();
   EXPECT_EQ(steps.term, "steps");
-  EXPECT_EQ(steps.step, 1000);  // 5 training views
+  EXPECT_EQ(steps.step, 1000);  // the end of the second window
   EXPECT_EQ(steps.saved_steps, 400);
   EXPECT_EQ(last.step, 1600);
   EXPECT_EQ(last.num_steps, 1600);
@@ -119,9 +121,9 @@ TEST(FeatureStage, StepsBehindConvergenceAreLeftOutAlsoWhereItGoesOn) {
   }
 }
 
-// Windows of 500 steps: fine masks go first in the first two of them, and the next is the first to
-// compare with.
-TEST(FeatureStage, LossesOfFineMasksSayNothingOfConvergence) {
+// Fine masks go first until step 700, that is in the first two windows of 500 steps. The third is
+// the first that counts, and the fourth the first that is compared.
+TEST(FeatureStage, JudgesConvergenceOnlyAfterFineMasksWentFirst) {
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kConverging;
   options.num_steps = 2800;
@@ -136,7 +138,7 @@ TEST(FeatureStage, LossesOfFineMasksSayNothingOfConvergence) {
   EXPECT_EQ(steps.saved_steps, 240);
 }
 
-TEST(FeatureStage, WithoutAShareAllStepsAreDone) {
+TEST(FeatureStage, DoesAllStepsWithoutAMinLossFall) {
   const auto backend = MakeCpuBackend(2);
   FeatureOptions options = kConverging;
   options.num_steps = 1200;
@@ -147,7 +149,7 @@ TEST(FeatureStage, WithoutAShareAllStepsAreDone) {
   EXPECT_EQ(stage->step(), 1200);
 }
 
-TEST(FeatureCheckpoint, SavingTwiceOnTheWayChangesNothing) {
+TEST(FeatureCheckpoint, IsTheSameWhenSavedAgainAfterResuming) {
   const FeatureCheckpoint first = CheckpointAt(30);
   EXPECT_FALSE(first.centroids.upper.empty() && first.centroids.lower.empty());
   const auto backend = MakeCpuBackend(2);
@@ -162,7 +164,7 @@ TEST(FeatureCheckpoint, SavingTwiceOnTheWayChangesNothing) {
   EXPECT_EQ(again.counters.steps_of_chunk, first.counters.steps_of_chunk);
 }
 
-TEST(FeatureCheckpoint, WhatDoesNotFitIsRefused) {
+TEST(FeatureCheckpoint, RefusesStatesThatDoNotFit) {
   const FeatureCheckpoint good = CheckpointAt(9);
   const auto backend = MakeCpuBackend(1);
   const auto resume = [&](const FeatureCheckpoint& checkpoint) {
@@ -192,7 +194,7 @@ TEST(FeatureCheckpoint, WhatDoesNotFitIsRefused) {
   EXPECT_STATUS(resume(bad), absl::StatusCode::kDataLoss, "centroids_lower has 3");
 }
 
-TEST(FeatureCheckpoint, AnUnknownOrMissingSectionIsRefused) {
+TEST(FeatureCheckpoint, RefusesUnknownAndMissingSections) {
   const FeatureCheckpoint checkpoint = CheckpointAt(3);
   std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   EXPECT_OK(FeatureCheckpointOf(sections));

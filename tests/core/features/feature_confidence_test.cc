@@ -16,7 +16,7 @@ using ::testing::FloatEq;
 constexpr int kSize = 40;
 constexpr float kUnseen = 0.005f;
 
-// From the origin along z, turned about y.
+// Returns a view from the origin along z, rotated by `angle` about y, all of it under a mask.
 View Looking(double angle) {
   View view;
   view.camera = {kSize, kSize, 40, 40, kSize / 2.0, kSize / 2.0};
@@ -25,7 +25,8 @@ View Looking(double angle) {
   return view;
 }
 
-// Ten views ahead and two back, and a Gaussian ahead, one behind and one above, which none shows.
+// Ten views look ahead and two back. There is a Gaussian ahead, one behind, and one above that no
+// view shows.
 struct Scene {
   Scene() {
     for (int i = 0; i < 10; ++i) capture.views.push_back(Looking(0.01 * i));
@@ -51,29 +52,29 @@ TEST(FeatureConfidence, GrowsWithTheViewsThatShowAGaussian) {
   EXPECT_THAT(scene.Confidence(2), ElementsAre(1, 1, kUnseen));
 }
 
-TEST(FeatureConfidence, OfFewViewsIsAShareOfThem) {
+TEST(FeatureConfidence, IsAShareOfTheViewsWhereThereAreFew) {
   Scene scene;
   EXPECT_THAT(scene.Confidence(64),
               ElementsAre(FloatEq(100.0f / 144), FloatEq(4.0f / 144), kUnseen));
 }
 
-TEST(FeatureConfidence, CountsNoViewThatTeachesNothing) {
+TEST(FeatureConfidence, IgnoresHeldOutViewsAndViewsWithoutMasks) {
   Scene scene;
   scene.capture.views[10].held_out = true;
   scene.capture.views[0].masks = {};
   EXPECT_THAT(scene.Confidence(64), ElementsAre(FloatEq(0.81f), FloatEq(0.01f), kUnseen));
 }
 
-TEST(FeatureConfidence, OfManyViewsIsAShareOfASixth) {
+TEST(FeatureConfidence, IsAShareOfASixthOfTheViewsWhereThereAreMany) {
   Scene scene;
   for (int i = 0; i < 36; ++i) scene.capture.views.push_back(Looking(0));
   EXPECT_THAT(scene.Confidence(1), ElementsAre(1, FloatEq(4.0f / 64), kUnseen));
 }
 
-TEST(FeatureConfidence, LooksAtNoMoreThanSixtyFourViews) {
+TEST(FeatureConfidence, CountsAtMostSixtyFourViews) {
   Scene scene;
   for (int i = 0; i < 244; ++i) scene.capture.views.insert(scene.capture.views.begin(), Looking(0));
-  // Every fourth of the 256: neither of the last two, which look back.
+  // Every fourth of the 256 views is counted: neither of the last two, which look back.
   EXPECT_THAT(scene.Confidence(64), ElementsAre(1, kUnseen, kUnseen));
 }
 

@@ -20,7 +20,8 @@ class PrepareFeaturesTest : public ::testing::Test {
     return *std::move(prepared);
   }
 
-  // Takes another mask of each of two views in three, so that most views still have each mask.
+  // Removes the mask number `view % 3` of each view, if there is one: most views still have each
+  // mask.
   void TakeMasks() {
     for (const int view : scene_.reprojection.views()) {
       const MaskSet masks = capture().views[view].masks;
@@ -64,14 +65,14 @@ TEST_F(PrepareFeaturesTest, CompletesMasksThatSomeViewsLack) {
   }
 }
 
-TEST_F(PrepareFeaturesTest, CompletesNothingWhenTurnedOff) {
+TEST_F(PrepareFeaturesTest, CompletesNoMasksWhenTurnedOff) {
   TakeMasks();
   const PreparedFeatures prepared = Prepare({.complete_masks = false});
   EXPECT_LT(prepared.mask_quality.value(), kCompleteBelow) << "measured all the same";
   EXPECT_EQ(NumCompleted(prepared), 0);
 }
 
-TEST_F(PrepareFeaturesTest, LeavesOutMasksThatStandAloneWhenAsked) {
+TEST_F(PrepareFeaturesTest, LeavesOutMasksUnderTheMinimumAgreement) {
   const int view = scene_.reprojection.views()[1];
   const MaskSet own = capture().views[view].masks;
   std::vector<BinaryMask> masks;

@@ -37,7 +37,7 @@ TEST(MaskAgreement, IsLowForAMaskThatStandsAlone) {
   const MaskAgreement& of_alone = agreements[0][2];
   EXPECT_EQ(of_alone.num_seen, 3);
   EXPECT_EQ(of_alone.num_same, 0);
-  // Best with one half: 0.2 x 0.8 of 0.6 x 1 and 0.8 x 0.8.
+  // The best IoU is with one half: 0.2 x 0.8 are shared of 0.6 x 1 and 0.8 x 0.8.
   EXPECT_NEAR(of_alone.iou, 0.16 / (0.6 + 0.64 - 0.16), 0.05);
   EXPECT_TRUE(StandsAlone(of_alone, 0.3));
   EXPECT_FALSE(StandsAlone(of_alone, 0));
@@ -54,8 +54,8 @@ TEST(MaskAgreement, CountsAViewThatLacksTheMaskAsDisagreement) {
   EXPECT_NEAR(agreements[3][0].iou, 1, 1e-6);
 }
 
-// What one view sees as one mask and the other as two may be a whole and its parts.
-TEST(MaskAgreement, IsTheShareOfAPartInItsWhole) {
+// A mask that another view has as two masks may be a whole of two parts: neither is wrong.
+TEST(MaskAgreement, IsTheIouOfAWholeWithItsLargestPart) {
   const WallCapture wall({{kBoth}, {kLeft, kRight}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   EXPECT_NEAR(agreements[0][0].iou, 0.6 / 1.6, 0.03);
@@ -77,7 +77,7 @@ TEST(MaskAgreement, DoesNotJudgeWhatOtherViewsDoNotSee) {
   EXPECT_NEAR(MaskQuality(wall.capture, agreements).value(), 1, 1e-6) << "left out of the mean";
 }
 
-TEST(MaskAgreement, IsUnknownWithOneView) {
+TEST(MaskAgreement, HasNoQualityWithOneView) {
   const WallCapture wall({{kLeft, kRight}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   ASSERT_EQ(agreements[0].size(), 2u);
@@ -85,7 +85,7 @@ TEST(MaskAgreement, IsUnknownWithOneView) {
   EXPECT_FALSE(MaskQuality(wall.capture, agreements).has_value());
 }
 
-TEST(MaskAgreement, IsUnknownWithoutMasks) {
+TEST(MaskAgreement, HasNoQualityWithoutMasks) {
   const WallCapture wall({{}, {}, {}});
   const MaskAgreements agreements = MeasureMaskAgreement(wall.capture, wall.reprojection);
   EXPECT_TRUE(agreements[0].empty());

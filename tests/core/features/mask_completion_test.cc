@@ -76,13 +76,13 @@ TEST(MaskCompletion, DoesNotSpreadAMaskWithoutAScale) {
   }
 }
 
-TEST(MaskCompletion, LeavesOneViewAndNoMasksAsTheyAre) {
+TEST(MaskCompletion, AddsNothingToASingleViewOrWithoutMasks) {
   const WallCapture one({{kLeft}}), none({{}, {}});
   EXPECT_TRUE(Complete(one, one.EqualScales(1))[0].added_scales.empty());
   EXPECT_TRUE(Complete(none, none.EqualScales(1))[0].added_scales.empty());
 }
 
-// Mean best IoU of a view's masks with the patches.
+// Returns the mean over views and patches of the best IoU of a patch with a mask of the view.
 double MeanRecall(const WallCapture& wall, std::span<const WallPatch> patches,
                   std::span<const CompletedMasks> completed) {
   double sum = 0;
@@ -119,8 +119,8 @@ TEST(MaskCompletion, RestoresMostOfThirtyPercentMissingMasks) {
   EXPECT_GT(MeanRecall(wall, all, completed), 0.95);
 }
 
-// Rendered geometry: edges of splats, and surfaces that hide each other.
-TEST(MaskCompletion, GivesBackMasksOfASceneTwiceTheSame) {
+// The depth is rendered here: splats overhang their masks, and surfaces hide each other.
+TEST(MaskCompletion, RestoresARemovedMaskAndIsDeterministic) {
   testing::PerceptionScene scene;
   Capture& capture = scene.scene.capture;
   const std::vector<MaskSet> whole = [&] {

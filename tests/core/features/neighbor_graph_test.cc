@@ -30,8 +30,8 @@ double Distance(const Gaussians& gaussians, int64_t a, int64_t b) {
   return std::sqrt(squares);
 }
 
-// On the grid many means are equal, and equally far.
-TEST(NearestNeighbors, AreTheNearestWithItselfFirst) {
+// On the grid many means are equal, and many distances.
+TEST(NearestNeighbors, ReturnsTheNearestWithTheGaussianItselfFirst) {
   for (const bool on_grid : {false, true}) {
     const Gaussians gaussians = RandomMeans(3000, on_grid);
     const std::vector<int32_t> neighbors = NearestNeighbors(gaussians, 16);
@@ -40,28 +40,28 @@ TEST(NearestNeighbors, AreTheNearestWithItselfFirst) {
       std::vector<double> all, got;
       for (int64_t j = 0; j < 3000; ++j) all.push_back(Distance(gaussians, i, j));
       std::partial_sort(all.begin(), all.begin() + 16, all.end());
-      std::vector<int32_t> row(neighbors.begin() + i * 16, neighbors.begin() + (i + 1) * 16);
-      EXPECT_EQ(row[0], i);
-      for (const int32_t j : row) got.push_back(Distance(gaussians, i, j));
+      std::vector<int32_t> own(neighbors.begin() + i * 16, neighbors.begin() + (i + 1) * 16);
+      EXPECT_EQ(own[0], i);
+      for (const int32_t j : own) got.push_back(Distance(gaussians, i, j));
       std::sort(got.begin(), got.end());
       for (int k = 0; k < 16; ++k) ASSERT_NEAR(got[k], all[k], 1e-6);
-      std::sort(row.begin(), row.end());
-      EXPECT_EQ(std::unique(row.begin(), row.end()), row.end());
+      std::sort(own.begin(), own.end());
+      EXPECT_EQ(std::unique(own.begin(), own.end()), own.end());
     }
   }
 }
 
-TEST(NearestNeighbors, FewGaussiansAreFilledUpWithThemselves) {
+TEST(NearestNeighbors, RepeatsTheGaussianItselfIfThereAreTooFew) {
   const std::vector<int32_t> neighbors = NearestNeighbors(RandomMeans(3, false), 5);
   for (int32_t i = 0; i < 3; ++i) {
-    const auto row = neighbors.begin() + i * 5;
-    EXPECT_EQ(*row, i);
-    EXPECT_EQ(std::count(row, row + 5, i), 3);
+    const auto own = neighbors.begin() + i * 5;
+    EXPECT_EQ(*own, i);
+    EXPECT_EQ(std::count(own, own + 5, i), 3);
   }
   EXPECT_TRUE(NearestNeighbors(Gaussians::Zero(0, 0), 5).empty());
 }
 
-TEST(NearestNeighbors, AreTheSameInEachRun) {
+TEST(NearestNeighbors, IsDeterministic) {
   const Gaussians gaussians = RandomMeans(5000, true);
   EXPECT_EQ(NearestNeighbors(gaussians, 8), NearestNeighbors(gaussians, 8));
 }

@@ -14,8 +14,9 @@ namespace {
 
 constexpr int kWidth = 120, kHeight = 100, kBorder = 60;
 
-// The left half near and red, the right half far and blue, each with a little unrest; the mask
-// covers the left half but for its upper rows, and its right border is the edge of depth.
+// Returns a view whose left half is near and red, and whose right half is far and blue, both with a
+// little noise. The only mask covers the lower part of the left half; its right border is an edge
+// of the depth.
 Capture TwoHalves() {
   Capture capture;
   View& view = capture.views.emplace_back();
@@ -26,12 +27,12 @@ Capture TwoHalves() {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool left = x < kBorder;
-      const auto unrest = static_cast<uint8_t>((7 * x + 13 * y) % 5);
+      const auto noise = static_cast<uint8_t>((7 * x + 13 * y) % 5);
       const uint8_t red = left ? 200 : 30, blue = left ? 30 : 200;
       for (const uint8_t c : {red, uint8_t{30}, blue}) {
-        view.photo.pixels.push_back(static_cast<uint8_t>(c + unrest));
+        view.photo.pixels.push_back(static_cast<uint8_t>(c + noise));
       }
-      view.depth.values.push_back((left ? 0.8f : 0.2f) + 0.001f * static_cast<float>(unrest));
+      view.depth.values.push_back((left ? 0.8f : 0.2f) + 0.001f * static_cast<float>(noise));
       mask.pixels.push_back(left && y >= 50 ? 1 : 0);
     }
   }
@@ -45,7 +46,7 @@ std::vector<int> AllViews(const Capture& capture) {
   return all;
 }
 
-// With masks of these scales, 1 away from the camera.
+// What PerceptionCues needs of a capture. The rendered depth is 1 everywhere.
 struct Prepared {
   Prepared(Capture of, const std::vector<std::vector<float>>& mask_scales)
       : capture(std::move(of)),
@@ -66,7 +67,8 @@ struct Prepared {
   std::vector<uint8_t> edges;
 };
 
-// Every third pixel: those under the mask first.
+// Returns a batch of every third pixel along either axis: pixels under the mask, labelled, then the
+// uncovered ones away from edges.
 PixelBatch GridBatch(const Prepared& prepared) {
   PixelBatch batch;
   batch.scales = {0.1f, 1.0f, 0.5f};
@@ -100,7 +102,7 @@ class PerceptionCuesTest : public ::testing::Test {
   Prepared prepared_ = Prepared(TwoHalves(), {{0.5f}});
 };
 
-TEST_F(PerceptionCuesTest, NearPixelsOfOneHalfAreSimilarAndOfTwoDissimilar) {
+TEST_F(PerceptionCuesTest, ListsPairsWithinAHalfAsSimilarAndAcrossAsDissimilar) {
   const PixelBatch batch = List(prepared_);
   ASSERT_EQ(batch.pairs.first.size(), batch.pixels.size() + 1);
   constexpr PairCues kSimilar = 0x7;
@@ -120,9 +122,9 @@ TEST_F(PerceptionCuesTest, NearPixelsOfOneHalfAreSimilarAndOfTwoDissimilar) {
   EXPECT_GT(num_dissimilar, 0);
 }
 
-TEST_F(PerceptionCuesTest, PairsAreNearAwayFromEdgesAndOneIsUnlabelled) {
+TEST_F(PerceptionCuesTest, ListsPairsWithinTheRadiusAwayFromEdgesWithOneUnlabelled) {
   const PixelBatch batch = List(prepared_);
-  // r(s) of the image; the mask's side is 55 px.
+  // r(s) by the image. The mask's side of 55 px does not reduce it.
   const float radii[] = {0.042f * kHeight, 0.15f * kHeight, 0.09f * kHeight};
   for (size_t p = 0; p < batch.pixels.size(); ++p) {
     for (int32_t e = batch.pairs.first[p]; e < batch.pairs.first[p + 1]; ++e) {
@@ -143,7 +145,7 @@ TEST_F(PerceptionCuesTest, PairsAreNearAwayFromEdgesAndOneIsUnlabelled) {
   }
 }
 
-TEST_F(PerceptionCuesTest, EachPairStandsBothWaysRoundAndSharesAddUp) {
+TEST_F(PerceptionCuesTest, ListsEachPairUnderBothPixelsWithSharesThatAddUp) {
   const PixelBatch batch = List(prepared_);
   std::map<std::pair<int32_t, int32_t>, PairCues> pairs;
   double similar_at_1 = 0;
@@ -158,7 +160,7 @@ TEST_F(PerceptionCuesTest, EachPairStandsBothWaysRoundAndSharesAddUp) {
   EXPECT_NEAR(batch.pairs.share[1] * similar_at_1, 1.0 / 3, 1e-6);
 }
 
-TEST_F(PerceptionCuesTest, WithoutUnlabelledPixelsThereAreNoPairs) {
+TEST_F(PerceptionCuesTest, ListsNoPairsWithoutUnlabelledPixels) {
   PixelBatch batch = GridBatch(prepared_);
   batch.pixels.resize(batch.num_labelled);
   const PerceptionCues cues(prepared_.capture, prepared_.cross_view, prepared_.views,
@@ -168,8 +170,8 @@ TEST_F(PerceptionCuesTest, WithoutUnlabelledPixelsThereAreNoPairs) {
   for (const float share : batch.pairs.share) EXPECT_EQ(share, 0);
 }
 
-// Both halves at one depth and of one colour: another view's masks alone tell them apart.
-TEST_F(PerceptionCuesTest, OtherViewsMasksHaveTheLastWord) {
+// Both halves have one depth and one colour; only the masks of another view tell them apart.
+TEST_F(PerceptionCuesTest, DropsSimilarPairsThatMasksOfOtherViewsKeepApart) {
   Capture capture = TwoHalves();
   View& view = capture.views[0];
   std::fill(view.depth.values.begin(), view.depth.values.end(), 0.5f);

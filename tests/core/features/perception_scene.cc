@@ -1,6 +1,5 @@
 #include "tests/core/features/perception_scene.h"
 
-#include "core/features/is_trained.h"
 #include "core/features/mask_scales.h"
 #include "core/render/frozen_scene.h"
 #include "tests/testing/point_gaussians.h"

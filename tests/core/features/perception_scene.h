@@ -10,7 +10,7 @@
 
 namespace pepeseg::testing {
 
-// The synthetic scene with depth priors, and what stage two knows of it before its first step.
+// The synthetic scene with depth priors, measured as stage two does before its first step.
 struct PerceptionScene {
   explicit PerceptionScene(SyntheticOptions options = {.num_views = 8,
                                                        .num_points = 4000,
@@ -18,7 +18,7 @@ struct PerceptionScene {
 
   SyntheticScene scene;
   Gaussians gaussians;
-  Reprojection reprojection;                    // of the trained views
+  Reprojection reprojection;                    // of the training views
   std::vector<std::vector<float>> mask_scales;  // by view
   std::vector<DrawableView> views;
 
@@ -26,7 +26,7 @@ struct PerceptionScene {
   std::vector<int> TrainedViews() const;
 };
 
-// Without its first mask in every other view.
+// Removes the first mask of every other view.
 void DropMasks(Capture& capture);
 
 }  // namespace pepeseg::testing

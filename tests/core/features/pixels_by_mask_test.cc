@@ -23,9 +23,9 @@ bool Covers(const MaskSet& masks, int mask, int32_t pixel) {
   return masks.Covers(mask, pixel % masks.width, pixel / masks.width);
 }
 
-class DrawnByMask : public ::testing::Test {
+class PixelsByMaskTest : public ::testing::Test {
  protected:
-  DrawnByMask() : capture_(testing::MakeSyntheticScene().capture) {
+  PixelsByMaskTest() : capture_(testing::MakeSyntheticScene().capture) {
     for (const View& view : capture_.views) {
       if (masks_ == nullptr || view.masks.num_masks > masks_->num_masks) masks_ = &view.masks;
     }
@@ -33,19 +33,19 @@ class DrawnByMask : public ::testing::Test {
   }
 
   Capture capture_;
-  const MaskSet* masks_ = nullptr;  // of the view with most of them
+  const MaskSet* masks_ = nullptr;  // of the view with the most masks
   std::vector<float> scales_;
   std::mt19937_64 random_{1};
 };
 
-TEST_F(DrawnByMask, PixelsOfMasksOnly) {
+TEST_F(PixelsByMaskTest, DrawsOnlyPixelsUnderMasks) {
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
   ASSERT_FALSE(by_mask.empty());
   for (int i = 0; i < 2000; ++i) EXPECT_NE(masks_->pixel_patch[by_mask.Draw(random_)], 0u);
 }
 
-// What each pixel should get: 1 / masks, shared by the pixels of each mask that covers it.
-TEST_F(DrawnByMask, EachMaskAsOftenAsAnyOther) {
+// A pixel is expected with the probability 1 / (masks * area), summed over the masks that cover it.
+TEST_F(PixelsByMaskTest, DrawsAllMasksEquallyOften) {
   ASSERT_GE(masks_->num_masks, 2);
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
   constexpr int kDraws = 40'000;
@@ -66,7 +66,7 @@ TEST_F(DrawnByMask, EachMaskAsOftenAsAnyOther) {
   }
 }
 
-TEST_F(DrawnByMask, NoneOfMasksWithoutAScale) {
+TEST_F(PixelsByMaskTest, SkipsMasksWithoutAScale) {
   std::fill(scales_.begin() + 1, scales_.end(), kNoScale);
   const PixelsByMask by_mask(*masks_, scales_, AllPixels(*masks_));
   for (int i = 0; i < 500; ++i) {
@@ -74,7 +74,7 @@ TEST_F(DrawnByMask, NoneOfMasksWithoutAScale) {
   }
 }
 
-TEST_F(DrawnByMask, NoneButThoseThatMayBeDrawn) {
+TEST_F(PixelsByMaskTest, DrawsOnlyFromTheGivenPixels) {
   std::vector<int32_t> some = AllPixels(*masks_);
   std::erase_if(some, [&](int32_t pixel) { return pixel % 3 != 0; });
   const PixelsByMask by_mask(*masks_, scales_, some);

@@ -29,7 +29,8 @@ Capture SmallCapture() {
   return testing::MakeSyntheticScene({.num_views = 6, .num_points = 1500}).capture;
 }
 
-// With all terms of the loss: priors, and masks that are missing in some views.
+// Returns a capture for which no part of the loss is skipped: it has depth priors, and some views
+// lack masks.
 Capture CaptureWithGaps() {
   Capture capture = testing::MakeSyntheticScene(
                         {.num_views = 6, .num_points = 1500, .depth = DepthPrior::Kind::kDisparity})
@@ -38,7 +39,7 @@ Capture CaptureWithGaps() {
   return capture;
 }
 
-TEST(TrainFeatures, SameBytesForAnyNumberOfThreads) {
+TEST(TrainFeatures, ReturnsTheSameBytesForAnyNumberOfThreads) {
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   ASSERT_OK_AND_ASSIGN(const FeatureField one,
@@ -53,7 +54,7 @@ TEST(TrainFeatures, SameBytesForAnyNumberOfThreads) {
   }
 }
 
-TEST(TrainFeatures, TheChunkSizeChangesNothing) {
+TEST(TrainFeatures, DoesNotDependOnTheChunkSize) {
   const Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto backend = MakeCpuBackend(2);
@@ -66,9 +67,9 @@ TEST(TrainFeatures, TheChunkSizeChangesNothing) {
   EXPECT_EQ(a.features, b.features);
 }
 
-// What a Gaussian's moments do in the steps that do not see it is made up for in one go: the same
-// but for rounding.
-TEST(TrainFeatures, MovingAllGaussiansInEachStepChangesNothing) {
+// A Gaussian that catches up with the steps that missed it is moved as if it had taken each of
+// them, except for rounding.
+TEST(TrainFeatures, MovesLazyGaussiansAsIfInEachStep) {
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto backend = MakeCpuBackend(2);
@@ -79,13 +80,13 @@ TEST(TrainFeatures, MovingAllGaussiansInEachStepChangesNothing) {
   ASSERT_OK_AND_ASSIGN(const FeatureField all,
                        TrainFeatures(*backend, capture, gaussians, options, Go));
   ASSERT_EQ(seen.features.size(), all.features.size());
-  EXPECT_NE(seen.features, all.features);  // it is another way
+  EXPECT_NE(seen.features, all.features);  // other operations
   for (size_t i = 0; i < seen.features.size(); ++i) {
     ASSERT_NEAR(seen.features[i], all.features[i], 2e-3f) << i;
   }
 }
 
-TEST(TrainFeatures, TellsHowFarEachFeatureIsToBeBelieved) {
+TEST(TrainFeatures, ReportsAConfidenceForEachFeature) {
   Capture capture = SmallCapture();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
   const auto backend = MakeCpuBackend(2);
@@ -93,18 +94,18 @@ TEST(TrainFeatures, TellsHowFarEachFeatureIsToBeBelieved) {
   ASSERT_OK_AND_ASSIGN(const FeatureField field,
                        TrainFeatures(*backend, capture, gaussians, options, Go));
   ASSERT_EQ(static_cast<int64_t>(field.confidence.size()), gaussians.count);
-  int64_t num_sure = 0, num_unsure = 0;
+  int64_t num_confident = 0, num_doubtful = 0;
   for (int64_t i = 0; i < gaussians.count; ++i) {
     const float* feature = &field.features[i * 32];
     if (std::all_of(feature, feature + 32, [](float f) { return f == 0; })) {
-      EXPECT_EQ(field.confidence[i], 1) << "of no feature, " << i;
+      EXPECT_EQ(field.confidence[i], 1) << "Gaussian " << i << " has no feature";
       continue;
     }
     EXPECT_GT(field.confidence[i], 0);
-    (field.confidence[i] == 1 ? num_sure : num_unsure) += 1;
+    (field.confidence[i] == 1 ? num_confident : num_doubtful) += 1;
   }
-  EXPECT_GT(num_sure, 100);
-  EXPECT_GT(num_unsure, 100);
+  EXPECT_GT(num_confident, 100);
+  EXPECT_GT(num_doubtful, 100);
   options.sure_views = 0;
   ASSERT_OK_AND_ASSIGN(const FeatureField alike,
                        TrainFeatures(*backend, capture, gaussians, options, Go));
@@ -139,9 +140,9 @@ TEST(TrainFeatures, LowersTheLossAndNormalisesFeatures) {
   EXPECT_GT(num_trained, 200);
 }
 
-// The whole stage. A pair whose cosine rounds to the other side of a threshold moves a loss by some
-// 3e-3 and may grow to 6e-2 at a single later step, with features of cosine 0.9999: so much 1e-7 to
-// 1e-5 of noise do on the CPU too.
+// Compares the whole stage. A pair whose cosine rounds to the other side of a threshold changes a
+// loss by about 3e-3, which may grow to 6e-2 at a single later step while the features still have a
+// cosine of 0.9999. Noise of 1e-7 to 1e-5 has the same effect on the CPU.
 TEST(TrainFeatures, OnCudaLearnsWhatTheCpuLearns) {
   const auto cuda = MakeCuda();
   if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
@@ -181,7 +182,7 @@ std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions&
   return lines;
 }
 
-TEST(FeatureStage, TellsWhichTermsItSkips) {
+TEST(FeatureStage, ReportsThePartsThatItSkips) {
   using Lines = std::vector<std::string>;
   EXPECT_EQ(SkippedOf(CaptureWithGaps(), kShort), Lines());
   EXPECT_EQ(SkippedOf(SmallCapture(), kShort),
@@ -194,7 +195,7 @@ TEST(FeatureStage, TellsWhichTermsItSkips) {
                                                           "perception: perception_weight is 0"}));
 }
 
-TEST(TrainFeatures, EndsWithTheErrorOfTheCallback) {
+TEST(TrainFeatures, ReturnsTheErrorOfTheCallback) {
   const Capture capture = SmallCapture();
   const auto stop = [](const StepReport& report) {
     return report.step < 3 ? absl::OkStatus() : absl::CancelledError("enough");
@@ -204,14 +205,14 @@ TEST(TrainFeatures, EndsWithTheErrorOfTheCallback) {
                 absl::StatusCode::kCancelled, "enough");
 }
 
-TEST(TrainFeatures, WithoutMasksIsAFailedPrecondition) {
+TEST(TrainFeatures, FailsWithoutMasks) {
   const Capture capture = testing::MakeSyntheticScene({.with_masks = false}).capture;
   EXPECT_STATUS(TrainFeatures(*MakeCpuBackend(1), capture, testing::PointGaussians(capture, 0.06f),
                               kShort, Go),
                 absl::StatusCode::kFailedPrecondition, "no training view has a mask");
 }
 
-TEST(Validate, FeatureOptionsNameTheField) {
+TEST(FeatureOptions, NameTheFieldThatIsOutOfRange) {
   EXPECT_OK(Validate(FeatureOptions()));
   EXPECT_STATUS(Validate(FeatureOptions{.num_steps = 0}), absl::StatusCode::kInvalidArgument,
                 "num_steps is 0");
@@ -231,8 +232,8 @@ TEST(Validate, FeatureOptionsNameTheField) {
                 "steps_per_chunk");
 }
 
-TEST(FrozenScene, DepthIsThatOfTheSurface) {
-  // One large opaque Gaussian, 3 in front of the camera.
+TEST(FrozenScene, RendersTheDepthOfASurface) {
+  // One large opaque Gaussian at depth 3.
   Capture capture;
   capture.points.push_back({Eigen::Vector3f(0, 0, 3), {200, 100, 50}});
   View view;

@@ -12,16 +12,16 @@ struct WallPatch {
   double x0, y0, x1, y1;
 };
 
-// Views of a wall at z = 2 by cameras that stand side by side, all of which see [-1, 1] x [-1, 1].
-// A pixel is 0.05 wide on the wall. patches: the masks of each view.
+// Views of a wall at z = 2 by cameras side by side. All of them see [-1, 1] x [-1, 1]; a pixel is
+// 0.05 wide on the wall. patches: the rectangles that each view has as masks.
 struct WallCapture {
   explicit WallCapture(const std::vector<std::vector<WallPatch>>& patches);
   WallCapture(const WallCapture&) = delete;
   WallCapture& operator=(const WallCapture&) = delete;
 
-  // Of the masks, as each view has them.
+  // Returns the same scale for each mask, by view and mask.
   std::vector<std::vector<float>> EqualScales(float scale) const;
-  // The mask that a view would have of a patch.
+  // Returns the mask that a view would have of a rectangle.
   BinaryMask MaskOf(int view, const WallPatch& patch) const;
 
   Capture capture;

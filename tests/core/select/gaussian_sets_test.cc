@@ -19,14 +19,14 @@ TEST(GaussianSets, CombineMemberByMember) {
   EXPECT_EQ(common.member, (Members{0, 0, 0, 1}));
 }
 
-TEST(GaussianSets, OfDifferentModelsAreRefused) {
+TEST(GaussianSets, AreRefusedIfOfDifferentModels) {
   const GaussianSet a = {{0, 1}}, b = {{1}};
   EXPECT_STATUS(Union(a, b), absl::StatusCode::kInvalidArgument, "sets of 2 and of 1 Gaussians");
   EXPECT_STATUS(Subtract(a, b), absl::StatusCode::kInvalidArgument, "same model");
   EXPECT_STATUS(Intersect(a, b), absl::StatusCode::kInvalidArgument, "same model");
 }
 
-TEST(BoundsOf, HoldTheMeansOfTheMembersOnly) {
+TEST(BoundsOf, EncloseTheMeansOfTheMembers) {
   Gaussians gaussians = Gaussians::Zero(3, 0);
   const float means[3][3] = {{1, -2, 3}, {-4, 5, 0.5f}, {100, 100, 100}};
   for (int i = 0; i < 3; ++i) {

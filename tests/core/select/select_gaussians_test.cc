@@ -15,9 +15,10 @@
 namespace pepeseg {
 namespace {
 
-absl::Status GoOn() { return absl::OkStatus(); }
+absl::Status Continue() { return absl::OkStatus(); }
 
-// Where most of a pixel is members: [height, width], 0 or 1.
+// Returns the pixels in which members have more than half of the blending weight, [height, width],
+// 0 or 1.
 std::vector<uint8_t> RenderBack(const Segmenter& segmenter, const ModelView& view,
                                 const GaussianSet& set) {
   std::vector<int32_t> pixels(static_cast<size_t>(view.camera.width) * view.camera.height);
@@ -42,7 +43,7 @@ class SelectTrainedTest : public ::testing::Test {
     ASSERT_OK_AND_ASSIGN(model_, testing::TrainModel(scene_));
     ASSERT_OK_AND_ASSIGN(segmenter_, Segmenter::Create(*backend_, model_));
   }
-  // A click on an object in a view.
+  // Returns the task of a click on an object in view v.
   absl::StatusOr<SelectTask> Click(size_t v, int label) const {
     SelectTask task;
     task.prompt.view = model_.views[v];
@@ -60,10 +61,10 @@ class SelectTrainedTest : public ::testing::Test {
   std::unique_ptr<Segmenter> segmenter_;
 };
 
-TEST_F(SelectTrainedTest, RenderedBackItIsTheMask) {
+TEST_F(SelectTrainedTest, RendersBackToTheMasks) {
   for (int label = 1; label <= testing::kNumObjects; ++label) {
     ASSERT_OK_AND_ASSIGN(const SelectTask task, Click(3, label));
-    ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, GoOn));
+    ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, Continue));
     double sum = 0;
     for (const ModelView& view : model_.views) {
       ASSERT_OK_AND_ASSIGN(const auto results, segmenter_->Segment(task.query, {&view, 1}));
@@ -75,25 +76,25 @@ TEST_F(SelectTrainedTest, RenderedBackItIsTheMask) {
   }
 }
 
-TEST_F(SelectTrainedTest, IsTheSameForAnyNumberOfThreads) {
+TEST_F(SelectTrainedTest, DoesNotDependOnTheNumberOfThreads) {
   ASSERT_OK_AND_ASSIGN(const SelectTask task, Click(3, testing::kGreenBall));
-  ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, GoOn));
+  ASSERT_OK_AND_ASSIGN(const GaussianSet set, SelectGaussians(*segmenter_, task, Continue));
   for (const int num_threads : {1, 5}) {
     const auto backend = MakeCpuBackend(num_threads);
     ASSERT_OK_AND_ASSIGN(const auto segmenter, Segmenter::Create(*backend, model_));
-    ASSERT_OK_AND_ASSIGN(const GaussianSet again, SelectGaussians(*segmenter, task, GoOn));
+    ASSERT_OK_AND_ASSIGN(const GaussianSet again, SelectGaussians(*segmenter, task, Continue));
     EXPECT_EQ(again.member, set.member) << num_threads;
   }
 }
 
-// Opaque cubes before one camera, of which it sees the front.
+// Opaque cubes in front of one camera, which sees only their front.
 class SelectCubesTest : public ::testing::Test {
  protected:
   SelectCubesTest() {
     model_.views = testing::FrontBlobs(kSize).views;
     model_.field.scale_quantiles = {1, 3};
   }
-  // `side`^3 opaque ones on a lattice that fills a cube with this centre, all of them touching.
+  // Adds side^3 opaque Gaussians on a lattice that fills a cube around `center`; all of them touch.
   void AddCube(const Eigen::Vector3f& center, int side, int channel) {
     const Gaussians before = model_.gaussians;
     const int64_t count = before.count + int64_t{side} * side * side;
@@ -144,7 +145,7 @@ int64_t CountIn(const GaussianSet& set, int64_t first, int64_t last) {
   return std::count(set.member.begin() + first, set.member.begin() + last, 1);
 }
 
-TEST_F(SelectCubesTest, TakesWhatTheClickShowsAndItsUnseenInside) {
+TEST_F(SelectCubesTest, SelectsThePartShownWithItsUnseenInside) {
   AddCube(left_, 8, 0);
   AddCube(right_, 8, 1);
   ASSERT_OK_AND_ASSIGN(const GaussianSet set, Select());
@@ -153,8 +154,8 @@ TEST_F(SelectCubesTest, TakesWhatTheClickShowsAndItsUnseenInside) {
   EXPECT_EQ(CountIn(set, 512, 1024), 0);
 }
 
-// Of 1.4 million pixels one in four is looked at around the mask, one in a hundred elsewhere.
-TEST_F(SelectCubesTest, IsTheSameInALargeView) {
+// Of 1.4 million pixels, one in four is looked at around the mask and one in a hundred elsewhere.
+TEST_F(SelectCubesTest, SelectsTheSameInALargeView) {
   constexpr int kLarge = 1200;
   AddCube(left_, 8, 0);
   AddCube(right_, 8, 1);
@@ -165,7 +166,7 @@ TEST_F(SelectCubesTest, IsTheSameInALargeView) {
   EXPECT_EQ(CountIn(set, 512, 1024), 0);
 }
 
-TEST_F(SelectCubesTest, KeepsWhatIsDisconnectedOnRequest) {
+TEST_F(SelectCubesTest, KeepsDisconnectedPartsOnRequest) {
   AddCube(left_, 6, 0);
   AddCube(right_, 6, 0);
   ASSERT_OK_AND_ASSIGN(const GaussianSet clicked, Select());
@@ -176,7 +177,7 @@ TEST_F(SelectCubesTest, KeepsWhatIsDisconnectedOnRequest) {
   EXPECT_EQ(all.count(), 432);
 }
 
-TEST_F(SelectCubesTest, RemovesFloatersAlways) {
+TEST_F(SelectCubesTest, AlwaysRemovesFloaters) {
   AddCube(left_, 8, 0);
   AddCube(right_, 1, 0);
   task_.keep_disconnected = true;
@@ -185,7 +186,7 @@ TEST_F(SelectCubesTest, RemovesFloatersAlways) {
   EXPECT_EQ(set.member[512], 0);
 }
 
-TEST_F(SelectCubesTest, AnEmptyMaskSelectsNothing) {
+TEST_F(SelectCubesTest, SelectsNothingForAnEmptyMask) {
   AddCube(left_, 4, 0);
   task_.query.threshold = 1;
   ASSERT_OK_AND_ASSIGN(const GaussianSet set, Select());
@@ -193,7 +194,7 @@ TEST_F(SelectCubesTest, AnEmptyMaskSelectsNothing) {
   EXPECT_EQ(num_views_, 1);
 }
 
-TEST_F(SelectCubesTest, AsksBeforeEachViewAndStopsWithTheError) {
+TEST_F(SelectCubesTest, CallsBackBeforeEachViewAndReturnsItsError) {
   AddCube(left_, 4, 0);
   for (const char* name : {"b", "c", "d"}) {
     model_.views.push_back(model_.views[0]);
@@ -207,6 +208,36 @@ TEST_F(SelectCubesTest, AsksBeforeEachViewAndStopsWithTheError) {
   EXPECT_STATUS(Select(), absl::StatusCode::kCancelled, "gone");
   task_.num_views = 0;
   EXPECT_STATUS(Select(), absl::StatusCode::kInvalidArgument, "num_views is 0");
+}
+
+// Returns a prompt in a view of 10 x 8 pixels, without what it points at.
+Prompt In10x8() {
+  Prompt prompt;
+  prompt.view.camera = {10, 8, 10, 10, 5, 4};
+  return prompt;
+}
+
+TEST(PromptedPixels, LieAroundPositivePoints) {
+  Prompt prompt = In10x8();
+  prompt.what = std::vector<PointPrompt>{{0.5, 0.5, true}, {8.5, 6.5, false}};
+  EXPECT_EQ(PromptedPixels(prompt, 100), (std::vector<int32_t>{0, 1, 2, 10, 11, 20}));
+}
+
+TEST(PromptedPixels, HaveTheirCentersInTheBox) {
+  Prompt prompt = In10x8();
+  prompt.what = BoxPrompt{-3, 1.4, 4.6, 1.2};  // to (1.6, 2.6)
+  EXPECT_EQ(PromptedPixels(prompt, 100), (std::vector<int32_t>{10, 11, 20, 21}));
+}
+
+TEST(PromptedPixels, AreThoseOfTheMaskThinnedOutEvenly) {
+  Prompt prompt = In10x8();
+  BinaryMask mask = {std::vector<uint8_t>(80)};
+  mask.pixels[7] = mask.pixels[79] = 1;
+  prompt.what = mask;
+  EXPECT_EQ(PromptedPixels(prompt, 100), (std::vector<int32_t>{7, 79}));
+  std::fill(mask.pixels.begin(), mask.pixels.end(), 1);
+  prompt.what = mask;
+  EXPECT_EQ(PromptedPixels(prompt, 4), (std::vector<int32_t>{10, 30, 50, 70}));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "core/select/voting_views.h"
+#include "core/select/gaussian_votes.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-// "0", "1", ... at z = 0; those in `away` look the other way.
+// Returns views named "0", "1", ... at the origin that look along z. Those in `away` look back.
 std::vector<ModelView> Views(int num, const std::vector<int>& away) {
   std::vector<ModelView> views(static_cast<size_t>(num));
   for (int i = 0; i < num; ++i) {
@@ -35,17 +35,17 @@ TEST(VotingViews, AreSpreadEvenly) {
   EXPECT_EQ(Names(VotingViews(Views(3, {}), "none", kAhead, 3)), (Chosen{"0", "1", "2"}));
 }
 
-TEST(VotingViews, NeverHoldThePromptsOwnNorMoreThanThereAre) {
+TEST(VotingViews, LeaveOutTheViewOfThePrompt) {
   EXPECT_EQ(Names(VotingViews(Views(3, {}), "1", kAhead, 16)), (Chosen{"0", "2"}));
   EXPECT_TRUE(VotingViews(Views(1, {}), "0", kAhead, 16).empty());
   EXPECT_TRUE(VotingViews(Views(5, {}), "0", kAhead, 0).empty());
 }
 
-TEST(VotingViews, ThoseThatLookAtItComeFirst) {
+TEST(VotingViews, PreferViewsThatHaveTheCenterInTheirImage) {
   const auto views = Views(6, {0, 2, 4, 5});
   EXPECT_EQ(Names(VotingViews(views, "none", kAhead, 2)), (Chosen{"1", "3"}));
   EXPECT_EQ(Names(VotingViews(views, "none", kAhead, 4)), (Chosen{"1", "3", "2", "5"}));
-  // 2.5 aside at depth 2 is 12.5 pixels from the middle: outside the image.
+  // 2.5 to the side at depth 2 is 12.5 pixels from the middle: outside the image.
   const Eigen::Vector3d aside(2.5, 0, 2);
   EXPECT_EQ(VotingViews(Views(2, {}), "none", aside, 2).size(), 2u);
 }

@@ -1,18 +1,18 @@
-#include "core/features/rate_fall.h"
+#include "core/features/feature_trainer.h"
 
 #include <gtest/gtest.h>
 
 namespace pepeseg {
 namespace {
 
-TEST(ShareOfFall, IsThatOfTheSteps) {
+TEST(ShareOfFall, GrowsEvenlyWithTheSteps) {
   EXPECT_EQ(ShareOfFall(0, 1000, {}), 0);
   EXPECT_EQ(ShareOfFall(250, 1000, {}), 0.25);
   EXPECT_EQ(ShareOfFall(1000, 1000, {}), 1);
 }
 
-TEST(ShareOfFall, GoesOnFromWhereItWasAndEndsWhereItWould) {
-  const LeftOutSteps left_out = {400, 450};  // 150 remain of 600
+TEST(ShareOfFall, FallsFasterWithoutAJumpAfterStepsAreLeftOut) {
+  const LeftOutSteps left_out = {400, 450};  // of the 600 steps after step 400, 150 remain
   EXPECT_EQ(ShareOfFall(400, 1000, left_out), 0.4);
   EXPECT_NEAR(ShareOfFall(401, 1000, left_out), 0.404, 1e-12);
   EXPECT_NEAR(ShareOfFall(475, 1000, left_out), 0.7, 1e-12);
@@ -23,7 +23,7 @@ TEST(ShareOfFall, GoesOnFromWhereItWasAndEndsWhereItWould) {
   }
 }
 
-TEST(ShareOfFall, IsOverWhereNothingRemains) { EXPECT_EQ(ShareOfFall(401, 1000, {400, 600}), 1); }
+TEST(ShareOfFall, IsOneWhereNoStepRemains) { EXPECT_EQ(ShareOfFall(401, 1000, {400, 600}), 1); }
 
 }  // namespace
 }  // namespace pepeseg
