@@ -75,7 +75,7 @@ absl::Status AtomicFile::Append(std::span<const uint8_t> bytes) {
 
 absl::Status AtomicFile::Commit() {
   if (::fsync(descriptor_) != 0) return Failed("cannot sync", path_);
-  // Network file systems report a failed write as late as here.
+  // Network file systems may report a failed write only when the file is closed.
   if (::close(std::exchange(descriptor_, -1)) != 0) return Failed("cannot close", path_);
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) return Failed("cannot rename to", path_);
   temporary_.clear();

@@ -7,12 +7,12 @@
 namespace pepeseg {
 namespace {
 
-constexpr uint32_t kPolynomial = 0x82f63b78;  // reflected
+constexpr uint32_t kPolynomial = 0x82f63b78;  // 0x1edc6f41 with its bits reversed
 
 using Tables = std::array<std::array<uint32_t, 256>, 8>;
 
-// tables[k][b]: the remainder of byte b followed by k zero bytes, so that eight bytes take eight
-// independent look-ups ("slicing by 8").
+// tables[k][b] is the remainder of byte b followed by k zero bytes. With it, eight bytes take eight
+// independent look-ups in place of a chain of eight ("slicing by 8": Kounavis and Berry, 2005).
 constexpr Tables MakeTables() {
   Tables tables{};
   for (uint32_t b = 0; b < 256; ++b) {

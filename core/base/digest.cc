@@ -14,8 +14,8 @@
 namespace pepeseg {
 namespace {
 
-// The calls fail only for want of memory or of the algorithm; a digest that failed must never look
-// like one.
+// Ends the process if an OpenSSL call failed. That happens only without memory or without the
+// algorithm, and a wrong digest must never be stored or compared.
 void RequireSuccess(int result) {
   if (result != 1) std::abort();
 }

@@ -13,7 +13,8 @@ namespace {
 
 constexpr size_t kMaxNameBytes = 1024;
 
-// Bytes of the UTF-8 sequence at the front of `text`; 0: not one.
+// Returns the length in bytes of the UTF-8 sequence at the front of `text`, or 0 if it is not
+// valid: overlong forms, surrogates and code points above U+10FFFF are not (RFC 3629).
 size_t Utf8SequenceLength(absl::string_view text) {
   const auto lead = static_cast<unsigned char>(text[0]);
   size_t length = 1;
@@ -38,6 +39,7 @@ bool IsUtf8(absl::string_view text) {
   return true;
 }
 
+// Returns the position of the suffix's dot, or the size of the name if it has no suffix.
 size_t SuffixStart(absl::string_view name) {
   const size_t slash = name.rfind('/');
   const size_t first = slash == absl::string_view::npos ? 0 : slash + 1;

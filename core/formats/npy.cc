@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/byte_reader.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/half.h"
 #include "core/formats/image_header.h"

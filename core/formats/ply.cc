@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/file_bytes.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {

@@ -9,7 +9,7 @@
 #include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
 #include "core/base/file_bytes.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/half.h"
 
