@@ -7,7 +7,6 @@
 #include "absl/status/statusor.h"
 #include "core/dataset/mask_files.h"
 #include "core/scene/capture.h"
-#include "core/scene/float_image.h"
 
 namespace pepeseg {
 

@@ -22,8 +22,8 @@
 #include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
 #include "core/formats/ply_points.h"
-#include "core/scene/normalize_depth.h"
-#include "core/scene/origin.h"
+#include "core/scene/camera.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
 namespace {

@@ -6,7 +6,6 @@
 #include "absl/status/statusor.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
-#include "core/scene/float_image.h"
 #include "core/scene/lens.h"
 #include "core/scene/mask_set.h"
 #include "core/scene/photograph.h"

@@ -10,7 +10,7 @@
 #include "core/cluster/hdbscan.h"
 #include "core/decompose/join_pieces.h"
 #include "core/decompose/visible_weights.h"
-#include "core/scene/gated_units.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "core/base/status_macros.h"
-#include "core/scene/pixel_grid.h"
+#include "core/scene/camera.h"
 
 namespace pepeseg {
 namespace {

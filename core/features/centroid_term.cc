@@ -8,7 +8,7 @@
 #include "core/base/status_macros.h"
 #include "core/features/cluster_agreement.h"
 #include "core/features/random_draws.h"
-#include "core/scene/gated_units.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 namespace {

@@ -8,7 +8,6 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/scene/capture.h"
-#include "core/scene/float_image.h"
 
 namespace pepeseg {
 

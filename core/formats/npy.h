@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "core/scene/float_image.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
 

@@ -16,7 +16,8 @@ struct ModelFacts {
   int num_distortion;
 };
 
-// By number, as COLMAP documents its models.
+// Indexed by LensModel. Names, parameters and formulas are those of COLMAP's camera models
+// (https://colmap.github.io/cameras.html).
 constexpr std::array<ModelFacts, kNumLensModels> kFacts = {{
     {"SIMPLE_PINHOLE", 1, 0},
     {"PINHOLE", 2, 0},
@@ -33,21 +34,22 @@ constexpr std::array<ModelFacts, kNumLensModels> kFacts = {{
 
 const ModelFacts& FactsOf(LensModel model) { return kFacts[static_cast<size_t>(model)]; }
 
-// Brown's decentring term.
+// Returns the decentring term of Brown's model (the tangential distortion of OpenCV).
 Vector2d Tangential(const Vector2d& p, double p1, double p2) {
   const double r2 = p.squaredNorm();
   const double xy = p.x() * p.y();
   return {2 * p1 * xy + p2 * (r2 + 2 * p.x() * p.x()), 2 * p2 * xy + p1 * (r2 + 2 * p.y() * p.y())};
 }
 
-// The ray's angle to the optical axis, as a vector in the ray's direction: what fisheye models
-// distort in place of the ray's slope.
+// Returns the ray's angle to the optical axis in radians, as the length of a vector in the ray's
+// direction. Fisheye models distort this vector, pinhole models the ray (x, y) itself, whose length
+// is the tangent of the angle.
 Vector2d AngleOf(const Vector2d& ray) {
   const double slope = ray.norm();
   return slope < 1e-12 ? ray : Vector2d(ray * (std::atan(slope) / slope));
 }
 
-// 1 + k1 q + k2 q^2 + ... at q = r^2.
+// Returns 1 + k1 q + k2 q^2 + ... at q = r2, the squared radius.
 double RadialFactor(double r2, std::initializer_list<double> coefficients) {
   double factor = 1;
   double power = 1;
@@ -55,6 +57,8 @@ double RadialFactor(double r2, std::initializer_list<double> coefficients) {
   return factor;
 }
 
+// Applies the FOV model (Devernay and Faugeras, 2001): r_d = atan(2 r tan(omega / 2)) / omega. The
+// small cases avoid 0 / 0 by the limits of the formula.
 Vector2d FieldOfView(const Vector2d& ray, double omega) {
   const double slope = ray.norm();
   const double reach = 2 * std::tan(omega / 2);
@@ -84,7 +88,7 @@ bool Lens::IsPinhole() const {
     case LensModel::kSimpleRadialFisheye:
     case LensModel::kRadialFisheye:
     case LensModel::kThinPrismFisheye:
-      return false;  // equidistant without any coefficient
+      return false;  // equidistant even if all coefficients are 0
     default:
       return std::all_of(distortion.begin(), distortion.end(), [](double k) { return k == 0; });
   }
@@ -144,7 +148,7 @@ Lens MakeLens(LensModel model, int width, int height, const double* parameters) 
 }
 
 absl::Status Validate(const Lens& lens) {
-  constexpr int kMaxSide = 32766;  // OpenCV resamples no larger ones
+  constexpr int kMaxSide = 32766;  // the limit of OpenCV's remap()
   constexpr double kMaxFocalInSides = 1000;
   if (lens.width < 1 || lens.height < 1 || lens.width > kMaxSide || lens.height > kMaxSide) {
     return absl::InvalidArgumentError(

@@ -10,12 +10,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Axes are swapped first, then mirrored.
+// How stored pixels become upright: the axes are swapped first, then mirrored.
 struct Turn {
   bool swap, mirror_x, mirror_y;
 };
 
-// By orientation, as EXIF 2.3 names the sides at which the stored first row and column are shown.
+// Indexed by orientation; 0 does not occur. The comments are EXIF 2.3's: the sides of the upright
+// photograph at which the first stored scanline and column are.
 constexpr Turn kTurns[] = {
     {},
     {false, false, false},  // 1: top, left
