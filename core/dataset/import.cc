@@ -21,7 +21,7 @@
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
-#include "core/formats/ply_points.h"
+#include "core/formats/ply.h"
 #include "core/scene/camera.h"
 #include "core/scene/capture.h"
 

@@ -15,14 +15,14 @@
 namespace pepeseg {
 namespace {
 
-// images.bin also holds every 2D point: 24 bytes each, thousands a view.
+// images.bin has 24 bytes for each 2D point, and thousands of those for each view.
 constexpr int64_t kMaxFileBytes = int64_t{16} << 30;
 
 bool AllFinite(const double* values, int count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
 }
 
-// Calls the parser of the form that the suffix of `name` says.
+// Reads the file and calls the parser for the suffix of `name`.
 template <class Result>
 absl::StatusOr<Result> ReadEither(const std::filesystem::path& path, const std::string& name,
                                   absl::StatusOr<Result> (*binary)(absl::string_view,
@@ -36,7 +36,8 @@ absl::StatusOr<Result> ReadEither(const std::filesystem::path& path, const std::
 }  // namespace
 
 absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& where) {
-  // COLMAP writes unit quaternions; a norm this far off is another quantity or damage.
+  // COLMAP writes unit quaternions. A norm far from 1 means that the file is damaged or that the
+  // numbers are not a quaternion.
   constexpr double kLeastNorm = 0.5;
   constexpr double kMostNorm = 2;
   constexpr double kMostDistance = 1e12;

@@ -9,7 +9,8 @@
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 
-// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
+// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian. A count
+// is checked against the size of the file before anything is allocated for it.
 namespace pepeseg {
 namespace {
 
@@ -19,6 +20,7 @@ struct CountLimits {
   int64_t most;
 };
 
+// Reads the count of records at the front of the file.
 absl::StatusOr<uint64_t> TakeCount(ByteReader& reader, const std::string& name,
                                    const CountLimits& limits) {
   const auto count = reader.Take<uint64_t>();
@@ -45,6 +47,7 @@ absl::Status CheckAllRead(const ByteReader& reader, const std::string& name) {
   return Refused(name, absl::StrCat(reader.remaining(), " bytes follow the last record"));
 }
 
+// Clamps a width or height to int; Validate(Lens) refuses the large ones.
 int ToSide(uint64_t side) {
   return static_cast<int>(std::min<uint64_t>(side, std::numeric_limits<int>::max()));
 }
@@ -106,8 +109,9 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesBinary(absl::string_view byt
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view bytes,
                                                           const std::string& name,
                                                           const Eigen::Vector3d& origin) {
-  constexpr uint64_t kTrackBytes = 8;                // image id, index of its 2D point
-  constexpr uint64_t kMaxTrack = uint64_t{1} << 40;  // more than any file: keeps the product whole
+  constexpr uint64_t kTrackBytes = 8;  // image id, index of its 2D point
+  constexpr uint64_t kMaxTrack =
+      uint64_t{1} << 40;  // more than any file holds; the product in bytes does not overflow
   ByteReader reader(bytes);
   ASSIGN_OR_RETURN(const uint64_t count, TakeCount(reader, name, {"points", 51, kMaxPoints}));
   std::vector<ScenePoint> points;

@@ -19,13 +19,14 @@ namespace {
 constexpr int64_t kMaxGaussians = 50'000'000;
 constexpr int kNoPlane = -1;  // a property that is written as 0
 
-// A property of the file and the plane that holds it.
+// A property of the file and the plane of Gaussians that holds it.
 struct Field {
   std::string name;
   int plane = kNoPlane;
 };
 
-// In the order in which 3DGS writes them.
+// Returns the properties in the order in which 3DGS writes them. The planes hold SH coefficients
+// interleaved by channel, the file holds them channel after channel.
 std::vector<Field> FieldsOf(int sh_degree) {
   const int num_rest = NumShCoefficients(sh_degree) - 1;
   std::vector<Field> fields;
@@ -46,6 +47,7 @@ std::vector<Field> FieldsOf(int sh_degree) {
   return fields;
 }
 
+// Means far from zero need doubles once the origin is added to them.
 bool IsDouble(const Field& field, const Eigen::Vector3d& origin) {
   return field.plane >= kMeanPlane && field.plane < kLogScalePlane && !origin.isZero(0);
 }
@@ -65,6 +67,7 @@ std::string HeaderOf(const std::vector<Field>& fields, int64_t count,
   return header + "end_header\n";
 }
 
+// Returns the SH degree that the number of f_rest properties implies.
 absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
   int num_rest = 0;
   while (vertices.Find(absl::StrCat("f_rest_", num_rest)) >= 0) ++num_rest;
@@ -92,7 +95,8 @@ size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origi
   return bytes;
 }
 
-// Rows first, first + 1, ... of the file, of the Gaussians index_of(row).
+// Encodes vertices first to first + count - 1 of the file, where vertex v is Gaussian index_of(v).
+// Goes plane by plane, because planes are contiguous in memory.
 template <typename IndexOf>
 std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
                        int64_t count, IndexOf index_of) {
@@ -117,7 +121,7 @@ std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin
   return block;
 }
 
-// Header and rows, piece by piece.
+// Passes the header and then the vertices to `append`, piece by piece.
 absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
                     absl::FunctionRef<absl::Status(std::string_view)> append) {
   constexpr int64_t kBlockRows = 4096;
@@ -130,7 +134,7 @@ absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
   return absl::OkStatus();
 }
 
-// 3DGS's layout is binary.
+// Opens the file and refuses text: the layout of 3DGS is binary.
 absl::StatusOr<PlyVertices> OpenGaussians(const std::filesystem::path& path,
                                           const std::string& name) {
   ASSIGN_OR_RETURN(PlyVertices vertices, OpenPly(path, name, kMaxGaussians));

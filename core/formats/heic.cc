@@ -16,10 +16,10 @@ namespace pepeseg {
 namespace {
 
 constexpr int kHeicJpegQuality = 95;
-// libheif counts the square of it: kMaxImagePixels.
+// libheif limits the number of pixels to the square of this, which is kMaxImagePixels.
 constexpr int kMaxHeicSide = 8000;
 static_assert(int64_t{kMaxHeicSide} * kMaxHeicSide == kMaxImagePixels);
-constexpr size_t kMaxHeicExifBytes = 60'000;  // of a JPEG's segment
+constexpr size_t kMaxHeicExifBytes = 60'000;  // fits in one segment of a JPEG
 
 struct HeicDeleter {
   void operator()(heif_context* context) const { heif_context_free(context); }
@@ -35,6 +35,8 @@ absl::Status CheckHeif(const heif_error& error, absl::string_view name) {
   return Refused(name, absl::StrCat("does not decode: ", error.message));
 }
 
+// Copies the decoded pixels without the padding of their scanlines, after comparing the size with
+// the header's.
 absl::StatusOr<Image> CopyPixels(const heif_image* decoded, const ImageHeader& header,
                                  absl::string_view name) {
   const int width = heif_image_get_width(decoded, heif_channel_interleaved);
@@ -54,9 +56,9 @@ absl::StatusOr<Image> CopyPixels(const heif_image* decoded, const ImageHeader& h
   return image;
 }
 
-// Empty where there is none, or more than a JPEG holds.
+// Returns the TIFF structure of the EXIF data; empty if there is none or it is too large.
 std::string ReadHeicExif(const heif_image_handle* handle) {
-  constexpr size_t kOffsetBytes = 4;  // before the data: where in them the TIFF structure begins
+  constexpr size_t kOffsetBytes = 4;  // a big-endian offset to the TIFF structure, from its own end
   heif_item_id id = 0;
   if (heif_image_handle_get_list_of_metadata_block_IDs(handle, "Exif", &id, 1) < 1) return "";
   const size_t size = heif_image_handle_get_metadata_size(handle, id);

@@ -15,8 +15,8 @@
 namespace pepeseg {
 namespace {
 
-// The next word, and the single white space behind it off the front of `bytes`; empty: there is no
-// such word.
+// Removes the next word and the single white space after it from the front of `bytes`. Returns an
+// empty word if the text has no white space or the word is too long.
 absl::string_view TakeWord(absl::string_view& bytes) {
   constexpr size_t kLongest = 32;
   size_t length = 0;
@@ -34,6 +34,7 @@ struct Header {
   bool big_endian = false;
 };
 
+// Removes the header from the front of `bytes`.
 absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& bytes) {
   const absl::string_view magic = TakeWord(bytes);
   if (magic == "PF") return Refused(name, "a PFM of three channels; depth has one (\"Pf\")");

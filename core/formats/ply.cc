@@ -14,6 +14,7 @@
 #include "core/base/file_bytes.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "core/formats/colmap.h"
 
 namespace pepeseg {
 namespace {
@@ -84,7 +85,8 @@ double LoadAs(PlyType type, const char* from) {
   return 0;
 }
 
-// The header's text up to and with "end_header\n", at the front of `bytes`; empty: none.
+// Returns the header at the front of `bytes`, up to and including "end_header\n", or an empty text
+// if it has no end.
 absl::string_view HeaderOf(absl::string_view bytes) {
   constexpr absl::string_view kEnd = "\nend_header\n";
   const size_t end = bytes.find(kEnd);
@@ -94,12 +96,11 @@ absl::string_view HeaderOf(absl::string_view bytes) {
 
 using Words = std::vector<absl::string_view>;
 
-// Takes the header line by line.
+// Parses the header line by line. Its methods return what is wrong, or an empty string.
 class HeaderParser {
  public:
   explicit HeaderParser(PlyVertices& vertices) : vertices_(vertices) {}
 
-  // An empty string: understood.
   std::string TakeLine(const Words& words) {
     if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
     if (words[0] == "format") return TakeFormat(words);
@@ -108,6 +109,7 @@ class HeaderParser {
     return absl::StrCat("the header has the line \"", words[0].substr(0, 40), " ...\"");
   }
 
+  // Checks what can only be known after the last line.
   std::string Finish() const {
     if (!has_format_) return "the header names no format";
     if (num_elements_ == 0) return "has no vertices";
@@ -120,7 +122,7 @@ class HeaderParser {
     has_format_ = true;
     vertices_.is_text = words.size() == 3 && words[1] == "ascii";
     if (vertices_.is_text || (words.size() == 3 && words[1] == "binary_little_endian")) return "";
-    return "its format is neither binary_little_endian nor ascii, which are those that are read";
+    return "its format must be binary_little_endian or ascii";
   }
 
   std::string TakeElement(const Words& words) {
@@ -136,7 +138,7 @@ class HeaderParser {
   std::string TakeProperty(const Words& words) {
     const std::optional<PlyType> type =
         words.size() == 3 ? TypeByName(words[1]) : std::optional<PlyType>();
-    if (!type) return "a property of its vertices is no single number of a known type";
+    if (!type) return "a property of its vertices is not a single number of a known type";
     if (vertices_.properties.size() >= kMaxProperties) return "has over 512 properties";
     if (vertices_.Find(words[2]) >= 0) return absl::StrCat("has two properties ", words[2]);
     vertices_.properties.push_back({std::string(words[2]), *type, vertices_.stride});
@@ -164,7 +166,8 @@ absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   return wrong.empty() ? absl::OkStatus() : Refused(vertices.name, wrong);
 }
 
-// Of a vertex: in text, a digit and what ends it for each property; the last may have no end.
+// Returns the smallest number of bytes that a vertex can have. In text that is a digit and a
+// separator for each property; the last vertex of the file may lack its line end.
 int64_t LeastBytes(const PlyVertices& vertices) {
   return vertices.is_text ? 2 * static_cast<int64_t>(vertices.properties.size()) : vertices.stride;
 }
@@ -182,7 +185,7 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
     file.getline(line.data(), line.size());
     if (file.bad()) return absl::InternalError(absl::StrCat(vertices.name, ": cannot be read"));
     const auto no_vertex = [&] {
-      return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is no ",
+      return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is not ",
                                                  vertices.properties.size(), " numbers"));
     };
     if (!file) return no_vertex();
@@ -262,6 +265,35 @@ absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn>
     }
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::path& path,
+                                                      const std::string& name,
+                                                      const Eigen::Vector3d& origin) {
+  constexpr const char* kNames[] = {"x", "y", "z", "red", "green", "blue"};
+  constexpr float kGrey = 128;
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxPoints));
+  std::vector<std::vector<float>> values(6);
+  std::vector<PlyColumn> columns;
+  for (int i = 0; i < 6; ++i) {
+    values[i].assign(static_cast<size_t>(vertices.count), kGrey);
+    const int property = vertices.Find(kNames[i]);
+    if (property >= 0) {
+      columns.push_back({property, values[i], i < 3 ? origin[i] : 0});
+    } else if (i < 3) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", kNames[i]));
+    }
+  }
+  RETURN_IF_ERROR(ReadColumns(vertices, columns));
+  std::vector<ScenePoint> points(static_cast<size_t>(vertices.count));
+  for (size_t row = 0; row < points.size(); ++row) {
+    for (int i = 0; i < 3; ++i) {
+      points[row].position[i] = values[i][row];
+      points[row].rgb[i] =
+          static_cast<uint8_t>(std::lround(std::clamp(values[3 + i][row], 0.0f, 255.0f)));
+    }
+  }
+  return points;
 }
 
 }  // namespace pepeseg
