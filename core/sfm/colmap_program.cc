@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kLastLines = 6;
 constexpr absl::Duration kVersionLimit = absl::Seconds(30);
 
-// The last lines that say something.
+// Appends lines that are not blank to `last` and keeps the newest kLastLines of them.
 void KeepLast(std::span<const std::string> lines, std::vector<std::string>& last) {
   for (const std::string& line : lines) {
     if (absl::StripAsciiWhitespace(line).empty()) continue;
@@ -24,7 +24,7 @@ void KeepLast(std::span<const std::string> lines, std::vector<std::string>& last
   }
 }
 
-// "COLMAP 3.8 -- Structure-from-Motion" is "COLMAP 3.8".
+// Returns "COLMAP 3.8" for the line "COLMAP 3.8 -- Structure-from-Motion", and nothing for others.
 std::string VersionOf(const std::string& line) {
   const size_t space = line.find(' ');
   if (!absl::StartsWith(line, "COLMAP") || space == std::string::npos) return "";
@@ -55,7 +55,7 @@ absl::StatusOr<ColmapProgram> ColmapProgram::Open(const std::string& name,
                                            return absl::OkStatus();
                                          });
   if (!asked.ok()) return NotThere(name, asked.message());
-  if (program.version_.empty()) return NotThere(name, "it does not tell COLMAP's version");
+  if (program.version_.empty()) return NotThere(name, "it does not report COLMAP's version");
   return program;
 }
 
@@ -65,8 +65,8 @@ absl::Status ColmapProgram::Run(const Command& command, absl::Time deadline,
   child.program = program_;
   child.arguments = {command.name};
   child.arguments.insert(child.arguments.end(), command.arguments.begin(), command.arguments.end());
-  // Its parts for a screen are initialised by all commands; its logs go where its output does, not
-  // to files of their own in /tmp.
+  // All commands initialise Qt, which needs a platform without a screen. glog writes to the output
+  // instead of to files in /tmp.
   child.environment = {"QT_QPA_PLATFORM=offscreen", "GLOG_logtostderr=1"};
   child.log = log_;
   child.time_limit = std::max(deadline - absl::Now(), absl::ZeroDuration());

@@ -24,7 +24,8 @@ namespace {
 
 constexpr size_t kLeastPhotographs = 3;
 
-// "walk_000123.jpg" as ("walk_", 123): how a person sorts.
+// A name split for sorting by number: "walk_000123.jpg" is ("walk_", "123"). Digits stay text, so
+// that long numbers do not overflow; shorter ones are smaller.
 struct NumberedName {
   std::string stem;
   std::string digits;  // without leading zeros
@@ -65,6 +66,7 @@ absl::Status MakeFolder(const std::filesystem::path& folder) {
   return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
 }
 
+// Writes the union of the photograph's ignore masks, with 0 for ignored pixels and 255 for others.
 absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
   const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
   Image mask{size.width, size.height, 1, {}};
