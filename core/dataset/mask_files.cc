@@ -16,6 +16,7 @@ namespace {
 
 constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
 
+// Checks the number of masks of one photograph.
 absl::Status CheckCount(absl::string_view name, size_t count) {
   if (count <= kMaxMasksOfView) return absl::OkStatus();
   return Refused(name, absl::StrCat("has ", count, " masks, the limit is ", kMaxMasksOfView));
@@ -27,6 +28,8 @@ absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const st
   return ParseSamMasks(text, name, photo);
 }
 
+// Reads a label image. Its masks do not overlap; one mask is made for each value except 0, in the
+// order of the values.
 absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const std::string& name,
                                        const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, name));
@@ -35,6 +38,7 @@ absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const 
   for (size_t i = 0; i < image.labels.size(); ++i) {
     if (image.labels[i] == 0) continue;
     pixels_of_label[image.labels[i]].push_back(static_cast<uint32_t>(i));
+    // Inside the loop: a photograph saved as a label image has a value for nearly each pixel.
     RETURN_IF_ERROR(CheckCount(name, pixels_of_label.size()));
   }
   MaskSetBuilder builder(photo.width, photo.height);

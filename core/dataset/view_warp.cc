@@ -14,7 +14,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Whether the lens maps a neighbourhood of the ray without folding it over.
+// Returns true if the lens maps a neighbourhood of the ray without folding it, that is, if the
+// Jacobian of the distortion (by central differences) has a positive determinant.
 bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
   const double step = 1e-6 * std::max(1.0, ray.norm());
   const Vector2d dx = lens.Distort(ray + Vector2d(step, 0)) - lens.Distort(ray - Vector2d(step, 0));
@@ -22,8 +23,10 @@ bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
   return dx.x() * dy.y() - dx.y() * dy.x() > 0;
 }
 
-// The slope up to which the lens model can be believed: polynomials turn back beyond the field of
-// view that they were fitted on, and would show the photograph's border a second time.
+// Returns the largest slope, the tangent of the angle to the axis, for which the lens model is
+// valid. Beyond the field of view that they were fitted to, distortion polynomials fold back, and
+// would show the border of the photograph a second time. `farthest` is the largest slope to look
+// at.
 double LargestSlope(const Lens& lens, double farthest) {
   constexpr int kNumDirections = 32;
   constexpr int kNumSteps = 400;
@@ -41,6 +44,7 @@ double LargestSlope(const Lens& lens, double farthest) {
   return largest;
 }
 
+// Returns the largest slope of the pinhole image, which is at a corner.
 double FarthestSlope(const Lens& lens) {
   double farthest = 0;
   for (const double x : {0.0, static_cast<double>(lens.width)}) {
@@ -51,8 +55,8 @@ double FarthestSlope(const Lens& lens) {
   return farthest;
 }
 
-// For every pixel of the photograph's frame as a pinhole's: where its centre lies in the
-// photograph, NaN where the photograph does not reach. [height, width, 2]
+// Returns [height, width, 2]: for each pixel of the uncropped pinhole image the position of its
+// centre in the photograph, or NaN if the photograph does not cover it.
 std::vector<float> SourcePlaces(const Lens& lens) {
   constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
   const double largest_slope = LargestSlope(lens, FarthestSlope(lens));
@@ -75,7 +79,7 @@ int Nearest(float place, int size) {
   return std::clamp(static_cast<int>(std::floor(place)), 0, size - 1);
 }
 
-// See ViewWarp::Depth. (x, y): from the map's corner, in its pixels.
+// Samples a depth map at (x, y), in its pixels from its corner, as ViewWarp::Depth describes.
 float Sample(const FloatImage& map, double x, double y) {
   const int nearest_x = Nearest(static_cast<float>(x), map.width);
   const int nearest_y = Nearest(static_cast<float>(y), map.height);
@@ -100,7 +104,9 @@ float Sample(const FloatImage& map, double x, double y) {
 
 }  // namespace
 
-// Cuts, again and again, the side with the largest share of pixels that are not covered.
+// Crops greedily: removes the row or column at the side with the largest share of uncovered pixels,
+// until all four sides are covered. The lens is one-to-one up to LargestSlope, so the covered area
+// has no holes, and the inside is covered as soon as its border is.
 ViewWarp::Frame ViewWarp::CoveredPart(const Lens& lens, const std::vector<float>& source) {
   int left = 0, top = 0, right = lens.width - 1, bottom = lens.height - 1;
   const auto uncovered = [&](int x0, int y0, int x1, int y1) {
@@ -189,10 +195,10 @@ ViewWarp ViewWarp::Restore(const Photograph& photograph, const Camera& camera) {
 
 Image ViewWarp::Photo(const Image& photo) const {
   const int type = CV_8UC(photo.channels);
-  // OpenCV only reads these, but has no const view of pixels.
+  // cv::Mat has no view of const memory; the calls below only read it.
   cv::Mat pixels(photo_height_, photo_width_, type, const_cast<uint8_t*>(photo.pixels.data()));
   if (!source_.empty()) {
-    // OpenCV counts places from the first pixel's centre, we from the image's corner.
+    // OpenCV's positions are relative to the centre of the first pixel, ours to the image's corner.
     cv::Mat places =
         cv::Mat(full_height_, full_width_, CV_32FC2, const_cast<float*>(source_.data())) -
         cv::Scalar(0.5, 0.5);
@@ -222,7 +228,7 @@ std::vector<uint8_t> ViewWarp::Ignore(const std::vector<uint8_t>& ignore) const 
               : static_cast<size_t>(Nearest(source_[2 * i + 1], photo_height_)) * photo_width_ +
                     Nearest(source_[2 * i], photo_width_);
       if (ignore[from] == 0) continue;
-      // Every pixel of the result that this one overlaps.
+      // Marks every pixel of the result that this one overlaps.
       const auto first_x = static_cast<int>(int64_t{x} * camera_.width / full_width_);
       const auto first_y = static_cast<int>(int64_t{y} * camera_.height / full_height_);
       const auto last_x = static_cast<int>((int64_t{x + 1} * camera_.width - 1) / full_width_);
@@ -266,7 +272,7 @@ Vector2d ViewWarp::PlaceInPhoto(int x, int y) const {
   if (source_.empty()) return full;
   const int full_x = static_cast<int>(full.x()), full_y = static_cast<int>(full.y());
   const float* source = &source_[2 * (static_cast<size_t>(full_y) * full_width_ + full_x)];
-  // Within one pixel the lens is a shift.
+  // Within one pixel, the lens is approximated by a translation.
   return Vector2d(source[0], source[1]) + full - Vector2d(full_x + 0.5, full_y + 0.5);
 }
 
