@@ -27,6 +27,7 @@ constexpr int kFileFlags = O_RDONLY | O_NONBLOCK | O_NOCTTY;
 // are moved to the top first.
 constexpr int kMaxRemovalDepth = 32;
 
+// Opens the path by openat2, which follows no link and does not leave the folder.
 int OpenByKernel(int folder, const fs::path& relative, int flags) {
   open_how how{};
   how.flags = static_cast<uint64_t>(flags) | O_CLOEXEC;

@@ -48,8 +48,8 @@ using ChildWatchFn = absl::FunctionRef<absl::Status(std::span<const std::string>
 // Runs a program until it ends and returns how it ended, whether well or not. Afterwards no process
 // of its group is left. Calls `watch` on the calling thread.
 //
-// The kernel kills the program when the calling thread ends (PR_SET_PDEATHSIG), also when this
-// process is killed; so call it from a thread that lives until it returns.
+// If this process is killed meanwhile, the kernel kills the program (PR_SET_PDEATHSIG). The
+// processes that the program has started are not killed then.
 //
 // Returns the error of `watch` if it returned one, after killing the group. DEADLINE_EXCEEDED: the
 // program ran for longer than its time limit. NOT_FOUND, INTERNAL: it could not be started.

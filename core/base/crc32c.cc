@@ -41,10 +41,11 @@ uint32_t Crc32c(std::span<const uint8_t> bytes, uint32_t crc) {
   for (; left >= 8; left -= 8, p += 8) {
     uint64_t word = 0;
     std::memcpy(&word, p, 8);
-    word ^= crc;
+    word ^= crc;  // the CRC so far belongs to the first four of these bytes
     crc = 0;
     for (size_t k = 0; k < 8; ++k) crc ^= kTables[7 - k][(word >> (8 * k)) & 0xff];
   }
+  // The last up to seven bytes, one by one.
   for (; left > 0; --left, ++p) crc = (crc >> 8) ^ kTables[0][(crc ^ *p) & 0xff];
   return ~crc;
 }

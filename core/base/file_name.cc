@@ -25,6 +25,8 @@ size_t Utf8SequenceLength(absl::string_view text) {
   }
   if (length < 3) return length;
   const auto second = static_cast<unsigned char>(text[1]);
+  // The second byte decides whether a shorter sequence would do, and whether the code point is a
+  // surrogate or above U+10FFFF.
   const bool overlong = (lead == 0xE0 && second < 0xA0) || (lead == 0xF0 && second < 0x90);
   const bool out_of_range = (lead == 0xED && second > 0x9F) || (lead == 0xF4 && second > 0x8F);
   return overlong || out_of_range ? 0 : length;
@@ -47,6 +49,8 @@ size_t SuffixStart(absl::string_view name) {
   return dot == absl::string_view::npos || dot <= first ? name.size() : dot;
 }
 
+// Returns the error for a name. Escapes it, because it may hold control characters, and shortens
+// it.
 absl::Status BadName(absl::string_view name, absl::string_view why) {
   return absl::InvalidArgumentError(
       absl::StrCat("file name \"", absl::CEscape(name.substr(0, kMaxNameBytes)), "\" ", why));

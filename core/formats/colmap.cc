@@ -47,6 +47,7 @@ absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& wher
   const Eigen::Quaterniond rotation(pose.rotation[0], pose.rotation[1], pose.rotation[2],
                                     pose.rotation[3]);
   const double norm = rotation.norm();
+  // Negated, so that a NaN fails, too.
   if (!(norm >= kLeastNorm && norm <= kMostNorm)) {
     return Refused(where, absl::StrCat("the rotation's quaternion has the norm ", norm));
   }
@@ -71,6 +72,7 @@ absl::Status AddImage(ColmapImage image, const ColmapPose& pose, const std::stri
                       std::vector<ColmapImage>& images) {
   const absl::Status valid = ValidateName(image.name);
   if (!valid.ok()) return Refused(where, valid.message());
+  // From here on errors name the image, not only its index.
   const std::string named = absl::StrCat(where, " (", image.name, ")");
   ASSIGN_OR_RETURN(image.cam_from_world, CheckedPose(pose, named));
   images.push_back(std::move(image));
@@ -88,6 +90,7 @@ absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
     if (rgb[i] < 0 || rgb[i] > 255) {
       return absl::InvalidArgumentError("the colour is not in 0 to 255");
     }
+    // The subtraction is in double: coordinates far from zero lose their digits in float.
     point.position[i] = static_cast<float>(xyz[i] - origin[i]);
     point.rgb[i] = static_cast<uint8_t>(rgb[i]);
   }
@@ -95,6 +98,7 @@ absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
   return absl::OkStatus();
 }
 
+// Only images need this check: AddCamera finds equal ids, and points have no names.
 absl::Status CheckUnique(const std::vector<ColmapImage>& images, const std::string& name) {
   std::set<uint32_t> ids;
   std::set<absl::string_view> names;

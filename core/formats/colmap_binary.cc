@@ -14,10 +14,11 @@
 namespace pepeseg {
 namespace {
 
+// What a file counts, for TakeCount.
 struct CountLimits {
   const char* what;
-  uint64_t smallest_record;  // bytes
-  int64_t most;
+  uint64_t smallest_record;  // bytes of the shortest possible record
+  int64_t most;              // limit of the count
 };
 
 // Reads the count of records at the front of the file.
@@ -37,11 +38,13 @@ absl::StatusOr<uint64_t> TakeCount(ByteReader& reader, const std::string& name,
   return count;
 }
 
+// Returns INVALID_ARGUMENT if the reader went past the end.
 absl::Status CheckRead(const ByteReader& reader, const std::string& where) {
   if (reader.ok()) return absl::OkStatus();
   return Refused(where, "the file is cut short");
 }
 
+// Returns INVALID_ARGUMENT if bytes follow the last record.
 absl::Status CheckAllRead(const ByteReader& reader, const std::string& name) {
   if (reader.remaining() == 0) return absl::OkStatus();
   return Refused(name, absl::StrCat(reader.remaining(), " bytes follow the last record"));
@@ -65,6 +68,7 @@ absl::StatusOr<ColmapCameras> ParseCamerasBinary(absl::string_view bytes, const 
     const auto width = reader.Take<uint64_t>();
     const auto height = reader.Take<uint64_t>();
     RETURN_IF_ERROR(CheckRead(reader, where));
+    // The model decides how many parameters follow.
     if (model < 0 || model >= kNumLensModels) {
       return Refused(where, absl::StrCat("unknown camera model ", model));
     }
@@ -126,6 +130,7 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view byte
     if (!reader.Skip(std::min(track_length, kMaxTrack) * kTrackBytes)) {
       return Refused(absl::StrCat(name, ": point ", i), "the file is cut short");
     }
+    // The name of the point is only made for an error: there may be 50 million points.
     const absl::Status added = AddPoint(xyz, origin, rgb, points);
     if (!added.ok()) return Refused(absl::StrCat(name, ": point ", i), added.message());
   }

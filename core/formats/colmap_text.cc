@@ -79,10 +79,12 @@ class Fields {
   bool ok_ = true;
 };
 
+// Returns "NAME: line N" for the line that was read last.
 std::string LineOf(const std::string& name, const Lines& lines) {
   return absl::StrCat(name, ": line ", lines.number());
 }
 
+// Checks the number of records read so far, because a text file does not declare it.
 absl::Status CheckLimit(size_t count, int64_t most, const std::string& name) {
   if (count < static_cast<size_t>(most)) return absl::OkStatus();
   return Refused(name, absl::StrCat("has more than ", most, " records"));

@@ -13,6 +13,7 @@
 namespace pepeseg {
 namespace {
 
+// A decoded image in OpenCV's order of channels: grey, BGR or BGRA.
 struct Decoded {
   ImageHeader header;
   cv::Mat pixels;
@@ -97,6 +98,7 @@ absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_v
                                   std::vector<uint8_t>* transparent) {
   ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   const bool has_alpha = decoded.pixels.type() == CV_8UC4;
+  // Other types are decoded again, because only imdecode() converts them all to 8-bit BGR.
   if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits
     ASSIGN_OR_RETURN(decoded,
                      Decode(bytes, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));

@@ -43,7 +43,7 @@ absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
     // cv::Mat has no view of const memory; the calls below only read it.
     cv::Mat pixels(image.height, image.width, CV_8UC(image.channels),
                    const_cast<uint8_t*>(image.pixels.data()));
-    cv::Mat bgr;
+    cv::Mat bgr;  // imencode() expects blue first
     if (image.channels == 1) bgr = pixels;
     if (image.channels == 3) cv::cvtColor(pixels, bgr, cv::COLOR_RGB2BGR);
     if (image.channels == 4) cv::cvtColor(pixels, bgr, cv::COLOR_RGBA2BGRA);

@@ -47,6 +47,7 @@ class Tiff {
   bool big_endian_ = false;
 };
 
+// Sets the fields of `camera` from the entries of one directory.
 void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
   const uint32_t count = tiff.Number(offset, 2);
   for (uint32_t i = 0; i < count; ++i) {
@@ -64,6 +65,7 @@ void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
         camera.model = tiff.Text(text, length);
         break;
       case kFocalLength:
+        // A rational number: two 32-bit integers at the offset.
         if (const uint32_t below = tiff.Number(value + 4, 4); below > 0) {
           camera.focal_length = static_cast<double>(tiff.Number(value, 4)) / below;
         }
@@ -96,6 +98,7 @@ ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
   ReadDirectory(tiff, main, camera);
   const uint32_t entry = FindEntry(tiff, kExifDirectory);
   const uint32_t exif = entry == 0 ? 0 : tiff.Number(entry + 8, 4);
+  // Focal lengths are in the second directory, maker and model in the main one.
   if (exif != 0) ReadDirectory(tiff, exif, camera);
   return camera;
 }

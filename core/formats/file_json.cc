@@ -49,6 +49,7 @@ class DepthLimiter {
 }  // namespace
 
 absl::StatusOr<json> ParseFileJson(absl::string_view text) {
+  // Parses twice: the first pass only measures, the second builds the document.
   DepthLimiter limiter;
   const bool parsed = json::sax_parse(text.begin(), text.end(), &limiter);
   if (limiter.too_deep()) {

@@ -52,6 +52,7 @@ bool IsDouble(const Field& field, const Eigen::Vector3d& origin) {
   return field.plane >= kMeanPlane && field.plane < kLogScalePlane && !origin.isZero(0);
 }
 
+// Returns the size of the property in the file.
 size_t BytesOf(const Field& field, const Eigen::Vector3d& origin) {
   return IsDouble(field, origin) ? sizeof(double) : sizeof(float);
 }
@@ -78,6 +79,7 @@ absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
       vertices.name, ": has ", num_rest, " properties f_rest; 0, 9, 24 or 45 are possible"));
 }
 
+// Returns INVALID_ARGUMENT if a quaternion is zero, because it cannot be normalised.
 absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name) {
   for (int64_t i = 0; i < gaussians.count; ++i) {
     bool zero = true;
@@ -89,6 +91,7 @@ absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name)
   return absl::OkStatus();
 }
 
+// Returns the size of a vertex in the file.
 size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origin) {
   size_t bytes = 0;
   for (const Field& field : fields) bytes += BytesOf(field, origin);
@@ -158,6 +161,7 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
   constexpr size_t kHeaderBytes = 2048;
   ply.reserve(kHeaderBytes + static_cast<size_t>(gaussians.count) * sizeof(float) *
                                  FieldsOf(gaussians.sh_degree).size());
+  // Cannot fail: appending to a string never does.
   [[maybe_unused]] const absl::Status status =
       Encode(gaussians, origin, [&ply](std::string_view bytes) {
         ply += bytes;
@@ -173,6 +177,7 @@ GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uin
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
   header_ = HeaderOf(fields, num_gaussians(), origin);
   row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, origin));
+  // Blocks end between vertices.
   rows_per_block_ = kMaxBlockBytes / row_bytes_;
 }
 
@@ -200,6 +205,7 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   const std::vector<Field> fields = FieldsOf(sh_degree);
   for (const Field& field : fields) {
     properties.push_back(vertices.Find(field.name));
+    // Normals (kNoPlane) are not needed.
     if (properties.back() < 0 && field.plane != kNoPlane) {
       return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", field.name));
     }

@@ -21,6 +21,7 @@ constexpr int kMaxHeicSide = 8000;
 static_assert(int64_t{kMaxHeicSide} * kMaxHeicSide == kMaxImagePixels);
 constexpr size_t kMaxHeicExifBytes = 60'000;  // fits in one segment of a JPEG
 
+// Frees the objects of libheif's C interface.
 struct HeicDeleter {
   void operator()(heif_context* context) const { heif_context_free(context); }
   void operator()(heif_image_handle* handle) const { heif_image_handle_release(handle); }
@@ -30,6 +31,7 @@ using HeicContext = std::unique_ptr<heif_context, HeicDeleter>;
 using HeicHandle = std::unique_ptr<heif_image_handle, HeicDeleter>;
 using HeicImage = std::unique_ptr<heif_image, HeicDeleter>;
 
+// Converts an error of libheif to INVALID_ARGUMENT.
 absl::Status CheckHeif(const heif_error& error, absl::string_view name) {
   if (error.code == heif_error_Ok) return absl::OkStatus();
   return Refused(name, absl::StrCat("does not decode: ", error.message));
@@ -77,6 +79,7 @@ std::string ReadHeicExif(const heif_image_handle* handle) {
 absl::StatusOr<HeicPhoto> DecodeHeic(std::span<const uint8_t> bytes, absl::string_view name) {
   ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(name, bytes));
   if (header.format != ImageFormat::kHeic) return Refused(name, "not a HEIC photograph");
+  // Limits libheif itself as well: the decoded size may differ from the header's.
   const HeicContext context(heif_context_alloc());
   heif_context_set_maximum_image_size_limit(context.get(), kMaxHeicSide);
   heif_context_set_max_decoding_threads(context.get(), 1);

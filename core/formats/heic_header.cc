@@ -56,7 +56,7 @@ struct Box {
 std::optional<Box> TakeBox(HeicBytes& bytes) {
   if (bytes.size() < 8) return std::nullopt;
   BoxReader reader(bytes);
-  uint64_t length = reader.Number(4);
+  uint64_t length = reader.Number(4);  // of the whole box
   Box box;
   box.type = std::string(bytes.begin() + 4, bytes.begin() + 8);
   reader.Number(4);
@@ -130,6 +130,7 @@ void Apply(const Box& property, HeicSize& size) {
 
 }  // namespace
 
+// The first box is "ftyp", whose body begins with the major brand.
 bool IsHeic(HeicBytes bytes) {
   constexpr std::array<absl::string_view, 7> kBrands = {"heic", "heix", "heim", "heis",
                                                         "hevc", "mif1", "msf1"};
@@ -155,6 +156,7 @@ absl::StatusOr<HeicSize> ReadHeicSize(HeicBytes bytes) {
   HeicBytes rest = *container;
   while (std::optional<Box> box = TakeBox(rest)) all.push_back(*std::move(box));
   HeicSize size;
+  // Properties apply in their order: a rotation after a crop swaps the cropped sides.
   for (const size_t index : PropertiesOf(*associations, PrimaryItem(*primary))) {
     if (index >= 1 && index <= all.size()) Apply(all[index - 1], size);
   }

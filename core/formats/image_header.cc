@@ -24,12 +24,14 @@ bool StartsWith(Bytes bytes, Bytes magic) {
   return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
 }
 
+// Returns true if the text `tag` is at offset `at`.
 bool HasTag(Bytes bytes, size_t at, absl::string_view tag) {
   return bytes.size() >= at + tag.size() &&
          std::equal(tag.begin(), tag.end(), bytes.begin() + static_cast<ptrdiff_t>(at),
                     [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
 }
 
+// Read a number of up to 4 bytes. The caller has checked that it is within the bytes.
 uint32_t BigEndian(Bytes bytes, size_t at, int num_bytes) {
   uint32_t value = 0;
   for (int i = 0; i < num_bytes; ++i) value = value << 8 | bytes[at + i];
@@ -50,6 +52,7 @@ absl::Status Malformed(absl::string_view format, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat("malformed ", format, " file: ", why));
 }
 
+// A size as the file declares it, before it is checked.
 struct Size {
   uint64_t width = 0;
   uint64_t height = 0;
@@ -61,6 +64,8 @@ struct Size {
 constexpr uint8_t kSof0 = 0xC0, kDht = 0xC4, kJpg = 0xC8, kDac = 0xCC, kSof15 = 0xCF;
 constexpr uint8_t kRst0 = 0xD0, kRst7 = 0xD7, kEoi = 0xD9, kSos = 0xDA, kTem = 0x01;
 
+// Returns true for SOF0 to SOF15. DHT, JPG and DAC are among their codes, but are not frame
+// headers.
 bool IsFrameHeader(uint8_t marker) {
   return marker >= kSof0 && marker <= kSof15 && marker != kDht && marker != kJpg && marker != kDac;
 }
@@ -157,6 +162,7 @@ absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
   return Malformed("WebP", "its first chunk is not a picture");
 }
 
+// Compares the size in the RIFF header with that of the file.
 absl::StatusOr<Size> WebpSize(Bytes bytes) {
   ASSIGN_OR_RETURN(const Size size, WebpHeaderSize(bytes));
   if (uint64_t{LittleEndian(bytes, 4, 4)} + 8 > bytes.size()) return CutShort("WebP");
@@ -178,6 +184,7 @@ absl::StatusOr<Size> SizeOf(ImageFormat format, Bytes bytes) {
   return WebpSize(bytes);
 }
 
+// Returns the format of a file that begins with these bytes.
 absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   if (StartsWith(bytes, kJpegMagic)) return ImageFormat::kJpeg;
   if (StartsWith(bytes, kPngMagic)) return ImageFormat::kPng;
@@ -186,6 +193,7 @@ absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   return absl::InvalidArgumentError("not a JPEG, PNG, WebP or HEIC image");
 }
 
+// Checks a declared size. Both sides are below 2^32, so the product does not overflow.
 absl::StatusOr<ImageHeader> CheckSize(ImageFormat format, const Size& size) {
   if (size.width == 0 || size.height == 0) return absl::InvalidArgumentError("an empty image");
   if (size.width * size.height > static_cast<uint64_t>(kMaxImagePixels)) {
@@ -341,6 +349,7 @@ absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name,
 
 absl::StatusOr<ImageHeader> ReadImageSize(const std::filesystem::path& path,
                                           absl::string_view name) {
+  // O_NONBLOCK: opening a FIFO must not wait for its other end.
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) {
     if (errno == ENOENT) return absl::NotFoundError(absl::StrCat(name, ": no such file"));

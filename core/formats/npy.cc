@@ -65,6 +65,7 @@ std::optional<Shape> ParseShape(absl::string_view text) {
   return shape;
 }
 
+// Checks the size of the array. The single comparisons keep the product from overflowing.
 absl::Status CheckShape(absl::string_view name, const Shape& shape) {
   if (shape.width == 0 || shape.height == 0) return Refused(name, "an empty array");
   if (shape.width > kMaxImagePixels || shape.height > kMaxImagePixels ||
@@ -89,6 +90,7 @@ Value Decode(Half value) {
   return FloatFromHalf(value.bits);
 }
 
+// Reads `count` values of type T. Returns false, before allocating, if too few bytes follow.
 template <class T, class Value>
 bool TakeValues(ByteReader& reader, size_t count, std::vector<Value>& values) {
   if (reader.remaining() / sizeof(T) < count) return false;

@@ -50,6 +50,7 @@ absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& byt
   return header;
 }
 
+// Returns the value at an index.
 float ValueAt(absl::string_view bytes, size_t index, bool big_endian) {
   uint32_t bits = 0;
   std::memcpy(&bits, bytes.data() + index * sizeof(bits), sizeof(bits));
@@ -73,6 +74,7 @@ absl::StatusOr<FloatImage> ParsePfm(absl::string_view name, absl::string_view by
   }
   FloatImage image{static_cast<int>(header.width), static_cast<int>(header.height), {}};
   image.values.reserve(header.width * header.height);
+  // The file has the bottom scanline first.
   for (size_t y = 0; y < header.height; ++y) {
     const size_t row = (header.height - 1 - y) * header.width;
     for (size_t x = 0; x < header.width; ++x) {

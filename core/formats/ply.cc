@@ -23,6 +23,7 @@ constexpr int64_t kMaxHeaderBytes = 64 << 10;
 constexpr size_t kMaxProperties = 512;
 constexpr size_t kMaxLineBytes = 16 << 10;
 
+// Each type has an old and a new name.
 struct TypeName {
   const char* name;
   PlyType type;
@@ -63,6 +64,7 @@ double Load(const char* from) {
   return static_cast<double>(value);
 }
 
+// Returns the number of that type at `from`, which need not be aligned.
 double LoadAs(PlyType type, const char* from) {
   switch (type) {
     case PlyType::kInt8:
@@ -152,6 +154,7 @@ class HeaderParser {
   int num_elements_ = 0;
 };
 
+// Parses the lines between "ply" and "end_header".
 absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   HeaderParser parser(vertices);
   std::vector<absl::string_view> lines = absl::StrSplit(header, '\n', absl::SkipWhitespace());
@@ -177,6 +180,7 @@ absl::Status NotFinite(const PlyVertices& vertices, int64_t vertex, const PlyPro
                  absl::StrCat("vertex ", vertex, ": ", property.name, " is not finite"));
 }
 
+// Reads the vertices of an ASCII file line by line, with a limit for the length of a line.
 absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
   std::ifstream file(vertices.path, std::ios::binary);
   file.seekg(vertices.data_offset);
@@ -232,6 +236,7 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
     return Refused(
         name, absl::StrCat("declares ", vertices.count, " vertices, the limit is ", max_vertices));
   }
+  // Before the caller allocates for the count.
   const int64_t least = LeastBytes(vertices);
   if (vertices.count > (size - vertices.data_offset + (vertices.is_text ? 1 : 0)) / least) {
     return Refused(
@@ -243,6 +248,7 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
 
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
   if (vertices.is_text) return ReadTextColumns(vertices, columns);
+  // Block by block, so that memory does not grow with the file.
   constexpr int64_t kBlockRows = 4096;
   std::ifstream file(vertices.path, std::ios::binary);
   file.seekg(vertices.data_offset);

@@ -79,6 +79,8 @@ std::vector<int64_t> CountsOf(const BinaryMask& mask, int width, int height) {
   return counts;
 }
 
+// Writes a number in digits of 5 bits, lowest first, like a signed LEB128. The highest bit of the
+// last digit is the sign.
 void AppendNumber(int64_t value, std::string& text) {
   bool more = true;
   while (more) {
@@ -90,6 +92,7 @@ void AppendNumber(int64_t value, std::string& text) {
   }
 }
 
+// Reads such a number at `position` and moves it on.
 absl::StatusOr<int64_t> TakeNumber(absl::string_view text, size_t& position) {
   int64_t value = 0;
   for (int i = 0; i < kMaxDigits && position < text.size(); ++i) {
@@ -158,6 +161,7 @@ absl::StatusOr<std::vector<uint32_t>> PixelsOfRuns(std::span<const int64_t> coun
     return absl::InvalidArgumentError(
         absl::StrCat("the runs cover ", total, " pixels of a ", width, "x", height, " image"));
   }
+  // The runs are down the columns; the indices are row-major.
   std::vector<uint32_t> pixels;
   pixels.reserve(static_cast<size_t>(area));
   int64_t position = 0;

@@ -8,6 +8,7 @@ namespace pepeseg {
 Eigen::Vector3d OriginOf(std::span<const Pose> cams_from_world) {
   constexpr double kFar = 100;  // in units of `spread`
   if (cams_from_world.empty()) return Eigen::Vector3d::Zero();
+  // The translation of world_from_cam is the camera's centre.
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Pose& pose : cams_from_world) middle += pose.Inverse().translation;
   middle /= static_cast<double>(cams_from_world.size());
@@ -29,6 +30,7 @@ Pose InWorld(const Eigen::Vector3d& origin, const Pose& cam_from_origin) {
   return RelativeTo(-origin, cam_from_origin);
 }
 
+// Takes the middle pixel of each cell of stride x stride pixels.
 std::vector<int32_t> GridPixels(const Camera& camera, double max_cells) {
   const double num_pixels = double{1} * camera.width * camera.height;
   const int stride = std::max(1, static_cast<int>(std::ceil(std::sqrt(num_pixels / max_cells))));

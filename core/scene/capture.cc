@@ -46,6 +46,7 @@ std::vector<float> NormalizeDepth(std::vector<float> values) {
   if (known.empty()) return {};
   const float low = Percentile(known, kLowPercentile);
   const float range = Percentile(known, kHighPercentile) - low;
+  // The two percentiles are equal, or a value is infinite.
   if (!(range > 0) || !std::isfinite(range)) return {};
   for (float& value : values) {
     if (!std::isnan(value)) value = std::clamp((value - low) / range, 0.0f, 1.0f);
@@ -53,6 +54,7 @@ std::vector<float> NormalizeDepth(std::vector<float> values) {
   return values;
 }
 
+// The maximum distance, not the mean, as in 3DGS.
 double SceneRadius(const Capture& capture) {
   constexpr double kMargin = 1.1;
   // A smaller share of the distance to the points gives next to no parallax.

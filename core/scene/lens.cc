@@ -10,6 +10,7 @@ namespace {
 
 using Eigen::Vector2d;
 
+// Name and numbers of parameters of a model. Two more parameters are the principal point.
 struct ModelFacts {
   const char* name;
   int num_focals;
@@ -94,6 +95,7 @@ bool Lens::IsPinhole() const {
   }
 }
 
+// Models with fewer coefficients have zeros in `distortion`, so they share the code of larger ones.
 Vector2d Lens::Distort(const Vector2d& ray) const {
   const auto& k = distortion;
   const double r2 = ray.squaredNorm();
@@ -136,6 +138,8 @@ Vector2d Lens::PinholeRay(const Vector2d& pixel) const {
   return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy};
 }
 
+// The order is focal lengths, principal point, distortion. With one focal length, num_focals - 1 is
+// 0, so fy equals fx.
 Lens MakeLens(LensModel model, int width, int height, const double* parameters) {
   const ModelFacts& facts = FactsOf(model);
   Lens lens{.model = model, .width = width, .height = height};
@@ -159,6 +163,8 @@ absl::Status Validate(const Lens& lens) {
                       std::all_of(lens.distortion.begin(), lens.distortion.end(),
                                   [](double k) { return std::isfinite(k); });
   if (!finite) return absl::InvalidArgumentError("a parameter is not finite");
+  // A focal length of 1000 times the image is a view of 0.06 degrees: not a camera, but a unit
+  // error.
   if (!(lens.fx > 0 && lens.fx <= most && lens.fy > 0 && lens.fy <= most)) {
     return absl::InvalidArgumentError(absl::StrCat("the focal length ", lens.fx, ", ", lens.fy,
                                                    " is outside of 0 to ", most, " pixels"));

@@ -21,7 +21,8 @@ double QuantileOfScale(const FeatureField& field, double scene_units) {
   const std::vector<float>& knots = field.scale_quantiles;
   if (knots.empty() || scene_units <= knots.front()) return 0;
   if (scene_units >= knots.back()) return 1;
-  // The first knot >= scene_units. The knot before it is smaller, so `high - low` is not 0.
+  // Here knots.front() < scene_units < knots.back(). The first knot >= scene_units. The knot before
+  // it is smaller, so `high - low` is not 0.
   const auto above = std::lower_bound(knots.begin(), knots.end(), scene_units);
   const double high = *above;
   const double low = *(above - 1);
@@ -40,6 +41,7 @@ double ScaleOfQuantile(const FeatureField& field, double quantile) {
                    position - static_cast<double>(low));
 }
 
+// METHOD.md section 3: the cosine of two features at a scale is the dot product of their units.
 std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
                               float scale) {
   float psi[kFeatureSize];

@@ -46,6 +46,7 @@ Vector2d Photograph::ToUpright(const Vector2d& stored) const {
   return place;
 }
 
+// Undoes the steps of ToUpright in reverse order.
 Vector2d Photograph::ToStored(const Vector2d& upright) const {
   const Turn& turn = kTurns[orientation];
   Vector2d place = upright;
@@ -61,6 +62,7 @@ absl::Status Validate(const Photograph& photograph) {
     return absl::InvalidArgumentError(
         absl::StrCat("the orientation ", photograph.orientation, " is outside of 1 to 8"));
   }
+  // Written as differences, so that the sums cannot overflow.
   const Lens& lens = photograph.lens;
   if (photograph.left < 0 || photograph.top < 0 || photograph.width < 1 || photograph.height < 1 ||
       photograph.width > lens.width - photograph.left ||

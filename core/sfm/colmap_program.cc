@@ -31,6 +31,7 @@ std::string VersionOf(const std::string& line) {
   return line.substr(0, line.find(' ', space + 1));
 }
 
+// Returns the error for a COLMAP that cannot be used, with all remedies.
 absl::Status NotThere(const std::string& name, absl::string_view why) {
   return absl::FailedPreconditionError(absl::StrCat(
       "there are no poses among the files, and COLMAP, which estimates them, cannot be run (", name,
@@ -76,6 +77,7 @@ absl::Status ColmapProgram::Run(const Command& command, absl::Time deadline,
                      return watch(lines);
                    }));
   if (end.exit_code == 0 && end.signal == 0) return absl::OkStatus();
+  // The mapper exits with a failure if it finds no model. JudgeModels explains that case better.
   const bool no_result = !command.no_result.empty() && end.signal == 0 && !last.empty() &&
                          absl::StrContains(last.back(), command.no_result);
   if (no_result) return absl::OkStatus();

@@ -57,6 +57,7 @@ std::string_view ColmapProgress::unit() const {
   return part_ == kMatching && by_blocks_ ? "pairs" : "photographs";
 }
 
+// Sums the work of the parts before the current one and the done share of the current one.
 double ColmapProgress::share() const {
   if (part_ == kNone) return 0;
   const double parts[] = {work_.extracting, work_.matching, work_.mapping};
@@ -69,6 +70,7 @@ double ColmapProgress::share() const {
 }
 
 void ColmapProgress::Reach(Part part, int64_t done, int64_t of) {
+  // Numbers of COLMAP may restart (a second model of the mapper), so steps are kept from falling.
   if (of <= 0 || part < part_) return;
   if (part > part_) step_ = 0;
   part_ = part;

@@ -53,6 +53,7 @@ struct Removal {
   const std::filesystem::path& folder;
 };
 
+// Returns the number of threads that extract features.
 int NumExtracting(int num_threads) {
   const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
@@ -120,6 +121,7 @@ absl::Status PoseEstimation::Report() {
   return on_progress_(report);
 }
 
+// Runs a command and reports its progress. Explains a timeout in terms of the options.
 absl::Status PoseEstimation::Run(const ColmapProgram::Command& command) {
   absl::Status status =
       program_->Run(command, deadline_, [this](std::span<const std::string> lines) {
@@ -161,6 +163,8 @@ absl::Status PoseEstimation::ExtractFeatures() {
   return JudgeFeatures(Evidence(), options_);
 }
 
+// By default, frames of a video are matched sequentially, and numbered photographs as well if there
+// are too many to compare all pairs.
 bool PoseEstimation::MatchesSequentially() const {
   if (options_.matching != SfmMatching::kByCapture) {
     return options_.matching == SfmMatching::kSequential;
@@ -194,8 +198,8 @@ absl::Status PoseEstimation::Map() {
   const std::filesystem::path models = places_.work / "models";
   std::error_code error;
   std::filesystem::create_directory(models, error);
-  // min_model_size: by default COLMAP drops small models, but JudgeModels needs them to find a
-  // second place.
+  // random_seed: RANSAC is repeatable with one thread. min_model_size: by default COLMAP drops
+  // small models, but JudgeModels needs them to find a second place.
   const Words words = {
       "--random_seed",        "1",       "--database_path",         Database(),
       "--image_path",         Images(),  "--output_path",           models.string(),
@@ -205,6 +209,7 @@ absl::Status PoseEstimation::Map() {
   return JudgeModels(Evidence(), options_);
 }
 
+// Collects what is known so far, with the owner's names in place of COLMAP's.
 SfmEvidence PoseEstimation::Evidence() const {
   SfmEvidence evidence;
   std::map<std::string, size_t> index;
@@ -228,6 +233,7 @@ SfmEvidence PoseEstimation::Evidence() const {
   return evidence;
 }
 
+// Writes the result. The manifest comes last: without it ReadEstimatedPoses returns NOT_FOUND.
 absl::Status PoseEstimation::KeepLargestModel() {
   std::map<std::string, std::string> names;
   for (size_t i = 0; i < photographs_.size(); ++i) names[safe_names_[i]] = photographs_[i].name;

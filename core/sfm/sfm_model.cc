@@ -88,6 +88,7 @@ absl::StatusOr<std::vector<SfmModel>> ReadSfmModels(const std::filesystem::path&
   std::vector<SfmModel> models;
   std::error_code error;
   std::filesystem::directory_iterator entry(folder, error);
+  // The mapper numbers the folders of its models: 0, 1, ...
   for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
     std::error_code ignored;
     if (!std::filesystem::exists(entry->path() / "images.bin", ignored)) continue;
@@ -117,6 +118,7 @@ absl::Status CopyRenamed(const SfmModel& model, const std::map<std::string, std:
   const std::filesystem::path path = model.folder / "images.bin";
   ASSIGN_OR_RETURN(const std::string bytes, ReadBytes(path));
   ASSIGN_OR_RETURN(const std::vector<NameSpan> spans, FindNames(bytes, path));
+  // Copies everything between the names as it is: records have no lengths or offsets to adjust.
   std::string renamed;
   size_t copied = 0;
   for (const NameSpan& span : spans) {

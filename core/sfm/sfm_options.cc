@@ -14,6 +14,7 @@ constexpr double kMatchingSeconds = 0.3;  // for each pair with `kFeatures` feat
 constexpr double kFeatures = 3000;
 constexpr double kMappingSeconds = 0.7;  // for each photograph
 
+// Returns INVALID_ARGUMENT unless the value is in [least, most].
 absl::Status CheckRange(const std::string& name, int value, int least, int most) {
   if (value >= least && value <= most) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -51,6 +52,7 @@ int64_t NumSfmPairs(int64_t num_photographs, bool sequential, const SfmOptions& 
 
 SfmWork ExpectedSfmWork(int64_t num_photographs, int64_t num_pairs, const SfmOptions& options) {
   const auto n = static_cast<double>(num_photographs);
+  // A pair compares each feature of one photograph with each of the other.
   const double features = options.max_features / kFeatures;
   return {.extracting = kExtractingSeconds * n,
           .matching = kMatchingSeconds * static_cast<double>(num_pairs) * features * features,

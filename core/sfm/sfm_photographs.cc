@@ -43,12 +43,14 @@ struct NumberedName {
   bool numbered = false;
 };
 
+// Compares by text in front of the number, then by the number, then by the whole name.
 bool GoesBefore(const SfmPhotograph& a, const SfmPhotograph& b) {
   const NumberedName first(a.name), second(b.name);
   return std::tuple(first.stem, first.digits.size(), first.digits, a.name) <
          std::tuple(second.stem, second.digits.size(), second.digits, b.name);
 }
 
+// Reads one photograph, except for its ignore masks. The photograph is not decoded.
 absl::StatusOr<SfmPhotograph> ReadPhotograph(const DatasetFile& file) {
   RETURN_IF_ERROR(ValidateName(file.name));
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file.path, file.name, kMaxImageFileBytes));
@@ -101,6 +103,7 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
 }
 
 absl::Status CheckEnough(std::span<const SfmPhotograph> photographs) {
+  // Copies of one photograph give no baseline, so only different bytes count.
   std::set<std::string> different;
   for (const SfmPhotograph& photograph : photographs) different.insert(photograph.sha256);
   if (different.size() >= kLeastPhotographs) return absl::OkStatus();
@@ -121,6 +124,8 @@ bool AreNumbered(std::span<const SfmPhotograph> photographs) {
 }
 
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
+  // Photographs with equal keys were taken with one lens at one setting, so COLMAP may estimate one
+  // camera for all of them.
   using Key = std::tuple<int, int, std::string, std::string, double, int>;
   std::map<Key, size_t> cameras;
   std::vector<std::string> names;

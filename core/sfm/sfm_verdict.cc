@@ -17,6 +17,7 @@ constexpr size_t kLeastRegistered = 3;
 constexpr double kLargeGroup = 0.25;
 constexpr size_t kNamed = 5;  // names in a message, at most
 
+// Returns the names of the photographs for a message: the first kNamed, then "...".
 std::string Names(const SfmEvidence& evidence, const std::vector<size_t>& photographs) {
   std::string text;
   for (size_t i = 0; i < std::min(photographs.size(), kNamed); ++i) {
@@ -62,6 +63,7 @@ std::vector<size_t> SecondGroup(const SfmEvidence& evidence) {
   return {};
 }
 
+// Returns the photographs without a pose in the largest model.
 std::vector<size_t> Unregistered(const SfmEvidence& evidence) {
   std::vector<size_t> all(evidence.names.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = i;
