@@ -19,15 +19,15 @@ struct SkippedTerm {
   int64_t saved_steps = 0;  // steps that are not run because of it
 };
 
-// Progress of a stage, reported after each step. NaN: not measured in this step. Counts without
-// another note run from the start of the stage.
+// Progress of a stage, reported after each step. NaN: not measured in this step. `num_gaussians`
+// is the current number; the counts after it run from the start of the stage.
 struct StepReport {
   std::string_view stage;  // "sfm", "priors", "reconstruct", "features"
   int64_t step = 0;        // from 1
   int64_t num_steps = 0;
   double loss = std::numeric_limits<double>::quiet_NaN();
   double psnr = std::numeric_limits<double>::quiet_NaN();  // of the training view of this step, dB
-  int64_t num_gaussians = 0;                               // now
+  int64_t num_gaussians = 0;
   int64_t num_culled_degenerate = 0;
   int64_t num_skipped_gradients = 0;
   int64_t num_void_renders = 0;    // overflowed renders: steps repeated, see RenderArgs::entry_room

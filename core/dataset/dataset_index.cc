@@ -94,7 +94,7 @@ void ChoosePoses(DatasetIndex& index) {
 
 // Drops nerfstudio's points if COLMAP's poses are used: nerfstudio rotates the world, so the points
 // fit only the poses of its transforms.json.
-void LeaveOutTurnedPoints(DatasetIndex& index) {
+void DropRotatedPoints(DatasetIndex& index) {
   if (index.pose_format != PoseFormat::kColmap || index.transforms == nullptr) return;
   if (index.ply_points == nullptr || !index.ply_points->name.ends_with("sparse_pc.ply")) return;
   index.warnings.push_back(absl::StrCat(index.ply_points->name, " belongs to the poses of ",
@@ -182,7 +182,7 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   ChooseModel(models, index);
   ChoosePoses(index);
-  LeaveOutTurnedPoints(index);
+  DropRotatedPoints(index);
   return index;
 }
 

@@ -14,7 +14,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
+constexpr int64_t kMaxMaskFileBytes = int64_t{64} << 20;
 
 // Checks the number of masks of one photograph.
 absl::Status CheckCount(absl::string_view name, size_t count) {
@@ -24,7 +24,7 @@ absl::Status CheckCount(absl::string_view name, size_t count) {
 
 absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const std::string& name,
                                      const PhotoSize& photo) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxJsonBytes));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxMaskFileBytes));
   return ParseSamMasks(text, name, photo);
 }
 

@@ -70,7 +70,7 @@ class SamReader {
   bool start_array(size_t);
   bool end_array() { return End(); }
   bool key(std::string& value) {
-    if (num_passed_ == 0) key_ = std::move(value);
+    if (num_skipped_ == 0) key_ = std::move(value);
     return true;
   }
   bool parse_error(size_t, const std::string&, const Json::exception&) { return false; }
@@ -82,8 +82,8 @@ class SamReader {
   int64_t MaxRuns() const { return int64_t{photo_.width} * photo_.height + 1; }
   bool Enter();
   // Skips the array or object that has just begun.
-  bool Pass() {
-    ++num_passed_;
+  bool SkipValue() {
+    ++num_skipped_;
     return true;
   }
   bool End();
@@ -102,9 +102,9 @@ class SamReader {
   const PhotoSize& photo_;
   MaskSetBuilder builder_;
   Place place_ = Place::kDocument;
-  int depth_ = 0;       // arrays and objects that are open
-  int num_passed_ = 0;  // how many of these are skipped
-  std::string key_;     // the last key in place_
+  int depth_ = 0;        // arrays and objects that are open
+  int num_skipped_ = 0;  // how many of these are skipped
+  std::string key_;      // the last key in place_
   Segmentation mask_;
   size_t num_masks_ = 0;
   bool is_list_ = true, too_deep_ = false;
@@ -121,7 +121,7 @@ bool SamReader::Enter() {
 // Arrays are used as the list of masks, as "size" and as "counts".
 bool SamReader::start_array(size_t) {
   if (!Enter()) return false;
-  if (num_passed_ > 0) return Pass();
+  if (num_skipped_ > 0) return SkipValue();
   if (place_ == Place::kDocument) {
     place_ = Place::kList;
     return true;
@@ -140,13 +140,13 @@ bool SamReader::start_array(size_t) {
     return true;
   }
   Misplaced();
-  return Pass();
+  return SkipValue();
 }
 
 // Objects are used as masks and as "segmentation".
 bool SamReader::start_object(size_t) {
   if (!Enter()) return false;
-  if (num_passed_ > 0) return Pass();
+  if (num_skipped_ > 0) return SkipValue();
   if (place_ == Place::kList) {
     BeginMask();
     place_ = Place::kMask;
@@ -158,14 +158,14 @@ bool SamReader::start_object(size_t) {
     return true;
   }
   Misplaced();
-  return Pass();
+  return SkipValue();
 }
 
 // Returns from an array or object to the one around it.
 bool SamReader::End() {
   --depth_;
-  if (num_passed_ > 0) {
-    --num_passed_;
+  if (num_skipped_ > 0) {
+    --num_skipped_;
     return true;
   }
   switch (place_) {
@@ -217,12 +217,12 @@ void SamReader::Misplaced() {
 }
 
 bool SamReader::Scalar() {
-  if (num_passed_ == 0) Misplaced();
+  if (num_skipped_ == 0) Misplaced();
   return true;
 }
 
 bool SamReader::Number(int64_t value) {
-  if (num_passed_ > 0 || (place_ != Place::kSize && place_ != Place::kRuns)) return Scalar();
+  if (num_skipped_ > 0 || (place_ != Place::kSize && place_ != Place::kRuns)) return Scalar();
   if (place_ == Place::kSize) {
     if (mask_.size.size() < 3) mask_.size.push_back(value);
   } else if (mask_.counts.ok() && static_cast<int64_t>(mask_.runs.size()) < MaxRuns()) {
@@ -235,7 +235,7 @@ bool SamReader::Number(int64_t value) {
 }
 
 bool SamReader::string(std::string& value) {
-  if (num_passed_ > 0 || place_ != Place::kSegmentation || key_ != "counts") return Scalar();
+  if (num_skipped_ > 0 || place_ != Place::kSegmentation || key_ != "counts") return Scalar();
   mask_.compressed = std::move(value);
   mask_.runs.clear();
   mask_.counts = absl::OkStatus();

@@ -24,7 +24,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
+constexpr int64_t kMaxTransformsBytes = int64_t{64} << 20;
 
 // Finds photographs by the path that a frame gives them.
 class PhotoNames {
@@ -240,7 +240,7 @@ class FrameReader {
 };
 
 absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxJsonBytes));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxTransformsBytes));
   const auto refused = [&](absl::string_view why) {
     return absl::InvalidArgumentError(absl::StrCat(file.name, ": ", why));
   };

@@ -7,8 +7,7 @@
 namespace pepeseg {
 
 // Reads the poses of transforms.json, the format of instant-ngp and nerfstudio. Its fields:
-//   fl_x, fl_y, cx, cy, w, h   pixels. Without fl_x: camera_angle_x, the horizontal field of view
-//   in
+//   fl_x, fl_y, cx, cy, w, h   pixels. Without fl_x: camera_angle_x, the horizontal field of view,
 //                              radians. Without cx, cy: the middle. Without w, h: the size of the
 //                              photograph
 //   camera_model               OPENCV, OPENCV_FISHEYE, PINHOLE, SIMPLE_PINHOLE, RADIAL or

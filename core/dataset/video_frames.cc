@@ -155,7 +155,7 @@ class Reader {
 };
 
 // Reports the progress every kFramesPerCall frames.
-absl::Status Tell(VideoProgressFn progress, int64_t done, int64_t num_frames) {
+absl::Status ReportEveryFew(VideoProgressFn progress, int64_t done, int64_t num_frames) {
   return done % kFramesPerCall == 0 ? progress(done, std::max(done, num_frames)) : absl::OkStatus();
 }
 
@@ -175,7 +175,7 @@ absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn pr
   for (int64_t frame = 0;; ++frame) {
     ASSIGN_OR_RETURN(const bool more, reader.Skip());
     if (!more) return frame;
-    RETURN_IF_ERROR(Tell(progress, frame, 2 * reader.num_declared()));
+    RETURN_IF_ERROR(ReportEveryFew(progress, frame, 2 * reader.num_declared()));
     if (frame % stride != 0) continue;
     ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
     double sharpness = 0;
@@ -259,7 +259,7 @@ absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64
       if (!more)
         return Refused(task.name, absl::StrCat("ends at frame ", frame + 1, " when read again"));
       ++frame;
-      RETURN_IF_ERROR(Tell(progress, num_frames + frame, 2 * num_frames));
+      RETURN_IF_ERROR(ReportEveryFew(progress, num_frames + frame, 2 * num_frames));
     }
     ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
     RETURN_IF_ERROR(reader.Try([&] { return writer.Add(wanted, picture); }));

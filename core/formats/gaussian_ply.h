@@ -59,11 +59,12 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name,
                                           const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
-// Reads only the header, with the errors that it allows to find.
+// What the header of such a file declares.
 struct GaussianPlyShape {
   int64_t count = 0;
   int sh_degree = 0;
 };
+// Reads only the header. Errors as ReadGaussianPly, except those of values.
 absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,
                                                       const std::string& name);
 

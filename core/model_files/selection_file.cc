@@ -19,7 +19,7 @@ constexpr uint64_t kMaxGaussians = 50'000'000;
 constexpr int64_t kMaxFileBytes = int64_t{8} << 20;  // enough for kMaxGaussians
 constexpr size_t kDigestBytes = 64;
 
-absl::Status Lost(absl::string_view name, absl::string_view why) {
+absl::Status DataLoss(absl::string_view name, absl::string_view why) {
   return absl::DataLossError(absl::StrCat(name, ": ", why));
 }
 
@@ -40,12 +40,13 @@ absl::StatusOr<GaussianSet> ParseBody(absl::string_view body, const std::string&
   reader.Take<uint32_t>();  // reserved, 0
   const auto count = reader.Take<uint64_t>();
   if (version != kVersion) {
-    return Lost(name, absl::StrCat("has version ", version, "; version ", kVersion, " is read"));
+    return DataLoss(name,
+                    absl::StrCat("has version ", version, "; version ", kVersion, " is read"));
   }
   // Before anything is allocated for the count.
   if (!reader.ok() || count > kMaxGaussians || reader.remaining() != NumBytes(count)) {
-    return Lost(name, absl::StrCat("declares ", count, " Gaussians, which ", reader.remaining(),
-                                   " bytes do not hold"));
+    return DataLoss(name, absl::StrCat("declares ", count, " Gaussians, which ", reader.remaining(),
+                                       " bytes do not hold"));
   }
   const absl::string_view bits = body.substr(reader.offset());
   GaussianSet set;
@@ -77,11 +78,11 @@ absl::StatusOr<GaussianSet> ReadSelectionFile(const std::filesystem::path& path,
   const auto bytes = ReadFile(path, name, kMaxFileBytes);
   if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
   if (bytes->size() < kMagic.size() + kDigestBytes || !bytes->starts_with(kMagic)) {
-    return Lost(name, "is not a selection");
+    return DataLoss(name, "is not a selection");
   }
   const absl::string_view body(bytes->data(), bytes->size() - kDigestBytes);
   if (Sha256Hex({body.data(), body.size()}) != bytes->substr(body.size())) {
-    return Lost(name, "fails its checksum");
+    return DataLoss(name, "fails its checksum");
   }
   return ParseBody(body, name);
 }

@@ -36,7 +36,7 @@ constexpr char kProgramFile[] = "program.txt";
 using Words = std::vector<std::string>;
 
 // Creates an empty folder, after removing one of that name.
-absl::Status MakeAnew(const std::filesystem::path& folder) {
+absl::Status MakeEmptyFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::remove_all(folder, error);
   if (!error) std::filesystem::create_directories(folder, error);
@@ -237,7 +237,7 @@ SfmEvidence PoseEstimation::Evidence() const {
 absl::Status PoseEstimation::KeepLargestModel() {
   std::map<std::string, std::string> names;
   for (size_t i = 0; i < photographs_.size(); ++i) names[safe_names_[i]] = photographs_[i].name;
-  RETURN_IF_ERROR(MakeAnew(places_.result));
+  RETURN_IF_ERROR(MakeEmptyFolder(places_.result));
   RETURN_IF_ERROR(CopyRenamed(models_.front(), names, places_.result));
   RETURN_IF_ERROR(WriteFileAtomically(places_.result / kProgramFile, program_->version() + "\n"));
   const Words files = {"cameras.bin", "images.bin", "points3D.bin", kProgramFile};
@@ -257,7 +257,7 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
   PoseEstimation estimation(photographs, places, options, progress);
   RETURN_IF_ERROR(estimation.OpenProgram());
   const Removal removal{places.work};
-  RETURN_IF_ERROR(MakeAnew(places.work));
+  RETURN_IF_ERROR(MakeEmptyFolder(places.work));
   RETURN_IF_ERROR(estimation.LayOutPhotographs());
   RETURN_IF_ERROR(estimation.ExtractFeatures());
   RETURN_IF_ERROR(estimation.MatchFeatures());
