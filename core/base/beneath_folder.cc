@@ -212,6 +212,7 @@ absl::StatusOr<BeneathFolder> BeneathFolder::OpenFolder(const fs::path& relative
 absl::StatusOr<Descriptor> BeneathFolder::OpenFile(const fs::path& relative) const {
   Descriptor file(OpenBeneath(folder_.get(), relative, kFileFlags));
   if (file.get() < 0) return OpenError(Name(relative), errno);
+  // Examines the descriptor, not the path, which may lead elsewhere by now.
   struct stat what {};
   if (fstat(file.get(), &what) != 0) return FileError(Name(relative), "look at", errno);
   if (!S_ISREG(what.st_mode)) return OpenError(Name(relative), EISDIR);
@@ -221,6 +222,7 @@ absl::StatusOr<Descriptor> BeneathFolder::OpenFile(const fs::path& relative) con
 absl::StatusOr<std::string> BeneathFolder::ReadFile(const fs::path& relative,
                                                     int64_t max_bytes) const {
   ASSIGN_OR_RETURN(const Descriptor file, OpenFile(relative));
+  // Does not rely on the file's size, because the worker may change the file meanwhile.
   std::string bytes;
   constexpr size_t kPiece = 1 << 16;
   while (true) {
@@ -284,6 +286,7 @@ absl::Status RemoveBeneath(const fs::path& folder, const fs::path& relative) {
   const absl::StatusOr<BeneathFolder> top = BeneathFolder::Open(folder);
   if (absl::IsNotFound(top.status())) return absl::OkStatus();
   RETURN_IF_ERROR(top.status());
+  // Links are refused on the way to the parent; the last part is removed even if it is a link.
   const std::string name = relative.filename();
   if (!relative.has_parent_path()) return top->RemoveAll(name);
   const absl::StatusOr<BeneathFolder> parent = top->OpenFolder(relative.parent_path());

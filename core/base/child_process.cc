@@ -45,6 +45,7 @@ struct Pipe {
     writer = ends[1];
     return absl::OkStatus();
   }
+  // The parent must close its writer, or else it would never read the end of the output.
   void CloseWriter() {
     if (writer >= 0) close(writer);
     writer = -1;
@@ -105,6 +106,7 @@ class Launch {
 
   // Turns the forked child into the program. Only async-signal-safe calls.
   [[noreturn]] void Become(char** argv, char** envp, const Ends& ends) const {
+    // A process group of its own, so that Reap can kill everything that the program has started.
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != ends.parent) _exit(127);  // the parent died before prctl took effect
@@ -112,7 +114,9 @@ class Launch {
     dup2(input, STDIN_FILENO);
     dup2(ends.output, STDOUT_FILENO);
     dup2(ends.output, STDERR_FILENO);
+    // Other threads may have opened descriptors without O_CLOEXEC.
     close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+    // exec() keeps the mask of blocked signals, and threads of the server block some.
     sigset_t none;
     sigemptyset(&none);
     sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -137,6 +141,7 @@ class Output {
     const ssize_t size = read(descriptor, bytes.data(), bytes.size());
     if (size <= 0) return false;
     const absl::string_view text(bytes.data(), static_cast<size_t>(size));
+    // Goes on reading when the log is full, so that the program does not block on its output.
     if (logged_ < kMaxLogBytes) log_ << text << std::flush;
     logged_ += size;
     for (const char c : text) Add(c);
@@ -234,6 +239,8 @@ absl::StatusOr<std::filesystem::path> FindProgram(const std::string& name) {
   return absl::NotFoundError(absl::StrCat("the program ", name, " is not there"));
 }
 
+// Each round waits up to 50 ms for output, reads some, and passes complete lines to `watch`. After
+// the program has ended and its group is killed, reads what is left in the pipe.
 absl::StatusOr<ChildEnd> RunChild(const ChildCommand& command, ChildWatchFn watch) {
   const absl::Time deadline = absl::Now() + command.time_limit;
   Pipe pipe;

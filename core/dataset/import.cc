@@ -235,6 +235,8 @@ class ViewReader {
   absl::Status ReadCompanions(const Match& match, const PhotoSize& photo, View& view) {
     const std::string stem(WithoutSuffix(match.key));
     ASSIGN_OR_RETURN(view.masks, priors_.ReadMasksOf(view, photo, *warp_));
+    // A pixel is ignored if it is transparent, or if the mask for all views or the view's own says
+    // so.
     const auto own = index_.ignore.find(stem);
     std::vector<const DatasetFile*> ignore;
     if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
@@ -309,6 +311,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ASSIGN_OR_RETURN(const PhotoPoses poses, ReadPhotoPoses(index));
   for (const std::string& warning : poses.warnings) index.warnings.push_back(warning);
   ASSIGN_OR_RETURN(std::vector<Match> matches, MatchPoses(poses, index));
+  // One view has no parallax, so nothing could be reconstructed.
   if (matches.size() < 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
@@ -320,6 +323,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.ignore, "ignore masks", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
+  // The origin comes first, because points and poses are stored relative to it.
   capture.origin = TakeOrigin(matches, index.warnings);
   ASSIGN_OR_RETURN(capture.points, ReadPoints(index, capture.origin));
   ViewReader reader(index, poses, options.image_scale);
@@ -364,6 +368,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
     masks.push_back(std::move(mask_set));
     depths.push_back(std::move(depth));
   }
+  // Nothing can fail from here on, so the capture is changed completely or not at all.
   for (size_t i = 0; i < capture.views.size(); ++i) {
     View& view = capture.views[i];
     if (!masks[i].empty()) view.masks = std::move(masks[i]);

@@ -100,6 +100,8 @@ class Fields {
   const json& frame_;
 };
 
+// Returns true for a fisheye lens. The pinhole and radial models are special cases of OPENCV with
+// coefficients of 0, so they need no code of their own.
 absl::StatusOr<bool> IsFisheye(const Fields& fields) {
   const json* flag = fields.Find("is_fisheye");
   const json* model = fields.Find("camera_model");
@@ -116,6 +118,8 @@ absl::StatusOr<bool> IsFisheye(const Fields& fields) {
       ", known are OPENCV, OPENCV_FISHEYE, PINHOLE, SIMPLE_PINHOLE, RADIAL and SIMPLE_RADIAL"));
 }
 
+// Reads the coefficients and chooses the smallest model that has them. `distortion` is in COLMAP's
+// order, which is k1 k2 p1 p2 k3 for the OpenCV models.
 absl::Status ReadDistortion(const Fields& fields, Lens& lens) {
   double k[4], p[2];
   for (int i = 0; i < 4; ++i) {
@@ -184,6 +188,7 @@ absl::StatusOr<Lens> ReadLens(const Fields& fields, const DatasetFile& photo) {
   return lens;
 }
 
+// Reads "transform_matrix", and converts its axes.
 absl::StatusOr<Pose> ReadPose(const json& frame) {
   const auto matrix = frame.find("transform_matrix");
   Eigen::Matrix4d world_from_cam = Eigen::Matrix4d::Identity();
@@ -222,6 +227,7 @@ class FrameReader {
     pose.name = PlainPath(path->get_ref<const std::string&>());
     RETURN_IF_ERROR(ValidateName(pose.name));
     ASSIGN_OR_RETURN(pose.cam_from_world, ReadPose(frame));
+    // A frame without a photograph keeps its path as its name: the import warns of it.
     const std::string key = names_.Find(pose.name);
     if (!key.empty()) {
       ASSIGN_OR_RETURN(const Lens lens, ReadLens(Fields(document_, frame), *index_.photos.at(key)));
@@ -239,6 +245,7 @@ class FrameReader {
   PhotoPoses& poses_;
 };
 
+// Reads and parses the file, and checks that it has a list of frames.
 absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
   ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxTransformsBytes));
   const auto refused = [&](absl::string_view why) {
@@ -256,6 +263,7 @@ absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
   return document;
 }
 
+// Warns if nerfstudio has rotated the world.
 void NoteTransform(const json& document, PhotoPoses& poses) {
   const auto applied = document.find("applied_transform");
   if (applied == document.end()) return;

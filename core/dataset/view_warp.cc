@@ -86,6 +86,7 @@ float Sample(const FloatImage& map, double x, double y) {
   const auto at = [&map](int u, int v) {
     return map.values[static_cast<size_t>(v) * map.width + u];
   };
+  // The nearest value decides whether the result is known.
   if (std::isnan(at(nearest_x, nearest_y))) return at(nearest_x, nearest_y);
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   double sum = 0, weights = 0;
@@ -93,6 +94,7 @@ float Sample(const FloatImage& map, double x, double y) {
     const int column = i % 2, row = i / 2;
     const double tap_x = left + column, tap_y = top + row;
     const double weight = (1 - std::abs(x - 0.5 - tap_x)) * (1 - std::abs(y - 0.5 - tap_y));
+    // At the border, values repeat. Unknown ones get no weight.
     const float value = at(std::clamp(static_cast<int>(tap_x), 0, map.width - 1),
                            std::clamp(static_cast<int>(tap_y), 0, map.height - 1));
     if (std::isnan(value)) continue;
@@ -166,6 +168,7 @@ absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) 
   Camera& camera = warp.camera_;
   camera.width = std::max(1, static_cast<int>(std::lround(part.width * image_scale)));
   camera.height = std::max(1, static_cast<int>(std::lround(part.height * image_scale)));
+  // Each axis has its own scale, because width and height are rounded.
   const double sx = static_cast<double>(camera.width) / part.width;
   const double sy = static_cast<double>(camera.height) / part.height;
   camera.fx = lens.fx * sx;
@@ -181,6 +184,7 @@ ViewWarp ViewWarp::Restore(const Photograph& photograph, const Camera& camera) {
   warp.SetPart(lens, {photograph.left, photograph.top, photograph.width, photograph.height});
   warp.camera_ = camera;
   if (lens.IsPinhole()) return warp;
+  // The rectangle is covered, so positions need no check against NaN.
   warp.source_.reserve(static_cast<size_t>(photograph.width) * photograph.height * 2);
   for (int y = 0; y < photograph.height; ++y) {
     for (int x = 0; x < photograph.width; ++x) {
@@ -252,6 +256,7 @@ MaskSet ViewWarp::Masks(const MaskSet& masks) const {
   std::vector<int32_t> source_pixel;
   source_pixel.reserve(static_cast<size_t>(camera_.width) * camera_.height);
   for (int y = 0; y < camera_.height; ++y) {
+    // The pixel of the full image that contains the centre of pixel y of the result.
     const int full_y = static_cast<int>((int64_t{2 * y + 1} * full_height_) / (2 * camera_.height));
     for (int x = 0; x < camera_.width; ++x) {
       const int full_x = static_cast<int>((int64_t{2 * x + 1} * full_width_) / (2 * camera_.width));

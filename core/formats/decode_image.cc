@@ -141,6 +141,7 @@ absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::stri
   if (decoded.pixels.channels() != 1) return Refused(name, "has colours instead of one grey value");
   FloatImage image{decoded.header.width, decoded.header.height, {}};
   image.values.resize(decoded.pixels.total());
+  // Keeps the values: 16 bits stay 0 to 65535.
   decoded.pixels.convertTo(cv::Mat(image.height, image.width, CV_32FC1, image.values.data()),
                            CV_32F);
   return image;

@@ -49,6 +49,7 @@ Image ShrunkTo(Image image, int max_side) {
   const int side = std::max(image.width, image.height);
   if (max_side <= 0 || side <= max_side) return image;
   const double scale = static_cast<double>(max_side) / side;
+  // A narrow image keeps at least one pixel.
   const auto shrunk = [scale](int size) {
     return std::max(1, static_cast<int>(std::lround(size * scale)));
   };

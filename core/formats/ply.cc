@@ -45,6 +45,7 @@ constexpr std::array<TypeName, 16> kTypeNames = {{{"char", PlyType::kInt8},
                                                   {"double", PlyType::kFloat64},
                                                   {"float64", PlyType::kFloat64}}};
 
+// Returns the type, or nothing if the name is unknown ("list", for example).
 std::optional<PlyType> TypeByName(absl::string_view name) {
   for (const TypeName& entry : kTypeNames) {
     if (name == entry.name) return entry.type;
@@ -158,6 +159,7 @@ class HeaderParser {
 absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   HeaderParser parser(vertices);
   std::vector<absl::string_view> lines = absl::StrSplit(header, '\n', absl::SkipWhitespace());
+  // OpenPly has found the first and the last line.
   lines.erase(lines.begin());  // "ply"
   lines.pop_back();            // "end_header"
   for (const absl::string_view line : lines) {
@@ -186,6 +188,7 @@ absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyCol
   file.seekg(vertices.data_offset);
   std::array<char, kMaxLineBytes> line{};
   for (int64_t row = 0; row < vertices.count; ++row) {
+    // A longer line sets the stream's fail bit, and is reported as malformed.
     file.getline(line.data(), line.size());
     if (file.bad()) return absl::InternalError(absl::StrCat(vertices.name, ": cannot be read"));
     const auto no_vertex = [&] {

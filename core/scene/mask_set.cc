@@ -81,6 +81,7 @@ bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
     const uint32_t patch = set_.pixel_patch[pixel];
     if (inside_[patch]++ == 0) touched_.push_back(patch);
   }
+  // Now inside_ has the number of covered pixels of each touched cell.
   const auto area = static_cast<int64_t>(pixels.size());
   const bool keep = !IsDuplicate(area);
   if (keep) {
@@ -94,6 +95,7 @@ bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
       set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
     }
   }
+  // Resets only the touched cells: the others are 0 already.
   for (const uint32_t patch : touched_) inside_[patch] = 0;
   return keep;
 }

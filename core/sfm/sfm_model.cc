@@ -47,6 +47,7 @@ absl::StatusOr<std::vector<NameSpan>> FindNames(absl::string_view bytes,
     const size_t begin = reader.offset();
     const size_t size = reader.TakeString().size();
     reader.Skip(std::min(reader.Take<uint64_t>(), kMaxPoints) * kPointBytes);
+    // After the end the reader yields zeros, which must not become a name.
     if (reader.ok()) names.push_back({begin, size});
   }
   if (!reader.ok()) return Malformed(path);

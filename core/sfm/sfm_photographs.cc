@@ -94,6 +94,7 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
   for (const auto& [key, file] : index.photos) {
     ASSIGN_OR_RETURN(SfmPhotograph photograph, ReadPhotograph(*file));
     if (index.ignore_all != nullptr) photograph.ignore.push_back(*index.ignore_all);
+    // Ignore masks belong to a photograph by its name without suffix.
     const auto own = index.ignore.find(std::string(WithoutSuffix(key)));
     if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
     photographs.push_back(std::move(photograph));
