@@ -15,10 +15,12 @@ namespace {
 
 constexpr mode_t kFileMode = 0644;
 
+// Returns the error of errno, with the action and the path that it failed for.
 absl::Status Failed(absl::string_view action, const std::filesystem::path& path) {
   return absl::ErrnoToStatus(errno, absl::StrCat(action, " ", path.string()));
 }
 
+// Returns the folder of a path; "." for a bare name.
 std::filesystem::path FolderOf(const std::filesystem::path& path) {
   return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
 }
@@ -26,10 +28,12 @@ std::filesystem::path FolderOf(const std::filesystem::path& path) {
 }  // namespace
 
 absl::StatusOr<AtomicFile> AtomicFile::Create(const std::filesystem::path& path) {
+  // In the same folder, because rename() works only within a file system.
   std::string temporary = path.string() + ".tmp-XXXXXX";
   const int descriptor = ::mkostemp(temporary.data(), O_CLOEXEC);
   if (descriptor < 0) return Failed("cannot create", path);
   AtomicFile file(path, std::move(temporary), descriptor);
+  // mkostemp() creates files with mode 0600, which other users cannot read.
   if (::fchmod(descriptor, kFileMode) != 0) return Failed("cannot set the mode of", path);
   return file;
 }
@@ -74,11 +78,13 @@ absl::Status AtomicFile::Append(std::span<const uint8_t> bytes) {
 }
 
 absl::Status AtomicFile::Commit() {
+  // The bytes must be on the disk before the name: otherwise a power failure could leave the name
+  // with an empty file.
   if (::fsync(descriptor_) != 0) return Failed("cannot sync", path_);
-  // Network file systems report a failed write as late as here.
+  // Network file systems may report a failed write only when the file is closed.
   if (::close(std::exchange(descriptor_, -1)) != 0) return Failed("cannot close", path_);
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) return Failed("cannot rename to", path_);
-  temporary_.clear();
+  temporary_.clear();  // nothing left for Discard
   return SyncFolder(FolderOf(path_));
 }
 

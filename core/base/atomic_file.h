@@ -11,19 +11,23 @@
 
 namespace pepeseg {
 
-// A file that appears under its name whole or not at all, also over a power cut: written beside its
-// place, synced, renamed over it, and the folder synced. Destroyed before Commit, it leaves nothing
-// behind. Not thread safe.
+// A file that appears under its name complete or not at all, even if power fails. Its bytes go to a
+// temporary file next to `path`; Commit syncs it, renames it to `path` and syncs the folder. If the
+// object is destroyed before Commit, the temporary file is removed. Not thread safe.
+//
+// Errors are those of the failed system call, with the path.
 class AtomicFile {
  public:
+  // Creates the temporary file, with mode 0644. The folder of `path` must exist.
   static absl::StatusOr<AtomicFile> Create(const std::filesystem::path& path);
   AtomicFile(AtomicFile&& other) noexcept;
   AtomicFile& operator=(AtomicFile&& other) noexcept;
   ~AtomicFile();
 
+  // Appends bytes to the temporary file.
   absl::Status Append(std::string_view bytes);
   absl::Status Append(std::span<const uint8_t> bytes);
-  // Nothing may be appended afterwards.
+  // Publishes the file, and replaces an older one of that name. Append must not be called after it.
   absl::Status Commit();
 
  private:
@@ -35,9 +39,10 @@ class AtomicFile {
   int descriptor_ = -1;
 };
 
+// Writes a whole file by an AtomicFile.
 absl::Status WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes);
 
-// Makes names created, renamed or removed in `folder` durable.
+// Makes names that were created, renamed or removed in `folder` durable (fsync of the folder).
 absl::Status SyncFolder(const std::filesystem::path& folder);
 
 }  // namespace pepeseg

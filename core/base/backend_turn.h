@@ -9,8 +9,9 @@
 
 namespace pepeseg {
 
-// What has failed on a backend since it was asked last, see Backend::TakeError: RESOURCE_EXHAUSTED
-// for memory that could not be had, after which the backend goes on, INTERNAL for what is fatal.
+// Returns and clears the first error of a backend since the last call (Backend::TakeError).
+// RESOURCE_EXHAUSTED: an allocation failed; the backend remains usable. INTERNAL: the error is
+// fatal for the backend.
 inline absl::Status TakeStatus(Backend& backend) {
   const BackendError error = backend.TakeError();
   if (error.what.empty()) return absl::OkStatus();
@@ -20,9 +21,11 @@ inline absl::Status TakeStatus(Backend& backend) {
                    "; a smaller view, or fewer at once, take less"));
 }
 
-// What `work`, an absl::Status() or absl::StatusOr<T>(), answers while nobody else who takes turns
-// uses the backend, or else the backend's error: it is of this work, and the next turn starts
-// without it. Not to be called within a turn.
+// Calls `work`, a function that returns absl::Status or absl::StatusOr<T>, while holding the device
+// lock (Backend::exclusive_use), and returns its result. If the backend failed meanwhile, returns
+// the backend's error instead and clears it unless it is fatal, so that the next holder starts
+// without it. The lock is
+// not recursive: `work` must not call InTurn.
 template <typename Work>
 auto InTurn(Backend& backend, Work&& work) -> decltype(work()) {
   const std::lock_guard lock(backend.exclusive_use());

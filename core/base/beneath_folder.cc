@@ -21,18 +21,19 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kFolderFlags = O_RDONLY | O_DIRECTORY;
-// Without waiting for the other end, should it be a FIFO.
+// O_NONBLOCK: opening a FIFO must not wait for its other end.
 constexpr int kFileFlags = O_RDONLY | O_NONBLOCK | O_NOCTTY;
-// A folder is removed by as many descriptors as it is deep, up to this depth; what is deeper is
-// moved up first.
+// Removal holds one open descriptor per level of folders, so it stops at this depth. Deeper folders
+// are moved to the top first.
 constexpr int kMaxRemovalDepth = 32;
 
+// Opens the path by openat2, which follows no link and does not leave the folder.
 int OpenByKernel(int folder, const fs::path& relative, int flags) {
   open_how how{};
   how.flags = static_cast<uint64_t>(flags) | O_CLOEXEC;
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS;
   long file = -1;
-  // EAGAIN: something was renamed just then, and the kernel cannot tell whether it is beneath.
+  // EAGAIN: a rename happened meanwhile, and the kernel cannot decide whether the path is beneath.
   for (int tries = 0; tries < 100; ++tries) {
     file = syscall(SYS_openat2, folder, relative.c_str(), &how, sizeof(how));
     if (file >= 0 || errno != EAGAIN) break;
@@ -40,6 +41,8 @@ int OpenByKernel(int folder, const fs::path& relative, int flags) {
   return static_cast<int>(file);
 }
 
+// Opens each part of the path relative to the descriptor of the part above it, never through a
+// link. Equivalent to OpenByKernel, with one system call per part.
 int OpenByPart(int folder, const fs::path& relative, int flags) {
   errno = EXDEV;
   if (relative.empty() || relative.is_absolute()) return -1;
@@ -56,7 +59,8 @@ int OpenByPart(int folder, const fs::path& relative, int flags) {
   return -1;
 }
 
-// Whether an error of open() says that what is there is not what a worker may leave there.
+// Returns true if an errno of open() means that the path leads to something that a worker may not
+// leave there, such as a link or a device.
 bool IsOfAnotherKind(int error) {
   return error == ELOOP || error == EXDEV || error == EISDIR || error == ENXIO || error == EACCES ||
          error == ENODEV;
@@ -74,6 +78,7 @@ struct CloseFolder {
   void operator()(DIR* folder) const { closedir(folder); }
 };
 
+// File systems may report DT_UNKNOWN; then fstatat() finds the type.
 BeneathFolder::Entry EntryOf(int folder, const dirent& found) {
   unsigned char type = found.d_type;
   struct stat what {};
@@ -84,7 +89,8 @@ BeneathFolder::Entry EntryOf(int folder, const dirent& found) {
 }
 
 absl::StatusOr<std::vector<BeneathFolder::Entry>> EntriesIn(int folder, const std::string& name) {
-  const int again = openat(folder, ".", kFolderFlags | O_CLOEXEC);  // with a position of its own
+  // A new descriptor, because readdir() moves the read position and closedir() closes it.
+  const int again = openat(folder, ".", kFolderFlags | O_CLOEXEC);
   if (again < 0) return OpenError(name, errno);
   const std::unique_ptr<DIR, CloseFolder> stream(fdopendir(again));
   if (stream == nullptr) {
@@ -104,13 +110,15 @@ absl::StatusOr<std::vector<BeneathFolder::Entry>> EntriesIn(int folder, const st
   return entries;
 }
 
-// Removes a folder with all that is in it. Its own rights are no obstacle: a worker may have taken
-// them away.
+// Removes a folder with everything in it. Folders whose permissions the worker took away get them
+// back first.
 class Removal {
  public:
-  // `top`: where what lies too deep is moved to.
+  // `top`: the folder that folders nested too deeply are moved to.
   explicit Removal(int top) : top_(top) {}
 
+  // Removes entry `name` of `folder`, which is `depth` levels below the first call. Returns false
+  // if something is left, with errno set.
   bool Remove(int folder, const std::string& name, int depth) {
     if (unlinkat(folder, name.c_str(), 0) == 0 || errno == ENOENT) return true;
     if (errno != EISDIR && errno != EPERM) return false;
@@ -126,7 +134,7 @@ class Removal {
     return all && (unlinkat(folder, name.c_str(), AT_REMOVEDIR) == 0 || errno == ENOENT);
   }
 
-  // What was moved up, until there is no more.
+  // Removes the folders that were moved up. Removing one may move up more.
   bool RemoveMoved() {
     bool all = true;
     while (!moved_.empty()) {
@@ -138,6 +146,7 @@ class Removal {
   }
 
  private:
+  // Opens a folder so that its entries can be removed: with read, write and search permission.
   static int OpenToEmpty(int folder, const std::string& name) {
     const int flags = kFolderFlags | O_NOFOLLOW | O_CLOEXEC;
     int opened = openat(folder, name.c_str(), flags);
@@ -146,7 +155,7 @@ class Removal {
     if (opened >= 0 && fstat(opened, &what) == 0 && (what.st_mode & S_IRWXU) == S_IRWXU) {
       return opened;
     }
-    // No links: they have rights that do not count, and are removed as files.
+    // Not reached for a link: unlinkat() in Remove has removed it as a file.
     fchmodat(folder, name.c_str(), S_IRWXU, 0);
     if (opened < 0) opened = openat(folder, name.c_str(), flags);
     return opened;
@@ -171,14 +180,14 @@ Descriptor::~Descriptor() {
 }
 
 int OpenBeneath(int folder, const fs::path& relative, int flags, bool by_kernel) {
-  // The kernel would follow one that stays inside.
+  // The kernel would allow a ".." that stays inside the folder; OpenByPart would not.
   if (std::find(relative.begin(), relative.end(), "..") != relative.end()) {
     errno = EXDEV;
     return -1;
   }
   if (by_kernel) {
     const int file = OpenByKernel(folder, relative, flags);
-    // EPERM: as a container's filter of system calls refuses what it does not know.
+    // A container's seccomp filter may refuse system calls that it does not know with EPERM.
     if (file >= 0 || (errno != ENOSYS && errno != EPERM)) return file;
   }
   return OpenByPart(folder, relative, flags);
@@ -203,6 +212,7 @@ absl::StatusOr<BeneathFolder> BeneathFolder::OpenFolder(const fs::path& relative
 absl::StatusOr<Descriptor> BeneathFolder::OpenFile(const fs::path& relative) const {
   Descriptor file(OpenBeneath(folder_.get(), relative, kFileFlags));
   if (file.get() < 0) return OpenError(Name(relative), errno);
+  // Examines the descriptor, not the path, which may lead elsewhere by now.
   struct stat what {};
   if (fstat(file.get(), &what) != 0) return FileError(Name(relative), "look at", errno);
   if (!S_ISREG(what.st_mode)) return OpenError(Name(relative), EISDIR);
@@ -212,6 +222,7 @@ absl::StatusOr<Descriptor> BeneathFolder::OpenFile(const fs::path& relative) con
 absl::StatusOr<std::string> BeneathFolder::ReadFile(const fs::path& relative,
                                                     int64_t max_bytes) const {
   ASSIGN_OR_RETURN(const Descriptor file, OpenFile(relative));
+  // Does not rely on the file's size, because the worker may change the file meanwhile.
   std::string bytes;
   constexpr size_t kPiece = 1 << 16;
   while (true) {
@@ -266,7 +277,7 @@ absl::Status BeneathFolder::RemoveAll(const std::string& name) const {
   Removal removal(folder_.get());
   const bool removed = removal.Remove(folder_.get(), name, 0);
   if (removal.RemoveMoved() && removed) return absl::OkStatus();
-  // What was moved up may have kept the folder above it from being empty.
+  // Tries once more: a folder that still had entries at the first attempt may be empty now.
   if (removal.Remove(folder_.get(), name, 0) && removal.RemoveMoved()) return absl::OkStatus();
   return FileError(Name(name), "remove", errno);
 }
@@ -275,6 +286,7 @@ absl::Status RemoveBeneath(const fs::path& folder, const fs::path& relative) {
   const absl::StatusOr<BeneathFolder> top = BeneathFolder::Open(folder);
   if (absl::IsNotFound(top.status())) return absl::OkStatus();
   RETURN_IF_ERROR(top.status());
+  // Links are refused on the way to the parent; the last part is removed even if it is a link.
   const std::string name = relative.filename();
   if (!relative.has_parent_path()) return top->RemoveAll(name);
   const absl::StatusOr<BeneathFolder> parent = top->OpenFolder(relative.parent_path());

@@ -13,7 +13,7 @@
 
 namespace pepeseg {
 
-// A file descriptor, closed by its owner's destructor.
+// Owns a file descriptor and closes it. -1: none.
 class Descriptor {
  public:
   explicit Descriptor(int number = -1) : number_(number) {}
@@ -29,52 +29,56 @@ class Descriptor {
   int number_;
 };
 
-// Opens `relative` below the folder with descriptor `folder`: no part of it is a link, ".." or
-// absolute, so that nothing above the folder or beside it is opened, also while others change what
-// is in it. Returns -1 and sets errno like open(). Needs Linux 5.6 (openat2); on older kernels, and
-// where `by_kernel` is false, it opens part by part.
+// Opens `relative` below the folder with descriptor `folder`. Refuses a path that is absolute, has
+// ".." in it, or leads through a symbolic link, so that only files below the folder can be opened,
+// even while another process changes the folder. Returns -1 and sets errno as open() does. Uses
+// openat2 (Linux 5.6); on older kernels, and if `by_kernel` is false, opens part by part.
 int OpenBeneath(int folder, const std::filesystem::path& relative, int flags,
                 bool by_kernel = true);
 
-// The way to files that a worker writes, for who does not trust the worker: links are never
-// followed, FIFOs and devices never opened for use, and removal stays inside. All calls take paths
-// relative to the folder; errors name the file by that path.
+// Access to files that an untrusted worker writes. Never follows symbolic links, never returns a
+// FIFO or device, and removes nothing outside the folder. All methods take paths relative to the
+// folder; errors name files by that path, below the folder's own name.
 class BeneathFolder {
  public:
   struct Entry {
     std::string name;
     bool is_folder = false;
-    bool is_file = false;  // a regular one
+    bool is_file = false;  // a regular file
   };
   struct Facts {
     int64_t num_bytes = 0;
-    int64_t num_names = 0;  // 1: it has no other (hard link)
+    int64_t num_names = 0;  // hard links; 1: it has only this name
     absl::Time modified;
   };
 
-  // `path` is trusted: it may have links in it. NOT_FOUND: there is no such folder.
+  // Opens a folder. `path` is trusted and may lead through links. NOT_FOUND: there is no such
+  // folder.
   static absl::StatusOr<BeneathFolder> Open(const std::filesystem::path& path);
-  // A folder below this one. FAILED_PRECONDITION: it is something else.
+  // Opens a folder below this one. NOT_FOUND: there is none. FAILED_PRECONDITION: the path leads
+  // through a link, or may not be opened.
   absl::StatusOr<BeneathFolder> OpenFolder(const std::filesystem::path& relative) const;
 
-  // A regular file, for reading. NOT_FOUND: there is none; FAILED_PRECONDITION: it is something
-  // else, or may not be read.
+  // Opens a regular file for reading. NOT_FOUND: there is none. FAILED_PRECONDITION: it is not a
+  // regular file, or may not be read.
   absl::StatusOr<Descriptor> OpenFile(const std::filesystem::path& relative) const;
-  // All of it; FAILED_PRECONDITION also: over `max_bytes`.
+  // Returns the bytes of a regular file. Errors as OpenFile, and FAILED_PRECONDITION if it is
+  // larger than `max_bytes`.
   absl::StatusOr<std::string> ReadFile(const std::filesystem::path& relative,
                                        int64_t max_bytes) const;
-  // Whether there is a regular file of that name.
+  // Returns true if OpenFile succeeds.
   bool HasFile(const std::filesystem::path& relative) const;
 
-  // Sorted by name.
+  // Returns the entries of the folder, sorted by name, without "." and "..".
   absl::StatusOr<std::vector<Entry>> List() const;
-  // None: it is not there any more, or is no regular file.
+  // Returns facts about a regular file, or nothing if it no longer exists or is something else.
   std::optional<Facts> Look(const std::string& name) const;
-  // The bytes of its files. FAILED_PRECONDITION, naming the first: an entry that is no regular
-  // file, or, unless `other_names`, one that has a second name.
+  // Returns the total size of the folder's files in bytes. FAILED_PRECONDITION, naming the first
+  // such entry: an entry is not a regular file or, unless `other_names`, has a second hard link.
   absl::StatusOr<int64_t> CheckPlain(bool other_names = false) const;
 
-  // Removes a file, or a folder with all that is in it. What is not there is removed already.
+  // Removes a file, or a folder with everything in it, whatever its depth and permissions. Returns
+  // OK if it does not exist.
   absl::Status RemoveAll(const std::string& name) const;
 
   int descriptor() const { return folder_.get(); }
@@ -85,15 +89,17 @@ class BeneathFolder {
   std::string Name(const std::filesystem::path& relative) const;
 
   Descriptor folder_;
-  std::filesystem::path name_;  // in errors
+  std::filesystem::path name_;  // for errors
 };
 
-// Removes what is at `relative` below the trusted `folder`, as BeneathFolder::RemoveAll does.
+// Removes `relative` below the trusted `folder`, as BeneathFolder::RemoveAll does. Returns OK if
+// either does not exist.
 absl::Status RemoveBeneath(const std::filesystem::path& folder,
                            const std::filesystem::path& relative);
 
-// Calls `visit` with each regular file below `folder`, without following links: the folder
-// that it is in, and its name. Folders more than 64 levels deep are left out.
+// Calls visit(parent, name) for each regular file below `folder`, without following links. `parent`
+// is the BeneathFolder that the file is in. Skips folders that cannot be opened, and those more
+// than 64 levels deep.
 template <typename Visit>
 void VisitFiles(const BeneathFolder& folder, const Visit& visit, int depth = 0) {
   constexpr int kMaxDepth = 64;

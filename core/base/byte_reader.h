@@ -8,8 +8,8 @@
 
 namespace pepeseg {
 
-// Reads little-endian values off the front of a buffer. Past its end it reads zeros and is no
-// longer ok(): callers may check once a record.
+// Reads little-endian values from the front of a buffer, which must outlive the reader. A read past
+// the end yields zeros and makes ok() false for good, so callers may check once per record.
 class ByteReader {
  public:
   explicit ByteReader(absl::string_view bytes) : bytes_(bytes) {}
@@ -18,7 +18,8 @@ class ByteReader {
   size_t offset() const { return offset_; }
   size_t remaining() const { return bytes_.size() - offset_; }
 
-  // Of a trivially copyable type; the machines that we run on are little-endian.
+  // Returns the next value. T must be trivially copyable; the bytes are not swapped, because the
+  // program runs on little-endian machines only.
   template <class T>
   T Take() {
     T value{};
@@ -29,7 +30,8 @@ class ByteReader {
   void TakeAll(std::span<T> values) {
     for (T& value : values) value = Take<T>();
   }
-  // A string up to a NUL byte, which is passed over.
+  // Returns the text up to the next NUL byte and skips that byte. Without a NUL byte, returns an
+  // empty text and makes ok() false.
   absl::string_view TakeString() {
     const size_t end = bytes_.find('\0', offset_);
     if (end == absl::string_view::npos) {
@@ -40,6 +42,7 @@ class ByteReader {
     offset_ = end + 1;
     return text;
   }
+  // Skips `count` bytes. Returns ok().
   bool Skip(uint64_t count) {
     ok_ = ok_ && count <= remaining();
     if (ok_) offset_ += count;

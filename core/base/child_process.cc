@@ -26,14 +26,13 @@ namespace {
 
 constexpr int kPollMilliseconds = 50;
 constexpr int64_t kMaxLogBytes = int64_t{16} << 20;
-// What has no end of line by then is handed on as a line.
-constexpr size_t kMaxLineBytes = 4096;
+constexpr size_t kMaxLineBytes = 4096;  // longer lines are cut into several
 
 absl::Status SystemError(const std::string& what) {
   return absl::InternalError(absl::StrCat(what, ": ", std::generic_category().message(errno)));
 }
 
-// A pipe whose ends no other child inherits.
+// A pipe that closes its ends. Other children do not inherit them (O_CLOEXEC).
 struct Pipe {
   ~Pipe() {
     CloseWriter();
@@ -46,6 +45,7 @@ struct Pipe {
     writer = ends[1];
     return absl::OkStatus();
   }
+  // The parent must close its writer, or else it would never read the end of the output.
   void CloseWriter() {
     if (writer >= 0) close(writer);
     writer = -1;
@@ -54,6 +54,7 @@ struct Pipe {
   int writer = -1;
 };
 
+// Returns `own`, then the variables of this process that `own` does not set.
 std::vector<std::string> Environment(const std::vector<std::string>& own) {
   std::vector<std::string> words = own;
   for (char** entry = environ; entry != nullptr && *entry != nullptr; ++entry) {
@@ -66,8 +67,9 @@ std::vector<std::string> Environment(const std::vector<std::string>& own) {
   return words;
 }
 
-// All that the new process needs, made before the fork: after it, in a process that may have had
-// threads, only what a signal handler may call is safe.
+// Everything that the new process needs, allocated before the fork. If the parent has several
+// threads, the child may call only async-signal-safe functions until exec: another thread may have
+// held the allocator's lock at the fork.
 class Launch {
  public:
   explicit Launch(const ChildCommand& command)
@@ -76,7 +78,8 @@ class Launch {
     words_.insert(words_.end(), command.arguments.begin(), command.arguments.end());
   }
 
-  // `output`: receives what the program writes.
+  // Starts the program with its output going to the descriptor `output`, and returns its process
+  // id. Returns NOT_FOUND if exec failed: the child reports its errno through a second pipe.
   absl::StatusOr<pid_t> Start(int output) {
     std::vector<char*> argv = Pointers(words_);
     std::vector<char*> envp = Pointers(environment_);
@@ -88,7 +91,7 @@ class Launch {
     if (pid == 0) Become(argv.data(), envp.data(), {parent, output, failure.writer});
     failure.CloseWriter();
     int error = 0;
-    // Its end is closed by the exec that went well.
+    // A successful exec closes the child's end of the pipe, so that the read returns 0.
     if (read(failure.reader, &error, sizeof(error)) != sizeof(error)) return pid;
     waitpid(pid, nullptr, 0);
     return absl::NotFoundError(absl::StrCat(program_, " cannot be run: ", std::strerror(error)));
@@ -101,16 +104,19 @@ class Launch {
     int failure;
   };
 
-  // In the new process.
+  // Turns the forked child into the program. Only async-signal-safe calls.
   [[noreturn]] void Become(char** argv, char** envp, const Ends& ends) const {
+    // A process group of its own, so that Reap can kill everything that the program has started.
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (getppid() != ends.parent) _exit(127);
+    if (getppid() != ends.parent) _exit(127);  // the parent died before prctl took effect
     const int input = open("/dev/null", O_RDONLY | O_CLOEXEC);
     dup2(input, STDIN_FILENO);
     dup2(ends.output, STDOUT_FILENO);
     dup2(ends.output, STDERR_FILENO);
+    // Other threads may have opened descriptors without O_CLOEXEC.
     close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+    // exec() keeps the mask of blocked signals, and threads of the server block some.
     sigset_t none;
     sigemptyset(&none);
     sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -124,24 +130,25 @@ class Launch {
   std::vector<std::string> words_, environment_;
 };
 
-// What the program writes, as lines, and in the log.
+// Splits the program's output into lines and copies it to the log.
 class Output {
  public:
   explicit Output(const std::filesystem::path& log) : log_(log, std::ios::app) {}
 
-  // False when there is nothing to read now.
+  // Reads once. Returns false if there is nothing to read now.
   bool Read(int descriptor) {
     std::array<char, 16384> bytes{};
     const ssize_t size = read(descriptor, bytes.data(), bytes.size());
     if (size <= 0) return false;
     const absl::string_view text(bytes.data(), static_cast<size_t>(size));
+    // Goes on reading when the log is full, so that the program does not block on its output.
     if (logged_ < kMaxLogBytes) log_ << text << std::flush;
     logged_ += size;
     for (const char c : text) Add(c);
     return true;
   }
 
-  // The lines since the last call; `ended`: with one that has no end.
+  // Returns the complete lines since the last call. If `ended`, the last line may lack a newline.
   std::vector<std::string> Take(bool ended) {
     if (ended && !line_.empty()) lines_.push_back(std::move(line_));
     return std::exchange(lines_, {});
@@ -159,7 +166,7 @@ class Output {
   std::vector<std::string> lines_;
 };
 
-// A process that runs, and is killed with all its group when this goes.
+// A running child process. The destructor kills it and its process group.
 class Running {
  public:
   explicit Running(pid_t pid) : pid_(pid) {}
@@ -169,16 +176,18 @@ class Running {
   Running(const Running&) = delete;
   Running& operator=(const Running&) = delete;
 
+  // Returns whether the process has ended, and leaves it a zombie so that its id stays taken.
   bool HasEnded() const {
     siginfo_t info{};
     return waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
            info.si_pid == pid_;
   }
 
-  // Kills what is left of the group first: as long as its leader is not reaped, its number is its.
+  // Kills what is left of the group, then reaps its leader and returns how it ended. In this order,
+  // because the group's id cannot be reused before its leader is reaped.
   ChildEnd Reap() {
     kill(-pid_, SIGKILL);
-    kill(pid_, SIGKILL);  // it may not have made its group yet
+    kill(pid_, SIGKILL);  // the child may not have called setpgid yet
     int status = 0;
     while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
     }
@@ -230,6 +239,8 @@ absl::StatusOr<std::filesystem::path> FindProgram(const std::string& name) {
   return absl::NotFoundError(absl::StrCat("the program ", name, " is not there"));
 }
 
+// Each round waits up to 50 ms for output, reads some, and passes complete lines to `watch`. After
+// the program has ended and its group is killed, reads what is left in the pipe.
 absl::StatusOr<ChildEnd> RunChild(const ChildCommand& command, ChildWatchFn watch) {
   const absl::Time deadline = absl::Now() + command.time_limit;
   Pipe pipe;
@@ -244,11 +255,11 @@ absl::StatusOr<ChildEnd> RunChild(const ChildCommand& command, ChildWatchFn watc
     pollfd readable{pipe.reader, POLLIN, 0};
     const bool any = poll(&readable, 1, kPollMilliseconds) > 0;
     ended = running.HasEnded();
-    if (ended) end = running.Reap();  // now nobody writes any more
+    if (ended) end = running.Reap();  // no process is left that could write
     const bool read = any && output.Read(pipe.reader);
     while (ended && output.Read(pipe.reader)) {
     }
-    // It has closed its output, and runs on.
+    // The program has closed its output but still runs: poll() returns at once, so sleep instead.
     if (any && !read && !ended) absl::SleepFor(absl::Milliseconds(kPollMilliseconds));
     RETURN_IF_ERROR(watch(output.Take(ended)));
     if (!ended && absl::Now() > deadline) return OverTime(command);

@@ -15,37 +15,44 @@ namespace pepeseg {
 // How a process ended.
 struct ChildEnd {
   int exit_code = 0;
-  int signal = 0;  // that killed it; 0: it exited by itself
+  int signal = 0;  // the signal that killed it; 0: it exited by itself
 };
 
-// "exited with code 3" or "was killed by signal 9 (Killed)".
+// Returns "exited with code 3" or "was killed by signal 9 (Killed)".
 std::string Describe(const ChildEnd& end);
 
-// `words` as exec() takes them, null at the end. They must outlive the pointers.
+// Returns pointers to the words as exec() expects them, with a null pointer at the end. `words`
+// must outlive them.
 std::vector<char*> Pointers(std::vector<std::string>& words);
 
-// Where a program is: `name` itself where it has a slash, else the first of its name in the folders
-// of PATH. NOT_FOUND: there is none that may be run.
+// Returns the path of a program: `name` itself if it has a slash, else the first executable file of
+// that name in the folders of PATH. Returns NOT_FOUND if there is none.
 absl::StatusOr<std::filesystem::path> FindProgram(const std::string& name);
 
-// A program that a stage has run for it. It gets an empty input, no descriptor of ours but its
-// output, a process group of its own, and the resource limits of this process.
+// A program to run as a child process. It gets an empty standard input, a pipe as standard output
+// and standard error, no other descriptor of this process, its own process group, and the resource
+// limits of this process.
 struct ChildCommand {
-  std::filesystem::path program;  // as FindProgram tells it
+  std::filesystem::path program;  // as FindProgram returns it
   std::vector<std::string> arguments;
-  std::vector<std::string> environment;  // "NAME=VALUE", in place of this process's of that name
-  std::filesystem::path log;             // its output and errors are appended, 16 MiB at most
+  // "NAME=VALUE", added to the environment of this process; replaces a variable of the same name.
+  std::vector<std::string> environment;
+  std::filesystem::path log;  // its output is appended to this file, at most 16 MiB of it
   absl::Duration time_limit = absl::InfiniteDuration();
 };
 
-// Called with the lines that the program has written since, at least ten times a second, with none
-// when there are none. An error returned kills the program.
+// Called about every 50 ms, and more often while the program writes, with the lines that it has
+// written since the last call; possibly none. An error that it returns kills the program.
 using ChildWatchFn = absl::FunctionRef<absl::Status(std::span<const std::string> lines)>;
 
-// Runs it to its end, whichever that is; nothing of its process group is left afterwards. It is
-// killed when this thread ends, as when this process is killed: run it from one that lives on.
-// An error of `watch` ends it and is answered; DEADLINE_EXCEEDED: over its time limit; NOT_FOUND,
-// INTERNAL: it could not be started.
+// Runs a program until it ends and returns how it ended, whether well or not. Afterwards no process
+// of its group is left. Calls `watch` on the calling thread.
+//
+// If this process is killed meanwhile, the kernel kills the program (PR_SET_PDEATHSIG). The
+// processes that the program has started are not killed then.
+//
+// Returns the error of `watch` if it returned one, after killing the group. DEADLINE_EXCEEDED: the
+// program ran for longer than its time limit. NOT_FOUND, INTERNAL: it could not be started.
 absl::StatusOr<ChildEnd> RunChild(const ChildCommand& command, ChildWatchFn watch);
 
 }  // namespace pepeseg

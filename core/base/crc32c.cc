@@ -7,12 +7,12 @@
 namespace pepeseg {
 namespace {
 
-constexpr uint32_t kPolynomial = 0x82f63b78;  // reflected
+constexpr uint32_t kPolynomial = 0x82f63b78;  // 0x1edc6f41 with its bits reversed
 
 using Tables = std::array<std::array<uint32_t, 256>, 8>;
 
-// tables[k][b]: the remainder of byte b followed by k zero bytes, so that eight bytes take eight
-// independent look-ups ("slicing by 8").
+// tables[k][b] is the remainder of byte b followed by k zero bytes. With it, eight bytes take eight
+// independent look-ups in place of a chain of eight ("slicing by 8": Kounavis and Berry, 2005).
 constexpr Tables MakeTables() {
   Tables tables{};
   for (uint32_t b = 0; b < 256; ++b) {
@@ -41,10 +41,11 @@ uint32_t Crc32c(std::span<const uint8_t> bytes, uint32_t crc) {
   for (; left >= 8; left -= 8, p += 8) {
     uint64_t word = 0;
     std::memcpy(&word, p, 8);
-    word ^= crc;
+    word ^= crc;  // the CRC so far belongs to the first four of these bytes
     crc = 0;
     for (size_t k = 0; k < 8; ++k) crc ^= kTables[7 - k][(word >> (8 * k)) & 0xff];
   }
+  // The last up to seven bytes, one by one.
   for (; left > 0; --left, ++p) crc = (crc >> 8) ^ kTables[0][(crc ^ *p) & 0xff];
   return ~crc;
 }

@@ -6,7 +6,8 @@
 
 namespace pepeseg {
 
-// CRC-32C (Castagnoli), as in iSCSI and gRPC storage services. `crc`: that of the bytes before.
+// Returns the CRC-32C (Castagnoli polynomial, as in iSCSI and in storage services over gRPC) of
+// `bytes`. To compute it piece by piece, pass the CRC of the preceding bytes as `crc`; 0: none.
 uint32_t Crc32c(std::span<const uint8_t> bytes, uint32_t crc = 0);
 uint32_t Crc32c(const std::string& bytes, uint32_t crc = 0);
 

@@ -14,14 +14,15 @@
 namespace pepeseg {
 namespace {
 
-// The calls fail only for want of memory or of the algorithm; a digest that failed must never look
-// like one.
+// Ends the process if an OpenSSL call failed. That happens only without memory or without the
+// algorithm, and a wrong digest must never be stored or compared.
 void RequireSuccess(int result) {
   if (result != 1) std::abort();
 }
 
 }  // namespace
 
+// OpenSSL's context, kept out of the header.
 struct Sha256::State {
   struct Free {
     void operator()(EVP_MD_CTX* context) const { EVP_MD_CTX_free(context); }
@@ -61,6 +62,7 @@ absl::StatusOr<std::string> Sha256OfFile(const std::filesystem::path& path) {
   constexpr size_t kBlock = size_t{1} << 20;
   std::ifstream file(path, std::ios::binary);
   if (!file) return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path.string()));
+  // Block by block, so that memory does not grow with the file.
   Sha256 digest;
   std::vector<char> block(kBlock);
   while (file) {

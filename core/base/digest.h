@@ -11,7 +11,7 @@
 
 namespace pepeseg {
 
-// SHA-256 of bytes that come piece by piece.
+// Computes the SHA-256 of bytes that arrive piece by piece.
 class Sha256 {
  public:
   Sha256();
@@ -21,7 +21,7 @@ class Sha256 {
 
   void Add(std::string_view bytes);
   void Add(std::span<const uint8_t> bytes);
-  // 64 lower-case hexadecimal digits. Nothing may be added afterwards.
+  // Returns the digest as 64 lower-case hexadecimal digits. No other call may follow it.
   std::string Hex();
 
  private:
@@ -29,6 +29,8 @@ class Sha256 {
   std::unique_ptr<State> state_;
 };
 
+// Return the same digits for bytes in memory and for a file. NOT_FOUND: there is no such file.
+// INTERNAL: it cannot be read.
 std::string Sha256Hex(std::string_view bytes);
 absl::StatusOr<std::string> Sha256OfFile(const std::filesystem::path& path);
 

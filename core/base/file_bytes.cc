@@ -15,6 +15,7 @@ absl::StatusOr<int64_t> FileSize(const std::filesystem::path& path, absl::string
   if (!std::filesystem::exists(status)) {
     return absl::NotFoundError(absl::StrCat(name, ": no such file"));
   }
+  // A FIFO or device could block a read, or never end.
   if (!std::filesystem::is_regular_file(status)) {
     return absl::InvalidArgumentError(absl::StrCat(name, ": not a regular file"));
   }
@@ -26,12 +27,14 @@ absl::StatusOr<int64_t> FileSize(const std::filesystem::path& path, absl::string
 absl::StatusOr<std::string> ReadFile(const std::filesystem::path& path, absl::string_view name,
                                      int64_t max_bytes) {
   ASSIGN_OR_RETURN(const int64_t size, FileSize(path, name));
+  // Before memory is allocated for it.
   if (size > max_bytes) {
     return absl::InvalidArgumentError(
         absl::StrCat(name, ": ", size, " bytes, the limit is ", max_bytes));
   }
   std::ifstream file(path, std::ios::binary);
   std::string bytes(static_cast<size_t>(size), '\0');
+  // A file that shrinks meanwhile is an error; one that grows is read up to its former size.
   file.read(bytes.data(), size);
   if (!file || file.gcount() != size) {
     return absl::InternalError(absl::StrCat(name, ": cannot be read"));
@@ -48,6 +51,7 @@ std::string ReadFileTail(const std::filesystem::path& path, size_t max_bytes) {
   stream.seekg(static_cast<std::streamoff>(size - length));
   stream.read(tail.data(), static_cast<std::streamsize>(length));
   tail.resize(static_cast<size_t>(stream.gcount()));
+  // Drops the first line if the tail begins within it.
   const size_t line = tail.find('\n');
   if (length < size && line != std::string::npos) tail.erase(0, line + 1);
   return tail;

@@ -14,7 +14,7 @@ absl::Status FileError(const std::filesystem::path& path, const std::string& wha
   if (error == ENOENT) return PrivateError(absl::StatusCode::kNotFound, message);
   const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
   if (full) return PrivateError(absl::StatusCode::kResourceExhausted, message);
-  // The file may be fine: it can be opened when there are descriptors again.
+  // The file itself may be fine: opening it again works once descriptors are free.
   const bool no_descriptors = error == EMFILE || error == ENFILE;
   return PrivateError(no_descriptors ? absl::StatusCode::kUnavailable : absl::StatusCode::kInternal,
                       message);

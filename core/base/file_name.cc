@@ -13,7 +13,8 @@ namespace {
 
 constexpr size_t kMaxNameBytes = 1024;
 
-// Bytes of the UTF-8 sequence at the front of `text`; 0: not one.
+// Returns the length in bytes of the UTF-8 sequence at the front of `text`, or 0 if it is not
+// valid: overlong forms, surrogates and code points above U+10FFFF are not (RFC 3629).
 size_t Utf8SequenceLength(absl::string_view text) {
   const auto lead = static_cast<unsigned char>(text[0]);
   size_t length = 1;
@@ -24,6 +25,8 @@ size_t Utf8SequenceLength(absl::string_view text) {
   }
   if (length < 3) return length;
   const auto second = static_cast<unsigned char>(text[1]);
+  // The second byte decides whether a shorter sequence would do, and whether the code point is a
+  // surrogate or above U+10FFFF.
   const bool overlong = (lead == 0xE0 && second < 0xA0) || (lead == 0xF0 && second < 0x90);
   const bool out_of_range = (lead == 0xED && second > 0x9F) || (lead == 0xF4 && second > 0x8F);
   return overlong || out_of_range ? 0 : length;
@@ -38,6 +41,7 @@ bool IsUtf8(absl::string_view text) {
   return true;
 }
 
+// Returns the position of the suffix's dot, or the size of the name if it has no suffix.
 size_t SuffixStart(absl::string_view name) {
   const size_t slash = name.rfind('/');
   const size_t first = slash == absl::string_view::npos ? 0 : slash + 1;
@@ -45,6 +49,8 @@ size_t SuffixStart(absl::string_view name) {
   return dot == absl::string_view::npos || dot <= first ? name.size() : dot;
 }
 
+// Returns the error for a name. Escapes it, because it may hold control characters, and shortens
+// it.
 absl::Status BadName(absl::string_view name, absl::string_view why) {
   return absl::InvalidArgumentError(
       absl::StrCat("file name \"", absl::CEscape(name.substr(0, kMaxNameBytes)), "\" ", why));

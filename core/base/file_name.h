@@ -7,16 +7,19 @@
 
 namespace pepeseg {
 
-// Whether `name`, that a client or a file of its gave, is a relative name inside a folder: not
-// empty, at most 1024 bytes of UTF-8 without control characters, not absolute, and none of its
-// parts empty, "." or "..". INVALID_ARGUMENT says which it breaks, with the name escaped.
+// Checks a file name that comes from a client or from a client's file. Returns INVALID_ARGUMENT,
+// with the name escaped and the rule that it breaks, unless it is a relative path that stays inside
+// its folder: 1 to 1024 bytes of UTF-8 without control characters, not absolute, and no part of it
+// empty, "." or "..".
 absl::Status ValidateName(absl::string_view name);
 
-// "images/a/b.jpg" without the leading "images/" (`folder` without the slash), if it has it.
+// Removes a leading folder: "images/a/b.jpg" becomes "a/b.jpg" for `folder` "images". Returns other
+// names unchanged.
 absl::string_view WithoutFolder(absl::string_view name, absl::string_view folder);
-// "a/b.c.jpg" without ".jpg"; a dot in a folder's name or at the front of a file's is no suffix.
+// Removes the suffix: "a/b.c.jpg" becomes "a/b.c". A dot in the name of a folder, or in front of
+// the name of a file, does not begin a suffix.
 absl::string_view WithoutSuffix(absl::string_view name);
-// ".jpg" of the same, in lower case; or empty.
+// Returns the suffix in lower case, with its dot: ".jpg". Empty: the name has none.
 std::string Suffix(absl::string_view name);
 
 }  // namespace pepeseg

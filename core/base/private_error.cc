@@ -6,6 +6,7 @@
 namespace pepeseg {
 namespace {
 
+// A status with a payload of this type is private. The payload is empty and never reaches the wire.
 constexpr char kPrivateUrl[] = "pepeseg.server/private";
 
 }  // namespace

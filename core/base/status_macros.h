@@ -5,9 +5,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
-// Debian's Abseil (20220623) ships no status macros; these are the two that we use.
+// The two status macros that the code uses. Debian's Abseil (20220623) has none.
 
-// Returns from the current function with the status of `expr` unless it is OK.
+// Evaluates `expr`, an absl::Status, and returns it from the current function unless it is OK.
 #define RETURN_IF_ERROR(expr)                                                   \
   do {                                                                          \
     if (absl::Status status_macro_status = (expr); !status_macro_status.ok()) { \
@@ -18,8 +18,9 @@
 #define PEPESEG_STATUS_MACRO_CONCAT_INNER(a, b) a##b
 #define PEPESEG_STATUS_MACRO_CONCAT(a, b) PEPESEG_STATUS_MACRO_CONCAT_INNER(a, b)
 
-// Evaluates `expr` (a StatusOr), returns its status on error, else moves its value into `lhs`.
-// NOLINTBEGIN(bugprone-macro-parentheses): `lhs` may be a declaration.
+// Evaluates `expr`, an absl::StatusOr. Returns its status from the current function unless it is
+// OK, else moves its value into `lhs`. Expands to several statements: not for an `if` without
+// braces. NOLINTBEGIN(bugprone-macro-parentheses): `lhs` may be a declaration.
 #define ASSIGN_OR_RETURN(lhs, expr) \
   PEPESEG_ASSIGN_OR_RETURN_INNER(PEPESEG_STATUS_MACRO_CONCAT(status_or_, __LINE__), lhs, expr)
 #define PEPESEG_ASSIGN_OR_RETURN_INNER(status_or, lhs, expr) \

@@ -10,10 +10,12 @@
 namespace pepeseg {
 namespace {
 
+// Returns the error for two files of which only one may exist.
 absl::Status TwoFor(const std::string& what, const DatasetFile& a, const DatasetFile& b) {
   return absl::InvalidArgumentError(absl::StrCat("two ", what, ": ", a.name, " and ", b.name));
 }
 
+// Adds a file to a map of the index. `what` and `key` describe it in the error for a second one.
 absl::Status Put(const DatasetFile& file, const std::string& key, const std::string& what,
                  std::map<std::string, const DatasetFile*>& index) {
   const auto [entry, added] = index.try_emplace(key, &file);
@@ -24,12 +26,13 @@ std::string StemBelow(const std::string& name, absl::string_view folder) {
   return std::string(WithoutSuffix(WithoutFolder(name, folder)));
 }
 
-// Of a file below depth/ or disparity/, whichever its kind.
+// Returns the name of the photograph, without suffix, of a file below depth/ or disparity/.
 std::string DepthStem(const std::string& name) {
   const bool in_depth = WithoutFolder(name, "depth").size() < name.size();
   return StemBelow(name, in_depth ? "depth" : "disparity");
 }
 
+// Adds an ignore mask of one photograph, or the one for all.
 absl::Status PutIgnoreMask(const DatasetFile& file, DatasetIndex& index) {
   if (WithoutFolder(file.name, "ignore") != "ignore_mask.png") {
     return Put(file, StemBelow(file.name, "ignore"), "ignore masks for ", index.ignore);
@@ -39,11 +42,11 @@ absl::Status PutIgnoreMask(const DatasetFile& file, DatasetIndex& index) {
   return absl::OkStatus();
 }
 
-// The files of a COLMAP model stand in one folder; an upload may hold several models.
+// The files of one COLMAP model, which are in one folder. An upload may hold several models.
 struct ColmapModel {
   std::map<std::string, const DatasetFile*> files;  // by name below the folder
 
-  // The binary form goes first, as in COLMAP.
+  // Returns the file of that stem, or null. Prefers the binary form, as COLMAP does.
   const DatasetFile* Find(const std::string& stem) const {
     for (const char* suffix : {".bin", ".txt"}) {
       const auto found = files.find(stem + suffix);
@@ -53,6 +56,7 @@ struct ColmapModel {
   }
 };
 
+// Uses the first folder that has cameras and images, and warns if there are several.
 void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex& index) {
   int num_models = 0;
   for (const auto& [folder, model] : models) {
@@ -69,7 +73,7 @@ void ChooseModel(const std::map<std::string, ColmapModel>& models, DatasetIndex&
   }
 }
 
-// The one that is used; a warning names the others.
+// Chooses the file of poses to use, and warns of the others.
 void ChoosePoses(DatasetIndex& index) {
   const std::pair<PoseFormat, const DatasetFile*> formats[] = {
       {PoseFormat::kColmap, index.images},
@@ -88,8 +92,9 @@ void ChoosePoses(DatasetIndex& index) {
   }
 }
 
-// nerfstudio's points stand in the world of its transforms.json, which it has turned.
-void LeaveOutTurnedPoints(DatasetIndex& index) {
+// Drops nerfstudio's points if COLMAP's poses are used: nerfstudio rotates the world, so the points
+// fit only the poses of its transforms.json.
+void DropRotatedPoints(DatasetIndex& index) {
   if (index.pose_format != PoseFormat::kColmap || index.transforms == nullptr) return;
   if (index.ply_points == nullptr || !index.ply_points->name.ends_with("sparse_pc.ply")) return;
   index.warnings.push_back(absl::StrCat(index.ply_points->name, " belongs to the poses of ",
@@ -97,12 +102,14 @@ void LeaveOutTurnedPoints(DatasetIndex& index) {
   index.ply_points = nullptr;
 }
 
+// Adds a file of a COLMAP model to the model of its folder.
 absl::Status PutModelFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models) {
   const size_t slash = file.name.rfind('/');
   const size_t start = slash == std::string::npos ? 0 : slash + 1;
   return Put(file, file.name.substr(start), "files ", models[file.name.substr(0, start)].files);
 }
 
+// Adds a file of poses. The suffix tells the formats apart: .json and .npy, else COLMAP.
 absl::Status PutPoses(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
                       DatasetIndex& index) {
   const std::string suffix = Suffix(file.name);
@@ -115,7 +122,7 @@ absl::Status PutPoses(const DatasetFile& file, std::map<std::string, ColmapModel
 
 absl::Status PutPoints(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
                        DatasetIndex& index) {
-  // A client may declare COLMAP's points as what they are.
+  // A client may declare COLMAP's points3D as points instead of as poses.
   if (file.name.ends_with("points3D.bin") || file.name.ends_with("points3D.txt")) {
     return PutModelFile(file, models);
   }
@@ -124,6 +131,7 @@ absl::Status PutPoints(const DatasetFile& file, std::map<std::string, ColmapMode
   return absl::OkStatus();
 }
 
+// Adds a file by its kind. Files of COLMAP models are collected in `models` first.
 absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>& models,
                      DatasetIndex& index) {
   switch (file.kind) {
@@ -144,7 +152,7 @@ absl::Status PutFile(const DatasetFile& file, std::map<std::string, ColmapModel>
     case FileKind::kDepth:
     case FileKind::kDisparity:
       return Put(file, DepthStem(file.name), "depth maps for ", index.depth);
-    case FileKind::kVideo:
+    case FileKind::kVideo:  // its frames are indexed as photographs
       return absl::OkStatus();
   }
   return absl::OkStatus();
@@ -174,7 +182,7 @@ absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files) {
   if (index.photos.empty()) return absl::InvalidArgumentError("no photographs among the files");
   ChooseModel(models, index);
   ChoosePoses(index);
-  LeaveOutTurnedPoints(index);
+  DropRotatedPoints(index);
   return index;
 }
 

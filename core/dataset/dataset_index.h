@@ -7,42 +7,45 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "core/dataset/import.h"
+#include "core/dataset/dataset_files.h"
 
 namespace pepeseg {
 
-// Where poses come from, in the order in which they are taken where there are several.
+// Format of the files that poses come from. If there are several, the first in this order is used.
 enum class PoseFormat { kNone, kColmap, kTransformsJson, kPosesBounds };
 
-// The files of a dataset by what they belong to. Borrows the files.
+// The files of a dataset, by the photograph or purpose that they belong to. Points into the span
+// that it was made from, which must outlive it.
 struct DatasetIndex {
-  // By name below images/: "cam0/0001.jpg". As COLMAP's names, which may have "images/" or not.
+  // Photographs by their name below images/: "cam0/0001.jpg" (see PhotoKey).
   std::map<std::string, const DatasetFile*> photos;
-  // By photograph without suffix: "cam0/0001".
+  // Files by the name of their photograph without suffix: "cam0/0001".
   std::map<std::string, const DatasetFile*> masks;
   std::map<std::string, const DatasetFile*> ignore;
-  std::map<std::string, const DatasetFile*> depth;  // of either kind
+  std::map<std::string, const DatasetFile*> depth;  // depth or disparity
   const DatasetFile* ignore_all = nullptr;
-  // One COLMAP model; points may be missing. Cameras and images are both there, or neither.
+  // One COLMAP model. Cameras and images are either both present or both null; points may be null.
   const DatasetFile* cameras = nullptr;
   const DatasetFile* images = nullptr;
   const DatasetFile* colmap_points = nullptr;
-  const DatasetFile* transforms = nullptr;    // of nerfstudio or instant-ngp
-  const DatasetFile* poses_bounds = nullptr;  // of LLFF
+  const DatasetFile* transforms = nullptr;    // nerfstudio or instant-ngp
+  const DatasetFile* poses_bounds = nullptr;  // LLFF
   PoseFormat pose_format = PoseFormat::kNone;
   const DatasetFile* ply_points = nullptr;
   const DatasetFile* gaussians = nullptr;
   std::vector<std::string> warnings;
 };
 
-// INVALID_ARGUMENT: a name that ValidateName refuses; two files for one thing; no photograph.
+// Indexes the files of a dataset. INVALID_ARGUMENT: ValidateName refuses a name, two files have the
+// same purpose, or there is no photograph.
 absl::StatusOr<DatasetIndex> IndexDataset(std::span<const DatasetFile> files);
 
-// Indexes masks and depth maps without the photographs that they belong to. INVALID_ARGUMENT: as
-// for IndexDataset.
+// Indexes masks and depth maps without the photographs that they belong to. INVALID_ARGUMENT:
+// ValidateName refuses a name, or two files have the same purpose.
 absl::StatusOr<DatasetIndex> IndexPriors(std::span<const DatasetFile> files);
 
-// A photograph's name as the index and the views have it.
+// Returns the name of a photograph in the index and in views: without a leading "images/", which
+// COLMAP's names may or may not have.
 std::string PhotoKey(absl::string_view name);
 
 }  // namespace pepeseg

@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
 #include "core/base/file_name.h"
-#include "core/base/refused.h"
 #include "core/base/status_macros.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/npy.h"
@@ -15,8 +15,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxShapeError = 0.01;
+constexpr double kMaxShapeError = 0.01;  // relative difference of width / height
 
+// Decodes the file by the suffix of its name.
 absl::StatusOr<FloatImage> Decode(const std::filesystem::path& path, const std::string& name) {
   const std::string suffix = Suffix(name);
   if (suffix == ".png") return DecodeGrey(path, name);
@@ -27,6 +28,8 @@ absl::StatusOr<FloatImage> Decode(const std::filesystem::path& path, const std::
   return suffix == ".npy" ? ParseNpy(name, bytes) : ParsePfm(name, bytes);
 }
 
+// Compares the aspect ratios. Sensors and networks often give maps of another resolution than the
+// photograph, but a map of another aspect ratio shows another part of the scene.
 absl::Status CheckShape(const FloatImage& map, const std::string& name, const PhotoSize& photo) {
   const double shape = static_cast<double>(map.width) / map.height;
   const double photo_shape = static_cast<double>(photo.width) / photo.height;
@@ -42,6 +45,7 @@ absl::StatusOr<FloatImage> ReadDepthMap(const std::filesystem::path& path, const
                                         DepthPrior::Kind kind, const PhotoSize& photo) {
   ASSIGN_OR_RETURN(FloatImage map, Decode(path, name));
   RETURN_IF_ERROR(CheckShape(map, name, photo));
+  // Sensors write 0 where they measured nothing. In a disparity map 0 is a measurement: infinity.
   const bool zero_is_unknown = kind == DepthPrior::Kind::kDepth;
   for (size_t i = 0; i < map.values.size(); ++i) {
     if (!std::isfinite(map.values[i])) {

@@ -7,16 +7,15 @@
 #include "absl/status/statusor.h"
 #include "core/dataset/mask_files.h"
 #include "core/scene/capture.h"
-#include "core/scene/float_image.h"
 
 namespace pepeseg {
 
-// The depth map of a photograph, by the suffix of `name`:
+// Reads the depth map of a photograph. Its format follows from the suffix of `name`:
 //   .png  grey, 8 or 16 bit     .npy  see npy.h     .pfm  see pfm.h
-// NaN where it says nothing: where a map of kind DEPTH is 0. 0 in a DISPARITY is far away. A map of
-// another size than the photograph's stands for all of it, if its shape is the photograph's within
-// 1 %. INVALID_ARGUMENT names the file: malformed, cut short, over 64 Mpx, another shape, or the
-// first pixel that is not finite.
+// Returns NaN for unknown depth, which is 0 in a map of kind kDepth. In a disparity map 0 is known
+// and infinitely far. The map may be larger or smaller than the photograph if their aspect ratios
+// agree within 1 %. INVALID_ARGUMENT, naming the file: it is malformed or cut short, exceeds
+// 64 Mpx, has another aspect ratio, or has a value that is not finite (the first pixel is named).
 absl::StatusOr<FloatImage> ReadDepthMap(const std::filesystem::path& path, const std::string& name,
                                         DepthPrior::Kind kind, const PhotoSize& photo);
 

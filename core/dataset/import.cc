@@ -21,14 +21,14 @@
 #include "core/formats/colmap.h"
 #include "core/formats/decode_image.h"
 #include "core/formats/exif.h"
-#include "core/formats/ply_points.h"
-#include "core/scene/normalize_depth.h"
-#include "core/scene/origin.h"
+#include "core/formats/ply.h"
+#include "core/scene/camera.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
 namespace {
 
-// "3 photographs have no pose and are left out: a.jpg, b.jpg, c.jpg"
+// Returns a warning such as "3 photographs have no pose and are left out: a.jpg, b.jpg, c.jpg".
 std::string LeftOut(const std::vector<std::string>& names, absl::string_view what) {
   constexpr size_t kNamed = 5;
   std::string text = absl::StrCat(names.size(), " ", what, " and are left out: ");
@@ -46,6 +46,8 @@ struct Match {
   PhotoPose pose;
 };
 
+// Matches poses and photographs by name. Returns the matches sorted by name, and warns of
+// photographs and poses that have no counterpart.
 absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIndex& index) {
   std::vector<Match> matches;
   std::vector<std::string> without_photo;
@@ -78,8 +80,9 @@ absl::StatusOr<std::vector<Match>> MatchPoses(const PhotoPoses& poses, DatasetIn
   return matches;
 }
 
-// Masks belong to a photograph by its name without the suffix, so two that differ in nothing else
-// cannot both have them. What belongs to no view is only worth a warning.
+// Checks files that belong to photographs by name without suffix, such as masks. Returns
+// INVALID_ARGUMENT if one could belong to two photographs whose names differ only in the suffix.
+// Warns of files that belong to no view.
 absl::Status CheckCompanions(const std::vector<std::string>& keys,
                              const std::map<std::string, const DatasetFile*>& companions,
                              absl::string_view what, std::vector<std::string>& warnings) {
@@ -102,8 +105,8 @@ absl::Status CheckCompanions(const std::vector<std::string>& keys,
   return absl::OkStatus();
 }
 
-// The lens at the photograph's size. Datasets are often shrunk after their poses were found: the
-// same photograph at another size has the same lens at another scale.
+// Returns the lens scaled to the photograph's size: datasets are often shrunk after their poses
+// were found. Returns INVALID_ARGUMENT if the shapes differ by more than a pixel.
 absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::string& name) {
   if (photo.width == lens.width && photo.height == lens.height) return lens;
   const double expected_height = static_cast<double>(photo.width) * lens.height / lens.width;
@@ -119,7 +122,7 @@ absl::StatusOr<Lens> FitLens(const Lens& lens, const Image& photo, const std::st
 struct DecodedPhoto {
   Image image;                       // as stored
   std::vector<uint8_t> transparent;  // see DecodePhoto
-  int orientation = 1;               // EXIF's
+  int orientation = 1;               // EXIF orientation
 };
 
 absl::StatusOr<DecodedPhoto> ReadPhoto(const DatasetFile& photo) {
@@ -136,7 +139,8 @@ class PriorReader {
  public:
   explicit PriorReader(const DatasetIndex& index) : index_(index) {}
 
-  // `warp`: of the view's photograph.
+  // Return the priors of the view, or empty ones. `photo` is its photograph, `warp` that
+  // photograph's warp.
   absl::StatusOr<MaskSet> ReadMasksOf(const View& view, const PhotoSize& photo,
                                       const ViewWarp& warp) const {
     const auto masks = index_.masks.find(std::string(WithoutSuffix(view.name)));
@@ -155,7 +159,7 @@ class PriorReader {
         file.kind == FileKind::kDisparity ? DepthPrior::Kind::kDisparity : DepthPrior::Kind::kDepth;
     ASSIGN_OR_RETURN(const FloatImage map, ReadDepthMap(file.path, file.name, prior.kind, photo));
     std::vector<float> depth = warp.Depth(map);
-    // What is not trained on has no say in the percentiles either.
+    // Pixels that are not trained on must not influence the percentiles of NormalizeDepth.
     for (size_t i = 0; i < view.ignore.size(); ++i) {
       if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
     }
@@ -164,7 +168,7 @@ class PriorReader {
     return prior;
   }
 
-  // Warns of depth maps that say nothing.
+  // Adds a warning that names the depth maps without information, if there are any.
   void AddWarnings(std::vector<std::string>& warnings) const {
     if (without_depth_.empty()) return;
     warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
@@ -175,7 +179,7 @@ class PriorReader {
   std::vector<std::string> without_depth_;
 };
 
-// Makes the views, one after the other.
+// Reads the views, one after the other.
 class ViewReader {
  public:
   ViewReader(const DatasetIndex& index, const PhotoPoses& poses, double image_scale)
@@ -210,8 +214,8 @@ class ViewReader {
   const PriorReader& priors() const { return priors_; }
 
  private:
-  // Views of one camera mostly follow each other: the last warp is kept, not all of them, as each
-  // is as large as a photograph.
+  // Sets warp_ to the warp of the camera. Only the last one is kept, because a warp is as large as
+  // a photograph; views of one camera mostly follow each other.
   absl::Status PrepareWarp(uint32_t camera_id, const Lens& lens) {
     if (warp_ && warp_camera_ == camera_id && warp_lens_.width == lens.width &&
         warp_lens_.height == lens.height) {
@@ -231,6 +235,8 @@ class ViewReader {
   absl::Status ReadCompanions(const Match& match, const PhotoSize& photo, View& view) {
     const std::string stem(WithoutSuffix(match.key));
     ASSIGN_OR_RETURN(view.masks, priors_.ReadMasksOf(view, photo, *warp_));
+    // A pixel is ignored if it is transparent, or if the mask for all views or the view's own says
+    // so.
     const auto own = index_.ignore.find(stem);
     std::vector<const DatasetFile*> ignore;
     if (index_.ignore_all != nullptr) ignore.push_back(index_.ignore_all);
@@ -256,7 +262,7 @@ class ViewReader {
   Lens warp_lens_;
 };
 
-// A point cloud that was given as such goes before COLMAP's, which goes with COLMAP's poses.
+// Reads the initial points: of the point cloud if there is one, else of the COLMAP model.
 absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index,
                                                    const Eigen::Vector3d& origin) {
   if (index.ply_points != nullptr) {
@@ -268,7 +274,7 @@ absl::StatusOr<std::vector<ScenePoint>> ReadPoints(const DatasetIndex& index,
   return std::vector<ScenePoint>();
 }
 
-// Where it is not zero, the poses become relative to it.
+// Returns the origin of the cameras. If it is not zero, makes the poses relative to it and warns.
 Eigen::Vector3d TakeOrigin(std::vector<Match>& matches, std::vector<std::string>& warnings) {
   std::vector<Pose> poses;
   poses.reserve(matches.size());
@@ -278,9 +284,9 @@ Eigen::Vector3d TakeOrigin(std::vector<Match>& matches, std::vector<std::string>
   for (Match& match : matches) {
     match.pose.cam_from_world = RelativeTo(origin, match.pose.cam_from_world);
   }
-  warnings.push_back(absl::StrCat("the cameras stand far from zero for how near they are to each ",
-                                  "other: coordinates are counted from (", origin.x(), ", ",
-                                  origin.y(), ", ", origin.z(), ")"));
+  warnings.push_back(absl::StrCat(
+      "the cameras are far from zero compared with the distances between ",
+      "them: coordinates are relative to (", origin.x(), ", ", origin.y(), ", ", origin.z(), ")"));
   return origin;
 }
 
@@ -305,6 +311,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   ASSIGN_OR_RETURN(const PhotoPoses poses, ReadPhotoPoses(index));
   for (const std::string& warning : poses.warnings) index.warnings.push_back(warning);
   ASSIGN_OR_RETURN(std::vector<Match> matches, MatchPoses(poses, index));
+  // One view has no parallax, so nothing could be reconstructed.
   if (matches.size() < 2) {
     return absl::InvalidArgumentError(
         absl::StrCat(matches.size(), " of ", index.photos.size(), " photographs have a pose in ",
@@ -316,6 +323,7 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.ignore, "ignore masks", index.warnings));
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
+  // The origin comes first, because points and poses are stored relative to it.
   capture.origin = TakeOrigin(matches, index.warnings);
   ASSIGN_OR_RETURN(capture.points, ReadPoints(index, capture.origin));
   ViewReader reader(index, poses, options.image_scale);
@@ -345,7 +353,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
   PriorReader reader(index);
   std::vector<MaskSet> masks;
   std::vector<DepthPrior> depths;
-  std::optional<ViewWarp> warp;  // of `warped`: most views have the same lens
+  std::optional<ViewWarp> warp;  // that of `warped`; most views have the same lens
   const View* warped = nullptr;
   for (const View& view : capture.views) {
     // Every imported view has a photograph.
@@ -360,6 +368,7 @@ absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFil
     masks.push_back(std::move(mask_set));
     depths.push_back(std::move(depth));
   }
+  // Nothing can fail from here on, so the capture is changed completely or not at all.
   for (size_t i = 0; i < capture.views.size(); ++i) {
     View& view = capture.views[i];
     if (!masks[i].empty()) view.masks = std::move(masks[i]);

@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
 #include "core/base/file_name.h"
-#include "core/base/refused.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/sam_masks.h"
 #include "core/formats/decode_image.h"
@@ -14,8 +14,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
+constexpr int64_t kMaxMaskFileBytes = int64_t{64} << 20;
 
+// Checks the number of masks of one photograph.
 absl::Status CheckCount(absl::string_view name, size_t count) {
   if (count <= kMaxMasksOfView) return absl::OkStatus();
   return Refused(name, absl::StrCat("has ", count, " masks, the limit is ", kMaxMasksOfView));
@@ -23,10 +24,12 @@ absl::Status CheckCount(absl::string_view name, size_t count) {
 
 absl::StatusOr<MaskSet> ReadSamMasks(const std::filesystem::path& path, const std::string& name,
                                      const PhotoSize& photo) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxJsonBytes));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(path, name, kMaxMaskFileBytes));
   return ParseSamMasks(text, name, photo);
 }
 
+// Reads a label image. Its masks do not overlap; one mask is made for each value except 0, in the
+// order of the values.
 absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const std::string& name,
                                        const PhotoSize& photo) {
   ASSIGN_OR_RETURN(const LabelImage image, DecodeLabels(path, name));
@@ -35,6 +38,7 @@ absl::StatusOr<MaskSet> ReadLabelMasks(const std::filesystem::path& path, const 
   for (size_t i = 0; i < image.labels.size(); ++i) {
     if (image.labels[i] == 0) continue;
     pixels_of_label[image.labels[i]].push_back(static_cast<uint32_t>(i));
+    // Inside the loop: a photograph saved as a label image has a value for nearly each pixel.
     RETURN_IF_ERROR(CheckCount(name, pixels_of_label.size()));
   }
   MaskSetBuilder builder(photo.width, photo.height);

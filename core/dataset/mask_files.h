@@ -13,27 +13,29 @@ namespace pepeseg {
 
 inline constexpr int kMaxMasksOfView = 4096;
 
-// The photograph that masks must fit.
+// Name and size in pixels of the photograph that a mask or depth map belongs to.
 struct PhotoSize {
   std::string name;
   int width = 0;
   int height = 0;
 };
 
-// INVALID_ARGUMENT with both sizes unless the mask, which `where` names, has its photograph's.
+// Returns INVALID_ARGUMENT with both sizes unless the mask, which `where` names, has the size of
+// its photograph.
 absl::Status CheckMaskSize(absl::string_view where, int64_t width, int64_t height,
                            const PhotoSize& photo);
 
-// The masks of a photograph, by the suffix of `name`:
-//   .json  what SAM's automatic mask generator writes: a list of {"segmentation": {"size":
-//          [height, width], "counts": [run, ...] or "compressed"}}; its other fields are passed
-//          over
-//   .png   a label image: every value but 0 is a mask
-// INVALID_ARGUMENT names the file and the mask, and both sizes where they differ.
+// Reads the masks of a photograph. Their format follows from the suffix of `name`:
+//   .json  the output of SAM's automatic mask generator: a list of {"segmentation": {"size":
+//          [height, width], "counts": [run, ...] or "compressed"}}; other fields are ignored
+//   .png   a label image: each value except 0 is a mask
+// INVALID_ARGUMENT, naming the file and the mask: it is malformed, a mask has another size than the
+// photograph (both are named), or there are more than kMaxMasksOfView masks.
 absl::StatusOr<MaskSet> ReadMasks(const std::filesystem::path& path, const std::string& name,
                                   const PhotoSize& photo);
 
-// An ignore mask of the photograph, 0 or 1 a pixel.
+// Reads an ignore mask of the photograph, a PNG. Returns 1 for pixels with a non-zero value, else
+// 0. Errors as ReadMasks.
 absl::StatusOr<std::vector<uint8_t>> ReadIgnoreMask(const std::filesystem::path& path,
                                                     const std::string& name,
                                                     const PhotoSize& photo);

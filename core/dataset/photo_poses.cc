@@ -15,6 +15,7 @@
 namespace pepeseg {
 namespace {
 
+// Compares all numbers exactly: photographs of one camera have the same text in the file.
 bool SameLens(const Lens& a, const Lens& b) {
   return a.model == b.model && a.width == b.width && a.height == b.height && a.fx == b.fx &&
          a.fy == b.fy && a.cx == b.cx && a.cy == b.cy && a.distortion == b.distortion;
@@ -56,7 +57,7 @@ absl::StatusOr<PhotoPoses> ReadPhotoPoses(const DatasetIndex& index) {
 
 absl::StatusOr<Pose> PoseOfAxes(const Eigen::Matrix3d& world_from_cam,
                                 const Eigen::Vector3d& center) {
-  // Files are written with as few as three digits.
+  // Some tools write matrices with only three digits.
   constexpr double kMostError = 0.01;
   constexpr double kMostScale = 1e6;
   constexpr double kMostDistance = 1e12;
@@ -66,27 +67,31 @@ absl::StatusOr<Pose> PoseOfAxes(const Eigen::Matrix3d& world_from_cam,
   if (!(center.norm() <= kMostDistance)) {
     return absl::InvalidArgumentError(absl::StrCat("the camera is beyond ", kMostDistance));
   }
+  // The Frobenius norm of a rotation is sqrt(3).
   const double scale = world_from_cam.norm() / std::sqrt(3.0);
   if (!(scale >= 1 / kMostScale && scale <= kMostScale)) {
     return absl::InvalidArgumentError(
         absl::StrCat("the axes of the camera have the length ", scale, ", 1 is usual"));
   }
   const Eigen::Matrix3d axes = world_from_cam / scale;
+  // A^T A is the identity for a rotation. An error of `kMostError` in the length of an axis doubles
+  // in its square.
   const Eigen::Matrix3d error = axes.transpose() * axes - Eigen::Matrix3d::Identity();
   if (error.cwiseAbs().maxCoeff() > 2 * kMostError) {
     return absl::InvalidArgumentError(
         "the axes of the camera are not at right angles and of one length within 1 %");
   }
   if (axes.determinant() < 0) {
-    return absl::InvalidArgumentError("the axes of the camera are mirrored, no rotation");
+    return absl::InvalidArgumentError("the axes of the camera are mirrored, not rotated");
   }
+  // Invert: x_cam = R^T (x_world - center).
   const Eigen::Quaterniond rotation = Eigen::Quaterniond(axes).normalized().conjugate();
   return Pose{rotation, -(rotation * center)};
 }
 
 absl::StatusOr<uint32_t> AddLens(const Lens& lens, PhotoPoses& poses) {
   RETURN_IF_ERROR(Validate(lens));
-  // Photographs in order mostly share the lens of the one before.
+  // Searches from the end: a photograph mostly shares the lens of the one before it.
   const auto same = std::find_if(poses.lenses.rbegin(), poses.lenses.rend(),
                                  [&](const auto& known) { return SameLens(known.second, lens); });
   if (same != poses.lenses.rend()) return same->first;

@@ -12,16 +12,18 @@ namespace pepeseg {
 namespace {
 
 constexpr int kNumColumns = 17;
-// A header and kMaxViews rows of doubles.
+// A header, and 17 doubles for each of kMaxViews poses.
 constexpr int64_t kMaxFileBytes = (int64_t{64} << 10) + kMaxViews * kNumColumns * 8;
 
 using Matrix35 = Eigen::Matrix<double, 3, 5, Eigen::RowMajor>;
 
+// Returns a pinhole of that size and focal length. Sizes are stored as floats, so they are checked
+// to be integers.
 absl::StatusOr<Lens> LensOf(double height, double width, double focal) {
   for (const double size : {height, width}) {
     if (!(size >= 1 && size <= 1e6) || size != std::floor(size)) {
       return absl::InvalidArgumentError(
-          absl::StrCat("height ", height, " and width ", width, " are no size in whole pixels"));
+          absl::StrCat("height ", height, " and width ", width, " are not a size in whole pixels"));
     }
   }
   Lens lens;
@@ -33,6 +35,8 @@ absl::StatusOr<Lens> LensOf(double height, double width, double focal) {
   return lens;
 }
 
+// Adds the pose and the lens of one photograph. LLFF's axes (down, right, backwards) become (right,
+// down, forward).
 absl::Status AddRow(const Matrix35& row, const std::string& photo, PhotoPoses& poses) {
   Eigen::Matrix3d world_from_cam;
   world_from_cam << row.col(1), row.col(0), -row.col(2);
@@ -56,6 +60,7 @@ absl::StatusOr<PhotoPoses> ReadPosesBounds(const DatasetIndex& index) {
     return absl::InvalidArgumentError(absl::StrCat(
         name, ": has ", table.num_columns, " numbers a photograph, LLFF's have ", kNumColumns));
   }
+  // The file has no names, so its poses can only be matched by their order.
   if (static_cast<size_t>(table.num_rows) != index.photos.size()) {
     return absl::InvalidArgumentError(
         absl::StrCat(name, ": has ", table.num_rows, " poses for ", index.photos.size(),

@@ -6,13 +6,15 @@
 
 namespace pepeseg {
 
-// LLFF's poses_bounds.npy: [num_photographs, 17] floats, a row for each photograph in the order of
-// their names: a 3x5 matrix by rows, whose first three columns are the camera's axes in the world
-// (down, right, backwards: of LLFF's code), the fourth its place and the last the photographs'
-// height, width and focal length in pixels; then the nearest and farthest depth, which are not
-// used. A pinhole with its principal point in the middle. INVALID_ARGUMENT names the file and the
-// row: another shape, a number of rows that is not that of the photographs, a number that is not
-// finite, a pose that PoseOfAxes refuses, a size or focal length that is none.
+// Reads LLFF's poses_bounds.npy: an array of floats [num_photographs, 17] with one pose for each
+// photograph, in the order of their names. The first 15 numbers of a pose are a 3x5 matrix in
+// row-major order: columns 0 to 2 are the camera's axes in the world (down, right, backwards),
+// column 3 is its centre, and column 4 is height, width and focal length of the photograph in
+// pixels. The last two numbers, the nearest and farthest depth, are not used. The lens is a pinhole
+// with its principal point in the middle.
+//
+// INVALID_ARGUMENT, naming the file and the pose: the array has another shape or not one pose for
+// each photograph, PoseOfAxes refuses a pose, or a size or focal length is invalid.
 absl::StatusOr<PhotoPoses> ReadPosesBounds(const DatasetIndex& index);
 
 }  // namespace pepeseg

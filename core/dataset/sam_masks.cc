@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
 #include "nlohmann/json.hpp"
@@ -18,38 +18,41 @@ namespace {
 constexpr int64_t kMaxBitsetBytes = int64_t{1} << 30;
 constexpr char kNoSegmentation[] = "has no \"segmentation\" with a \"size\": [height, width]";
 
-// The "segmentation" of one mask, as it was read so far. Of a key that comes twice the last counts.
+// The part of the "segmentation" of one mask that has been read so far. If a key occurs twice, the
+// last value counts.
 struct Segmentation {
   std::vector<int64_t> size;  // [height, width]; at most 3 numbers are kept
-  bool size_ok = false;       // a list of whole numbers
+  bool size_ok = false;       // "size" is a list of integers
   std::vector<int64_t> runs;
   std::string compressed;
-  absl::Status counts;  // of runs or compressed
+  absl::Status counts;  // error of "counts", which sets `runs` or `compressed`
 
-  // Keeps the memory of the runs for the next mask.
+  // Resets everything, but keeps the memory of `runs` for the next mask.
   void Clear() {
     size.clear();
     size_ok = false;
     runs.clear();
     compressed.clear();
-    counts = absl::InvalidArgumentError("\"counts\" is no list and no string");
+    counts = absl::InvalidArgumentError("\"counts\" is neither a list nor a string");
   }
 };
 
-// Receives the events of nlohmann's SAX parser, which names its methods. Each answers whether to
-// read on.
+// A state machine for the events of nlohmann's SAX parser, which requires the names of the public
+// methods below Finish and stops when one returns false. Values that the format does not use are
+// skipped without being stored.
 class SamReader {
  public:
   using Json = nlohmann::json;
 
   SamReader(absl::string_view text, const std::string& name, const PhotoSize& photo)
       : name_(name), photo_(photo), builder_(photo.width, photo.height) {
-    // A run takes two bytes of the text or more. Reserved once: growing would take it twice.
+    // A run takes at least two bytes of the text. Reserved once, because growing would take twice
+    // the memory.
     const auto most = static_cast<size_t>(MaxRuns());
     mask_.runs.reserve(std::min(most, text.size() / 2 + 1));
   }
 
-  // The masks, once the parser has answered.
+  // Returns the masks or the error. `parsed`: what the parser returned.
   absl::StatusOr<MaskSet> Finish(bool parsed) &&;
 
   bool null() { return Scalar(); }
@@ -67,26 +70,26 @@ class SamReader {
   bool start_array(size_t);
   bool end_array() { return End(); }
   bool key(std::string& value) {
-    if (num_passed_ == 0) key_ = std::move(value);
+    if (num_skipped_ == 0) key_ = std::move(value);
     return true;
   }
   bool parse_error(size_t, const std::string&, const Json::exception&) { return false; }
 
  private:
-  // What the parser is in, but for what is passed over.
+  // The innermost array or object that is open and not skipped.
   enum class Place { kDocument, kList, kMask, kSegmentation, kSize, kRuns };
 
   int64_t MaxRuns() const { return int64_t{photo_.width} * photo_.height + 1; }
   bool Enter();
-  // An array or object that is passed over.
-  bool Pass() {
-    ++num_passed_;
+  // Skips the array or object that has just begun.
+  bool SkipValue() {
+    ++num_skipped_;
     return true;
   }
   bool End();
   bool Scalar();
   bool Number(int64_t value);
-  // A value that is not of the type that its place takes.
+  // Records that a value has the wrong type for its place.
   void Misplaced();
   void BeginMask() {
     ++num_masks_;
@@ -99,13 +102,15 @@ class SamReader {
   const PhotoSize& photo_;
   MaskSetBuilder builder_;
   Place place_ = Place::kDocument;
-  int depth_ = 0;       // arrays and objects that are open
-  int num_passed_ = 0;  // of these, those that are passed over
-  std::string key_;     // the newest in place_
+  int depth_ = 0;        // arrays and objects that are open
+  int num_skipped_ = 0;  // how many of these are skipped
+  std::string key_;      // the last key in place_
   Segmentation mask_;
   size_t num_masks_ = 0;
   bool is_list_ = true, too_deep_ = false;
-  absl::Status first_error_;  // of a mask; the rest is still read, for errors that come before it
+  // Error of the first bad mask. The rest is still parsed, because errors of the whole file (not
+  // JSON, too many masks) take precedence.
+  absl::Status first_error_;
 };
 
 bool SamReader::Enter() {
@@ -113,9 +118,10 @@ bool SamReader::Enter() {
   return !too_deep_;
 }
 
+// Arrays are used as the list of masks, as "size" and as "counts".
 bool SamReader::start_array(size_t) {
   if (!Enter()) return false;
-  if (num_passed_ > 0) return Pass();
+  if (num_skipped_ > 0) return SkipValue();
   if (place_ == Place::kDocument) {
     place_ = Place::kList;
     return true;
@@ -134,12 +140,13 @@ bool SamReader::start_array(size_t) {
     return true;
   }
   Misplaced();
-  return Pass();
+  return SkipValue();
 }
 
+// Objects are used as masks and as "segmentation".
 bool SamReader::start_object(size_t) {
   if (!Enter()) return false;
-  if (num_passed_ > 0) return Pass();
+  if (num_skipped_ > 0) return SkipValue();
   if (place_ == Place::kList) {
     BeginMask();
     place_ = Place::kMask;
@@ -151,13 +158,14 @@ bool SamReader::start_object(size_t) {
     return true;
   }
   Misplaced();
-  return Pass();
+  return SkipValue();
 }
 
+// Returns from an array or object to the one around it.
 bool SamReader::End() {
   --depth_;
-  if (num_passed_ > 0) {
-    --num_passed_;
+  if (num_skipped_ > 0) {
+    --num_skipped_;
     return true;
   }
   switch (place_) {
@@ -178,6 +186,8 @@ bool SamReader::End() {
   return true;
 }
 
+// What a wrong type means depends on the place: the document is not a list, an element of the list
+// is a mask without content, or a part of the segmentation is invalid. Unknown keys are ignored.
 void SamReader::Misplaced() {
   switch (place_) {
     case Place::kDocument:
@@ -193,7 +203,7 @@ void SamReader::Misplaced() {
     case Place::kSegmentation:
       if (key_ == "size") mask_.size_ok = false;
       if (key_ == "counts") {
-        mask_.counts = absl::InvalidArgumentError("\"counts\" is no list and no string");
+        mask_.counts = absl::InvalidArgumentError("\"counts\" is neither a list nor a string");
       }
       return;
     case Place::kSize:
@@ -202,17 +212,17 @@ void SamReader::Misplaced() {
     case Place::kRuns:
       if (!mask_.counts.ok()) return;
       mask_.counts = absl::InvalidArgumentError(
-          absl::StrCat("run ", mask_.runs.size(), " is no whole number"));
+          absl::StrCat("run ", mask_.runs.size(), " is not a whole number"));
   }
 }
 
 bool SamReader::Scalar() {
-  if (num_passed_ == 0) Misplaced();
+  if (num_skipped_ == 0) Misplaced();
   return true;
 }
 
 bool SamReader::Number(int64_t value) {
-  if (num_passed_ > 0 || (place_ != Place::kSize && place_ != Place::kRuns)) return Scalar();
+  if (num_skipped_ > 0 || (place_ != Place::kSize && place_ != Place::kRuns)) return Scalar();
   if (place_ == Place::kSize) {
     if (mask_.size.size() < 3) mask_.size.push_back(value);
   } else if (mask_.counts.ok() && static_cast<int64_t>(mask_.runs.size()) < MaxRuns()) {
@@ -225,18 +235,20 @@ bool SamReader::Number(int64_t value) {
 }
 
 bool SamReader::string(std::string& value) {
-  if (num_passed_ > 0 || place_ != Place::kSegmentation || key_ != "counts") return Scalar();
+  if (num_skipped_ > 0 || place_ != Place::kSegmentation || key_ != "counts") return Scalar();
   mask_.compressed = std::move(value);
   mask_.runs.clear();
   mask_.counts = absl::OkStatus();
   return true;
 }
 
+// Adds the mask that has just ended, unless an earlier one was bad or there are too many.
 void SamReader::EndMask() {
   if (!first_error_.ok() || num_masks_ > kMaxMasksOfView) return;
   first_error_ = AddMask(absl::StrCat(name_, ": mask ", num_masks_ - 1));
 }
 
+// Converts the runs to pixels and adds them to the set.
 absl::Status SamReader::AddMask(const std::string& where) {
   if (!mask_.size_ok || mask_.size.size() != 2) return Refused(where, kNoSegmentation);
   RETURN_IF_ERROR(CheckMaskSize(where, mask_.size[1], mask_.size[0], photo_));
@@ -247,6 +259,8 @@ absl::Status SamReader::AddMask(const std::string& where) {
       PixelsOfRuns(mask_.compressed.empty() ? mask_.runs : *unpacked, photo_.width, photo_.height);
   if (!pixels.ok()) return Refused(where, pixels.status().message());
   builder_.Add(*pixels);
+  // Each new overlap makes a mask cell with a bitset of all masks, so hostile masks could need far
+  // more memory than their file.
   if (builder_.BitsetBytes() <= kMaxBitsetBytes) return absl::OkStatus();
   return Refused(where, "the masks overlap in too many ways to be those of objects");
 }

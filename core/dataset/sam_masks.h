@@ -10,12 +10,13 @@
 
 namespace pepeseg {
 
-// Arrays and objects in each other that a file of SAM's may have, its own list included.
+// Maximum nesting of arrays and objects in a file of masks, including the outermost list.
 inline constexpr int kMaxMaskJsonDepth = kMaxJsonDepth;
 
-// The masks in the text of a file that SAM's automatic mask generator has written (mask_files.h).
-// The text is read once, a mask at a time: besides it and the answer, one mask's runs and pixels
-// are in memory, however the text is made. INVALID_ARGUMENT names the file and the mask.
+// Parses a file of SAM's automatic mask generator (see mask_files.h for the format). Reads the text
+// once, one mask at a time: in addition to the text and the result, it holds the runs and pixels of
+// one mask in memory, whatever the text contains. INVALID_ARGUMENT, naming the file and the mask:
+// as ReadMasks.
 absl::StatusOr<MaskSet> ParseSamMasks(absl::string_view text, const std::string& name,
                                       const PhotoSize& photo);
 

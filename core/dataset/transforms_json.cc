@@ -24,19 +24,20 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int64_t kMaxJsonBytes = int64_t{64} << 20;
+constexpr int64_t kMaxTransformsBytes = int64_t{64} << 20;
 
-// The photographs by what a frame may call them.
+// Finds photographs by the path that a frame gives them.
 class PhotoNames {
  public:
   explicit PhotoNames(const std::map<std::string, const DatasetFile*>& photos) : photos_(photos) {
     for (const auto& [key, photo] : photos) {
       const auto [stem, added] = by_stem_.try_emplace(std::string(WithoutSuffix(key)), key);
-      if (!added) stem->second.clear();  // of several: the suffix must tell
+      if (!added) stem->second.clear();  // ambiguous: only the suffix decides
     }
   }
 
-  // The photograph's name, or empty. Leading folders of the path are dropped one by one.
+  // Returns the photograph's name, or an empty string. Tries the whole path, then drops its leading
+  // folders one by one.
   std::string Find(const std::string& path) const {
     for (size_t start = 0; start != std::string::npos;) {
       std::string rest = path.substr(start);
@@ -56,7 +57,8 @@ class PhotoNames {
   std::map<std::string, std::string> by_stem_;
 };
 
-// "..\data\.\images\7" as "data/images/7".
+// Returns the path with '/' and without ".", ".." and empty parts: "..\data\.\images\7" becomes
+// "data/images/7".
 std::string PlainPath(const std::string& path) {
   std::vector<std::string> parts =
       absl::StrSplit(absl::StrReplaceAll(path, {{"\\", "/"}}), '/', absl::SkipEmpty());
@@ -64,11 +66,12 @@ std::string PlainPath(const std::string& path) {
   return absl::StrJoin(parts, "/");
 }
 
-// Of a frame, or of all of them.
+// The fields of a frame, which take precedence over those of the document.
 class Fields {
  public:
   Fields(const json& document, const json& frame) : document_(document), frame_(frame) {}
 
+  // Returns the field, or null if it is missing or JSON's null.
   const json* Find(const char* key) const {
     for (const json* object : {&frame_, &document_}) {
       const auto found = object->find(key);
@@ -77,11 +80,12 @@ class Fields {
     return nullptr;
   }
 
+  // Returns the number, or nothing if the field is missing.
   absl::StatusOr<std::optional<double>> Number(const char* key) const {
     const json* value = Find(key);
     if (value == nullptr) return std::optional<double>();
     if (!value->is_number() || !std::isfinite(value->get<double>())) {
-      return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is no finite number"));
+      return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is not a finite number"));
     }
     return std::optional<double>(value->get<double>());
   }
@@ -96,12 +100,14 @@ class Fields {
   const json& frame_;
 };
 
+// Returns true for a fisheye lens. The pinhole and radial models are special cases of OPENCV with
+// coefficients of 0, so they need no code of their own.
 absl::StatusOr<bool> IsFisheye(const Fields& fields) {
   const json* flag = fields.Find("is_fisheye");
   const json* model = fields.Find("camera_model");
   const bool flagged = flag != nullptr && flag->is_boolean() && flag->get<bool>();
   if (model == nullptr) return flagged;
-  if (!model->is_string()) return absl::InvalidArgumentError("\"camera_model\" is no text");
+  if (!model->is_string()) return absl::InvalidArgumentError("\"camera_model\" is not text");
   const auto& name = model->get_ref<const std::string&>();
   if (name == "OPENCV_FISHEYE") return true;
   for (const char* known : {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"}) {
@@ -112,6 +118,8 @@ absl::StatusOr<bool> IsFisheye(const Fields& fields) {
       ", known are OPENCV, OPENCV_FISHEYE, PINHOLE, SIMPLE_PINHOLE, RADIAL and SIMPLE_RADIAL"));
 }
 
+// Reads the coefficients and chooses the smallest model that has them. `distortion` is in COLMAP's
+// order, which is k1 k2 p1 p2 k3 for the OpenCV models.
 absl::Status ReadDistortion(const Fields& fields, Lens& lens) {
   double k[4], p[2];
   for (int i = 0; i < 4; ++i) {
@@ -128,20 +136,23 @@ absl::Status ReadDistortion(const Fields& fields, Lens& lens) {
   }
   if (k[3] != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "\"k4\" is ", k[3], ": a lens that is no fisheye has k1, k2, k3, p1 and p2 here"));
+        "\"k4\" is ", k[3], ": a lens that is not a fisheye has only k1, k2, k3, p1 and p2"));
   }
   lens.model = k[2] == 0 ? LensModel::kOpencv : LensModel::kFullOpencv;
   lens.distortion = {k[0], k[1], p[0], p[1], k[2]};
   return absl::OkStatus();
 }
 
+// Reads a width or height in pixels; `of_photo` if the field is missing.
 absl::StatusOr<int> ReadExtent(const Fields& fields, const char* key, int of_photo) {
   ASSIGN_OR_RETURN(const double size, fields.NumberOr(key, of_photo));
   if (size >= 1 && size <= 1e6 && size == std::floor(size)) return static_cast<int>(size);
-  return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" is ", size, ", no whole pixels"));
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", key, "\" is ", size, ", not a whole number of pixels"));
 }
 
-// Either side's field of view, or an absence.
+// Returns the focal length of one axis in pixels, from its own field or from the field of view, or
+// nothing if both are missing. `extent` is the width or height in pixels.
 absl::StatusOr<std::optional<double>> FocalOf(const Fields& fields, const char* focal_key,
                                               const char* angle_key, int extent) {
   ASSIGN_OR_RETURN(const std::optional<double> focal, fields.Number(focal_key));
@@ -154,6 +165,7 @@ absl::StatusOr<std::optional<double>> FocalOf(const Fields& fields, const char* 
   return std::optional<double>(extent / (2 * std::tan(*angle / 2)));
 }
 
+// Reads the lens of a frame. Opens the photograph only if the fields lack its size.
 absl::StatusOr<Lens> ReadLens(const Fields& fields, const DatasetFile& photo) {
   ImageHeader header;
   if (fields.Find("w") == nullptr || fields.Find("h") == nullptr) {
@@ -176,6 +188,7 @@ absl::StatusOr<Lens> ReadLens(const Fields& fields, const DatasetFile& photo) {
   return lens;
 }
 
+// Reads "transform_matrix", and converts its axes.
 absl::StatusOr<Pose> ReadPose(const json& frame) {
   const auto matrix = frame.find("transform_matrix");
   Eigen::Matrix4d world_from_cam = Eigen::Matrix4d::Identity();
@@ -193,13 +206,13 @@ absl::StatusOr<Pose> ReadPose(const json& frame) {
     }
   }
   if (!(world_from_cam.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(1e-6)) return refused;
-  // OpenGL's y up and z backwards as y down and z forward.
+  // OpenGL's y up and z backwards become y down and z forward.
   const Eigen::Matrix3d axes =
       world_from_cam.topLeftCorner<3, 3>() * Eigen::Vector3d(1, -1, -1).asDiagonal();
   return PoseOfAxes(axes, world_from_cam.topRightCorner<3, 1>());
 }
 
-// The frames, one after the other.
+// Adds the pose and the lens of each frame.
 class FrameReader {
  public:
   FrameReader(const DatasetIndex& index, const json& document, PhotoPoses& poses)
@@ -214,6 +227,7 @@ class FrameReader {
     pose.name = PlainPath(path->get_ref<const std::string&>());
     RETURN_IF_ERROR(ValidateName(pose.name));
     ASSIGN_OR_RETURN(pose.cam_from_world, ReadPose(frame));
+    // A frame without a photograph keeps its path as its name: the import warns of it.
     const std::string key = names_.Find(pose.name);
     if (!key.empty()) {
       ASSIGN_OR_RETURN(const Lens lens, ReadLens(Fields(document_, frame), *index_.photos.at(key)));
@@ -231,8 +245,9 @@ class FrameReader {
   PhotoPoses& poses_;
 };
 
+// Reads and parses the file, and checks that it has a list of frames.
 absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
-  ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxJsonBytes));
+  ASSIGN_OR_RETURN(const std::string text, ReadFile(file.path, file.name, kMaxTransformsBytes));
   const auto refused = [&](absl::string_view why) {
     return absl::InvalidArgumentError(absl::StrCat(file.name, ": ", why));
   };
@@ -248,14 +263,16 @@ absl::StatusOr<json> ReadDocument(const DatasetFile& file) {
   return document;
 }
 
+// Warns if nerfstudio has rotated the world.
 void NoteTransform(const json& document, PhotoPoses& poses) {
   const auto applied = document.find("applied_transform");
   if (applied == document.end()) return;
-  poses.warnings.push_back(absl::StrCat(
-      poses.file, ": applied_transform is not undone: the scene stands as this file has it"));
+  poses.warnings.push_back(absl::StrCat(poses.file,
+                                        ": applied_transform is not undone: the scene keeps the "
+                                        "orientation that this file gives it"));
 }
 
-// Points come as files of their own, which may be missing.
+// Warns if the document refers to a file of points that was not uploaded.
 void NotePoints(const json& document, const DatasetIndex& index, PhotoPoses& poses) {
   const auto path = document.find("ply_file_path");
   if (path == document.end() || !path->is_string() || index.ply_points != nullptr) return;

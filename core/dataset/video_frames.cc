@@ -12,7 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "core/base/atomic_file.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgcodecs.hpp"
@@ -24,16 +24,17 @@ namespace {
 
 constexpr int kJpegQuality = 95;
 constexpr int kLeastFrames = 3;
-// Of the pictures in which sharpness and change are measured.
+// Longer side, in pixels, of the reduced pictures in which sharpness and change are measured.
 constexpr int kSharpnessSide = 640;
 constexpr int kChangeSide = 64;
-// Mean difference of two small grey pictures, in 255ths, from which on something has moved. A
-// camera on a table: 0.1 to 0.5 by its noise and the codec; one that is carried, half a second
-// later: 4 and more.
+// Minimum mean difference of two reduced grey pictures, in grey levels of 0 to 255, for the camera
+// to have moved. Measured: 0.1 to 0.5 for a camera on a table (noise and codec), at least 4 within
+// half a second for a camera that is carried.
 constexpr double kLeastChange = 1.5;
-// A window has at most so many candidates: the neighbours of a frame are about as sharp.
+// Number of frames of a window whose sharpness is measured. Neighbouring frames are about equally
+// sharp, so more would only cost time.
 constexpr int64_t kCandidates = 8;
-constexpr int64_t kFramesPerCall = 8;
+constexpr int64_t kFramesPerCall = 8;  // frames between two calls of the progress function
 
 bool HasTag(std::span<const uint8_t> bytes, size_t at, absl::string_view tag) {
   return bytes.size() >= at + tag.size() &&
@@ -41,6 +42,7 @@ bool HasTag(std::span<const uint8_t> bytes, size_t at, absl::string_view tag) {
                     [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
 }
 
+// Returns the frame in grey, shrunk so that its longer side is at most `side` pixels.
 cv::Mat SmallGrey(const cv::Mat& frame, int side) {
   cv::Mat grey, small;
   cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
@@ -49,6 +51,7 @@ cv::Mat SmallGrey(const cv::Mat& frame, int side) {
   return small;
 }
 
+// Returns the variance of the Laplacian, which falls with motion blur and defocus.
 double Sharpness(const cv::Mat& frame) {
   cv::Mat edges, mean, deviation;
   cv::Laplacian(SmallGrey(frame, kSharpnessSide), edges, CV_32F);
@@ -56,18 +59,18 @@ double Sharpness(const cv::Mat& frame) {
   return deviation.at<double>(0) * deviation.at<double>(0);
 }
 
-// A video that is read from its first frame on. All of OpenCV's exceptions end here.
+// Reads a video from its first frame on. Turns OpenCV's exceptions into errors.
 class Reader {
  public:
   explicit Reader(const VideoTask& task) : task_(task) {}
 
   absl::Status Open() {
-    // The path of a regular file that begins as a video: never a URL, a device, a pattern of
-    // images or a playlist, which FFmpeg would open just as well.
+    // FFmpeg would also open URLs, devices, patterns of image names and playlists. Only the
+    // absolute path of a regular file that begins like a video may reach it.
     std::error_code error;
     const std::filesystem::path path = std::filesystem::canonical(task_.path, error);
     if (error || !std::filesystem::is_regular_file(path, error)) {
-      return Refused(task_.name, "is no regular file");
+      return Refused(task_.name, "is not a regular file");
     }
     std::array<char, 16> start{};
     std::ifstream file(path, std::ios::binary);
@@ -76,12 +79,12 @@ class Reader {
       return absl::InternalError(absl::StrCat(task_.name, ": cannot be read"));
     }
     if (!IsVideo({reinterpret_cast<const uint8_t*>(start.data()), start.size()})) {
-      return Refused(task_.name, "is no MP4, MOV, WebM, MKV or AVI video by its first bytes");
+      return Refused(task_.name, "is not an MP4, MOV, WebM, MKV or AVI video by its first bytes");
     }
     return Try([&] { return OpenDecoder(path.string()); });
   }
 
-  // False at the end.
+  // Moves to the next frame without decoding it. Returns false at the end.
   absl::StatusOr<bool> Skip() {
     bool read = false;
     RETURN_IF_ERROR(Try([&] {
@@ -92,7 +95,7 @@ class Reader {
     return read;
   }
 
-  // The frame that Skip went to.
+  // Decodes the frame that Skip moved to.
   absl::StatusOr<cv::Mat> Picture() {
     cv::Mat frame;
     RETURN_IF_ERROR(Try([&] {
@@ -100,11 +103,12 @@ class Reader {
       if (!decoded) {
         return Refused(task_.name, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
       }
-      return CheckPixels(frame.cols, frame.rows);  // it may be of another size than the file says
+      return CheckPixels(frame.cols, frame.rows);  // may differ from the size in the header
     }));
     return frame;
   }
 
+  // Returns call(), or INVALID_ARGUMENT if OpenCV throws.
   template <class Call>
   absl::Status Try(Call call) const {
     try {
@@ -114,13 +118,13 @@ class Reader {
     }
   }
 
-  // What the file says of itself; 0: nothing.
+  // Number of frames that the file declares. 0: unknown. It may be wrong.
   int64_t num_declared() const { return num_declared_; }
 
  private:
   absl::Status OpenDecoder(const std::string& path) {
     if (!video_.open(path, cv::CAP_FFMPEG))
-      return Refused(task_.name, "is no video that FFmpeg reads");
+      return Refused(task_.name, "is not a video that FFmpeg can read");
     video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
     const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
     const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
@@ -150,7 +154,8 @@ class Reader {
   int64_t num_declared_ = 0;
 };
 
-absl::Status Tell(VideoProgressFn progress, int64_t done, int64_t num_frames) {
+// Reports the progress every kFramesPerCall frames.
+absl::Status ReportEveryFew(VideoProgressFn progress, int64_t done, int64_t num_frames) {
   return done % kFramesPerCall == 0 ? progress(done, std::max(done, num_frames)) : absl::OkStatus();
 }
 
@@ -159,7 +164,8 @@ struct Candidate {
   double sharpness;
 };
 
-// Sharpness of every few frames, and how many frames there are.
+// First pass: measures the sharpness of every n-th frame, about kCandidates for each window.
+// Returns the number of frames that the video really has.
 absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn progress,
                                        std::vector<Candidate>& candidates) {
   Reader reader(task);
@@ -169,7 +175,7 @@ absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn pr
   for (int64_t frame = 0;; ++frame) {
     ASSIGN_OR_RETURN(const bool more, reader.Skip());
     if (!more) return frame;
-    RETURN_IF_ERROR(Tell(progress, frame, 2 * reader.num_declared()));
+    RETURN_IF_ERROR(ReportEveryFew(progress, frame, 2 * reader.num_declared()));
     if (frame % stride != 0) continue;
     ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
     double sharpness = 0;
@@ -181,7 +187,7 @@ absl::StatusOr<int64_t> FindCandidates(const VideoTask& task, VideoProgressFn pr
   }
 }
 
-// The sharpest of each window, in order.
+// Returns the sharpest candidate of each window, in order. Windows without candidates are skipped.
 std::vector<int64_t> Choose(const std::vector<Candidate>& candidates, int64_t num_frames,
                             int max_frames) {
   std::vector<std::optional<Candidate>> best(static_cast<size_t>(max_frames));
@@ -196,7 +202,7 @@ std::vector<int64_t> Choose(const std::vector<Candidate>& candidates, int64_t nu
   return chosen;
 }
 
-// Writes those that differ from the last one written.
+// Writes frames, except those that hardly differ from the last one written.
 class FrameWriter {
  public:
   explicit FrameWriter(const VideoTask& task) : task_(task) {}
@@ -239,6 +245,7 @@ class FrameWriter {
   std::vector<VideoFrame> frames_;
 };
 
+// Second pass: decodes and writes the chosen frames.
 absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64_t num_frames,
                                                     const std::vector<int64_t>& chosen,
                                                     VideoProgressFn progress) {
@@ -252,7 +259,7 @@ absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64
       if (!more)
         return Refused(task.name, absl::StrCat("ends at frame ", frame + 1, " when read again"));
       ++frame;
-      RETURN_IF_ERROR(Tell(progress, num_frames + frame, 2 * num_frames));
+      RETURN_IF_ERROR(ReportEveryFew(progress, num_frames + frame, 2 * num_frames));
     }
     ASSIGN_OR_RETURN(const cv::Mat picture, reader.Picture());
     RETURN_IF_ERROR(reader.Try([&] { return writer.Add(wanted, picture); }));
@@ -265,7 +272,7 @@ absl::StatusOr<std::vector<VideoFrame>> WriteChosen(const VideoTask& task, int64
 bool IsVideo(std::span<const uint8_t> bytes) {
   constexpr std::array<uint8_t, 4> kMatroska = {0x1a, 0x45, 0xdf, 0xa3};
   if (bytes.size() < 12) return false;
-  // MP4 begins with its brand; QuickTime files of old with any other of their atoms.
+  // MP4 files begin with "ftyp", old QuickTime files with one of the other atoms.
   for (const absl::string_view atom : {"ftyp", "moov", "mdat", "wide", "free", "skip"}) {
     if (HasTag(bytes, 4, atom)) return true;
   }

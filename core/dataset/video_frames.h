@@ -13,36 +13,38 @@
 namespace pepeseg {
 
 // Limits of a video.
-inline constexpr int64_t kMaxVideoFrames = 108'000;  // half an hour at 60 a second
-inline constexpr int64_t kMaxVideoPixels = 8192 * 8192;
-// The longer side of the frames that are written.
+inline constexpr int64_t kMaxVideoFrames = 108'000;      // half an hour at 60 frames per second
+inline constexpr int64_t kMaxVideoPixels = 8192 * 8192;  // width * height
+// Maximum of the longer side of frames that are written, pixels.
 inline constexpr int kMaxFrameSide = 1600;
 
-// Whether a file begins as a video that we read: MP4 or MOV, WebM or MKV, AVI.
+// Returns true if a file begins like a video of a supported format: MP4, MOV, WebM, MKV or AVI.
 bool IsVideo(std::span<const uint8_t> bytes);
 
 struct VideoFrame {
-  int64_t index = 0;  // of the video's frames, from 0
+  int64_t index = 0;  // in the video, from 0
   std::filesystem::path path;
 };
 
 struct VideoTask {
-  std::filesystem::path path;    // of the video
-  std::string name;              // its owner's, for errors
-  std::filesystem::path folder;  // for the frames; it must exist
-  std::string prefix;            // of their names: PREFIX_000123.jpg
-  int max_frames = 120;
+  std::filesystem::path path;    // the video
+  std::string name;              // the owner's name of it, for errors
+  std::filesystem::path folder;  // where frames are written; it must exist
+  std::string prefix;            // frames are named PREFIX_000123.jpg
+  int max_frames = 120;          // maximum number of frames that are written
 };
 
-// Called with the frames decoded so far and how many there will be, every few of them: an error
-// ends the work with that error.
+// Called every few frames with the number of frames read so far and the expected total. An error
+// that it returns ends the work with that error.
 using VideoProgressFn = absl::FunctionRef<absl::Status(int64_t done, int64_t num_frames)>;
 
-// Writes the frames that stand for a video, upright by its rotation, as JPEGs of quality 95 and at
-// most kMaxFrameSide pixels: of as many even windows of its frames as there may be frames, the
-// sharpest (variance of the Laplacian); those that hardly differ from the one before are left out.
-// Reads the file twice. INVALID_ARGUMENT names the video: no video by its first bytes, one that
-// does not decode, or over the limits; FAILED_PRECONDITION: the camera does not move in it.
+// Writes frames that represent a video, upright by its rotation, as JPEGs of quality 95 whose
+// longer side is at most kMaxFrameSide pixels. Divides the video into max_frames equal windows and
+// takes the sharpest frame of each (variance of the Laplacian), unless it hardly differs from the
+// last one that was written. Reads the file twice, so memory does not grow with the video.
+//
+// INVALID_ARGUMENT, naming the video: its first bytes are not those of a video, it does not decode,
+// or it exceeds the limits above. FAILED_PRECONDITION: the camera does not move in it.
 absl::StatusOr<std::vector<VideoFrame>> ExtractFrames(const VideoTask& task,
                                                       VideoProgressFn progress);
 

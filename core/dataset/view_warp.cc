@@ -14,7 +14,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Whether the lens maps a neighbourhood of the ray without folding it over.
+// Returns true if the lens maps a neighbourhood of the ray without folding it, that is, if the
+// Jacobian of the distortion (by central differences) has a positive determinant.
 bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
   const double step = 1e-6 * std::max(1.0, ray.norm());
   const Vector2d dx = lens.Distort(ray + Vector2d(step, 0)) - lens.Distort(ray - Vector2d(step, 0));
@@ -22,8 +23,10 @@ bool KeepsOrientation(const Lens& lens, const Vector2d& ray) {
   return dx.x() * dy.y() - dx.y() * dy.x() > 0;
 }
 
-// The slope up to which the lens model can be believed: polynomials turn back beyond the field of
-// view that they were fitted on, and would show the photograph's border a second time.
+// Returns the largest slope, the tangent of the angle to the axis, for which the lens model is
+// valid. Beyond the field of view that they were fitted to, distortion polynomials fold back, and
+// would show the border of the photograph a second time. `farthest` is the largest slope to look
+// at.
 double LargestSlope(const Lens& lens, double farthest) {
   constexpr int kNumDirections = 32;
   constexpr int kNumSteps = 400;
@@ -41,6 +44,7 @@ double LargestSlope(const Lens& lens, double farthest) {
   return largest;
 }
 
+// Returns the largest slope of the pinhole image, which is at a corner.
 double FarthestSlope(const Lens& lens) {
   double farthest = 0;
   for (const double x : {0.0, static_cast<double>(lens.width)}) {
@@ -51,8 +55,8 @@ double FarthestSlope(const Lens& lens) {
   return farthest;
 }
 
-// For every pixel of the photograph's frame as a pinhole's: where its centre lies in the
-// photograph, NaN where the photograph does not reach. [height, width, 2]
+// Returns [height, width, 2]: for each pixel of the uncropped pinhole image the position of its
+// centre in the photograph, or NaN if the photograph does not cover it.
 std::vector<float> SourcePlaces(const Lens& lens) {
   constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
   const double largest_slope = LargestSlope(lens, FarthestSlope(lens));
@@ -75,13 +79,14 @@ int Nearest(float place, int size) {
   return std::clamp(static_cast<int>(std::floor(place)), 0, size - 1);
 }
 
-// See ViewWarp::Depth. (x, y): from the map's corner, in its pixels.
+// Samples a depth map at (x, y), in its pixels from its corner, as ViewWarp::Depth describes.
 float Sample(const FloatImage& map, double x, double y) {
   const int nearest_x = Nearest(static_cast<float>(x), map.width);
   const int nearest_y = Nearest(static_cast<float>(y), map.height);
   const auto at = [&map](int u, int v) {
     return map.values[static_cast<size_t>(v) * map.width + u];
   };
+  // The nearest value decides whether the result is known.
   if (std::isnan(at(nearest_x, nearest_y))) return at(nearest_x, nearest_y);
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   double sum = 0, weights = 0;
@@ -89,6 +94,7 @@ float Sample(const FloatImage& map, double x, double y) {
     const int column = i % 2, row = i / 2;
     const double tap_x = left + column, tap_y = top + row;
     const double weight = (1 - std::abs(x - 0.5 - tap_x)) * (1 - std::abs(y - 0.5 - tap_y));
+    // At the border, values repeat. Unknown ones get no weight.
     const float value = at(std::clamp(static_cast<int>(tap_x), 0, map.width - 1),
                            std::clamp(static_cast<int>(tap_y), 0, map.height - 1));
     if (std::isnan(value)) continue;
@@ -100,7 +106,9 @@ float Sample(const FloatImage& map, double x, double y) {
 
 }  // namespace
 
-// Cuts, again and again, the side with the largest share of pixels that are not covered.
+// Crops greedily: removes the row or column at the side with the largest share of uncovered pixels,
+// until all four sides are covered. The lens is one-to-one up to LargestSlope, so the covered area
+// has no holes, and the inside is covered as soon as its border is.
 ViewWarp::Frame ViewWarp::CoveredPart(const Lens& lens, const std::vector<float>& source) {
   int left = 0, top = 0, right = lens.width - 1, bottom = lens.height - 1;
   const auto uncovered = [&](int x0, int y0, int x1, int y1) {
@@ -160,6 +168,7 @@ absl::StatusOr<ViewWarp> ViewWarp::Create(const Lens& lens, double image_scale) 
   Camera& camera = warp.camera_;
   camera.width = std::max(1, static_cast<int>(std::lround(part.width * image_scale)));
   camera.height = std::max(1, static_cast<int>(std::lround(part.height * image_scale)));
+  // Each axis has its own scale, because width and height are rounded.
   const double sx = static_cast<double>(camera.width) / part.width;
   const double sy = static_cast<double>(camera.height) / part.height;
   camera.fx = lens.fx * sx;
@@ -175,6 +184,7 @@ ViewWarp ViewWarp::Restore(const Photograph& photograph, const Camera& camera) {
   warp.SetPart(lens, {photograph.left, photograph.top, photograph.width, photograph.height});
   warp.camera_ = camera;
   if (lens.IsPinhole()) return warp;
+  // The rectangle is covered, so positions need no check against NaN.
   warp.source_.reserve(static_cast<size_t>(photograph.width) * photograph.height * 2);
   for (int y = 0; y < photograph.height; ++y) {
     for (int x = 0; x < photograph.width; ++x) {
@@ -189,10 +199,10 @@ ViewWarp ViewWarp::Restore(const Photograph& photograph, const Camera& camera) {
 
 Image ViewWarp::Photo(const Image& photo) const {
   const int type = CV_8UC(photo.channels);
-  // OpenCV only reads these, but has no const view of pixels.
+  // cv::Mat has no view of const memory; the calls below only read it.
   cv::Mat pixels(photo_height_, photo_width_, type, const_cast<uint8_t*>(photo.pixels.data()));
   if (!source_.empty()) {
-    // OpenCV counts places from the first pixel's centre, we from the image's corner.
+    // OpenCV's positions are relative to the centre of the first pixel, ours to the image's corner.
     cv::Mat places =
         cv::Mat(full_height_, full_width_, CV_32FC2, const_cast<float*>(source_.data())) -
         cv::Scalar(0.5, 0.5);
@@ -222,7 +232,7 @@ std::vector<uint8_t> ViewWarp::Ignore(const std::vector<uint8_t>& ignore) const 
               : static_cast<size_t>(Nearest(source_[2 * i + 1], photo_height_)) * photo_width_ +
                     Nearest(source_[2 * i], photo_width_);
       if (ignore[from] == 0) continue;
-      // Every pixel of the result that this one overlaps.
+      // Marks every pixel of the result that this one overlaps.
       const auto first_x = static_cast<int>(int64_t{x} * camera_.width / full_width_);
       const auto first_y = static_cast<int>(int64_t{y} * camera_.height / full_height_);
       const auto last_x = static_cast<int>((int64_t{x + 1} * camera_.width - 1) / full_width_);
@@ -246,6 +256,7 @@ MaskSet ViewWarp::Masks(const MaskSet& masks) const {
   std::vector<int32_t> source_pixel;
   source_pixel.reserve(static_cast<size_t>(camera_.width) * camera_.height);
   for (int y = 0; y < camera_.height; ++y) {
+    // The pixel of the full image that contains the centre of pixel y of the result.
     const int full_y = static_cast<int>((int64_t{2 * y + 1} * full_height_) / (2 * camera_.height));
     for (int x = 0; x < camera_.width; ++x) {
       const int full_x = static_cast<int>((int64_t{2 * x + 1} * full_width_) / (2 * camera_.width));
@@ -266,7 +277,7 @@ Vector2d ViewWarp::PlaceInPhoto(int x, int y) const {
   if (source_.empty()) return full;
   const int full_x = static_cast<int>(full.x()), full_y = static_cast<int>(full.y());
   const float* source = &source_[2 * (static_cast<size_t>(full_y) * full_width_ + full_x)];
-  // Within one pixel the lens is a shift.
+  // Within one pixel, the lens is approximated by a translation.
   return Vector2d(source[0], source[1]) + full - Vector2d(full_x + 0.5, full_y + 0.5);
 }
 

@@ -9,8 +9,8 @@
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/decompose/join_pieces.h"
-#include "core/scene/gated_units.h"
-#include "core/scene/pixel_grid.h"
+#include "core/scene/camera.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 namespace {

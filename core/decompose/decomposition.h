@@ -7,7 +7,6 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/scene/gaussian_set.h"
 #include "core/scene/gaussians.h"
 
 namespace pepeseg {

@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
-#include "core/scene/image_scores.h"
+#include "core/scene/model.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/features/random_draws.h"
-#include "core/scene/gated_units.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 namespace {

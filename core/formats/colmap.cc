@@ -7,22 +7,22 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
+#include "core/base/file_error.h"
 #include "core/base/file_name.h"
-#include "core/base/refused.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 
 namespace pepeseg {
 namespace {
 
-// images.bin also holds every 2D point: 24 bytes each, thousands a view.
+// images.bin has 24 bytes for each 2D point, and thousands of those for each view.
 constexpr int64_t kMaxFileBytes = int64_t{16} << 30;
 
 bool AllFinite(const double* values, int count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
 }
 
-// Calls the parser of the form that the suffix of `name` says.
+// Reads the file and calls the parser for the suffix of `name`.
 template <class Result>
 absl::StatusOr<Result> ReadEither(const std::filesystem::path& path, const std::string& name,
                                   absl::StatusOr<Result> (*binary)(absl::string_view,
@@ -36,7 +36,8 @@ absl::StatusOr<Result> ReadEither(const std::filesystem::path& path, const std::
 }  // namespace
 
 absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& where) {
-  // COLMAP writes unit quaternions; a norm this far off is another quantity or damage.
+  // COLMAP writes unit quaternions. A norm far from 1 means that the file is damaged or that the
+  // numbers are not a quaternion.
   constexpr double kLeastNorm = 0.5;
   constexpr double kMostNorm = 2;
   constexpr double kMostDistance = 1e12;
@@ -46,6 +47,7 @@ absl::StatusOr<Pose> CheckedPose(const ColmapPose& pose, const std::string& wher
   const Eigen::Quaterniond rotation(pose.rotation[0], pose.rotation[1], pose.rotation[2],
                                     pose.rotation[3]);
   const double norm = rotation.norm();
+  // Negated, so that a NaN fails, too.
   if (!(norm >= kLeastNorm && norm <= kMostNorm)) {
     return Refused(where, absl::StrCat("the rotation's quaternion has the norm ", norm));
   }
@@ -70,6 +72,7 @@ absl::Status AddImage(ColmapImage image, const ColmapPose& pose, const std::stri
                       std::vector<ColmapImage>& images) {
   const absl::Status valid = ValidateName(image.name);
   if (!valid.ok()) return Refused(where, valid.message());
+  // From here on errors name the image, not only its index.
   const std::string named = absl::StrCat(where, " (", image.name, ")");
   ASSIGN_OR_RETURN(image.cam_from_world, CheckedPose(pose, named));
   images.push_back(std::move(image));
@@ -87,6 +90,7 @@ absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
     if (rgb[i] < 0 || rgb[i] > 255) {
       return absl::InvalidArgumentError("the colour is not in 0 to 255");
     }
+    // The subtraction is in double: coordinates far from zero lose their digits in float.
     point.position[i] = static_cast<float>(xyz[i] - origin[i]);
     point.rgb[i] = static_cast<uint8_t>(rgb[i]);
   }
@@ -94,6 +98,7 @@ absl::Status AddPoint(const Eigen::Vector3d& xyz, const Eigen::Vector3d& origin,
   return absl::OkStatus();
 }
 
+// Only images need this check: AddCamera finds equal ids, and points have no names.
 absl::Status CheckUnique(const std::vector<ColmapImage>& images, const std::string& name) {
   std::set<uint32_t> ids;
   std::set<absl::string_view> names;

@@ -14,10 +14,11 @@
 
 namespace pepeseg {
 
-inline constexpr int64_t kMaxViews = 10'000;
+// Limits of one file.
+inline constexpr int64_t kMaxViews = 10'000;  // cameras, images
 inline constexpr int64_t kMaxPoints = 50'000'000;
 
-// A view as COLMAP knows it; the name is relative to its folder of images.
+// A registered image of a COLMAP model. `name` is relative to COLMAP's folder of images.
 struct ColmapImage {
   uint32_t id = 0;
   std::string name;
@@ -29,16 +30,17 @@ struct ColmapCameras {
   std::map<uint32_t, Lens> by_id;
 };
 
-// COLMAP's three files, in its binary (little-endian) or its text form, told apart by the suffix
-// of `name`. Their tracks and 2D points are passed over. INVALID_ARGUMENT names the file and the
-// record: cut short, malformed, a count that the file cannot hold or over the limits above, a
-// number that is not finite, a camera model that is not COLMAP's, an id that occurs twice, a
-// rotation that is no unit quaternion, a name that ValidateName refuses.
+// Read COLMAP's three files: the text form if the suffix of `name` is .txt, else the binary form
+// (little-endian). Tracks and 2D points are skipped. NOT_FOUND: there is no such file.
+// INVALID_ARGUMENT, naming the file and the record: the file is cut short or malformed, a count
+// exceeds the limits above or what the file can hold, a number is not finite, the camera model is
+// unknown, an id or image name occurs twice, the norm of a rotation's quaternion is outside of
+// [0.5, 2], or ValidateName refuses a name. Rotations are returned normalised.
 absl::StatusOr<ColmapCameras> ReadColmapCameras(const std::filesystem::path& path,
                                                 const std::string& name);
 absl::StatusOr<std::vector<ColmapImage>> ReadColmapImages(const std::filesystem::path& path,
                                                           const std::string& name);
-// Relative to `origin`.
+// Returns positions relative to `origin`: the subtraction is in double, the result in float.
 absl::StatusOr<std::vector<ScenePoint>> ReadColmapPoints(
     const std::filesystem::path& path, const std::string& name,
     const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());

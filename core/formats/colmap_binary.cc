@@ -5,20 +5,23 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/byte_reader.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 
-// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
+// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian. A count
+// is checked against the size of the file before anything is allocated for it.
 namespace pepeseg {
 namespace {
 
+// What a file counts, for TakeCount.
 struct CountLimits {
   const char* what;
-  uint64_t smallest_record;  // bytes
-  int64_t most;
+  uint64_t smallest_record;  // bytes of the shortest possible record
+  int64_t most;              // limit of the count
 };
 
+// Reads the count of records at the front of the file.
 absl::StatusOr<uint64_t> TakeCount(ByteReader& reader, const std::string& name,
                                    const CountLimits& limits) {
   const auto count = reader.Take<uint64_t>();
@@ -35,16 +38,19 @@ absl::StatusOr<uint64_t> TakeCount(ByteReader& reader, const std::string& name,
   return count;
 }
 
+// Returns INVALID_ARGUMENT if the reader went past the end.
 absl::Status CheckRead(const ByteReader& reader, const std::string& where) {
   if (reader.ok()) return absl::OkStatus();
   return Refused(where, "the file is cut short");
 }
 
+// Returns INVALID_ARGUMENT if bytes follow the last record.
 absl::Status CheckAllRead(const ByteReader& reader, const std::string& name) {
   if (reader.remaining() == 0) return absl::OkStatus();
   return Refused(name, absl::StrCat(reader.remaining(), " bytes follow the last record"));
 }
 
+// Clamps a width or height to int; Validate(Lens) refuses the large ones.
 int ToSide(uint64_t side) {
   return static_cast<int>(std::min<uint64_t>(side, std::numeric_limits<int>::max()));
 }
@@ -62,6 +68,7 @@ absl::StatusOr<ColmapCameras> ParseCamerasBinary(absl::string_view bytes, const 
     const auto width = reader.Take<uint64_t>();
     const auto height = reader.Take<uint64_t>();
     RETURN_IF_ERROR(CheckRead(reader, where));
+    // The model decides how many parameters follow.
     if (model < 0 || model >= kNumLensModels) {
       return Refused(where, absl::StrCat("unknown camera model ", model));
     }
@@ -106,8 +113,9 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesBinary(absl::string_view byt
 absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view bytes,
                                                           const std::string& name,
                                                           const Eigen::Vector3d& origin) {
-  constexpr uint64_t kTrackBytes = 8;                // image id, index of its 2D point
-  constexpr uint64_t kMaxTrack = uint64_t{1} << 40;  // more than any file: keeps the product whole
+  constexpr uint64_t kTrackBytes = 8;  // image id, index of its 2D point
+  constexpr uint64_t kMaxTrack =
+      uint64_t{1} << 40;  // more than any file holds; the product in bytes does not overflow
   ByteReader reader(bytes);
   ASSIGN_OR_RETURN(const uint64_t count, TakeCount(reader, name, {"points", 51, kMaxPoints}));
   std::vector<ScenePoint> points;
@@ -122,6 +130,7 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsBinary(absl::string_view byte
     if (!reader.Skip(std::min(track_length, kMaxTrack) * kTrackBytes)) {
       return Refused(absl::StrCat(name, ": point ", i), "the file is cut short");
     }
+    // The name of the point is only made for an error: there may be 50 million points.
     const absl::Status added = AddPoint(xyz, origin, rgb, points);
     if (!added.ok()) return Refused(absl::StrCat(name, ": point ", i), added.message());
   }

@@ -6,21 +6,23 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/colmap_records.h"
 
-// COLMAP's text files: a record a line (two for an image), '#' before comments.
+// COLMAP's text files: one line per record, two for an image; lines that begin with '#' are
+// comments.
 namespace pepeseg {
 namespace {
 
+// Splits a text into lines and counts them.
 class Lines {
  public:
   explicit Lines(absl::string_view text) : rest_(text) {}
 
   int number() const { return number_; }
 
-  // The next line without its end; nothing behind the last one.
+  // Returns the next line without white space at both ends, or nothing after the last line.
   std::optional<absl::string_view> Next() {
     if (rest_.empty()) return std::nullopt;
     const size_t end = rest_.find('\n');
@@ -30,7 +32,7 @@ class Lines {
     return absl::StripAsciiWhitespace(line);
   }
 
-  // The next line that holds a record.
+  // Returns the next line that is neither empty nor a comment.
   std::optional<absl::string_view> NextRecord() {
     std::optional<absl::string_view> line = Next();
     while (line && (line->empty() || line->front() == '#')) line = Next();
@@ -42,7 +44,8 @@ class Lines {
   int number_ = 0;
 };
 
-// Takes fields off the front of a line. Behind its end, and on what is no number, ok() turns false.
+// Takes fields, separated by blanks, from the front of a line. A missing field or one that is not a
+// number yields 0 and makes ok() false for good.
 class Fields {
  public:
   explicit Fields(absl::string_view line) : rest_(line) {}
@@ -76,10 +79,12 @@ class Fields {
   bool ok_ = true;
 };
 
+// Returns "NAME: line N" for the line that was read last.
 std::string LineOf(const std::string& name, const Lines& lines) {
   return absl::StrCat(name, ": line ", lines.number());
 }
 
+// Checks the number of records read so far, because a text file does not declare it.
 absl::Status CheckLimit(size_t count, int64_t most, const std::string& name) {
   if (count < static_cast<size_t>(most)) return absl::OkStatus();
   return Refused(name, absl::StrCat("has more than ", most, " records"));
@@ -132,7 +137,7 @@ absl::StatusOr<std::vector<ColmapImage>> ParseImagesText(absl::string_view text,
       return Refused(where, "not an image: id, qw, qx, qy, qz, tx, ty, tz, camera id, name");
     }
     RETURN_IF_ERROR(AddImage(std::move(image), pose, where, images));
-    lines.Next();  // its 2D points, on a line that may be empty
+    lines.Next();  // the image's 2D points, on a line that may be empty
   }
   return images;
 }
@@ -150,7 +155,7 @@ absl::StatusOr<std::vector<ScenePoint>> ParsePointsText(absl::string_view text,
     for (double& value : xyz) value = fields.Number();
     int rgb[3];
     for (int& value : rgb) value = fields.Integer<int>();
-    fields.Number();  // reprojection error; the track behind it is passed over
+    fields.Number();  // reprojection error; the track after it is skipped
     if (!fields.ok()) {
       return Refused(LineOf(name, lines), "not a point: id, x, y, z, r, g, b, error, track");
     }

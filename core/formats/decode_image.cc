@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_bytes.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/image_header.h"
 #include "opencv2/imgcodecs.hpp"
@@ -13,12 +13,14 @@
 namespace pepeseg {
 namespace {
 
+// A decoded image in OpenCV's order of channels: grey, BGR or BGRA.
 struct Decoded {
   ImageHeader header;
   cv::Mat pixels;
 };
 
-// `flags`: cv::ImreadModes.
+// Decodes with `flags` of cv::ImreadModes. Reads the header first, so that nothing is allocated for
+// an image over the limit, and compares the decoded size with it.
 absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view name, int flags) {
   Decoded decoded;
   ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, bytes));
@@ -26,7 +28,7 @@ absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view
     return Refused(name, "HEIC is not read here: save it as a JPEG or PNG");
   }
   try {
-    // A cv::Mat has no other form for what is only read.
+    // cv::Mat has no view of const memory; imdecode() only reads it.
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
                           const_cast<uint8_t*>(bytes.data()));
     decoded.pixels = cv::imdecode(encoded, flags);
@@ -49,10 +51,11 @@ absl::StatusOr<Decoded> Decode(const std::filesystem::path& path, absl::string_v
   return Decode(std::span(data, bytes.size()), name, flags);
 }
 
+// Returns a grey value, or a colour as 24 bits.
 template <class T>
 uint32_t LabelOf(const T* channels, int num_channels) {
   if (num_channels < 3) return channels[0];
-  // 16-bit colours are told apart by their upper halves: palettes have no others.
+  // Of 16-bit colours only the upper bytes count: PNG palettes, which label files use, have 8 bits.
   constexpr int kDrop = sizeof(T) * 8 - 8;
   return static_cast<uint32_t>(channels[0] >> kDrop) |
          static_cast<uint32_t>(channels[1] >> kDrop) << 8 |
@@ -70,7 +73,7 @@ void AppendLabels(const cv::Mat& pixels, std::vector<uint32_t>& labels) {
   }
 }
 
-// Of BGRA.
+// Returns 1 for each pixel of a BGRA image whose alpha is below one half, else 0.
 std::vector<uint8_t> TransparentPixels(const cv::Mat& pixels) {
   constexpr int kHalf = 128, kAlpha = 3;
   std::vector<uint8_t> transparent;
@@ -95,6 +98,7 @@ absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_v
                                   std::vector<uint8_t>* transparent) {
   ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
   const bool has_alpha = decoded.pixels.type() == CV_8UC4;
+  // Other types are decoded again, because only imdecode() converts them all to 8-bit BGR.
   if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits
     ASSIGN_OR_RETURN(decoded,
                      Decode(bytes, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
@@ -137,6 +141,7 @@ absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::stri
   if (decoded.pixels.channels() != 1) return Refused(name, "has colours instead of one grey value");
   FloatImage image{decoded.header.width, decoded.header.height, {}};
   image.values.resize(decoded.pixels.total());
+  // Keeps the values: 16 bits stay 0 to 65535.
   decoded.pixels.convertTo(cv::Mat(image.height, image.width, CV_32FC1, image.values.data()),
                            CV_32F);
   return image;

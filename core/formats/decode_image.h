@@ -8,32 +8,35 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/scene/capture.h"
-#include "core/scene/float_image.h"
 
 namespace pepeseg {
 
 inline constexpr int64_t kMaxImageFileBytes = int64_t{512} << 20;
 
-// A label per pixel, row-major [height, width]; 0: none. A colour image's labels are its colours.
+// One label for each pixel, row-major [height, width]. 0: none. The label of a colour is its
+// 24 bits, blue in the lowest byte.
 struct LabelImage {
   int width = 0;
   int height = 0;
   std::vector<uint32_t> labels;
 };
 
-// RGB, 8 bit. The EXIF orientation is left out of account: poses belong to the pixels as stored.
-// `transparent`, where wanted: [height, width], 1 where alpha is under a half; empty when the file
-// has no alpha of 8 bits. INVALID_ARGUMENT with `name`: what ReadImageHeader refuses, and what does
-// not decode.
+// Decodes a JPEG, PNG or WebP photograph to 8-bit RGB. Ignores the EXIF orientation, because poses
+// belong to the pixels as stored. If `transparent` is not null and the file has 8-bit alpha, sets
+// it to [height, width], 1 where alpha is below one half; otherwise leaves it as it is.
+// INVALID_ARGUMENT, naming `name`: ReadImageHeader refuses the file, it is a HEIC photograph, or it
+// does not decode.
 absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::string_view name,
                                   std::vector<uint8_t>* transparent = nullptr);
 absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
                                   std::vector<uint8_t>* transparent = nullptr);
 
-// A PNG of 1 to 16 bits a channel, grey or colour; errors as above, and another format.
+// Decodes a PNG of 1 to 16 bits a channel, grey or colour, to labels. Errors as DecodePhoto, and
+// INVALID_ARGUMENT for another format.
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name);
 
-// A grey PNG of 1 to 16 bits, in a file or in memory; errors as above, and colours.
+// Decodes a grey PNG of 1 to 16 bits, without scaling its values. Errors as DecodePhoto, and
+// INVALID_ARGUMENT for another format or an image with colours.
 absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::string_view name);
 absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name);
 

@@ -10,6 +10,7 @@
 namespace pepeseg {
 namespace {
 
+// Checks size and channels: 1, or 3 to `most_channels`.
 absl::Status Validate(const Image& image, int most_channels) {
   const size_t size = static_cast<size_t>(image.width) * image.height * image.channels;
   const bool has_colors = image.channels >= 3 && image.channels <= most_channels;
@@ -22,7 +23,7 @@ absl::Status Validate(const Image& image, int most_channels) {
                                                  image.pixels.size(), " bytes"));
 }
 
-// `pixels`: grey, BGR or BGRA.
+// Encodes grey, BGR or BGRA pixels.
 absl::StatusOr<std::string> Encode(const cv::Mat& pixels, const char* suffix,
                                    const std::vector<int>& parameters) {
   std::vector<uint8_t> bytes;
@@ -39,10 +40,10 @@ absl::Status FromException(const cv::Exception& error) {
 absl::StatusOr<std::string> Encode(const Image& image, const char* suffix,
                                    const std::vector<int>& parameters) {
   try {
-    // OpenCV only reads it, but has no const view of pixels.
+    // cv::Mat has no view of const memory; the calls below only read it.
     cv::Mat pixels(image.height, image.width, CV_8UC(image.channels),
                    const_cast<uint8_t*>(image.pixels.data()));
-    cv::Mat bgr;
+    cv::Mat bgr;  // imencode() expects blue first
     if (image.channels == 1) bgr = pixels;
     if (image.channels == 3) cv::cvtColor(pixels, bgr, cv::COLOR_RGB2BGR);
     if (image.channels == 4) cv::cvtColor(pixels, bgr, cv::COLOR_RGBA2BGRA);

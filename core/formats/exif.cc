@@ -5,7 +5,8 @@
 namespace pepeseg {
 namespace {
 
-// Tags of EXIF 2.3: of the main directory, and of the one that kExifDirectory points to.
+// EXIF data is a TIFF structure: directories of 12-byte entries (tag, type, count, value). The tags
+// below are in the main directory or in the one that kExifDirectory points to (EXIF 2.3).
 constexpr uint32_t kMaker = 0x010f;
 constexpr uint32_t kModel = 0x0110;
 constexpr uint32_t kOrientation = 0x0112;
@@ -15,7 +16,8 @@ constexpr uint32_t kFocalLength35Mm = 0xa405;
 constexpr uint32_t kEntryBytes = 12;
 constexpr size_t kMaxText = 64;
 
-// Numbers of a TIFF structure, in the byte order that it names. Past its end they are 0.
+// Reads numbers and text from a TIFF structure, in the byte order that it declares. A number beyond
+// its end is 0, so that malformed offsets need no other check.
 class Tiff {
  public:
   explicit Tiff(std::span<const uint8_t> bytes) : bytes_(bytes) {
@@ -32,7 +34,7 @@ class Tiff {
     return value;
   }
 
-  // Up to a NUL byte.
+  // Returns the text at `offset`, at most `length` bytes and up to a NUL byte.
   std::string Text(uint32_t offset, uint32_t length) const {
     if (offset > bytes_.size()) return "";
     const auto rest = bytes_.subspan(offset);
@@ -45,13 +47,15 @@ class Tiff {
   bool big_endian_ = false;
 };
 
+// Sets the fields of `camera` from the entries of one directory.
 void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
   const uint32_t count = tiff.Number(offset, 2);
   for (uint32_t i = 0; i < count; ++i) {
     const uint32_t entry = offset + 2 + i * kEntryBytes;
     const uint32_t length = tiff.Number(entry + 4, 4);
     const uint32_t value = tiff.Number(entry + 8, 4);
-    // Up to four bytes stand in the entry itself, more where it says.
+    // A value of up to four bytes is in the entry itself; a longer one is at the offset given
+    // there.
     const uint32_t text = length > 4 ? value : entry + 8;
     switch (tiff.Number(entry, 2)) {
       case kMaker:
@@ -61,6 +65,7 @@ void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
         camera.model = tiff.Text(text, length);
         break;
       case kFocalLength:
+        // A rational number: two 32-bit integers at the offset.
         if (const uint32_t below = tiff.Number(value + 4, 4); below > 0) {
           camera.focal_length = static_cast<double>(tiff.Number(value, 4)) / below;
         }
@@ -74,7 +79,7 @@ void ReadDirectory(const Tiff& tiff, uint32_t offset, ExifCamera& camera) {
   }
 }
 
-// Offset of the main directory's first entry with `tag`; 0: it has none.
+// Returns the offset of the main directory's first entry with `tag`, or 0 if it has none.
 uint32_t FindEntry(const Tiff& tiff, uint32_t tag) {
   const uint32_t main = tiff.Number(4, 4);
   const uint32_t count = main == 0 ? 0 : tiff.Number(main, 2);
@@ -93,11 +98,12 @@ ExifCamera ReadTiff(std::span<const uint8_t> bytes) {
   ReadDirectory(tiff, main, camera);
   const uint32_t entry = FindEntry(tiff, kExifDirectory);
   const uint32_t exif = entry == 0 ? 0 : tiff.Number(entry + 8, 4);
+  // Focal lengths are in the second directory, maker and model in the main one.
   if (exif != 0) ReadDirectory(tiff, exif, camera);
   return camera;
 }
 
-// The TIFF structure of a JPEG file's EXIF data; empty where there is none.
+// Returns the TIFF structure of a JPEG file's EXIF data, or nothing if it has none.
 std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
   constexpr uint8_t kApp1 = 0xe1, kStartOfScan = 0xda;
   constexpr uint8_t kMark[] = {'E', 'x', 'i', 'f', 0, 0};
@@ -115,7 +121,7 @@ std::span<const uint8_t> FindTiff(std::span<const uint8_t> bytes) {
   return {};
 }
 
-// Overwrites the orientation, a short number that stands in its entry.
+// Overwrites the orientation with 1. It is a 16-bit number, so it is in its entry.
 void SetUpright(std::string& bytes) {
   const Tiff tiff({reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()});
   const size_t entry = FindEntry(tiff, kOrientation);
@@ -137,7 +143,7 @@ int ReadExifOrientation(std::span<const uint8_t> bytes) {
 }
 
 std::string WithUprightExif(std::string jpeg, std::string tiff) {
-  constexpr size_t kMostBytes = 0xffff - 8;  // a segment's length counts itself and the mark
+  constexpr size_t kMostBytes = 0xffff - 8;  // the length includes itself and "Exif\0\0"
   if (jpeg.size() < 2 || tiff.size() < 8 || tiff.size() > kMostBytes) return jpeg;
   SetUpright(tiff);
   const size_t length = tiff.size() + 8;

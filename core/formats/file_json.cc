@@ -12,8 +12,8 @@ namespace {
 
 using nlohmann::json;
 
-// Receives the events of nlohmann's SAX parser, which names its methods, and keeps nothing. Each
-// returns whether to read on.
+// Counts the nesting of a JSON text. nlohmann's SAX parser calls these methods, whose names it
+// requires, and stops when one returns false.
 class DepthLimiter {
  public:
   bool too_deep() const { return too_deep_; }
@@ -49,6 +49,7 @@ class DepthLimiter {
 }  // namespace
 
 absl::StatusOr<json> ParseFileJson(absl::string_view text) {
+  // Parses twice: the first pass only measures, the second builds the document.
   DepthLimiter limiter;
   const bool parsed = json::sax_parse(text.begin(), text.end(), &limiter);
   if (limiter.too_deep()) {

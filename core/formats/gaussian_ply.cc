@@ -19,13 +19,14 @@ namespace {
 constexpr int64_t kMaxGaussians = 50'000'000;
 constexpr int kNoPlane = -1;  // a property that is written as 0
 
-// A property of the file and the plane that holds it.
+// A property of the file and the plane of Gaussians that holds it.
 struct Field {
   std::string name;
   int plane = kNoPlane;
 };
 
-// In the order in which 3DGS writes them.
+// Returns the properties in the order in which 3DGS writes them. The planes hold SH coefficients
+// interleaved by channel, the file holds them channel after channel.
 std::vector<Field> FieldsOf(int sh_degree) {
   const int num_rest = NumShCoefficients(sh_degree) - 1;
   std::vector<Field> fields;
@@ -46,10 +47,12 @@ std::vector<Field> FieldsOf(int sh_degree) {
   return fields;
 }
 
+// Means far from zero need doubles once the origin is added to them.
 bool IsDouble(const Field& field, const Eigen::Vector3d& origin) {
   return field.plane >= kMeanPlane && field.plane < kLogScalePlane && !origin.isZero(0);
 }
 
+// Returns the size of the property in the file.
 size_t BytesOf(const Field& field, const Eigen::Vector3d& origin) {
   return IsDouble(field, origin) ? sizeof(double) : sizeof(float);
 }
@@ -65,6 +68,7 @@ std::string HeaderOf(const std::vector<Field>& fields, int64_t count,
   return header + "end_header\n";
 }
 
+// Returns the SH degree that the number of f_rest properties implies.
 absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
   int num_rest = 0;
   while (vertices.Find(absl::StrCat("f_rest_", num_rest)) >= 0) ++num_rest;
@@ -75,6 +79,7 @@ absl::StatusOr<int> ShDegreeOf(const PlyVertices& vertices) {
       vertices.name, ": has ", num_rest, " properties f_rest; 0, 9, 24 or 45 are possible"));
 }
 
+// Returns INVALID_ARGUMENT if a quaternion is zero, because it cannot be normalised.
 absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name) {
   for (int64_t i = 0; i < gaussians.count; ++i) {
     bool zero = true;
@@ -86,13 +91,15 @@ absl::Status CheckRotations(const Gaussians& gaussians, const std::string& name)
   return absl::OkStatus();
 }
 
+// Returns the size of a vertex in the file.
 size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origin) {
   size_t bytes = 0;
   for (const Field& field : fields) bytes += BytesOf(field, origin);
   return bytes;
 }
 
-// Rows first, first + 1, ... of the file, of the Gaussians index_of(row).
+// Encodes vertices first to first + count - 1 of the file, where vertex v is Gaussian index_of(v).
+// Goes plane by plane, because planes are contiguous in memory.
 template <typename IndexOf>
 std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
                        int64_t count, IndexOf index_of) {
@@ -117,7 +124,7 @@ std::string EncodeRows(const Gaussians& gaussians, const Eigen::Vector3d& origin
   return block;
 }
 
-// Header and rows, piece by piece.
+// Passes the header and then the vertices to `append`, piece by piece.
 absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
                     absl::FunctionRef<absl::Status(std::string_view)> append) {
   constexpr int64_t kBlockRows = 4096;
@@ -130,7 +137,7 @@ absl::Status Encode(const Gaussians& gaussians, const Eigen::Vector3d& origin,
   return absl::OkStatus();
 }
 
-// 3DGS's layout is binary.
+// Opens the file and refuses text: the layout of 3DGS is binary.
 absl::StatusOr<PlyVertices> OpenGaussians(const std::filesystem::path& path,
                                           const std::string& name) {
   ASSIGN_OR_RETURN(PlyVertices vertices, OpenPly(path, name, kMaxGaussians));
@@ -154,6 +161,7 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
   constexpr size_t kHeaderBytes = 2048;
   ply.reserve(kHeaderBytes + static_cast<size_t>(gaussians.count) * sizeof(float) *
                                  FieldsOf(gaussians.sh_degree).size());
+  // Cannot fail: appending to a string never does.
   [[maybe_unused]] const absl::Status status =
       Encode(gaussians, origin, [&ply](std::string_view bytes) {
         ply += bytes;
@@ -169,6 +177,7 @@ GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uin
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
   header_ = HeaderOf(fields, num_gaussians(), origin);
   row_bytes_ = static_cast<int64_t>(RowBytesOf(fields, origin));
+  // Blocks end between vertices.
   rows_per_block_ = kMaxBlockBytes / row_bytes_;
 }
 
@@ -196,6 +205,7 @@ absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
   const std::vector<Field> fields = FieldsOf(sh_degree);
   for (const Field& field : fields) {
     properties.push_back(vertices.Find(field.name));
+    // Normals (kNoPlane) are not needed.
     if (properties.back() < 0 && field.plane != kNoPlane) {
       return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", field.name));
     }

@@ -12,56 +12,59 @@
 
 namespace pepeseg {
 
-// Gaussians as a PLY file in 3DGS's layout, which splat viewers open: binary little-endian, floats
+// Writes Gaussians as a PLY file in the layout of 3DGS, which splat viewers open. It is binary
+// little-endian, and a vertex has the floats
 //   x y z nx ny nz f_dc_0..2 f_rest_0.. opacity scale_0..2 rot_0..3
-// (x y z as doubles where `origin` is not zero: with it they are in the world of the dataset, which
-// the means are not) with normals of 0, f_rest channel by channel (all coefficients of red, then
-// green, then blue), opacity as a logit, scales as natural logs, rot as w, x, y, z. Written
+// Normals are 0; f_rest holds all coefficients of red, then green, then blue; opacity is a logit;
+// scales are natural logarithms; rot is w, x, y, z. `origin` is added to x y z, so that they are in
+// the world of the dataset (camera.h); they are doubles if it is not zero. The file is written
 // atomically.
 absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
-// The same bytes in memory.
+// Returns the bytes that WriteGaussianPly would write.
 std::string EncodeGaussianPly(const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
-// The same bytes in blocks of at most 1 MiB, of some of the Gaussians: so that nobody needs to hold
-// all of them. The same block is encoded to the same bytes each time.
+// Encodes a subset of the Gaussians as such a file, in blocks of at most 1 MiB, so that a caller
+// can stream it without holding it. A block has the same bytes each time that it is encoded. Thread
+// safe.
 class GaussianPlyBlocks {
  public:
   static constexpr int64_t kMaxBlockBytes = int64_t{1} << 20;
 
-  // Of the Gaussians at `indices`, in that order. `gaussians` must outlive it.
+  // Encodes the Gaussians at `indices`, in that order. `gaussians` must outlive the object.
   GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
                     const Eigen::Vector3d& origin);
 
   int64_t num_gaussians() const { return static_cast<int64_t>(indices_.size()); }
   int64_t num_blocks() const;
-  int64_t num_bytes() const;  // of all blocks
-  // 0 <= block < num_blocks().
+  int64_t num_bytes() const;  // sum over all blocks
+  // Returns a block, 0 <= block < num_blocks(). Block 0 is the header.
   std::string Encode(int64_t block) const;
 
  private:
   const Gaussians* gaussians_;
   std::vector<uint32_t> indices_;
   Eigen::Vector3d origin_;
-  std::string header_;  // the first block
+  std::string header_;
   int64_t row_bytes_ = 0;
   int64_t rows_per_block_ = 0;
 };
 
-// Any order of the properties, floats or doubles, others than these passed over; the SH degree (0
-// to 3) follows from the number of f_rest. INVALID_ARGUMENT with `name`: a property is missing, the
-// file is cut short, a value is not finite, a rotation is zero.
-// The means become relative to `origin`.
+// Reads Gaussians from such a file. The properties may have any order and number type, and other
+// properties are skipped. The SH degree, 0 to 3, follows from the number of f_rest properties. The
+// means become relative to `origin`. INVALID_ARGUMENT, naming `name`: as OpenPly, the file is text,
+// a property is missing, a value is not finite, or a rotation is zero.
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,
                                           const std::string& name,
                                           const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
-// The same of its header only.
+// What the header of such a file declares.
 struct GaussianPlyShape {
   int64_t count = 0;
   int sh_degree = 0;
 };
+// Reads only the header. Errors as ReadGaussianPly, except those of values.
 absl::StatusOr<GaussianPlyShape> ReadGaussianPlyShape(const std::filesystem::path& path,
                                                       const std::string& name);
 

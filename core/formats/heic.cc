@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/encode_png.h"
 #include "core/formats/exif.h"
@@ -16,11 +16,12 @@ namespace pepeseg {
 namespace {
 
 constexpr int kHeicJpegQuality = 95;
-// libheif counts the square of it: kMaxImagePixels.
+// libheif limits the number of pixels to the square of this, which is kMaxImagePixels.
 constexpr int kMaxHeicSide = 8000;
 static_assert(int64_t{kMaxHeicSide} * kMaxHeicSide == kMaxImagePixels);
-constexpr size_t kMaxHeicExifBytes = 60'000;  // of a JPEG's segment
+constexpr size_t kMaxHeicExifBytes = 60'000;  // fits in one segment of a JPEG
 
+// Frees the objects of libheif's C interface.
 struct HeicDeleter {
   void operator()(heif_context* context) const { heif_context_free(context); }
   void operator()(heif_image_handle* handle) const { heif_image_handle_release(handle); }
@@ -30,11 +31,14 @@ using HeicContext = std::unique_ptr<heif_context, HeicDeleter>;
 using HeicHandle = std::unique_ptr<heif_image_handle, HeicDeleter>;
 using HeicImage = std::unique_ptr<heif_image, HeicDeleter>;
 
+// Converts an error of libheif to INVALID_ARGUMENT.
 absl::Status CheckHeif(const heif_error& error, absl::string_view name) {
   if (error.code == heif_error_Ok) return absl::OkStatus();
   return Refused(name, absl::StrCat("does not decode: ", error.message));
 }
 
+// Copies the decoded pixels without the padding of their scanlines, after comparing the size with
+// the header's.
 absl::StatusOr<Image> CopyPixels(const heif_image* decoded, const ImageHeader& header,
                                  absl::string_view name) {
   const int width = heif_image_get_width(decoded, heif_channel_interleaved);
@@ -54,9 +58,9 @@ absl::StatusOr<Image> CopyPixels(const heif_image* decoded, const ImageHeader& h
   return image;
 }
 
-// Empty where there is none, or more than a JPEG holds.
+// Returns the TIFF structure of the EXIF data; empty if there is none or it is too large.
 std::string ReadHeicExif(const heif_image_handle* handle) {
-  constexpr size_t kOffsetBytes = 4;  // before the data: where in them the TIFF structure begins
+  constexpr size_t kOffsetBytes = 4;  // a big-endian offset to the TIFF structure, from its own end
   heif_item_id id = 0;
   if (heif_image_handle_get_list_of_metadata_block_IDs(handle, "Exif", &id, 1) < 1) return "";
   const size_t size = heif_image_handle_get_metadata_size(handle, id);
@@ -75,6 +79,7 @@ std::string ReadHeicExif(const heif_image_handle* handle) {
 absl::StatusOr<HeicPhoto> DecodeHeic(std::span<const uint8_t> bytes, absl::string_view name) {
   ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(name, bytes));
   if (header.format != ImageFormat::kHeic) return Refused(name, "not a HEIC photograph");
+  // Limits libheif itself as well: the decoded size may differ from the header's.
   const HeicContext context(heif_context_alloc());
   heif_context_set_maximum_image_size_limit(context.get(), kMaxHeicSide);
   heif_context_set_max_decoding_threads(context.get(), 1);

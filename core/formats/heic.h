@@ -10,18 +10,19 @@
 
 namespace pepeseg {
 
-// A HEIC photograph, decoded by libheif: for processes in a sandbox only.
+// A decoded HEIC photograph. libheif decodes it, so only processes in a sandbox may call the
+// functions below.
 struct HeicPhoto {
-  Image image;       // RGB, 8 bit; turned and cropped as the file says
-  std::string exif;  // TIFF structure of its EXIF data; empty: it has none
+  Image image;       // RGB, 8 bit, after the rotation and cropping that the file asks for
+  std::string exif;  // TIFF structure of the EXIF data; empty: none, or too large for a JPEG
 };
 
-// INVALID_ARGUMENT with `name`: what ReadImageHeader refuses, another format, and what does not
-// decode.
+// Decodes a photograph. INVALID_ARGUMENT, naming `name`: ReadImageHeader refuses the file, it has
+// another format, or it does not decode.
 absl::StatusOr<HeicPhoto> DecodeHeic(std::span<const uint8_t> bytes, absl::string_view name);
 
-// The photograph as a JPEG of quality 95 with its EXIF data, in which the orientation is 1: its
-// pixels are upright. Errors as DecodeHeic.
+// Converts the photograph to a JPEG of quality 95. Keeps its EXIF data, but with orientation 1,
+// because the decoded pixels are upright. Errors as DecodeHeic.
 absl::StatusOr<std::string> HeicToJpeg(std::span<const uint8_t> bytes, absl::string_view name);
 
 }  // namespace pepeseg

@@ -18,7 +18,8 @@ absl::Status MalformedHeic(absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat("malformed HEIC file: ", why));
 }
 
-// Big-endian numbers from the front of a box on; what lies behind its end is 0 and noted.
+// Reads big-endian numbers from the front of a box. A number beyond its end is 0 and sets
+// overrun().
 class BoxReader {
  public:
   explicit BoxReader(HeicBytes bytes) : bytes_(bytes) {}
@@ -42,19 +43,20 @@ class BoxReader {
   bool overrun_ = false;
 };
 
-// ISO/IEC 14496-12: a length of 32 bits that counts itself (1: 64 bits behind the type, 0: to the
-// end), a type of four letters, what it holds.
+// A box of ISO/IEC 14496-12: a 32-bit length that includes itself, a type of four letters, the
+// body. Length 1: a 64-bit length follows the type. Length 0: the box reaches to the end of the
+// file.
 struct Box {
   std::string type;
   HeicBytes body;
-  bool is_whole = true;
+  bool is_whole = true;  // false: the bytes end before the box does
 };
 
-// The box at the front of `bytes`, which it takes away; none: there is no further one.
+// Removes the box at the front of `bytes` and returns it, or nothing if no valid box follows.
 std::optional<Box> TakeBox(HeicBytes& bytes) {
   if (bytes.size() < 8) return std::nullopt;
   BoxReader reader(bytes);
-  uint64_t length = reader.Number(4);
+  uint64_t length = reader.Number(4);  // of the whole box
   Box box;
   box.type = std::string(bytes.begin() + 4, bytes.begin() + 8);
   reader.Number(4);
@@ -69,6 +71,7 @@ std::optional<Box> TakeBox(HeicBytes& bytes) {
   return box;
 }
 
+// Returns the body of the first whole box of that type.
 std::optional<HeicBytes> FindBox(HeicBytes bytes, absl::string_view type) {
   while (const std::optional<Box> box = TakeBox(bytes)) {
     if (box->type == type && box->is_whole) return box->body;
@@ -76,9 +79,10 @@ std::optional<HeicBytes> FindBox(HeicBytes bytes, absl::string_view type) {
   return std::nullopt;
 }
 
-// Of a box with version and flags.
+// Returns the version of a "full box", whose body begins with a version and flags.
 uint64_t VersionOf(HeicBytes body) { return body.empty() ? 0 : body[0]; }
 
+// Returns the id of the primary item, from the body of the "pitm" box.
 uint64_t PrimaryItem(HeicBytes pitm) {
   BoxReader reader(pitm);
   const bool is_long = VersionOf(pitm) > 0;
@@ -86,7 +90,8 @@ uint64_t PrimaryItem(HeicBytes pitm) {
   return reader.Number(is_long ? 4 : 2);
 }
 
-// Indices from 1, in the order in which the properties of the item apply.
+// Returns the indices, from 1, of the item's properties, in the order in which they apply. `ipma`
+// is the body of the box that associates items with properties.
 std::vector<size_t> PropertiesOf(HeicBytes ipma, uint64_t item) {
   BoxReader reader(ipma);
   const uint64_t version = VersionOf(ipma);
@@ -104,7 +109,8 @@ std::vector<size_t> PropertiesOf(HeicBytes ipma, uint64_t item) {
   return found;
 }
 
-// A quarter turn swaps the sides; a clean aperture has a size of its own, in fractions.
+// Applies a property to the size: "ispe" sets it, "irot" by a quarter turn swaps the sides, "clap"
+// (clean aperture) crops it to a size given in fractions.
 void Apply(const Box& property, HeicSize& size) {
   BoxReader reader(property.body);
   if (property.type == "ispe") {
@@ -124,6 +130,7 @@ void Apply(const Box& property, HeicSize& size) {
 
 }  // namespace
 
+// The first box is "ftyp", whose body begins with the major brand.
 bool IsHeic(HeicBytes bytes) {
   constexpr std::array<absl::string_view, 7> kBrands = {"heic", "heix", "heim", "heis",
                                                         "hevc", "mif1", "msf1"};
@@ -138,7 +145,7 @@ absl::StatusOr<HeicSize> ReadHeicSize(HeicBytes bytes) {
   if (!meta || meta->size() < 4) {
     return absl::InvalidArgumentError("the HEIC file's header is cut short");
   }
-  const HeicBytes boxes = meta->subspan(4);  // behind version and flags
+  const HeicBytes boxes = meta->subspan(4);  // after version and flags
   const std::optional<HeicBytes> primary = FindBox(boxes, "pitm");
   const std::optional<HeicBytes> properties = FindBox(boxes, "iprp");
   if (!primary || !properties) return MalformedHeic("it names no picture");
@@ -149,6 +156,7 @@ absl::StatusOr<HeicSize> ReadHeicSize(HeicBytes bytes) {
   HeicBytes rest = *container;
   while (std::optional<Box> box = TakeBox(rest)) all.push_back(*std::move(box));
   HeicSize size;
+  // Properties apply in their order: a rotation after a crop swaps the cropped sides.
   for (const size_t index : PropertiesOf(*associations, PrimaryItem(*primary))) {
     if (index >= 1 && index <= all.size()) Apply(all[index - 1], size);
   }

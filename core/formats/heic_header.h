@@ -7,21 +7,22 @@
 
 namespace pepeseg {
 
-// Whether a file begins as a HEIC photograph: HEVC pictures in an ISO base media file (ISO/IEC
-// 23008-12), as iPhones write them. AVIF is not one.
+// Returns true if a file begins like a HEIC photograph: an HEVC picture in an ISO base media file
+// (ISO/IEC 23008-12), as iPhones write it. AVIF does not count.
 bool IsHeic(std::span<const uint8_t> bytes);
 
-struct HeicSize {
+struct HeicSize {  // pixels
   uint64_t width = 0;
   uint64_t height = 0;
 };
 
-// The size of the primary picture as it is shown, after its own rotation and cropping. `bytes`: the
-// first bytes of the file, with all of its "meta" box. INVALID_ARGUMENT: malformed, or the box is
-// not among the bytes.
+// Returns the size in pixels of the primary picture after the rotation and cropping that the file
+// asks for. `bytes` are the first bytes of the file. INVALID_ARGUMENT: they are malformed, or do
+// not contain the whole "meta" box.
 absl::StatusOr<HeicSize> ReadHeicSize(std::span<const uint8_t> bytes);
 
-// INVALID_ARGUMENT: a box reaches beyond the end of the file.
+// Returns INVALID_ARGUMENT if a box reaches beyond the end of the file, so that the file is cut
+// short.
 absl::Status CheckHeicIsWhole(std::span<const uint8_t> file);
 
 }  // namespace pepeseg

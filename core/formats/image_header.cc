@@ -24,12 +24,14 @@ bool StartsWith(Bytes bytes, Bytes magic) {
   return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
 }
 
+// Returns true if the text `tag` is at offset `at`.
 bool HasTag(Bytes bytes, size_t at, absl::string_view tag) {
   return bytes.size() >= at + tag.size() &&
          std::equal(tag.begin(), tag.end(), bytes.begin() + static_cast<ptrdiff_t>(at),
                     [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
 }
 
+// Read a number of up to 4 bytes. The caller has checked that it is within the bytes.
 uint32_t BigEndian(Bytes bytes, size_t at, int num_bytes) {
   uint32_t value = 0;
   for (int i = 0; i < num_bytes; ++i) value = value << 8 | bytes[at + i];
@@ -50,21 +52,26 @@ absl::Status Malformed(absl::string_view format, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat("malformed ", format, " file: ", why));
 }
 
+// A size as the file declares it, before it is checked.
 struct Size {
   uint64_t width = 0;
   uint64_t height = 0;
 };
 
-// ISO/IEC 10918-1 annex B: markers 0xFF xx; all but a few carry a big-endian length that counts
-// itself. Behind SOS come entropy-coded bytes, in which 0xFF is followed by 0 or a restart marker.
+// JPEG (ISO/IEC 10918-1 annex B): segments that begin with a marker, 0xFF xx. Most markers are
+// followed by a big-endian length that includes itself. SOS is followed by entropy-coded bytes, in
+// which 0xFF is followed by 0 or by a restart marker.
 constexpr uint8_t kSof0 = 0xC0, kDht = 0xC4, kJpg = 0xC8, kDac = 0xCC, kSof15 = 0xCF;
 constexpr uint8_t kRst0 = 0xD0, kRst7 = 0xD7, kEoi = 0xD9, kSos = 0xDA, kTem = 0x01;
 
+// Returns true for SOF0 to SOF15. DHT, JPG and DAC are among their codes, but are not frame
+// headers.
 bool IsFrameHeader(uint8_t marker) {
   return marker >= kSof0 && marker <= kSof15 && marker != kDht && marker != kJpg && marker != kDac;
 }
 
-// The offset behind the entropy-coded bytes that start at `at`: of the next marker, or the end.
+// Returns the offset of the next marker after the entropy-coded bytes that start at `at`, or the
+// size of the file.
 size_t SkipScan(Bytes bytes, size_t at) {
   for (; at + 1 < bytes.size(); ++at) {
     if (bytes[at] != 0xFF) continue;
@@ -75,13 +82,14 @@ size_t SkipScan(Bytes bytes, size_t at) {
   return bytes.size();
 }
 
+// Walks all segments to the end marker. Returns the size in the first frame header.
 absl::StatusOr<Size> JpegSize(Bytes bytes) {
   Size size;
   bool scanned = false;
   size_t at = 2;
   while (at + 2 <= bytes.size()) {
     const uint8_t marker = bytes[at + 1];
-    // Fill bytes, and what lies between segments without being one: decoders pass over it too.
+    // Fill bytes, and stray bytes between segments, which decoders skip as well.
     if (bytes[at] != 0xFF || marker == 0xFF || marker == 0) {
       ++at;
       continue;
@@ -110,10 +118,10 @@ absl::StatusOr<Size> JpegSize(Bytes bytes) {
   return CutShort("JPEG");
 }
 
-// PNG: chunks of big-endian length, type, data and CRC, from IHDR to IEND.
+// PNG: chunks of big-endian length, type, data and CRC. The first is IHDR, the last IEND.
 constexpr size_t kAround = 12;  // length, type and CRC of a chunk
 
-// From the first chunk.
+// Returns the size in the first chunk.
 absl::StatusOr<Size> PngHeaderSize(Bytes bytes) {
   const size_t at = kPngMagic.size();
   if (bytes.size() < at + kAround + 13) return CutShort("PNG");
@@ -123,6 +131,7 @@ absl::StatusOr<Size> PngHeaderSize(Bytes bytes) {
   return Size{BigEndian(bytes, at + 8, 4), BigEndian(bytes, at + 12, 4)};
 }
 
+// Walks all chunks to the last one.
 absl::StatusOr<Size> PngSize(Bytes bytes) {
   ASSIGN_OR_RETURN(const Size size, PngHeaderSize(bytes));
   size_t at = kPngMagic.size();
@@ -135,7 +144,8 @@ absl::StatusOr<Size> PngSize(Bytes bytes) {
   return CutShort("PNG");
 }
 
-// WebP: a RIFF container whose first chunk is VP8 (lossy), VP8L (lossless) or VP8X (extended).
+// WebP: a RIFF container whose first chunk is VP8 (lossy), VP8L (lossless) or VP8X (extended). VP8L
+// and VP8X store width - 1 and height - 1.
 absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
   constexpr size_t kSmallest = 30;
   if (bytes.size() < kSmallest) return CutShort("WebP");
@@ -152,6 +162,7 @@ absl::StatusOr<Size> WebpHeaderSize(Bytes bytes) {
   return Malformed("WebP", "its first chunk is not a picture");
 }
 
+// Compares the size in the RIFF header with that of the file.
 absl::StatusOr<Size> WebpSize(Bytes bytes) {
   ASSIGN_OR_RETURN(const Size size, WebpHeaderSize(bytes));
   if (uint64_t{LittleEndian(bytes, 4, 4)} + 8 > bytes.size()) return CutShort("WebP");
@@ -173,6 +184,7 @@ absl::StatusOr<Size> SizeOf(ImageFormat format, Bytes bytes) {
   return WebpSize(bytes);
 }
 
+// Returns the format of a file that begins with these bytes.
 absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   if (StartsWith(bytes, kJpegMagic)) return ImageFormat::kJpeg;
   if (StartsWith(bytes, kPngMagic)) return ImageFormat::kPng;
@@ -181,6 +193,7 @@ absl::StatusOr<ImageFormat> FormatOf(Bytes bytes) {
   return absl::InvalidArgumentError("not a JPEG, PNG, WebP or HEIC image");
 }
 
+// Checks a declared size. Both sides are below 2^32, so the product does not overflow.
 absl::StatusOr<ImageHeader> CheckSize(ImageFormat format, const Size& size) {
   if (size.width == 0 || size.height == 0) return absl::InvalidArgumentError("an empty image");
   if (size.width * size.height > static_cast<uint64_t>(kMaxImagePixels)) {
@@ -196,7 +209,7 @@ absl::StatusOr<ImageHeader> Read(Bytes bytes) {
   return CheckSize(format, size);
 }
 
-// A file of which only some pieces are read.
+// Reads pieces of a file, at most kMaxHeaderReads of them. Owns the descriptor.
 class HeaderReader {
  public:
   explicit HeaderReader(int descriptor) : descriptor_(descriptor) {}
@@ -204,15 +217,16 @@ class HeaderReader {
   HeaderReader(const HeaderReader&) = delete;
   HeaderReader& operator=(const HeaderReader&) = delete;
 
-  // Up to `count` bytes from `at` on, fewer at the end of the file, none after an error. They stay
-  // until the next call. At most kHeaderReadBytes.
+  // Returns `count` bytes from offset `at` on; fewer at the end of the file, none after an error.
+  // `count` is at most kHeaderReadBytes. The bytes are valid until the next call.
   Bytes At(uint64_t at, size_t count) {
     if (at < start_ || at + count > start_ + size_) Fill(at);
     if (at < start_ || at >= start_ + size_) return {};
     const size_t first = at - start_;
     return Bytes(piece_).subspan(first, std::min(count, size_ - first));
   }
-  // What no more bytes may mean: INTERNAL, or too many reads. OK: the end of the file.
+  // Why At() returned no bytes. OK: the file ends there. INTERNAL: a read failed. INVALID_ARGUMENT:
+  // too many reads.
   const absl::Status& status() const { return status_; }
 
  private:
@@ -223,7 +237,7 @@ class HeaderReader {
     if (++num_reads_ > kMaxHeaderReads) {
       status_ = absl::InvalidArgumentError(
           absl::StrCat("the header is not found by ", kMaxHeaderReads, " reads of ",
-                       kHeaderReadBytes, " bytes: save the image anew"));
+                       kHeaderReadBytes, " bytes: save the image again"));
       return;
     }
     while (size_ < piece_.size()) {
@@ -238,13 +252,13 @@ class HeaderReader {
 
   const int descriptor_;
   std::array<uint8_t, kHeaderReadBytes> piece_{};
-  uint64_t start_ = 0;  // of the piece in the file
-  size_t size_ = 0;     // of the piece, bytes
+  uint64_t start_ = 0;  // offset of the piece in the file
+  size_t size_ = 0;     // bytes of the piece
   int num_reads_ = 0;
   absl::Status status_;
 };
 
-// As JpegSize, up to the frame header.
+// Does what JpegSize does, up to the first frame header only.
 absl::StatusOr<Size> FindJpegSize(HeaderReader& file) {
   for (uint64_t at = 2;;) {
     const Bytes two = file.At(at, 2);
@@ -271,7 +285,7 @@ absl::StatusOr<Size> FindJpegSize(HeaderReader& file) {
   return file.status().ok() ? CutShort("JPEG") : file.status();
 }
 
-// From the front of the file, with all of its "meta" box: cameras write that first.
+// Reads the front of the file until it contains the whole "meta" box, which cameras write first.
 absl::StatusOr<Size> FindHeicSize(HeaderReader& file) {
   constexpr uint64_t kMostBytes = 64 * kHeaderReadBytes;
   std::vector<uint8_t> front;
@@ -285,7 +299,7 @@ absl::StatusOr<Size> FindHeicSize(HeaderReader& file) {
   return SizeOfHeic(front);
 }
 
-// Another format adds its magic to FormatOf and its case here.
+// A new format adds its magic number to FormatOf and a case here.
 absl::StatusOr<ImageHeader> ReadSize(HeaderReader& file) {
   constexpr size_t kFrontBytes = 64;
   const Bytes front = file.At(0, kFrontBytes);
@@ -335,6 +349,7 @@ absl::StatusOr<ImageHeader> ReadImageHeader(absl::string_view name,
 
 absl::StatusOr<ImageHeader> ReadImageSize(const std::filesystem::path& path,
                                           absl::string_view name) {
+  // O_NONBLOCK: opening a FIFO must not wait for its other end.
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) {
     if (errno == ENOENT) return absl::NotFoundError(absl::StrCat(name, ": no such file"));

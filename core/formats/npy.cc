@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/byte_reader.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/half.h"
 #include "core/formats/image_header.h"
@@ -19,7 +19,8 @@ namespace {
 
 constexpr absl::string_view kMagic("\x93NUMPY", 6);
 
-// The text of the Python dict that heads the file; the reader stands behind it.
+// Returns the text of the header, a Python dict, and moves the reader to the values. Returns
+// nothing if the header is cut short or its version is unknown.
 std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader& reader) {
   reader.Skip(kMagic.size());
   const auto major = reader.Take<uint8_t>();
@@ -30,7 +31,8 @@ std::optional<absl::string_view> TakeHeader(absl::string_view bytes, ByteReader&
   return bytes.substr(start, length);
 }
 
-// What stands behind 'key': up to the next comma outside of brackets, or to the closing brace.
+// Returns the text after 'key': in the header, up to the next comma outside of brackets or to the
+// closing brace.
 std::optional<absl::string_view> ValueOf(absl::string_view header, absl::string_view key) {
   const std::string quoted = absl::StrCat("'", key, "':");
   const size_t found = header.find(quoted);
@@ -51,7 +53,7 @@ struct Shape {
   uint64_t height = 0, width = 0;
 };
 
-// "(480, 640)"
+// Parses "(480, 640)".
 std::optional<Shape> ParseShape(absl::string_view text) {
   if (!absl::ConsumePrefix(&text, "(") || !absl::ConsumeSuffix(&text, ")")) return std::nullopt;
   const std::vector<absl::string_view> sizes = absl::StrSplit(text, ',');
@@ -63,6 +65,7 @@ std::optional<Shape> ParseShape(absl::string_view text) {
   return shape;
 }
 
+// Checks the size of the array. The single comparisons keep the product from overflowing.
 absl::Status CheckShape(absl::string_view name, const Shape& shape) {
   if (shape.width == 0 || shape.height == 0) return Refused(name, "an empty array");
   if (shape.width > kMaxImagePixels || shape.height > kMaxImagePixels ||
@@ -78,7 +81,7 @@ Value Decode(T value) {
   return static_cast<Value>(value);
 }
 
-// Half precision has no type of its own here: its bits come as Half.
+// Marks 16 bits as a half, so that Decode can be overloaded.
 struct Half {
   uint16_t bits;
 };
@@ -87,6 +90,7 @@ Value Decode(Half value) {
   return FloatFromHalf(value.bits);
 }
 
+// Reads `count` values of type T. Returns false, before allocating, if too few bytes follow.
 template <class T, class Value>
 bool TakeValues(ByteReader& reader, size_t count, std::vector<Value>& values) {
   if (reader.remaining() / sizeof(T) < count) return false;
@@ -95,7 +99,7 @@ bool TakeValues(ByteReader& reader, size_t count, std::vector<Value>& values) {
   return true;
 }
 
-// Nothing: another type.
+// Reads the values. Returns nothing if `type` is not supported, false if too few bytes follow.
 template <class Value>
 std::optional<bool> TakeArray(absl::string_view type, const Shape& shape, ByteReader& reader,
                               std::vector<Value>& values) {
@@ -109,7 +113,7 @@ std::optional<bool> TakeArray(absl::string_view type, const Shape& shape, ByteRe
   return std::nullopt;
 }
 
-// The array's values, and its shape.
+// Parses a file into `values` and returns the array's shape.
 template <class Value>
 absl::StatusOr<Shape> ParseArray(absl::string_view name, absl::string_view bytes,
                                  std::vector<Value>& values) {

@@ -8,15 +8,15 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/image_header.h"
 
 namespace pepeseg {
 namespace {
 
-// The next word, and the single white space behind it off the front of `bytes`; empty: there is no
-// such word.
+// Removes the next word and the single white space after it from the front of `bytes`. Returns an
+// empty word if the text has no white space or the word is too long.
 absl::string_view TakeWord(absl::string_view& bytes) {
   constexpr size_t kLongest = 32;
   size_t length = 0;
@@ -34,6 +34,7 @@ struct Header {
   bool big_endian = false;
 };
 
+// Removes the header from the front of `bytes`.
 absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& bytes) {
   const absl::string_view magic = TakeWord(bytes);
   if (magic == "PF") return Refused(name, "a PFM of three channels; depth has one (\"Pf\")");
@@ -49,6 +50,7 @@ absl::StatusOr<Header> TakeHeader(absl::string_view name, absl::string_view& byt
   return header;
 }
 
+// Returns the value at an index.
 float ValueAt(absl::string_view bytes, size_t index, bool big_endian) {
   uint32_t bits = 0;
   std::memcpy(&bits, bytes.data() + index * sizeof(bits), sizeof(bits));
@@ -72,6 +74,7 @@ absl::StatusOr<FloatImage> ParsePfm(absl::string_view name, absl::string_view by
   }
   FloatImage image{static_cast<int>(header.width), static_cast<int>(header.height), {}};
   image.values.reserve(header.width * header.height);
+  // The file has the bottom scanline first.
   for (size_t y = 0; y < header.height; ++y) {
     const size_t row = (header.height - 1 - y) * header.width;
     for (size_t x = 0; x < header.width; ++x) {

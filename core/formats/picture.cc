@@ -9,6 +9,7 @@
 namespace pepeseg {
 namespace {
 
+// Returns a view of the image's pixels.
 cv::Mat PixelsOf(Image& image) {
   return {image.height, image.width, CV_8UC(image.channels), image.pixels.data()};
 }
@@ -30,7 +31,7 @@ Image Transposed(Image image) {
 }  // namespace
 
 Image Upright(Image image, int orientation) {
-  // EXIF 2.3, tag 0x0112: 5 to 8 are transposed, and what remains is a mirror of one axis or both.
+  // EXIF 2.3, tag 0x0112: 5 to 8 are transposed first; then one axis, both or none is mirrored.
   const bool transposed = orientation >= 5 && orientation <= 8;
   if (transposed) image = Transposed(std::move(image));
   const bool mirrors_x =
@@ -39,7 +40,7 @@ Image Upright(Image image, int orientation) {
       orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
   if (!mirrors_x && !mirrors_y) return image;
   cv::Mat pixels = PixelsOf(image);
-  constexpr int kAroundX = 0, kAroundY = 1, kBoth = -1;  // cv::flip's
+  constexpr int kAroundX = 0, kAroundY = 1, kBoth = -1;  // codes of cv::flip
   cv::flip(pixels, pixels, mirrors_x && mirrors_y ? kBoth : mirrors_x ? kAroundY : kAroundX);
   return image;
 }
@@ -48,6 +49,7 @@ Image ShrunkTo(Image image, int max_side) {
   const int side = std::max(image.width, image.height);
   if (max_side <= 0 || side <= max_side) return image;
   const double scale = static_cast<double>(max_side) / side;
+  // A narrow image keeps at least one pixel.
   const auto shrunk = [scale](int size) {
     return std::max(1, static_cast<int>(std::lround(size * scale)));
   };

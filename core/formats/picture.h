@@ -2,14 +2,14 @@
 
 #include "core/scene/capture.h"
 
-// Changes to an image that is shown to people.
 namespace pepeseg {
 
-// The image as EXIF's orientation 1 to 8 says that it is looked at; unchanged by other values.
+// Rotates and mirrors an image by an EXIF orientation in [1, 8], so that it is upright. Other
+// values leave it unchanged.
 Image Upright(Image image, int orientation);
 
-// The image with its longer side shrunk to `max_side` pixels by averaging; unchanged when it is not
-// larger, or when `max_side` is 0.
+// Shrinks an image by averaging, so that its longer side has `max_side` pixels. Returns it
+// unchanged if it is not larger, or if `max_side` is 0.
 Image ShrunkTo(Image image, int max_side);
 
 }  // namespace pepeseg

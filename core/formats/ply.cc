@@ -12,8 +12,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/file_bytes.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "core/formats/colmap.h"
 
 namespace pepeseg {
 namespace {
@@ -22,6 +23,7 @@ constexpr int64_t kMaxHeaderBytes = 64 << 10;
 constexpr size_t kMaxProperties = 512;
 constexpr size_t kMaxLineBytes = 16 << 10;
 
+// Each type has an old and a new name.
 struct TypeName {
   const char* name;
   PlyType type;
@@ -43,6 +45,7 @@ constexpr std::array<TypeName, 16> kTypeNames = {{{"char", PlyType::kInt8},
                                                   {"double", PlyType::kFloat64},
                                                   {"float64", PlyType::kFloat64}}};
 
+// Returns the type, or nothing if the name is unknown ("list", for example).
 std::optional<PlyType> TypeByName(absl::string_view name) {
   for (const TypeName& entry : kTypeNames) {
     if (name == entry.name) return entry.type;
@@ -62,6 +65,7 @@ double Load(const char* from) {
   return static_cast<double>(value);
 }
 
+// Returns the number of that type at `from`, which need not be aligned.
 double LoadAs(PlyType type, const char* from) {
   switch (type) {
     case PlyType::kInt8:
@@ -84,7 +88,8 @@ double LoadAs(PlyType type, const char* from) {
   return 0;
 }
 
-// The header's text up to and with "end_header\n", at the front of `bytes`; empty: none.
+// Returns the header at the front of `bytes`, up to and including "end_header\n", or an empty text
+// if it has no end.
 absl::string_view HeaderOf(absl::string_view bytes) {
   constexpr absl::string_view kEnd = "\nend_header\n";
   const size_t end = bytes.find(kEnd);
@@ -94,12 +99,11 @@ absl::string_view HeaderOf(absl::string_view bytes) {
 
 using Words = std::vector<absl::string_view>;
 
-// Takes the header line by line.
+// Parses the header line by line. Its methods return what is wrong, or an empty string.
 class HeaderParser {
  public:
   explicit HeaderParser(PlyVertices& vertices) : vertices_(vertices) {}
 
-  // An empty string: understood.
   std::string TakeLine(const Words& words) {
     if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return "";
     if (words[0] == "format") return TakeFormat(words);
@@ -108,6 +112,7 @@ class HeaderParser {
     return absl::StrCat("the header has the line \"", words[0].substr(0, 40), " ...\"");
   }
 
+  // Checks what can only be known after the last line.
   std::string Finish() const {
     if (!has_format_) return "the header names no format";
     if (num_elements_ == 0) return "has no vertices";
@@ -120,7 +125,7 @@ class HeaderParser {
     has_format_ = true;
     vertices_.is_text = words.size() == 3 && words[1] == "ascii";
     if (vertices_.is_text || (words.size() == 3 && words[1] == "binary_little_endian")) return "";
-    return "its format is neither binary_little_endian nor ascii, which are those that are read";
+    return "its format must be binary_little_endian or ascii";
   }
 
   std::string TakeElement(const Words& words) {
@@ -136,7 +141,7 @@ class HeaderParser {
   std::string TakeProperty(const Words& words) {
     const std::optional<PlyType> type =
         words.size() == 3 ? TypeByName(words[1]) : std::optional<PlyType>();
-    if (!type) return "a property of its vertices is no single number of a known type";
+    if (!type) return "a property of its vertices is not a single number of a known type";
     if (vertices_.properties.size() >= kMaxProperties) return "has over 512 properties";
     if (vertices_.Find(words[2]) >= 0) return absl::StrCat("has two properties ", words[2]);
     vertices_.properties.push_back({std::string(words[2]), *type, vertices_.stride});
@@ -150,9 +155,11 @@ class HeaderParser {
   int num_elements_ = 0;
 };
 
+// Parses the lines between "ply" and "end_header".
 absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   HeaderParser parser(vertices);
   std::vector<absl::string_view> lines = absl::StrSplit(header, '\n', absl::SkipWhitespace());
+  // OpenPly has found the first and the last line.
   lines.erase(lines.begin());  // "ply"
   lines.pop_back();            // "end_header"
   for (const absl::string_view line : lines) {
@@ -164,7 +171,8 @@ absl::Status ParseHeader(absl::string_view header, PlyVertices& vertices) {
   return wrong.empty() ? absl::OkStatus() : Refused(vertices.name, wrong);
 }
 
-// Of a vertex: in text, a digit and what ends it for each property; the last may have no end.
+// Returns the smallest number of bytes that a vertex can have. In text that is a digit and a
+// separator for each property; the last vertex of the file may lack its line end.
 int64_t LeastBytes(const PlyVertices& vertices) {
   return vertices.is_text ? 2 * static_cast<int64_t>(vertices.properties.size()) : vertices.stride;
 }
@@ -174,15 +182,17 @@ absl::Status NotFinite(const PlyVertices& vertices, int64_t vertex, const PlyPro
                  absl::StrCat("vertex ", vertex, ": ", property.name, " is not finite"));
 }
 
+// Reads the vertices of an ASCII file line by line, with a limit for the length of a line.
 absl::Status ReadTextColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
   std::ifstream file(vertices.path, std::ios::binary);
   file.seekg(vertices.data_offset);
   std::array<char, kMaxLineBytes> line{};
   for (int64_t row = 0; row < vertices.count; ++row) {
+    // A longer line sets the stream's fail bit, and is reported as malformed.
     file.getline(line.data(), line.size());
     if (file.bad()) return absl::InternalError(absl::StrCat(vertices.name, ": cannot be read"));
     const auto no_vertex = [&] {
-      return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is no ",
+      return Refused(vertices.name, absl::StrCat("vertex ", row, ": its line is not ",
                                                  vertices.properties.size(), " numbers"));
     };
     if (!file) return no_vertex();
@@ -229,6 +239,7 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
     return Refused(
         name, absl::StrCat("declares ", vertices.count, " vertices, the limit is ", max_vertices));
   }
+  // Before the caller allocates for the count.
   const int64_t least = LeastBytes(vertices);
   if (vertices.count > (size - vertices.data_offset + (vertices.is_text ? 1 : 0)) / least) {
     return Refused(
@@ -240,6 +251,7 @@ absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std
 
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns) {
   if (vertices.is_text) return ReadTextColumns(vertices, columns);
+  // Block by block, so that memory does not grow with the file.
   constexpr int64_t kBlockRows = 4096;
   std::ifstream file(vertices.path, std::ios::binary);
   file.seekg(vertices.data_offset);
@@ -262,6 +274,35 @@ absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn>
     }
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(const std::filesystem::path& path,
+                                                      const std::string& name,
+                                                      const Eigen::Vector3d& origin) {
+  constexpr const char* kNames[] = {"x", "y", "z", "red", "green", "blue"};
+  constexpr float kGrey = 128;
+  ASSIGN_OR_RETURN(const PlyVertices vertices, OpenPly(path, name, kMaxPoints));
+  std::vector<std::vector<float>> values(6);
+  std::vector<PlyColumn> columns;
+  for (int i = 0; i < 6; ++i) {
+    values[i].assign(static_cast<size_t>(vertices.count), kGrey);
+    const int property = vertices.Find(kNames[i]);
+    if (property >= 0) {
+      columns.push_back({property, values[i], i < 3 ? origin[i] : 0});
+    } else if (i < 3) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": has no property ", kNames[i]));
+    }
+  }
+  RETURN_IF_ERROR(ReadColumns(vertices, columns));
+  std::vector<ScenePoint> points(static_cast<size_t>(vertices.count));
+  for (size_t row = 0; row < points.size(); ++row) {
+    for (int i = 0; i < 3; ++i) {
+      points[row].position[i] = values[i][row];
+      points[row].rgb[i] =
+          static_cast<uint8_t>(std::lround(std::clamp(values[3 + i][row], 0.0f, 255.0f)));
+    }
+  }
+  return points;
 }
 
 }  // namespace pepeseg

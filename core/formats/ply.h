@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg {
 
@@ -20,34 +21,43 @@ struct PlyProperty {
   int offset = 0;  // bytes from the start of a vertex
 };
 
-// The vertices of a binary little-endian PLY file, or of one in ASCII; what follows them is not
-// looked at.
+// The vertices of a PLY file, binary little-endian or ASCII. They must be its first element; the
+// elements after them are ignored.
 struct PlyVertices {
   std::filesystem::path path;
   std::string name;  // for errors
   int64_t count = 0;
-  bool is_text = false;     // ASCII: a line for each vertex
-  int stride = 0;           // bytes of a vertex, in binary
-  int64_t data_offset = 0;  // of the first vertex in the file
+  bool is_text = false;     // ASCII: one line for each vertex
+  int stride = 0;           // bytes of a vertex in a binary file
+  int64_t data_offset = 0;  // offset in the file of the first vertex
   std::vector<PlyProperty> properties;
 
-  // The index of a property, or -1.
+  // Returns the index of a property, or -1 if there is none of that name.
   int Find(absl::string_view property) const;
 };
 
-// Reads the header. INVALID_ARGUMENT: not such a file, no vertices in front, more of them than
-// `max_vertices` or than the file holds.
+// Reads the header of a PLY file. INVALID_ARGUMENT, naming `name`: the file has another format, the
+// vertices are not its first element or have a list property, or there are more of them than
+// `max_vertices` or than the file can hold.
 absl::StatusOr<PlyVertices> OpenPly(const std::filesystem::path& path, const std::string& name,
                                     int64_t max_vertices);
 
-// One property of all vertices.
+// Where to write one property of all vertices.
 struct PlyColumn {
-  int property = 0;
-  std::span<float> values;  // [count], written
-  double origin = 0;        // what they are relative to: subtracted in double
+  int property = 0;         // index in PlyVertices::properties
+  std::span<float> values;  // [count], output
+  double origin = 0;        // subtracted from each value, in double
 };
-// INVALID_ARGUMENT names the vertex and the property of the first value that is not finite, or the
-// first line that is no vertex.
+// Reads properties of all vertices. INVALID_ARGUMENT, naming the vertex: a value is not finite, or
+// a line of an ASCII file does not have one number for each property. INTERNAL: the file cannot be
+// read.
 absl::Status ReadColumns(const PlyVertices& vertices, std::span<const PlyColumn> columns);
+
+// Reads the vertices of a PLY file as points relative to `origin`: properties x, y, z and, if the
+// file has them, red, green and blue in [0, 255] (else grey 128). Errors as OpenPly and
+// ReadColumns, and INVALID_ARGUMENT if x, y or z is missing or there are more than kMaxPoints.
+absl::StatusOr<std::vector<ScenePoint>> ReadPlyPoints(
+    const std::filesystem::path& path, const std::string& name,
+    const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 }  // namespace pepeseg

@@ -14,10 +14,11 @@ constexpr int kDigitBits = 5;
 constexpr int64_t kMoreDigits = 0x20;
 constexpr int64_t kSignBit = 0x10;
 constexpr char kFirstCharacter = '0';
-constexpr int kMaxDigits = 10;  // 50 bits: far over any image
+constexpr int kMaxDigits = 10;  // 50 bits, far more than any image needs
 
-// Where a mask changes from one row to the next, found a word of pixels at a time: read down its
-// columns it is a few changes, while memory runs along its rows.
+// The pixels of a mask that differ from the pixel above them: there, runs down the columns begin.
+// Memory runs along the scanlines, so each scanline is compared with the one above it, eight pixels
+// at a time; most of these words are equal.
 class Changes {
  public:
   Changes(const BinaryMask& mask, int width, int height) : height_(height) {
@@ -31,7 +32,8 @@ class Changes {
     }
   }
 
-  // Their positions down the columns, ascending.
+  // Returns the positions x * height + y of the changes, ascending. A counting sort by column, in
+  // which the changes of a column are in order already.
   std::vector<int64_t> Positions(int width) const {
     std::vector<size_t> next(static_cast<size_t>(width) + 1);
     for (const auto& [x, y] : changes_) ++next[x + 1];
@@ -59,9 +61,10 @@ class Changes {
   }
 
   int height_;
-  std::vector<std::pair<int, int>> changes_;  // x, y; by rows
+  std::vector<std::pair<int, int>> changes_;  // x, y; scanline by scanline
 };
 
+// Returns the lengths of the runs.
 std::vector<int64_t> CountsOf(const BinaryMask& mask, int width, int height) {
   if (mask.pixels.empty()) return {0};
   const std::vector<int64_t> positions = Changes(mask, width, height).Positions(width);
@@ -76,6 +79,8 @@ std::vector<int64_t> CountsOf(const BinaryMask& mask, int width, int height) {
   return counts;
 }
 
+// Writes a number in digits of 5 bits, lowest first, like a signed LEB128. The highest bit of the
+// last digit is the sign.
 void AppendNumber(int64_t value, std::string& text) {
   bool more = true;
   while (more) {
@@ -87,6 +92,7 @@ void AppendNumber(int64_t value, std::string& text) {
   }
 }
 
+// Reads such a number at `position` and moves it on.
 absl::StatusOr<int64_t> TakeNumber(absl::string_view text, size_t& position) {
   int64_t value = 0;
   for (int i = 0; i < kMaxDigits && position < text.size(); ++i) {
@@ -116,7 +122,8 @@ std::string EncodeCocoRle(const BinaryMask& mask, int width, int height) {
 absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(absl::string_view compressed,
                                                      int64_t max_counts) {
   std::vector<int64_t> counts;
-  // As many as there are last digits: growing would take the memory of a long string twice.
+  // There are as many numbers as last digits. Reserving for them keeps the vector from growing,
+  // which would take twice the memory for a long string.
   const auto num_last = std::count_if(compressed.begin(), compressed.end(), [](char c) {
     return ((c - kFirstCharacter) & kMoreDigits) == 0;
   });
@@ -128,7 +135,7 @@ absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(absl::string_view compresse
     absl::StatusOr<int64_t> number = TakeNumber(compressed, position);
     if (!number.ok()) return number.status();
     counts.push_back(counts.size() > 2 ? *number + counts[counts.size() - 2] : *number);
-    // Sums of 50-bit numbers that no check has seen yet must not run over.
+    // Checked here, because sums of unchecked 50-bit numbers could overflow.
     if (counts.back() < 0 || counts.back() > INT32_MAX) {
       return absl::InvalidArgumentError(
           absl::StrCat("run ", counts.size() - 1, " has the length ", counts.back()));
@@ -154,6 +161,7 @@ absl::StatusOr<std::vector<uint32_t>> PixelsOfRuns(std::span<const int64_t> coun
     return absl::InvalidArgumentError(
         absl::StrCat("the runs cover ", total, " pixels of a ", width, "x", height, " image"));
   }
+  // The runs are down the columns; the indices are row-major.
   std::vector<uint32_t> pixels;
   pixels.reserve(static_cast<size_t>(area));
   int64_t position = 0;

@@ -24,8 +24,9 @@ constexpr std::string_view kMagic = "PEPECKPT";
 constexpr uint32_t kFormat = 1;
 constexpr size_t kPrefixBytes = kMagic.size() + 2 * sizeof(uint32_t);
 constexpr size_t kDigestBytes = 64;
-constexpr uint32_t kMaxHeaderBytes = 1 << 20;
+constexpr uint32_t kMaxHeaderBytes = 1 << 20;  // names and sizes of a few dozen sections
 
+// Returns the bytes of a number as they are in memory, little-endian.
 std::string_view BytesOf(const uint32_t& value) {
   return {reinterpret_cast<const char*>(&value), sizeof(value)};
 }
@@ -38,12 +39,13 @@ absl::Status Damaged(const std::filesystem::path& path, absl::string_view why) {
   return absl::DataLossError(absl::StrCat(path.string(), ": ", why));
 }
 
-// To the file and to its digest.
+// Appends bytes to the file and to its digest.
 absl::Status Append(AtomicFile& file, Sha256& digest, std::string_view bytes) {
   digest.Add(bytes);
   return file.Append(bytes);
 }
 
+// Formats the header: what the checkpoint belongs to, and name, version and size of each section.
 std::string FormatHeader(const CheckpointHeader& header,
                          std::span<const CheckpointSection> sections) {
   json list = json::array();
@@ -59,10 +61,11 @@ std::string FormatHeader(const CheckpointHeader& header,
       .dump();
 }
 
-// Field types are checked by nlohmann, which throws.
+// Parses the header and finds the sections in `body`, the bytes after it. nlohmann checks the types
+// of the fields by exceptions, which end here.
 absl::Status ParseHeader(std::string_view text, std::string_view body, Checkpoint& checkpoint) {
   const json document = json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (!document.is_object()) return absl::DataLossError("its header is no JSON object");
+  if (!document.is_object()) return absl::DataLossError("its header is not a JSON object");
   ByteReader reader = ReaderOf(body);
   try {
     checkpoint.header.stage = document.at("stage").get<std::string>();
@@ -80,9 +83,11 @@ absl::Status ParseHeader(std::string_view text, std::string_view body, Checkpoin
   }
   if (reader.remaining() == 0) return absl::OkStatus();
   return absl::DataLossError(
-      absl::StrCat("has ", reader.remaining(), " bytes behind its last section"));
+      absl::StrCat("has ", reader.remaining(), " bytes after its last section"));
 }
 
+// Reads the file. Not by ReadFile, whose std::string may keep short texts in the object itself:
+// then moving a Checkpoint would move the bytes that its sections point to.
 absl::StatusOr<std::vector<char>> ReadBytes(const std::filesystem::path& path) {
   ASSIGN_OR_RETURN(const int64_t size, FileSize(path, path.string()));
   std::vector<char> bytes(static_cast<size_t>(size));
@@ -93,17 +98,18 @@ absl::StatusOr<std::vector<char>> ReadBytes(const std::filesystem::path& path) {
   return bytes;
 }
 
-// Whether the file is whole, before anything in it is believed.
+// Checks magic number and digest. Nothing else in the file may be used before.
 absl::Status CheckWhole(std::string_view bytes) {
   if (bytes.size() < kPrefixBytes + kDigestBytes) {
     return absl::DataLossError(absl::StrCat("has ", bytes.size(), " bytes: truncated"));
   }
-  if (!bytes.starts_with(kMagic)) return absl::DataLossError("is no checkpoint");
+  if (!bytes.starts_with(kMagic)) return absl::DataLossError("is not a checkpoint");
   const std::string_view digest = bytes.substr(bytes.size() - kDigestBytes);
   if (Sha256Hex(bytes.substr(0, bytes.size() - kDigestBytes)) == digest) return absl::OkStatus();
   return absl::DataLossError("its checksum is wrong: truncated or damaged");
 }
 
+// Parses checkpoint.storage and sets header and sections, which point into it.
 absl::Status Parse(Checkpoint& checkpoint) {
   const std::string_view bytes(checkpoint.storage.data(), checkpoint.storage.size());
   RETURN_IF_ERROR(CheckWhole(bytes));
@@ -125,6 +131,8 @@ absl::Status Parse(Checkpoint& checkpoint) {
 
 absl::Status WriteCheckpoint(const std::filesystem::path& path, const CheckpointHeader& header,
                              std::span<const CheckpointSection> sections) {
+  // The digest is computed while writing, so that the sections, which may be gigabytes, are read
+  // once and never copied.
   const std::string text = FormatHeader(header, sections);
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
   Sha256 digest;

@@ -12,40 +12,46 @@
 
 namespace pepeseg {
 
-// A part of a stage's state. What it holds and how is its owner's: who changes that raises the
-// version, and who reads refuses a version, or a name, that it does not know.
+// A part of a stage's state. The stage defines its content. A stage that changes the content must
+// raise the version, and must refuse versions and names that it does not know (SectionReader does).
 struct CheckpointSection {
   std::string name;
   int version = 1;
-  std::string_view bytes;  // of whoever made it
+  std::string_view bytes;  // borrowed from the stage, or from Checkpoint::storage
 };
 
-// What a checkpoint is of.
+// What a checkpoint belongs to.
 struct CheckpointHeader {
   std::string stage;
-  std::string identity;  // digest of what the state belongs to: files and options
-  int64_t step = 0;      // done
+  std::string identity;  // digest of the files and options of the training
+  int64_t step = 0;      // number of steps done
 };
 
+// A checkpoint in memory. It can be moved, but not copied: the sections point into `storage`, whose
+// memory stays where it is when the vector is moved.
 struct Checkpoint {
   CheckpointHeader header;
-  std::vector<CheckpointSection> sections;  // into `storage`, which moves without moving them
-  std::vector<char> storage;
+  std::vector<CheckpointSection> sections;
+  std::vector<char> storage;  // the whole file
 
   Checkpoint() = default;
   Checkpoint(Checkpoint&&) = default;
   Checkpoint& operator=(Checkpoint&&) = default;
 };
 
-// One file, whole or not at all (atomic_file.h), little-endian:
-//   "PEPECKPT", u32 format (1), u32 bytes of the header, the header as JSON
-//     {"stage", "identity", "step", "sections": [{"name", "version", "size"}]},
-//   the sections' bytes one after the other, SHA-256 of all before as 64 hexadecimal digits.
+// Writes a checkpoint as one file, atomically (atomic_file.h). Its format, little-endian:
+//   char[8]   "PEPECKPT"
+//   uint32    format, 1
+//   uint32    size of the header, bytes
+//   char[]    the header as JSON:
+//             {"stage", "identity", "step", "sections": [{"name", "version", "size"}]}
+//   char[]    the bytes of the sections, one after the other
+//   char[64]  SHA-256 of all bytes before, lower-case hexadecimal
 absl::Status WriteCheckpoint(const std::filesystem::path& path, const CheckpointHeader& header,
                              std::span<const CheckpointSection> sections);
 
-// NOT_FOUND: no such file. DATA_LOSS: truncated, damaged or of another format; the message names
-// the file.
+// Reads a checkpoint and verifies its digest. NOT_FOUND: there is no such file. DATA_LOSS, naming
+// the file: it is truncated, damaged or of another format.
 absl::StatusOr<Checkpoint> ReadCheckpoint(const std::filesystem::path& path);
 
 }  // namespace pepeseg

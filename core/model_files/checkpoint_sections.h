@@ -14,14 +14,17 @@
 #include "absl/strings/str_cat.h"
 #include "core/model_files/checkpoint.h"
 
-// Between a stage's state and the sections of its checkpoint. The state has one function that
-// visits each part once, for writing and for reading:
+// Converts between the state of a stage and the sections of its checkpoint. The stage has one
+// function that visits each part of its state, for writing as well as for reading, so that the two
+// cannot disagree:
 //   template <class AnyState, class Visit>
 //   void VisitSections(AnyState& state, const Visit& visit) { visit("name", version, state.part); }
-// A part is a string, a vector of trivially copyable elements, or a trivially copyable value.
+// A part is a string, a vector of trivially copyable elements, or a trivially copyable value. Its
+// bytes are those in memory.
 
 namespace pepeseg {
 
+// Returns the bytes of a part, which must outlive them.
 template <class T>
 std::string_view SectionBytes(const std::vector<T>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
@@ -33,7 +36,7 @@ std::string_view SectionBytes(const T& value) {
   return {reinterpret_cast<const char*>(&value), sizeof(T)};
 }
 
-// False: the size does not fit.
+// Sets a part from its bytes. Returns false if their number does not fit its type.
 template <class T>
 bool SetFromSection(std::string_view bytes, std::vector<T>& values) {
   if (bytes.size() % sizeof(T) != 0) return false;
@@ -52,7 +55,7 @@ bool SetFromSection(std::string_view bytes, T& value) {
   return true;
 }
 
-// The visitor for writing: appends borrowed sections.
+// The visitor for writing. Appends sections that borrow the bytes of the state.
 struct SectionWriter {
   std::vector<CheckpointSection>& sections;
 
@@ -62,8 +65,8 @@ struct SectionWriter {
   }
 };
 
-// The visitor for reading; Finish tells what went wrong first. DATA_LOSS: a section is missing,
-// unknown, of another version, or of a size that does not fit.
+// The visitor for reading. Call Finish after the last visit. Its state is mutable because visitors
+// are passed as const references.
 class SectionReader {
  public:
   explicit SectionReader(std::span<const CheckpointSection> sections) : sections_(sections) {}
@@ -86,6 +89,8 @@ class SectionReader {
     ++num_known_;
   }
 
+  // Returns the first error. DATA_LOSS: a section is missing, unknown, of another version, or of a
+  // size that does not fit.
   absl::Status Finish() const {
     if (!status_.ok() || num_known_ == sections_.size()) return status_;
     return absl::DataLossError(absl::StrCat("has ", sections_.size(), " sections, this program ",
@@ -98,13 +103,13 @@ class SectionReader {
   mutable size_t num_known_ = 0;
 };
 
-// DATA_LOSS unless there are as many as expected.
+// Returns DATA_LOSS unless a section has the expected number of values.
 inline absl::Status CheckSize(const char* name, size_t size, int64_t expected) {
   if (static_cast<int64_t>(size) == expected) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(name, " has ", size, " values, must have ", expected));
 }
 
-// DATA_LOSS where a value is not finite.
+// Returns DATA_LOSS, naming the first such value, if a value is not finite.
 inline absl::Status CheckFinite(const char* name, std::span<const float> values) {
   const auto bad =
       std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });

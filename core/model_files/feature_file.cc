@@ -9,7 +9,7 @@
 #include "core/base/atomic_file.h"
 #include "core/base/byte_reader.h"
 #include "core/base/file_bytes.h"
-#include "core/base/refused.h"
+#include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/formats/half.h"
 
@@ -18,10 +18,13 @@ namespace {
 
 constexpr absl::string_view kMagic = "PPSGFEAT";
 constexpr uint32_t kVersion = 1;
+// Limits of counts that a file may declare.
 constexpr uint64_t kMaxGaussians = 50'000'000;
 constexpr uint32_t kMaxQuantiles = 1'000'000;
 constexpr int64_t kMaxFileBytes = int64_t{4} << 30;
 
+// Returns the bytes of an array as they are in memory. Files are little-endian, and so are the
+// machines that the program runs on.
 template <class T>
 std::string_view BytesOf(const T& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0])};
@@ -31,6 +34,7 @@ bool AllFinite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
+// Checks that there is one confidence for each Gaussian, or none at all.
 absl::Status CheckConfidence(const FeatureField& field, absl::string_view name) {
   const size_t count = field.features.size() / kFeatureDim;
   if (field.confidence.size() != count && !field.confidence.empty()) {
@@ -44,6 +48,7 @@ absl::Status CheckConfidence(const FeatureField& field, absl::string_view name) 
                                     " is ", *bad, ", must be in (0, 1]"));
 }
 
+// Checks the values of a field, before writing and after reading.
 absl::Status CheckField(const FeatureField& field, absl::string_view name) {
   if (field.features.size() % kFeatureDim != 0) return Refused(name, "features are not whole rows");
   RETURN_IF_ERROR(CheckConfidence(field, name));
@@ -64,6 +69,7 @@ absl::Status CheckField(const FeatureField& field, absl::string_view name) {
 
 absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field) {
   RETURN_IF_ERROR(CheckField(field, path.string()));
+  // The header as arrays, so that BytesOf can write them. Their sizes need no padding.
   const std::vector<uint32_t> head = {kVersion, kFeatureDim};
   const std::vector<uint64_t> count = {field.features.size() / kFeatureDim};
   const std::vector<uint32_t> tail = {static_cast<uint32_t>(field.scale_quantiles.size()),
@@ -106,6 +112,8 @@ absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
     return Refused(name, absl::StrCat("has ", with_confidence,
                                       " where 1 stands for confidences and 0 for none"));
   }
+  // Compares the counts with the size of the file before anything is allocated for them. The limits
+  // keep the sum from overflowing.
   if (count > kMaxGaussians || num_quantiles > kMaxQuantiles ||
       reader.remaining() != sizeof(field.gate) + num_quantiles * sizeof(float) +
                                 count * (kFeatureDim + with_confidence) * sizeof(uint16_t)) {

@@ -12,20 +12,22 @@ namespace pepeseg {
 
 inline constexpr int kFeatureDim = 32;
 
-// A feature field on disk, little-endian, without padding:
+// Writes a feature field as a file, atomically. Its format, little-endian without padding:
 //   char[8]   "PPSGFEAT"
 //   uint32    version, 1
 //   uint32    feature dimension, 32
 //   uint64    num_gaussians
 //   uint32    num_quantiles
-//   uint32    1: with confidences; 0: without
+//   uint32    1: the file has confidences; 0: it does not
 //   float32   gate[64]: W[32], b[32]
 //   float32   scale_quantiles[num_quantiles], ascending, scene units
 //   float16   features[num_gaussians, 32], smoothed and normalised
-//   float16   confidence[num_gaussians], (0, 1], where there are any
-// Written atomically. INVALID_ARGUMENT: sizes that do not fit each other, a value that is not
-// finite, quantiles that descend, a confidence out of range.
+//   float16   confidence[num_gaussians], in (0, 1], if the file has them
+// INVALID_ARGUMENT: sizes do not match, a value is not finite, quantiles descend, or a confidence
+// is out of range.
 absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field);
+// Reads such a file. INVALID_ARGUMENT, naming `name`: as above, or the file is of another format or
+// version or is cut short.
 absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
                                              const std::string& name);
 

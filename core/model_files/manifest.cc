@@ -19,13 +19,16 @@ using nlohmann::json;
 
 constexpr int kVersion = 1;
 constexpr int64_t kMaxManifestBytes = int64_t{16} << 20;
-constexpr size_t kHexDigits = 64;
+constexpr size_t kHexDigits = 64;  // of a SHA-256
 
+// Returns true if the name is that of a file in the folder itself, so that a damaged manifest
+// cannot name files elsewhere.
 bool IsPlainName(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos &&
          name.find('\0') == std::string::npos;
 }
 
+// Parses one entry of "files". Returns false if it is malformed.
 bool ParseEntry(const json& value, ManifestEntry& entry) {
   if (!value.is_object()) return false;
   const auto name = value.find("name");
@@ -83,6 +86,7 @@ absl::StatusOr<Manifest> ReadManifest(const std::filesystem::path& folder) {
   if (!parsed.ok()) return Damaged(path, parsed.status().message());
   const json& document = *parsed;
   if (!document.is_object()) return Damaged(path, "not a JSON object");
+  // The version decides how the rest is read.
   const auto version = document.find("version");
   if (version == document.end() || *version != kVersion) return Damaged(path, "not version 1");
   const auto files = document.find("files");
@@ -104,6 +108,7 @@ absl::Status VerifyManifest(const std::filesystem::path& folder, const Manifest&
     std::error_code error;
     const auto size = std::filesystem::file_size(path, error);
     if (error) return Damaged(path, "the manifest lists it, but it is not there");
+    // The size first: a truncated file is found without reading it.
     if (static_cast<int64_t>(size) != entry.size) {
       return Damaged(path, absl::StrCat("has ", size, " bytes, its manifest says ", entry.size));
     }

@@ -15,13 +15,13 @@ namespace pepeseg {
 inline constexpr char kManifestName[] = "manifest.json";
 
 struct ManifestEntry {
-  std::string name;  // of a file directly in the manifest's folder
-  int64_t size = 0;  // bytes
-  std::string sha256;
+  std::string name;    // of a file in the manifest's folder, without '/'
+  int64_t size = 0;    // bytes
+  std::string sha256;  // 64 lower-case hexadecimal digits
 };
 
-// What a finished artifact consists of. Written last: a folder without a manifest is unfinished,
-// and a file that it does not list is not there for readers. On disk, manifest.json:
+// The list of files of a finished artifact. It is written last, so a folder without a manifest is
+// unfinished. Readers ignore files that it does not list. Stored as manifest.json:
 //   {"version": 1, "files": [{"name": "...", "size": 123, "sha256": "..."}]}
 struct Manifest {
   std::vector<ManifestEntry> files;
@@ -30,16 +30,17 @@ struct Manifest {
   int64_t TotalBytes() const;
 };
 
-// Measures the named files of the folder.
+// Computes size and digest of the named files of the folder. NOT_FOUND: one does not exist.
 absl::StatusOr<Manifest> BuildManifest(const std::filesystem::path& folder,
                                        std::span<const std::string> names);
 
+// Writes manifest.json atomically.
 absl::Status WriteManifest(const std::filesystem::path& folder, const Manifest& manifest);
 
-// NOT_FOUND: there is none. DATA_LOSS: it cannot be understood.
+// Reads manifest.json. NOT_FOUND: there is none. DATA_LOSS: it is malformed.
 absl::StatusOr<Manifest> ReadManifest(const std::filesystem::path& folder);
 
-// DATA_LOSS, naming the file, when one is missing or its size or checksum differs.
+// Returns DATA_LOSS, naming the file, if a listed file is missing or has another size or digest.
 absl::Status VerifyManifest(const std::filesystem::path& folder, const Manifest& manifest);
 
 }  // namespace pepeseg

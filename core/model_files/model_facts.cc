@@ -36,6 +36,7 @@ json FormatPhotograph(const Photograph& photograph) {
           {"part", {photograph.left, photograph.top, photograph.width, photograph.height}}};
 }
 
+// Formats a view. Optional parts are left out if the view lacks them.
 json FormatView(const ModelView& view) {
   const Eigen::Quaterniond& q = view.cam_from_world.rotation;
   const Eigen::Vector3d& t = view.cam_from_world.translation;
@@ -52,18 +53,23 @@ json FormatView(const ModelView& view) {
   return object;
 }
 
+// Returns DATA_LOSS for a part of the text. The caller adds the file's name.
 absl::Status Malformed(absl::string_view what) {
   return absl::DataLossError(absl::StrCat(what, " is malformed"));
 }
 
+// The functions Take... and Parse... below return false if a key is missing or its value is
+// malformed.
 bool TakeInt(const json& object, const char* key, int& value) {
   const auto found = object.find(key);
   if (found == object.end() || !found->is_number_integer()) return false;
+  // Refuses numbers that int cannot hold.
   const auto wide = found->get<int64_t>();
   value = static_cast<int>(wide);
   return value == wide;
 }
 
+// Reads an array of exactly as many finite numbers as `values` has elements.
 template <class Values>
 bool TakeNumbers(const json& object, const char* key, Values& values) {
   const auto found = object.find(key);
@@ -109,6 +115,7 @@ bool ParsePhotograph(const json& value, Photograph& photograph) {
   lens.cx = center[0], lens.cy = center[1];
   int* const sides[] = {&photograph.left, &photograph.top, &photograph.width, &photograph.height};
   for (size_t i = 0; i < std::size(sides); ++i) {
+    // Keeps the conversion to int defined; Validate checks the rectangle.
     if (!(std::abs(part[i]) <= 1e6)) return false;
     *sides[i] = static_cast<int>(part[i]);
   }
@@ -140,10 +147,12 @@ bool ParseView(const json& value, ModelView& view) {
   view.camera = {width, height, focal[0], focal[1], center[0], center[1]};
   view.cam_from_world.rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
   view.cam_from_world.translation = Eigen::Vector3d(t);
+  // The tolerance allows for decimal rounding of the quaternion.
   return width > 0 && height > 0 && focal[0] > 0 && focal[1] > 0 &&
          std::abs(view.cam_from_world.rotation.norm() - 1) < 1e-3;
 }
 
+// Parses the list of views. A view that is malformed is named by its index.
 absl::Status ParseViews(const json& document, Model& model) {
   const auto views = document.find("views");
   if (views == document.end() || !views->is_array()) return Malformed("\"views\"");
@@ -155,6 +164,7 @@ absl::Status ParseViews(const json& document, Model& model) {
   return absl::OkStatus();
 }
 
+// Parses "metrics", numbers by name, and "facts", texts by name.
 absl::Status ParseMaps(const json& document, Model& model) {
   const auto metrics = document.find("metrics");
   const auto facts = document.find("facts");
@@ -186,8 +196,9 @@ std::string FormatModelFacts(const Model& model) {
                    {"facts", model.facts},
                    {"views", std::move(views)}};
   const Eigen::Vector3d& o = model.origin;
+  // Left out where it is zero, as in files of older versions.
   if (!o.isZero(0)) document["origin"] = {o.x(), o.y(), o.z()};
-  // What is not UTF-8 is replaced: an exception must not come out of here.
+  // Replaces invalid UTF-8. By default dump() throws.
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 

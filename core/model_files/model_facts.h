@@ -8,7 +8,8 @@
 
 namespace pepeseg {
 
-// What of a model is neither Gaussians nor features, as JSON (model.json):
+// Formats the metadata of a model, which is everything but its Gaussians and features, as JSON.
+// Stored as model.json:
 //   {"version": 1, "scene_radius": 1.5, "origin": [x, y, z], "metrics": {...}, "facts": {...},
 //    "views": [{"name": "...", "width": 640, "height": 480, "focal": [fx, fy],
 //               "principal_point": [cx, cy], "rotation": [w, x, y, z],
@@ -18,13 +19,14 @@ namespace pepeseg {
 //                              "focal": [fx, fy], "principal_point": [cx, cy],
 //                              "distortion": [k1, k2, p1, p2, 0, 0, 0, 0],
 //                              "orientation": 6, "part": [left, top, width, height]}}]}
-// Rotation and translation are cam_from_world, relative to the origin; without one it is zero. The
-// model's PLY is in the world of the dataset. A metric that is not finite is left out; so are
-// scores and the photograph where there are none, as in models that older versions wrote. They
-// ignore the keys that they do not know.
+// "rotation" and "translation" are cam_from_world relative to the origin, which is zero if "origin"
+// is missing. (The model's PLY file is in the world of the dataset.) Metrics that are not finite,
+// missing scores and missing photographs are left out. Models by older versions lack newer keys,
+// and older versions ignore keys that they do not know.
 std::string FormatModelFacts(const Model& model);
 
-// Fills the same parts of `model`. DATA_LOSS names what is malformed.
+// Parses such a text and sets the metadata of `model`. DATA_LOSS, naming the key or view: it is
+// malformed.
 absl::Status ParseModelFacts(absl::string_view text, Model& model);
 
 }  // namespace pepeseg

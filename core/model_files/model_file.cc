@@ -21,6 +21,7 @@ constexpr char kFeaturesName[] = "features.bin";
 constexpr char kFactsName[] = "model.json";
 constexpr int64_t kMaxFactsBytes = int64_t{256} << 20;
 
+// Returns INVALID_ARGUMENT unless the model has one feature for each Gaussian, or no features.
 absl::Status CheckWhole(const Model& model) {
   const auto expected = static_cast<size_t>(model.gaussians.count) * kFeatureDim;
   if (model.field.empty() || model.field.features.size() == expected) return absl::OkStatus();
@@ -29,16 +30,19 @@ absl::Status CheckWhole(const Model& model) {
                    model.field.features.size() / kFeatureDim, " features"));
 }
 
-// The manifest vouches for the bytes: what is wrong behind it is no user's fault.
+// Turns an error of a parser into DATA_LOSS: the server wrote the files, so malformed ones are not
+// a client's fault (INVALID_ARGUMENT).
 absl::Status AsDataLoss(const absl::Status& status, const std::filesystem::path& folder) {
   return absl::DataLossError(absl::StrCat(folder.string(), ": ", status.message()));
 }
 
+// Reads the files of a model. The caller has verified their digests.
 absl::StatusOr<Model> ReadParts(const std::filesystem::path& folder, bool has_features) {
   Model model;
   ASSIGN_OR_RETURN(const std::string facts,
                    ReadFile(folder / kFactsName, kFactsName, kMaxFactsBytes));
   RETURN_IF_ERROR(ParseModelFacts(facts, model));
+  // After the metadata, because the Gaussians become relative to the model's origin.
   ASSIGN_OR_RETURN(model.gaussians,
                    ReadGaussianPly(folder / kGaussiansName, kGaussiansName, model.origin));
   if (has_features) {
@@ -52,6 +56,7 @@ absl::StatusOr<Model> ReadParts(const std::filesystem::path& folder, bool has_fe
 
 absl::Status WriteModel(const std::filesystem::path& folder, const Model& model) {
   RETURN_IF_ERROR(CheckWhole(model));
+  // The files of the manifest, in the order in which it lists them.
   std::vector<std::string> names = {kGaussiansName, kFactsName};
   RETURN_IF_ERROR(WriteGaussianPly(folder / kGaussiansName, model.gaussians, model.origin));
   if (!model.field.empty()) {
@@ -81,6 +86,7 @@ absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder) {
 
 absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder) {
   ASSIGN_OR_RETURN(const Manifest manifest, ReadManifest(folder));
+  // Features are optional: a model without them can be rendered, but not segmented.
   for (const char* name : {kGaussiansName, kFactsName}) {
     if (!manifest.Lists(name)) {
       return absl::DataLossError(absl::StrCat(folder.string(), ": its manifest has no ", name));

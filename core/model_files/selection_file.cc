@@ -16,33 +16,37 @@ namespace {
 constexpr std::string_view kMagic = "PPSGSELE";
 constexpr uint32_t kVersion = 1;
 constexpr uint64_t kMaxGaussians = 50'000'000;
-constexpr int64_t kMaxFileBytes = int64_t{8} << 20;  // more than kMaxGaussians take
+constexpr int64_t kMaxFileBytes = int64_t{8} << 20;  // enough for kMaxGaussians
 constexpr size_t kDigestBytes = 64;
 
-absl::Status Lost(absl::string_view name, absl::string_view why) {
+absl::Status DataLoss(absl::string_view name, absl::string_view why) {
   return absl::DataLossError(absl::StrCat(name, ": ", why));
 }
 
+// Appends the bytes of a number as they are in memory, little-endian.
 template <class T>
 void Append(T value, std::string& bytes) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
 }
 
+// Returns how many bytes hold `num_bits` bits.
 size_t NumBytes(uint64_t num_bits) { return static_cast<size_t>((num_bits + 7) / 8); }
 
-// What the digest is of.
+// Parses the bytes that the digest covers. The caller has checked magic number and digest.
 absl::StatusOr<GaussianSet> ParseBody(absl::string_view body, const std::string& name) {
   ByteReader reader(body);
   reader.Skip(kMagic.size());
   const auto version = reader.Take<uint32_t>();
-  reader.Take<uint32_t>();
+  reader.Take<uint32_t>();  // reserved, 0
   const auto count = reader.Take<uint64_t>();
   if (version != kVersion) {
-    return Lost(name, absl::StrCat("has version ", version, "; version ", kVersion, " is read"));
+    return DataLoss(name,
+                    absl::StrCat("has version ", version, "; version ", kVersion, " is read"));
   }
+  // Before anything is allocated for the count.
   if (!reader.ok() || count > kMaxGaussians || reader.remaining() != NumBytes(count)) {
-    return Lost(name, absl::StrCat("declares ", count, " Gaussians, which ", reader.remaining(),
-                                   " bytes do not hold"));
+    return DataLoss(name, absl::StrCat("declares ", count, " Gaussians, which ", reader.remaining(),
+                                       " bytes do not hold"));
   }
   const absl::string_view bits = body.substr(reader.offset());
   GaussianSet set;
@@ -74,11 +78,11 @@ absl::StatusOr<GaussianSet> ReadSelectionFile(const std::filesystem::path& path,
   const auto bytes = ReadFile(path, name, kMaxFileBytes);
   if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
   if (bytes->size() < kMagic.size() + kDigestBytes || !bytes->starts_with(kMagic)) {
-    return Lost(name, "is not a selection");
+    return DataLoss(name, "is not a selection");
   }
   const absl::string_view body(bytes->data(), bytes->size() - kDigestBytes);
   if (Sha256Hex({body.data(), body.size()}) != bytes->substr(body.size())) {
-    return Lost(name, "fails its checksum");
+    return DataLoss(name, "fails its checksum");
   }
   return ParseBody(body, name);
 }

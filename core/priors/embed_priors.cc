@@ -8,7 +8,7 @@
 #include "core/base/status_macros.h"
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
-#include "core/scene/normalize_depth.h"
+#include "core/scene/capture.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "core/scene/pixel_grid.h"
+#include "core/scene/camera.h"
 
 namespace pepeseg {
 

@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/scene/capture.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 #include "core/scene/model.h"
 #include "kernels/backend.h"
 

@@ -1,14 +1,28 @@
 #include "core/scene/capture.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <iterator>
 
 namespace pepeseg {
-
 namespace {
+
+constexpr double kLowPercentile = 0.1;
+constexpr double kHighPercentile = 99.9;
+
+// Returns a percentile of `known`, which must not be empty, and reorders its values.
+float Percentile(std::vector<float>& known, double percent) {
+  const auto rank =
+      static_cast<ptrdiff_t>(std::lround(percent / 100 * (static_cast<double>(known.size()) - 1)));
+  std::nth_element(known.begin(), known.begin() + rank, known.end());
+  return known[static_cast<size_t>(rank)];
+}
 
 Eigen::Vector3d CenterOf(const View& view) { return view.cam_from_world.Inverse().translation; }
 
-// The median, of every n-th point where there are very many; 0 where there is none.
+// Returns the median distance from `from` to the points, or 0 if there are none. Uses every n-th
+// point where there are more than `kMost`.
 double DistanceToPoints(const Capture& capture, const Eigen::Vector3d& from) {
   constexpr size_t kMost = 100'000;
   const size_t stride = std::max<size_t>(1, capture.points.size() / kMost);
@@ -24,10 +38,29 @@ double DistanceToPoints(const Capture& capture, const Eigen::Vector3d& from) {
 
 }  // namespace
 
+std::vector<float> NormalizeDepth(std::vector<float> values) {
+  std::vector<float> known;
+  known.reserve(values.size());
+  std::copy_if(values.begin(), values.end(), std::back_inserter(known),
+               [](float value) { return !std::isnan(value); });
+  if (known.empty()) return {};
+  const float low = Percentile(known, kLowPercentile);
+  const float range = Percentile(known, kHighPercentile) - low;
+  // The two percentiles are equal, or a value is infinite.
+  if (!(range > 0) || !std::isfinite(range)) return {};
+  for (float& value : values) {
+    if (!std::isnan(value)) value = std::clamp((value - low) / range, 0.0f, 1.0f);
+  }
+  return values;
+}
+
+// The maximum distance, not the mean, as in 3DGS.
 double SceneRadius(const Capture& capture) {
   constexpr double kMargin = 1.1;
-  constexpr double kOnePlace = 1e-3;   // of the distance to the points: next to no parallax
-  constexpr double kRounding = 1e-12;  // of the coordinates
+  // A smaller share of the distance to the points gives next to no parallax.
+  constexpr double kOnePlace = 1e-3;
+  // A smaller share of the coordinates is rounding error.
+  constexpr double kRounding = 1e-12;
   if (capture.views.empty()) return 1;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const View& view : capture.views) mean += CenterOf(view);

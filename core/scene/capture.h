@@ -20,64 +20,80 @@ struct Image {
   std::vector<uint8_t> pixels;
 };
 
-// What a monocular network, a sensor or a sparse model says of a view's depth, up to scale and
-// shift (METHOD.md section 0).
+// An image of one float a pixel, row-major [height, width], top scanline first.
+struct FloatImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;
+};
+
+// Depth of a view by a monocular network, a depth sensor or the capture's points, known up to scale
+// and shift (METHOD.md section 0).
 struct DepthPrior {
   enum class Kind {
-    kDisparity,  // near is large, as 1 / z
-    kDepth,      // far is large, as z
+    kDisparity,  // grows towards the camera, as 1 / z
+    kDepth,      // grows away from the camera, as z
   };
   Kind kind = Kind::kDisparity;
-  // [height, width], mapped so that the 0.1 and 99.9 percentiles are 0 and 1, and clamped there;
-  // NaN where nothing is known. Empty: the view has none.
+  // [height, width], as NormalizeDepth returns it: in [0, 1], NaN where the depth is unknown.
+  // Empty: the view has no prior.
   std::vector<float> values;
-  // Made of the capture's points: it shows what belongs together, but a reconstruction that starts
-  // from the same points learns nothing of it.
+  // True when the values come from the capture's own points. Stage two uses them; stage one does
+  // not, because it already starts from those points.
   bool from_points = false;
 };
 
-// A photograph with its camera and what is known about it; all of one size.
+// Maps the 0.1 and 99.9 percentiles of the known values to 0 and 1, and clamps the rest to that
+// range. NaN marks an unknown value and stays NaN. Returns an empty vector if no value is known, or
+// if both percentiles are equal or not finite: such a prior holds no information.
+std::vector<float> NormalizeDepth(std::vector<float> values);
+
+// One posed photograph and its priors. Photo, masks, depth and ignore mask all have the camera's
+// width and height.
 struct View {
-  std::string name;  // of the image file below images/: metadata, never a path of ours
+  std::string name;  // of the image file, relative to images/; a label, never opened as a path
   Camera camera;
   Pose cam_from_world;
-  bool held_out = false;  // for testing: never trained on
+  bool held_out = false;  // reserved for evaluation, never trained on
   Image photo;            // RGB
-  std::vector<uint8_t>
-      ignore;  // [height, width], non-zero: neither trained on nor scored; or empty
+  // [height, width]; pixels with a non-zero value are neither trained on nor scored. Empty: none.
+  std::vector<uint8_t> ignore;
   MaskSet masks;
   DepthPrior depth;
-  // What `photo` was made of; none: it is the photograph.
+  // The uploaded photograph that `photo` was undistorted, cropped or resized from. Absent: `photo`
+  // is the upload itself.
   std::optional<Photograph> photograph = std::nullopt;
 };
 
-// True when the view has a prior that knows at least one pixel.
+// Returns true if the depth prior of the view has at least one known pixel.
 bool HasDepthPrior(const View& view);
 
 struct ScenePoint {
-  Eigen::Vector3f position;
+  Eigen::Vector3f position;  // scene units, relative to Capture::origin
   uint8_t rgb[3] = {};
 };
 
-// What stage one starts from. Views are sorted by name.
+// The input of stage one.
 struct Capture {
-  std::vector<View> views;
+  std::vector<View> views;  // sorted by name
   std::vector<ScenePoint> points;
-  // Poses and points are relative to it: a place in the world of the dataset, see origin.h.
+  // Origin of the coordinates of poses and points, in the world of the dataset; see OriginOf.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::vector<std::string> warnings;  // for the job's log: what was left out, and why
 };
 
-// True when a view that is trained on has a depth prior.
+// Returns true if at least one training view has a depth prior.
 bool HasTrainingDepth(const Capture& capture);
 
-// Likewise of depth that says more than the points do.
+// Return true if the view, or at least one training view, has a depth prior that is not made of the
+// capture's points.
 bool HasGeometryPrior(const View& view);
 bool HasTrainingGeometry(const Capture& capture);
 
-// Radius of the camera centres about their mean, times 1.1 (3DGS's "extent"): the unit of learning
-// rates and of density control. Where they all stand at one place (within a thousandth of that), it
-// is the median distance to the points, and where there are none, either, 1.
+// Returns 1.1 times the radius of the camera centres about their mean (3DGS's "extent"), in scene
+// units: learning rates and density control are relative to it. If the cameras stand at one place
+// (their radius is below a thousandth of the median distance to the points), returns that distance.
+// If there are no points either, returns 1.
 double SceneRadius(const Capture& capture);
 
 }  // namespace pepeseg

@@ -12,6 +12,7 @@ Gaussians Gaussians::Zero(int64_t count, int sh_degree) {
 }
 
 Gaussians Gaussians::Select(std::span<const int64_t> rows) const {
+  // Plane by plane, so that writes are sequential.
   Gaussians result = Zero(static_cast<int64_t>(rows.size()), sh_degree);
   for (int k = 0; k < NumPlanes(sh_degree); ++k) {
     const std::span<const float> from = Plane(k);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -8,19 +9,30 @@
 
 namespace pepeseg {
 
-// Gaussians on the host, in the planes of kernels/gaussian_planes.h with stride == count.
+// Gaussians in host memory, stored as the planes of kernels/gaussian_planes.h with
+// stride == count.
 struct Gaussians {
   int64_t count = 0;
-  int sh_degree = 0;
+  int sh_degree = 0;          // [0, kMaxShDegree]
   std::vector<float> planes;  // [NumPlanes(sh_degree), count]
 
+  // Returns `count` Gaussians whose parameters are all 0.
   static Gaussians Zero(int64_t count, int sh_degree);
+  // Returns plane `k`, 0 <= k < NumPlanes(sh_degree): one parameter of all Gaussians.
   std::span<float> Plane(int k) { return {planes.data() + k * count, static_cast<size_t>(count)}; }
   std::span<const float> Plane(int k) const {
     return {planes.data() + k * count, static_cast<size_t>(count)};
   }
-  // Keeps the rows named, in the order named.
+  // Returns copies of the Gaussians with the indices `rows`, in that order. An index may repeat.
   Gaussians Select(std::span<const int64_t> rows) const;
+};
+
+// A subset of a model's Gaussians.
+struct GaussianSet {
+  std::vector<uint8_t> member;  // [num_gaussians], 0 or 1
+
+  // Returns the number of members.
+  int64_t count() const { return std::count(member.begin(), member.end(), uint8_t{1}); }
 };
 
 }  // namespace pepeseg

@@ -10,13 +10,15 @@ namespace {
 
 using Eigen::Vector2d;
 
+// Name and numbers of parameters of a model. Two more parameters are the principal point.
 struct ModelFacts {
   const char* name;
   int num_focals;
   int num_distortion;
 };
 
-// By number, as COLMAP documents its models.
+// Indexed by LensModel. Names, parameters and formulas are those of COLMAP's camera models
+// (https://colmap.github.io/cameras.html).
 constexpr std::array<ModelFacts, kNumLensModels> kFacts = {{
     {"SIMPLE_PINHOLE", 1, 0},
     {"PINHOLE", 2, 0},
@@ -33,21 +35,22 @@ constexpr std::array<ModelFacts, kNumLensModels> kFacts = {{
 
 const ModelFacts& FactsOf(LensModel model) { return kFacts[static_cast<size_t>(model)]; }
 
-// Brown's decentring term.
+// Returns the decentring term of Brown's model (the tangential distortion of OpenCV).
 Vector2d Tangential(const Vector2d& p, double p1, double p2) {
   const double r2 = p.squaredNorm();
   const double xy = p.x() * p.y();
   return {2 * p1 * xy + p2 * (r2 + 2 * p.x() * p.x()), 2 * p2 * xy + p1 * (r2 + 2 * p.y() * p.y())};
 }
 
-// The ray's angle to the optical axis, as a vector in the ray's direction: what fisheye models
-// distort in place of the ray's slope.
+// Returns the ray's angle to the optical axis in radians, as the length of a vector in the ray's
+// direction. Fisheye models distort this vector, pinhole models the ray (x, y) itself, whose length
+// is the tangent of the angle.
 Vector2d AngleOf(const Vector2d& ray) {
   const double slope = ray.norm();
   return slope < 1e-12 ? ray : Vector2d(ray * (std::atan(slope) / slope));
 }
 
-// 1 + k1 q + k2 q^2 + ... at q = r^2.
+// Returns 1 + k1 q + k2 q^2 + ... at q = r2, the squared radius.
 double RadialFactor(double r2, std::initializer_list<double> coefficients) {
   double factor = 1;
   double power = 1;
@@ -55,6 +58,8 @@ double RadialFactor(double r2, std::initializer_list<double> coefficients) {
   return factor;
 }
 
+// Applies the FOV model (Devernay and Faugeras, 2001): r_d = atan(2 r tan(omega / 2)) / omega. The
+// small cases avoid 0 / 0 by the limits of the formula.
 Vector2d FieldOfView(const Vector2d& ray, double omega) {
   const double slope = ray.norm();
   const double reach = 2 * std::tan(omega / 2);
@@ -84,12 +89,13 @@ bool Lens::IsPinhole() const {
     case LensModel::kSimpleRadialFisheye:
     case LensModel::kRadialFisheye:
     case LensModel::kThinPrismFisheye:
-      return false;  // equidistant without any coefficient
+      return false;  // equidistant even if all coefficients are 0
     default:
       return std::all_of(distortion.begin(), distortion.end(), [](double k) { return k == 0; });
   }
 }
 
+// Models with fewer coefficients have zeros in `distortion`, so they share the code of larger ones.
 Vector2d Lens::Distort(const Vector2d& ray) const {
   const auto& k = distortion;
   const double r2 = ray.squaredNorm();
@@ -132,6 +138,8 @@ Vector2d Lens::PinholeRay(const Vector2d& pixel) const {
   return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy};
 }
 
+// The order is focal lengths, principal point, distortion. With one focal length, num_focals - 1 is
+// 0, so fy equals fx.
 Lens MakeLens(LensModel model, int width, int height, const double* parameters) {
   const ModelFacts& facts = FactsOf(model);
   Lens lens{.model = model, .width = width, .height = height};
@@ -144,7 +152,7 @@ Lens MakeLens(LensModel model, int width, int height, const double* parameters) 
 }
 
 absl::Status Validate(const Lens& lens) {
-  constexpr int kMaxSide = 32766;  // OpenCV resamples no larger ones
+  constexpr int kMaxSide = 32766;  // the limit of OpenCV's remap()
   constexpr double kMaxFocalInSides = 1000;
   if (lens.width < 1 || lens.height < 1 || lens.width > kMaxSide || lens.height > kMaxSide) {
     return absl::InvalidArgumentError(
@@ -155,6 +163,8 @@ absl::Status Validate(const Lens& lens) {
                       std::all_of(lens.distortion.begin(), lens.distortion.end(),
                                   [](double k) { return std::isfinite(k); });
   if (!finite) return absl::InvalidArgumentError("a parameter is not finite");
+  // A focal length of 1000 times the image is a view of 0.06 degrees: not a camera, but a unit
+  // error.
   if (!(lens.fx > 0 && lens.fx <= most && lens.fy > 0 && lens.fy <= most)) {
     return absl::InvalidArgumentError(absl::StrCat("the focal length ", lens.fx, ", ", lens.fy,
                                                    " is outside of 0 to ", most, " pixels"));

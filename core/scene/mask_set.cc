@@ -9,7 +9,8 @@
 namespace pepeseg {
 namespace {
 
-// Renumbers the patches in raster order, patch 0 (no mask) first, and drops those without a pixel.
+// Renumbers the cells in raster order, with cell 0 (no mask) first, and drops those without a
+// pixel.
 void RenumberPatches(MaskSet& set) {
   std::vector<uint32_t> renumbered(set.num_patches(), 0);
   std::vector<uint64_t> bits(set.patch_bits.begin(), set.patch_bits.begin() + set.words);
@@ -26,6 +27,7 @@ void RenumberPatches(MaskSet& set) {
   set.patch_bits = std::move(bits);
 }
 
+// Returns the indices of the mask's pixels.
 std::vector<uint32_t> SetPixels(const BinaryMask& mask) {
   std::vector<uint32_t> pixels;
   for (size_t i = 0; i < mask.pixels.size(); ++i) {
@@ -68,6 +70,8 @@ MaskSetBuilder::MaskSetBuilder(int width, int height, double duplicate_iou)
   patch_area_.assign(1, static_cast<int64_t>(width) * height);
 }
 
+// A mask splits each cell that it covers in part: its pixels move to a new cell, whose bitset is
+// that of the old one plus the new mask. Cells that it covers in full only gain the mask's bit.
 bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
   if (pixels.empty()) return false;
   inside_.resize(patch_area_.size(), 0);
@@ -77,6 +81,7 @@ bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
     const uint32_t patch = set_.pixel_patch[pixel];
     if (inside_[patch]++ == 0) touched_.push_back(patch);
   }
+  // Now inside_ has the number of covered pixels of each touched cell.
   const auto area = static_cast<int64_t>(pixels.size());
   const bool keep = !IsDuplicate(area);
   if (keep) {
@@ -90,11 +95,13 @@ bool MaskSetBuilder::Add(std::span<const uint32_t> pixels) {
       set_.pixel_patch[pixel] = replacement_[set_.pixel_patch[pixel]];
     }
   }
+  // Resets only the touched cells: the others are 0 already.
   for (const uint32_t patch : touched_) inside_[patch] = 0;
   return keep;
 }
 
-// The intersection with every kept mask, from the patches alone: a patch is in a mask or it is not.
+// Computes the IoU with every kept mask. A mask covers a cell in full or not at all, so the
+// intersection is the sum of `inside_` over the touched cells that the other mask covers.
 bool MaskSetBuilder::IsDuplicate(int64_t area) const {
   std::vector<int64_t> common(set_.num_masks, 0);
   for (const uint32_t patch : touched_) {
@@ -114,8 +121,9 @@ bool MaskSetBuilder::IsDuplicate(int64_t area) const {
   return false;
 }
 
-// The patch of the pixels of `patch` that the new mask covers: itself if it covers all of them.
-// Patch 0 stays the one without masks, even when it has no pixel left.
+// Adds the bit of the new mask to the pixels of `patch` that it covers, and returns their cell:
+// `patch` itself if the mask covers all of it, else a new cell. Cell 0 is always split, because it
+// must remain the cell without masks even when it has no pixel left.
 uint32_t MaskSetBuilder::PatchWith(uint32_t patch, uint64_t bit, int word) {
   const size_t words = set_.words;
   if (patch != 0 && inside_[patch] == patch_area_[patch]) {
@@ -133,6 +141,7 @@ uint32_t MaskSetBuilder::PatchWith(uint32_t patch, uint64_t bit, int word) {
   return added;
 }
 
+// Makes room for 64 more masks in every bitset.
 void MaskSetBuilder::GrowWords() {
   const size_t patches = patch_area_.size();
   const size_t words = set_.words;
@@ -163,7 +172,8 @@ MaskSet BuildMaskSet(int width, int height, std::span<const BinaryMask> masks,
 MaskSet ResampleMaskSet(const MaskSet& masks, int width, int height,
                         std::span<const int32_t> source_pixel) {
   assert(source_pixel.size() == static_cast<size_t>(width) * height);
-  // Patches stay whole under resampling, so the masks go from patch to patch, not pixel by pixel.
+  // Pixels of one cell have the same masks after resampling as well, so each mask is put together
+  // from the resampled pixels of its cells.
   std::vector<std::vector<uint32_t>> pixels_of_patch(masks.num_patches());
   if (!masks.empty()) {
     for (size_t i = 0; i < source_pixel.size(); ++i) {

@@ -11,46 +11,52 @@ struct BinaryMask {
   std::vector<uint8_t> pixels;
 };
 
-// The overlapping masks of one view as a patch map: pixels that the same set of masks covers share
-// a patch, and each patch has the bitset of its masks (METHOD.md section 0). Patch 0 is covered by
-// no mask.
+// The overlapping masks of one view as a map of mask cells. Pixels that are covered by the same set
+// of masks share a cell, and a cell has one bitset: the masks that cover it (METHOD.md section 0).
+// This holds thousands of masks in little more than one raster. Cell 0 is covered by no mask.
+// Identifiers call a mask cell a "patch".
 struct MaskSet {
   int width = 0;
   int height = 0;
   int num_masks = 0;
-  int words = 0;                      // 64-bit words of a bitset: ceil(num_masks / 64), >= 1
-  std::vector<uint32_t> pixel_patch;  // [height * width]; empty when the view has no masks at all
-  std::vector<uint64_t> patch_bits;   // [num_patches, words]
-  std::vector<int64_t> mask_area;     // [num_masks] pixels
+  int words = 0;                      // 64-bit words of a bitset: max(1, ceil(num_masks / 64))
+  std::vector<uint32_t> pixel_patch;  // [height, width], cell of each pixel; empty without masks
+  std::vector<uint64_t> patch_bits;   // [num_patches, words]: bit m is set if mask m covers it
+  std::vector<int64_t> mask_area;     // [num_masks], pixels
 
   bool empty() const { return num_masks == 0; }
   int num_patches() const { return words == 0 ? 0 : static_cast<int>(patch_bits.size()) / words; }
+  // Returns the bitset of the masks that cover a pixel. 0 <= x < width, 0 <= y < height.
   std::span<const uint64_t> BitsAt(int x, int y) const;
+  // Returns true if the mask covers the pixel. 0 <= mask < num_masks.
   bool Covers(int mask, int x, int y) const;
+  // Returns the raster of one mask.
   BinaryMask Extract(int mask) const;
 };
 
-// Masks whose IoU with one that is already kept is over `duplicate_iou` are dropped, as are empty
-// ones. Every mask must be [height, width].
+// Builds a MaskSet of masks that are each [height, width]. Drops empty masks, and those whose IoU
+// with a mask before them that was kept exceeds `duplicate_iou`.
 MaskSet BuildMaskSet(int width, int height, std::span<const BinaryMask> masks,
                      double duplicate_iou = 0.95);
 
-// The same masks seen through another pixel grid: pixel i of the result [height, width] takes what
-// pixel source_pixel[i] of `masks` has. Masks that no pixel shows any more are dropped.
+// Resamples masks to another pixel grid: pixel i of the result, which is [height, width], is
+// covered by the masks that cover pixel source_pixel[i] of `masks`. Drops masks that no pixel is
+// left of.
 MaskSet ResampleMaskSet(const MaskSet& masks, int width, int height,
                         std::span<const int32_t> source_pixel);
 
-// Builds a MaskSet one mask at a time, in time proportional to the masks' areas: no raster of a
-// mask is kept.
+// Builds a MaskSet one mask at a time, without a raster of each. Adding a mask takes time
+// proportional to its area.
 class MaskSetBuilder {
  public:
   MaskSetBuilder(int width, int height, double duplicate_iou = 0.95);
 
-  // `pixels`: the indices y * width + x of the mask, each once. False when the mask was dropped.
+  // Adds the mask with these pixels: indices y * width + x, each once. Returns false if the mask
+  // was dropped because it is empty or a duplicate (see BuildMaskSet).
   bool Add(std::span<const uint32_t> pixels);
-  // What the bitsets hold now, for a limit on what an upload may ask for.
+  // Returns the size of all bitsets in bytes, so that callers can limit what an upload may request.
   int64_t BitsetBytes() const { return static_cast<int64_t>(set_.patch_bits.size()) * 8; }
-  // Patches are numbered in the order in which the rows of the image meet them.
+  // Returns the set, with its cells numbered in raster order.
   MaskSet Build() &&;
 
  private:
@@ -60,10 +66,11 @@ class MaskSetBuilder {
 
   double duplicate_iou_;
   MaskSet set_;
-  std::vector<int64_t> patch_area_;    // [num_patches] pixels
-  std::vector<int64_t> inside_;        // [num_patches] pixels in the mask being added
-  std::vector<uint32_t> touched_;      // patches with inside_ > 0
-  std::vector<uint32_t> replacement_;  // [num_patches] where inside_ pixels go
+  std::vector<int64_t> patch_area_;  // [num_patches], pixels
+  // State of Add, kept between calls to reuse its memory:
+  std::vector<int64_t> inside_;        // [num_patches], pixels of the cell that the mask covers
+  std::vector<uint32_t> touched_;      // cells with inside_ > 0
+  std::vector<uint32_t> replacement_;  // [num_patches], the cell that those pixels move to
 };
 
 }  // namespace pepeseg

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/math/gate.h"
+#include "kernels/math/pair.h"
+#include "kernels/ops/render.h"
+
 namespace pepeseg {
 
 int64_t LargestView(const std::vector<ModelView>& views) {
@@ -17,7 +21,8 @@ double QuantileOfScale(const FeatureField& field, double scene_units) {
   const std::vector<float>& knots = field.scale_quantiles;
   if (knots.empty() || scene_units <= knots.front()) return 0;
   if (scene_units >= knots.back()) return 1;
-  // The first knot that is not below: its predecessor is below, so the gap between them is not 0.
+  // Here knots.front() < scene_units < knots.back(). The first knot >= scene_units. The knot before
+  // it is smaller, so `high - low` is not 0.
   const auto above = std::lower_bound(knots.begin(), knots.end(), scene_units);
   const double high = *above;
   const double low = *(above - 1);
@@ -34,6 +39,18 @@ double ScaleOfQuantile(const FeatureField& field, double quantile) {
   const size_t high = std::min(low + 1, knots.size() - 1);
   return std::lerp(static_cast<double>(knots[low]), static_cast<double>(knots[high]),
                    position - static_cast<double>(low));
+}
+
+// METHOD.md section 3: the cosine of two features at a scale is the dot product of their units.
+std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
+                              float scale) {
+  float psi[kFeatureSize];
+  GateAt(gate.data(), kFeatureSize, scale, psi);
+  std::vector<float> units(features.size());
+  for (size_t i = 0; i < features.size(); i += kFeatureSize) {
+    GatedUnit(psi, features.data() + i, kFeatureSize, units.data() + i);
+  }
+  return units;
 }
 
 }  // namespace pepeseg

@@ -4,53 +4,73 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/scene/camera.h"
 #include "core/scene/gaussians.h"
-#include "core/scene/image_scores.h"
 #include "core/scene/photograph.h"
 
 namespace pepeseg {
 
-// The result of stage two: a feature per Gaussian, the scale gate and the scales' distribution.
+// Quality of rendered views against their photographs: of one view, or the mean over several.
+// Pixels under the ignore mask are left out.
+struct ImageScores {
+  double psnr = 0;                             // dB, peak 1
+  double ssim = 0;                             // 11x11 Gaussian window, sigma 1.5
+  std::optional<double> lpips = std::nullopt;  // absent without the network's weights
+};
+
+// The result of stage two: a feature for each Gaussian, the scale gate, and the distribution of the
+// scales of masks.
 struct FeatureField {
-  std::vector<float> features;         // [num_gaussians, 32], normalised
-  std::vector<float> confidence;       // [num_gaussians] (0, 1], see FeatureConfidence; none: all 1
+  std::vector<float> features;  // [num_gaussians, 32], each of length 1
+  // [num_gaussians], in (0, 1]: weight of a feature in blending, see FeatureConfidence. Empty: 1
+  // for all.
+  std::vector<float> confidence;
   std::array<float, 64> gate{};        // W[32], b[32]: psi(s) = sigmoid(W s + b)
   std::vector<float> scale_quantiles;  // [1000] ascending, scene units: quantile k / 999
 
   bool empty() const { return features.empty(); }
 };
 
+// A training or held-out view, or a free camera.
 struct ModelView {
   std::string name;
   Camera camera;
   Pose cam_from_world;
   bool held_out = false;
-  std::optional<ImageScores> scores = std::nullopt;  // of a held-out view
-  // What it was made of. None: a free camera, or a model that was trained before this was recorded.
+  std::optional<ImageScores> scores = std::nullopt;  // absent for training views
+  // The uploaded photograph behind the view. Absent for a free camera and for models trained before
+  // it was recorded.
   std::optional<Photograph> photograph = std::nullopt;
 };
 
-// Everything that a query needs; loading one never needs the photographs.
+// A trained model. It holds everything that a query needs; the photographs are not needed.
 struct Model {
   Gaussians gaussians;
   FeatureField field;
   std::vector<ModelView> views;
-  // Means and poses are relative to it: a place in the world of the dataset, see origin.h.
+  // Origin of the coordinates of Gaussians and poses, in the world of the dataset; see OriginOf.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
-  double scene_radius = 1;                // see SceneRadius; the near plane is 0.01 of it
+  double scene_radius = 1;                // see SceneRadius; the near plane is at 0.01 of it
   std::map<std::string, double> metrics;  // "psnr", "ssim" (held out), "seconds_reconstruct", ...
   std::map<std::string, std::string> facts;  // options in effect, seed, versions, device
 };
 
-// Pixels of the largest one; 0: there is none.
+// Returns the number of pixels of the largest view, or 0 if there are no views.
 int64_t LargestView(const std::vector<ModelView>& views);
 
-// Quantile scale in [0, 1] of a length in scene units, and back (linear between knots).
+// Converts a length in scene units to the quantile, in [0, 1], that it has among the scales of
+// `field`, and back. Interpolates linearly between quantiles and clamps beyond them; returns 0 if
+// the field has no scales.
 double QuantileOfScale(const FeatureField& field, double scene_units);
 double ScaleOfQuantile(const FeatureField& field, double quantile);
+
+// Returns the features [n, 32], each gated by psi(scale) and scaled to length 1. `features` is
+// [n, 32]; `gate` is FeatureField::gate; `scale` is a quantile scale.
+std::vector<float> GatedUnits(std::span<const float> features, std::span<const float> gate,
+                              float scale);
 
 }  // namespace pepeseg

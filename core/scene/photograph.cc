@@ -10,12 +10,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-// Axes are swapped first, then mirrored.
+// How stored pixels become upright: the axes are swapped first, then mirrored.
 struct Turn {
   bool swap, mirror_x, mirror_y;
 };
 
-// By orientation, as EXIF 2.3 names the sides at which the stored first row and column are shown.
+// Indexed by orientation; 0 does not occur. The comments are EXIF 2.3's: the sides of the upright
+// photograph at which the first stored scanline and column are.
 constexpr Turn kTurns[] = {
     {},
     {false, false, false},  // 1: top, left
@@ -45,6 +46,7 @@ Vector2d Photograph::ToUpright(const Vector2d& stored) const {
   return place;
 }
 
+// Undoes the steps of ToUpright in reverse order.
 Vector2d Photograph::ToStored(const Vector2d& upright) const {
   const Turn& turn = kTurns[orientation];
   Vector2d place = upright;
@@ -60,6 +62,7 @@ absl::Status Validate(const Photograph& photograph) {
     return absl::InvalidArgumentError(
         absl::StrCat("the orientation ", photograph.orientation, " is outside of 1 to 8"));
   }
+  // Written as differences, so that the sums cannot overflow.
   const Lens& lens = photograph.lens;
   if (photograph.left < 0 || photograph.top < 0 || photograph.width < 1 || photograph.height < 1 ||
       photograph.width > lens.width - photograph.left ||

@@ -7,29 +7,30 @@
 
 namespace pepeseg {
 
-// The uploaded photograph that a view was made of.
+// The uploaded photograph that a view was made of, and how pixels of the two correspond.
 //
-// Its pixels come in two orders: as the file stores them, which poses, masks and training use, and
-// upright, as viewers show them and as requests and answers count them (PIXEL_FRAME_PHOTOGRAPH).
+// A photograph has two pixel frames. "Stored" is the order of the file: poses, masks and training
+// use it. "Upright" is the frame after the EXIF orientation, as viewers show the photograph:
+// requests and responses use it (PIXEL_FRAME_PHOTOGRAPH).
 struct Photograph {
-  Lens lens;            // of the stored pixels, at the photograph's own size
-  int orientation = 1;  // EXIF, [1, 8]: how stored pixels become upright; 1: they are
-  // The part of the lens's frame, as of a pinhole of its focal lengths, that the view shows:
-  // pixels.
+  Lens lens;            // of the stored pixels, at the size of the upload
+  int orientation = 1;  // EXIF orientation, [1, 8]. 1: stored pixels are upright
+  // The rectangle that the view shows, in pixels of the undistorted photograph: a pinhole with the
+  // focal lengths, principal point and size of `lens`.
   int left = 0, top = 0, width = 0, height = 0;
 
   // Size of the upright photograph, pixels.
   int UprightWidth() const;
   int UprightHeight() const;
-  // A place, pixels, of the upright photograph from one of the stored pixels, and back.
+  // Converts a position in pixels from the stored to the upright frame, and back.
   Eigen::Vector2d ToUpright(const Eigen::Vector2d& stored) const;
   Eigen::Vector2d ToStored(const Eigen::Vector2d& upright) const;
 
   bool operator==(const Photograph&) const = default;
 };
 
-// INVALID_ARGUMENT: as for the lens; an orientation that EXIF does not have; a part that is empty
-// or outside of the frame.
+// Returns INVALID_ARGUMENT if the lens is invalid, the orientation is outside of [1, 8], or the
+// rectangle is empty or not inside width x height of the lens.
 absl::Status Validate(const Photograph& photograph);
 
 }  // namespace pepeseg

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 
 #include "absl/status/statusor.h"
-#include "core/scene/gaussian_set.h"
 #include "core/scene/gaussians.h"
 
 namespace pepeseg {

@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/query/prompt.h"
 #include "core/query/segmenter.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 
 namespace pepeseg {
 

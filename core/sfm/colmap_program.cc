@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kLastLines = 6;
 constexpr absl::Duration kVersionLimit = absl::Seconds(30);
 
-// The last lines that say something.
+// Appends lines that are not blank to `last` and keeps the newest kLastLines of them.
 void KeepLast(std::span<const std::string> lines, std::vector<std::string>& last) {
   for (const std::string& line : lines) {
     if (absl::StripAsciiWhitespace(line).empty()) continue;
@@ -24,13 +24,14 @@ void KeepLast(std::span<const std::string> lines, std::vector<std::string>& last
   }
 }
 
-// "COLMAP 3.8 -- Structure-from-Motion" is "COLMAP 3.8".
+// Returns "COLMAP 3.8" for the line "COLMAP 3.8 -- Structure-from-Motion", and nothing for others.
 std::string VersionOf(const std::string& line) {
   const size_t space = line.find(' ');
   if (!absl::StartsWith(line, "COLMAP") || space == std::string::npos) return "";
   return line.substr(0, line.find(' ', space + 1));
 }
 
+// Returns the error for a COLMAP that cannot be used, with all remedies.
 absl::Status NotThere(const std::string& name, absl::string_view why) {
   return absl::FailedPreconditionError(absl::StrCat(
       "there are no poses among the files, and COLMAP, which estimates them, cannot be run (", name,
@@ -55,7 +56,7 @@ absl::StatusOr<ColmapProgram> ColmapProgram::Open(const std::string& name,
                                            return absl::OkStatus();
                                          });
   if (!asked.ok()) return NotThere(name, asked.message());
-  if (program.version_.empty()) return NotThere(name, "it does not tell COLMAP's version");
+  if (program.version_.empty()) return NotThere(name, "it does not report COLMAP's version");
   return program;
 }
 
@@ -65,8 +66,8 @@ absl::Status ColmapProgram::Run(const Command& command, absl::Time deadline,
   child.program = program_;
   child.arguments = {command.name};
   child.arguments.insert(child.arguments.end(), command.arguments.begin(), command.arguments.end());
-  // Its parts for a screen are initialised by all commands; its logs go where its output does, not
-  // to files of their own in /tmp.
+  // All commands initialise Qt, which needs a platform without a screen. glog writes to the output
+  // instead of to files in /tmp.
   child.environment = {"QT_QPA_PLATFORM=offscreen", "GLOG_logtostderr=1"};
   child.log = log_;
   child.time_limit = std::max(deadline - absl::Now(), absl::ZeroDuration());
@@ -76,6 +77,7 @@ absl::Status ColmapProgram::Run(const Command& command, absl::Time deadline,
                      return watch(lines);
                    }));
   if (end.exit_code == 0 && end.signal == 0) return absl::OkStatus();
+  // The mapper exits with a failure if it finds no model. JudgeModels explains that case better.
   const bool no_result = !command.no_result.empty() && end.signal == 0 && !last.empty() &&
                          absl::StrContains(last.back(), command.no_result);
   if (no_result) return absl::OkStatus();

@@ -11,23 +11,27 @@
 
 namespace pepeseg {
 
-// COLMAP's command line.
+// Runs commands of the COLMAP program as child processes. Thread safe after Open.
 class ColmapProgram {
  public:
-  // `name`: as FindProgram. FAILED_PRECONDITION: it is not there, or is another program.
+  // Finds the program (`name` as for FindProgram) and asks it for its version. Output of all
+  // commands is appended to `log`. FAILED_PRECONDITION, with what to do: it is not found, or is not
+  // COLMAP.
   static absl::StatusOr<ColmapProgram> Open(const std::string& name,
                                             const std::filesystem::path& log);
 
-  // "COLMAP 3.8".
+  // Returns the version, such as "COLMAP 3.8".
   const std::string& version() const { return version_; }
 
   struct Command {
     std::string name;                    // "mapper"
     std::vector<std::string> arguments;  // "--option", "value", ...
-    std::string no_result;  // what it says where there is no result, which is no failure; or empty
+    // Text of the last line of output when the command fails because it found no result, which is
+    // not an error here. Empty: every failure is an error.
+    std::string no_result;
   };
-  // Runs a command to its end. DEADLINE_EXCEEDED: past `deadline`; INTERNAL, with its last lines:
-  // it failed; errors of `watch`.
+  // Runs a command until it ends. DEADLINE_EXCEEDED: it ran past `deadline`. INTERNAL, with its
+  // last lines: it failed. Also returns the errors of `watch`, which stop it (see RunChild).
   absl::Status Run(const Command& command, absl::Time deadline, ChildWatchFn watch) const;
 
  private:

@@ -11,7 +11,8 @@
 namespace pepeseg {
 namespace {
 
-// The numbers of a line up to its first sign that `ends` names, in order: "[3/20]" has 3 and 20.
+// Returns the numbers of a text in front of the first `end`, in order: 3 and 20 for "3/20] x" and
+// ']'.
 std::vector<int64_t> NumbersBefore(absl::string_view text, char end) {
   std::vector<int64_t> numbers;
   for (size_t at = 0; at < text.size() && text[at] != end;) {
@@ -27,6 +28,7 @@ std::vector<int64_t> NumbersBefore(absl::string_view text, char end) {
   return numbers;
 }
 
+// Returns the first number after the text `before`, if it is followed by one.
 std::optional<int64_t> NumberAfter(absl::string_view line, absl::string_view before) {
   const size_t at = line.find(before);
   if (at == absl::string_view::npos) return std::nullopt;
@@ -55,6 +57,7 @@ std::string_view ColmapProgress::unit() const {
   return part_ == kMatching && by_blocks_ ? "pairs" : "photographs";
 }
 
+// Sums the work of the parts before the current one and the done share of the current one.
 double ColmapProgress::share() const {
   if (part_ == kNone) return 0;
   const double parts[] = {work_.extracting, work_.matching, work_.mapping};
@@ -67,6 +70,7 @@ double ColmapProgress::share() const {
 }
 
 void ColmapProgress::Reach(Part part, int64_t done, int64_t of) {
+  // Numbers of COLMAP may restart (a second model of the mapper), so steps are kept from falling.
   if (of <= 0 || part < part_) return;
   if (part > part_) step_ = 0;
   part_ = part;
@@ -76,7 +80,8 @@ void ColmapProgress::Reach(Part part, int64_t done, int64_t of) {
 
 void ColmapProgress::Finish() { Reach(kMapping, 1, 1); }
 
-// "[5/20]" photographs, or "[1/4, 3/4]" of a square of blocks, row by row.
+// Reads "[5/20]", a count of photographs, or "[1/4, 3/4]", a position in the square of blocks,
+// which COLMAP compares row by row.
 void ColmapProgress::ReadMatching(absl::string_view counts) {
   const std::vector<int64_t> numbers = NumbersBefore(counts, ']');
   if (numbers.size() == 2) Reach(kMatching, numbers[0], numbers[1]);
@@ -101,7 +106,7 @@ void ColmapProgress::Read(absl::string_view line) {
   } else if (absl::StartsWith(line, "Loading images...")) {
     num_connected_ = NumberAfter(line, "(connected").value_or(num_connected_);
   } else if (absl::StartsWith(line, "Registering image #")) {
-    // In brackets stands the number that it would have.
+    // The number in brackets counts the photograph that is about to be registered.
     const std::optional<int64_t> number = NumberAfter(line, "(");
     if (number) Reach(kMapping, *number - 1, num_photographs_);
   }

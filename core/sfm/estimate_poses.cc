@@ -22,19 +22,21 @@
 namespace pepeseg {
 namespace {
 
-// Up to so many photographs all are compared with all: some 20,000 pairs.
+// Maximum number of photographs of which all pairs are compared (about 20,000 pairs).
 constexpr size_t kMostExhaustive = 200;
-// Photographs are shrunk to this longer side for their features: of the largest 3000, few are
-// finer.
+// Photographs are shrunk to this longer side before features are extracted. Few of the 3000 largest
+// features are lost by that.
 constexpr int kFeatureSide = 2000;
-// Threads that extract features, each with kFeatureBytes a pixel (602 MB measured at 2.07 Mpx).
+// Maximum number of threads that extract features. Each takes kFeatureBytes a pixel (602 MB
+// measured at 2.07 Mpx).
 constexpr int kMostExtracting = 8;
 constexpr int64_t kFeatureBytes = 300;
 constexpr char kProgramFile[] = "program.txt";
 
 using Words = std::vector<std::string>;
 
-absl::Status MakeAnew(const std::filesystem::path& folder) {
+// Creates an empty folder, after removing one of that name.
+absl::Status MakeEmptyFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::remove_all(folder, error);
   if (!error) std::filesystem::create_directories(folder, error);
@@ -42,7 +44,7 @@ absl::Status MakeAnew(const std::filesystem::path& folder) {
   return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
 }
 
-// Removes a folder with its scope.
+// Removes a folder when it goes out of scope.
 struct Removal {
   ~Removal() {
     std::error_code ignored;
@@ -51,6 +53,7 @@ struct Removal {
   const std::filesystem::path& folder;
 };
 
+// Returns the number of threads that extract features.
 int NumExtracting(int num_threads) {
   const int num_cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return std::min(num_threads > 0 ? num_threads : num_cores, kMostExtracting);
@@ -61,7 +64,7 @@ ColmapProgress ProgressOf(int64_t num_photographs, bool sequential, const SfmOpt
   return {num_photographs, num_pairs, ExpectedSfmWork(num_photographs, num_pairs, options)};
 }
 
-// One attempt, step by step.
+// One run of the stage. EstimatePoses calls the public methods in their order.
 class PoseEstimation {
  public:
   PoseEstimation(std::span<const SfmPhotograph> photographs, const SfmPlaces& places,
@@ -88,7 +91,7 @@ class PoseEstimation {
   bool MatchesSequentially() const;
   Words MatchingWords() const;
   SfmEvidence Evidence() const;
-  // COLMAP's -1: as many as there are cores.
+  // Returns the option for COLMAP; -1: one thread for each core.
   std::string Threads() const {
     return std::to_string(places_.num_threads > 0 ? places_.num_threads : -1);
   }
@@ -100,7 +103,7 @@ class PoseEstimation {
   const SfmOptions& options_;
   ProgressFn on_progress_;
   absl::Time deadline_;
-  std::vector<std::string> safe_names_;  // the photographs', for COLMAP
+  std::vector<std::string> safe_names_;  // names of the photographs in COLMAP, see SafeNames
   ColmapProgress progress_;
   std::optional<ColmapProgram> program_;
   bool any_mask_ = false;
@@ -118,6 +121,7 @@ absl::Status PoseEstimation::Report() {
   return on_progress_(report);
 }
 
+// Runs a command and reports its progress. Explains a timeout in terms of the options.
 absl::Status PoseEstimation::Run(const ColmapProgram::Command& command) {
   absl::Status status =
       program_->Run(command, deadline_, [this](std::span<const std::string> lines) {
@@ -143,8 +147,8 @@ absl::Status PoseEstimation::LayOutPhotographs() {
 
 absl::Status PoseEstimation::ExtractFeatures() {
   Words words = {"--database_path", Database(), "--image_path", Images(),
-                 // On llff_fern and fox RADIAL gives the same centres; OPENCV takes 1.4 to 1.7
-                 // times as long to map, and may fit noise where photographs are few.
+                 // On llff_fern and fox RADIAL gives the same camera centres. OPENCV takes 1.4 to
+                 // 1.7 times as long to map, and may fit noise if there are few photographs.
                  "--ImageReader.camera_model", "SIMPLE_RADIAL",
                  "--ImageReader.single_camera_per_folder", "1",  //
                  "--SiftExtraction.use_gpu", "0",                //
@@ -159,6 +163,8 @@ absl::Status PoseEstimation::ExtractFeatures() {
   return JudgeFeatures(Evidence(), options_);
 }
 
+// By default, frames of a video are matched sequentially, and numbered photographs as well if there
+// are too many to compare all pairs.
 bool PoseEstimation::MatchesSequentially() const {
   if (options_.matching != SfmMatching::kByCapture) {
     return options_.matching == SfmMatching::kSequential;
@@ -174,7 +180,7 @@ Words PoseEstimation::MatchingWords() const {
     return {"--SequentialMatching.overlap", std::to_string(options_.sequential_overlap),
             "--SequentialMatching.quadratic_overlap", "1"};
   }
-  // It tells of each block: ten times ten of them are progress enough.
+  // The matcher reports after each block, so about ten times ten blocks make a smooth progress.
   const size_t block = std::clamp<size_t>(photographs_.size() / 10, 5, 50);
   return {"--ExhaustiveMatching.block_size", std::to_string(block)};
 }
@@ -192,7 +198,8 @@ absl::Status PoseEstimation::Map() {
   const std::filesystem::path models = places_.work / "models";
   std::error_code error;
   std::filesystem::create_directory(models, error);
-  // A second model of few photographs tells of a second place: COLMAP would drop it.
+  // random_seed: RANSAC is repeatable with one thread. min_model_size: by default COLMAP drops
+  // small models, but JudgeModels needs them to find a second place.
   const Words words = {
       "--random_seed",        "1",       "--database_path",         Database(),
       "--image_path",         Images(),  "--output_path",           models.string(),
@@ -202,13 +209,14 @@ absl::Status PoseEstimation::Map() {
   return JudgeModels(Evidence(), options_);
 }
 
+// Collects what is known so far, with the owner's names in place of COLMAP's.
 SfmEvidence PoseEstimation::Evidence() const {
   SfmEvidence evidence;
   std::map<std::string, size_t> index;
   for (size_t i = 0; i < photographs_.size(); ++i) {
     evidence.names.push_back(photographs_[i].name);
     const auto features = progress_.num_features().find(safe_names_[i]);
-    // A photograph that COLMAP could not read has none.
+    // A photograph that COLMAP could not read has no entry.
     evidence.num_features.push_back(features == progress_.num_features().end() ? 0
                                                                                : features->second);
     index[safe_names_[i]] = i;
@@ -225,10 +233,11 @@ SfmEvidence PoseEstimation::Evidence() const {
   return evidence;
 }
 
+// Writes the result. The manifest comes last: without it ReadEstimatedPoses returns NOT_FOUND.
 absl::Status PoseEstimation::KeepLargestModel() {
   std::map<std::string, std::string> names;
   for (size_t i = 0; i < photographs_.size(); ++i) names[safe_names_[i]] = photographs_[i].name;
-  RETURN_IF_ERROR(MakeAnew(places_.result));
+  RETURN_IF_ERROR(MakeEmptyFolder(places_.result));
   RETURN_IF_ERROR(CopyRenamed(models_.front(), names, places_.result));
   RETURN_IF_ERROR(WriteFileAtomically(places_.result / kProgramFile, program_->version() + "\n"));
   const Words files = {"cameras.bin", "images.bin", "points3D.bin", kProgramFile};
@@ -248,7 +257,7 @@ absl::StatusOr<EstimatedPoses> EstimatePoses(std::span<const SfmPhotograph> phot
   PoseEstimation estimation(photographs, places, options, progress);
   RETURN_IF_ERROR(estimation.OpenProgram());
   const Removal removal{places.work};
-  RETURN_IF_ERROR(MakeAnew(places.work));
+  RETURN_IF_ERROR(MakeEmptyFolder(places.work));
   RETURN_IF_ERROR(estimation.LayOutPhotographs());
   RETURN_IF_ERROR(estimation.ExtractFeatures());
   RETURN_IF_ERROR(estimation.MatchFeatures());

@@ -11,7 +11,8 @@
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
 
-// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian.
+// COLMAP's binary files: a 64-bit count, then the records without padding, little-endian. COLMAP
+// itself wrote them, so only their structure is checked here; core/formats/colmap.h checks values.
 namespace pepeseg {
 namespace {
 
@@ -25,17 +26,19 @@ absl::StatusOr<std::string> ReadBytes(const std::filesystem::path& path) {
   return ReadFile(path, path.string(), kMaxFileBytes);
 }
 
-// Of a photograph: where its name stands among the bytes of images.bin.
+// Position of a photograph's name in the bytes of images.bin.
 struct NameSpan {
   size_t begin;
   size_t size;
 };
 
+// Finds the names of all photographs in the bytes of images.bin.
 absl::StatusOr<std::vector<NameSpan>> FindNames(absl::string_view bytes,
                                                 const std::filesystem::path& path) {
-  constexpr uint64_t kPoseBytes = 4 + 7 * 8 + 4;      // id, rotation, translation, camera
-  constexpr uint64_t kPointBytes = 24;                // x, y, id
-  constexpr uint64_t kMaxPoints = uint64_t{1} << 40;  // more than any file: keeps the product whole
+  constexpr uint64_t kPoseBytes = 4 + 7 * 8 + 4;  // id, rotation, translation, camera
+  constexpr uint64_t kPointBytes = 24;            // x, y, id
+  constexpr uint64_t kMaxPoints =
+      uint64_t{1} << 40;  // more than any file holds; the product in bytes does not overflow
   ByteReader reader(bytes);
   const auto count = reader.Take<uint64_t>();
   std::vector<NameSpan> names;
@@ -44,12 +47,14 @@ absl::StatusOr<std::vector<NameSpan>> FindNames(absl::string_view bytes,
     const size_t begin = reader.offset();
     const size_t size = reader.TakeString().size();
     reader.Skip(std::min(reader.Take<uint64_t>(), kMaxPoints) * kPointBytes);
+    // After the end the reader yields zeros, which must not become a name.
     if (reader.ok()) names.push_back({begin, size});
   }
   if (!reader.ok()) return Malformed(path);
   return names;
 }
 
+// Returns the mean reprojection error of points3D.bin in pixels, or 0 without points.
 absl::StatusOr<double> MeanError(const std::filesystem::path& path) {
   constexpr uint64_t kMaxTrack = uint64_t{1} << 40;
   ASSIGN_OR_RETURN(const std::string bytes, ReadBytes(path));
@@ -84,6 +89,7 @@ absl::StatusOr<std::vector<SfmModel>> ReadSfmModels(const std::filesystem::path&
   std::vector<SfmModel> models;
   std::error_code error;
   std::filesystem::directory_iterator entry(folder, error);
+  // The mapper numbers the folders of its models: 0, 1, ...
   for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
     std::error_code ignored;
     if (!std::filesystem::exists(entry->path() / "images.bin", ignored)) continue;
@@ -113,6 +119,7 @@ absl::Status CopyRenamed(const SfmModel& model, const std::map<std::string, std:
   const std::filesystem::path path = model.folder / "images.bin";
   ASSIGN_OR_RETURN(const std::string bytes, ReadBytes(path));
   ASSIGN_OR_RETURN(const std::vector<NameSpan> spans, FindNames(bytes, path));
+  // Copies everything between the names as it is: records have no lengths or offsets to adjust.
   std::string renamed;
   size_t copied = 0;
   for (const NameSpan& span : spans) {

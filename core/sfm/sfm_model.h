@@ -11,22 +11,23 @@
 
 namespace pepeseg {
 
-// A model that the mapper has written (binary form).
+// A COLMAP model in binary form, as the mapper writes it.
 struct SfmModel {
   std::filesystem::path folder;
-  std::vector<std::string> names;  // of its registered photographs, sorted
-  double reprojection_error = 0;   // mean over its points, pixels
+  std::vector<std::string> names;  // of the registered photographs, sorted
+  double reprojection_error = 0;   // mean over the points, pixels
 };
 
-// A folder with a model. DATA_LOSS names the file that is malformed.
+// Reads a folder with a model. DATA_LOSS, naming the file: it is malformed or cut short.
 absl::StatusOr<SfmModel> ReadSfmModel(const std::filesystem::path& folder);
 
-// All models of the folders in `folder`, the largest first; among equals, that of the smaller
-// reprojection error.
+// Reads the models in the subfolders of `folder`, sorted by number of photographs, the largest
+// first. Among equals, the one with the smaller reprojection error comes first.
 absl::StatusOr<std::vector<SfmModel>> ReadSfmModels(const std::filesystem::path& folder);
 
-// Copies a model to `folder`, which must exist, with its photographs renamed by `names` (from
-// COLMAP's to their owner's). The files: cameras.bin, images.bin, points3D.bin.
+// Copies cameras.bin, images.bin and points3D.bin of a model to `folder`, which must exist, and
+// renames the photographs by `names`, which maps names in COLMAP to the owner's names. DATA_LOSS: a
+// photograph of the model is not in `names`.
 absl::Status CopyRenamed(const SfmModel& model, const std::map<std::string, std::string>& names,
                          const std::filesystem::path& folder);
 

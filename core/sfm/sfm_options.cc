@@ -1,5 +1,6 @@
 #include "core/sfm/sfm_options.h"
 
+#include <algorithm>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -8,6 +9,12 @@
 namespace pepeseg {
 namespace {
 
+constexpr double kExtractingSeconds = 1.5;  // for each photograph
+constexpr double kMatchingSeconds = 0.3;  // for each pair with `kFeatures` features per photograph
+constexpr double kFeatures = 3000;
+constexpr double kMappingSeconds = 0.7;  // for each photograph
+
+// Returns INVALID_ARGUMENT unless the value is in [least, most].
 absl::Status CheckRange(const std::string& name, int value, int least, int most) {
   if (value >= least && value <= most) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -28,6 +35,28 @@ absl::Status Validate(const SfmOptions& options) {
   }
   return absl::InvalidArgumentError(absl::StrCat(
       "min_registered_share is ", options.min_registered_share, ", it must be in [0, 1]"));
+}
+
+int64_t NumSfmPairs(int64_t num_photographs, bool sequential, const SfmOptions& options) {
+  const int64_t n = num_photographs;
+  const int64_t all = n * (n - 1) / 2;
+  if (!sequential) return all;
+  // The next `sequential_overlap` photographs and, beyond them, those at distances that are powers
+  // of two (COLMAP's quadratic_overlap).
+  int64_t pairs = n * options.sequential_overlap;
+  for (int64_t distance = 1; distance < n; distance *= 2) {
+    if (distance > options.sequential_overlap) pairs += n - distance;
+  }
+  return std::min(all, pairs);
+}
+
+SfmWork ExpectedSfmWork(int64_t num_photographs, int64_t num_pairs, const SfmOptions& options) {
+  const auto n = static_cast<double>(num_photographs);
+  // A pair compares each feature of one photograph with each of the other.
+  const double features = options.max_features / kFeatures;
+  return {.extracting = kExtractingSeconds * n,
+          .matching = kMatchingSeconds * static_cast<double>(num_pairs) * features * features,
+          .mapping = kMappingSeconds * n};
 }
 
 }  // namespace pepeseg

@@ -24,7 +24,8 @@ namespace {
 
 constexpr size_t kLeastPhotographs = 3;
 
-// "walk_000123.jpg" as ("walk_", 123): how a person sorts.
+// A name split for sorting by number: "walk_000123.jpg" is ("walk_", "123"). Digits stay text, so
+// that long numbers do not overflow; shorter ones are smaller.
 struct NumberedName {
   std::string stem;
   std::string digits;  // without leading zeros
@@ -42,12 +43,14 @@ struct NumberedName {
   bool numbered = false;
 };
 
+// Compares by text in front of the number, then by the number, then by the whole name.
 bool GoesBefore(const SfmPhotograph& a, const SfmPhotograph& b) {
   const NumberedName first(a.name), second(b.name);
   return std::tuple(first.stem, first.digits.size(), first.digits, a.name) <
          std::tuple(second.stem, second.digits.size(), second.digits, b.name);
 }
 
+// Reads one photograph, except for its ignore masks. The photograph is not decoded.
 absl::StatusOr<SfmPhotograph> ReadPhotograph(const DatasetFile& file) {
   RETURN_IF_ERROR(ValidateName(file.name));
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file.path, file.name, kMaxImageFileBytes));
@@ -65,6 +68,7 @@ absl::Status MakeFolder(const std::filesystem::path& folder) {
   return absl::InternalError(absl::StrCat("cannot make ", folder.string(), ": ", error.message()));
 }
 
+// Writes the union of the photograph's ignore masks, with 0 for ignored pixels and 255 for others.
 absl::Status WriteMask(const SfmPhotograph& photograph, const std::filesystem::path& path) {
   const PhotoSize size{photograph.name, photograph.header.width, photograph.header.height};
   Image mask{size.width, size.height, 1, {}};
@@ -90,6 +94,7 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
   for (const auto& [key, file] : index.photos) {
     ASSIGN_OR_RETURN(SfmPhotograph photograph, ReadPhotograph(*file));
     if (index.ignore_all != nullptr) photograph.ignore.push_back(*index.ignore_all);
+    // Ignore masks belong to a photograph by its name without suffix.
     const auto own = index.ignore.find(std::string(WithoutSuffix(key)));
     if (own != index.ignore.end()) photograph.ignore.push_back(*own->second);
     photographs.push_back(std::move(photograph));
@@ -99,6 +104,7 @@ absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const Da
 }
 
 absl::Status CheckEnough(std::span<const SfmPhotograph> photographs) {
+  // Copies of one photograph give no baseline, so only different bytes count.
   std::set<std::string> different;
   for (const SfmPhotograph& photograph : photographs) different.insert(photograph.sha256);
   if (different.size() >= kLeastPhotographs) return absl::OkStatus();
@@ -119,6 +125,8 @@ bool AreNumbered(std::span<const SfmPhotograph> photographs) {
 }
 
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs) {
+  // Photographs with equal keys were taken with one lens at one setting, so COLMAP may estimate one
+  // camera for all of them.
   using Key = std::tuple<int, int, std::string, std::string, double, int>;
   std::map<Key, size_t> cameras;
   std::vector<std::string> names;

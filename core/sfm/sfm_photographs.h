@@ -13,37 +13,40 @@
 
 namespace pepeseg {
 
-// A photograph whose pose is wanted.
+// A photograph whose pose is to be estimated.
 struct SfmPhotograph {
-  std::string name;  // its owner's: metadata, as DatasetFile::name
+  std::string name;  // the owner's name; a label, never opened as a path (DatasetFile::name)
   std::filesystem::path path;
   ImageHeader header;
   ExifCamera camera;
   std::string sha256;
-  // Says where it must not be looked at, of this photograph or of all; or empty.
+  // Ignore masks that apply to it: that of all photographs and its own. May be empty.
   std::vector<DatasetFile> ignore;
-  bool is_video_frame = false;  // those about it in their order show what it shows
+  bool is_video_frame = false;  // true: its neighbours in order overlap with it
 };
 
-// The photographs among the files, in the order of their numbers ("7.jpg" before "10.jpg"), with
-// what their first bytes tell. INVALID_ARGUMENT names the file: no photograph, cut short, too
-// large.
+// Reads headers, EXIF data and digests of the photographs among the files. Sorts them by their
+// numbers ("7.jpg" before "10.jpg"). INVALID_ARGUMENT, naming the file: it is not a photograph, is
+// cut short, or is too large.
 absl::StatusOr<std::vector<SfmPhotograph>> ReadSfmPhotographs(std::span<const DatasetFile> files);
 
-// FAILED_PRECONDITION, with what to do: fewer than 3 photographs, or fewer than 3 different ones.
+// Returns FAILED_PRECONDITION, with what to do, if there are fewer than 3 photographs with
+// different bytes.
 absl::Status CheckEnough(std::span<const SfmPhotograph> photographs);
 
-// Whether the names are numbered, as a camera's or a video's: each ends in a number.
+// Returns true if every name ends in a number, as cameras and video tools name files.
 bool AreNumbered(std::span<const SfmPhotograph> photographs);
 
-// The name that photograph `index` has for COLMAP, relative to the folder of photographs: a folder
-// for each camera (photographs of one size and one EXIF camera share it), a number, and the suffix
-// that its bytes have: "c1/000001.jpg". Sorted as the photographs are, in each camera.
+// Returns the names for COLMAP, relative to its folder of photographs: "c1/000001.jpg". The folder
+// is one camera, which photographs of equal size and equal EXIF camera share. The number is the
+// photograph's index + 1, so that each folder sorts like the photographs. The suffix is that of the
+// format. The owner's names never reach the file system.
 std::vector<std::string> SafeNames(std::span<const SfmPhotograph> photographs);
 
-// Copies the photographs to their safe names below `images`: a worker's sandbox makes no links.
-// Where they have ignore masks, writes what COLMAP wants of them below `masks`: a grey PNG, 0 where
-// it must not look, of the name with ".png" behind it. True: there is one.
+// Copies the photographs to their safe names below `images` (the worker's sandbox forbids links).
+// For a photograph with ignore masks, writes the mask that COLMAP expects below `masks`: a grey PNG
+// with the photograph's name plus ".png", 0 where COLMAP must not look. Returns true if it wrote a
+// mask.
 absl::StatusOr<bool> LayOut(std::span<const SfmPhotograph> photographs,
                             const std::filesystem::path& images,
                             const std::filesystem::path& masks);

@@ -9,13 +9,15 @@
 namespace pepeseg {
 namespace {
 
-// A sharp photograph of anything but a wall has thousands; two of 15 matches connect.
+// A photograph with fewer features shows too little. Sharp ones have thousands, unless they show a
+// bare wall; 15 matches suffice to connect two photographs.
 constexpr int64_t kFewFeatures = 100;
 constexpr size_t kLeastRegistered = 3;
-// Of the photographs: a second model that holds so many is a place of its own.
+// A second model with at least this share of the photographs is a second place.
 constexpr double kLargeGroup = 0.25;
-constexpr size_t kNamed = 5;
+constexpr size_t kNamed = 5;  // names in a message, at most
 
+// Returns the names of the photographs for a message: the first kNamed, then "...".
 std::string Names(const SfmEvidence& evidence, const std::vector<size_t>& photographs) {
   std::string text;
   for (size_t i = 0; i < std::min(photographs.size(), kNamed); ++i) {
@@ -25,6 +27,7 @@ std::string Names(const SfmEvidence& evidence, const std::vector<size_t>& photog
   return text;
 }
 
+// Returns the number of photographs that must have a pose.
 size_t NumNeeded(const SfmEvidence& evidence, const SfmOptions& options) {
   const double share = options.min_registered_share * static_cast<double>(evidence.names.size());
   return std::max(kLeastRegistered, static_cast<size_t>(std::ceil(share)));
@@ -48,7 +51,8 @@ std::vector<size_t> Without(const std::vector<size_t>& photographs,
   return rest;
 }
 
-// A place of its own among the further models; or empty.
+// Returns the photographs of a second place: those of a further model that the largest lacks, if
+// there are enough of them. Empty: there is no second place.
 std::vector<size_t> SecondGroup(const SfmEvidence& evidence) {
   const double least = std::max(static_cast<double>(kLeastRegistered),
                                 kLargeGroup * static_cast<double>(evidence.names.size()));
@@ -59,13 +63,15 @@ std::vector<size_t> SecondGroup(const SfmEvidence& evidence) {
   return {};
 }
 
+// Returns the photographs without a pose in the largest model.
 std::vector<size_t> Unregistered(const SfmEvidence& evidence) {
   std::vector<size_t> all(evidence.names.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = i;
   return evidence.models.empty() ? all : Without(all, evidence.models[0]);
 }
 
-// The likely cause of too few poses, and what to do about it.
+// Returns the likely cause of too few poses, and what to do about it. Checked in this order: too
+// few features, no baseline between photographs that match, too little overlap.
 std::string Advice(const SfmEvidence& evidence, size_t needed) {
   const std::vector<size_t> few = WithFewFeatures(evidence);
   if (!few.empty() && 2 * few.size() >= Unregistered(evidence).size()) {

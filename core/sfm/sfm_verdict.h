@@ -10,21 +10,22 @@
 
 namespace pepeseg {
 
-// What is known of an attempt to estimate poses.
+// What an attempt to estimate poses has found so far.
 struct SfmEvidence {
-  std::vector<std::string> names;           // of the photographs, their owner's
-  std::vector<int64_t> num_features;        // of each
-  int64_t num_connected = -1;               // that match another one; -1: not known
-  std::vector<std::vector<size_t>> models;  // photographs with a pose, the largest model first
+  std::vector<std::string> names;     // of the photographs, as their owner named them
+  std::vector<int64_t> num_features;  // of each photograph
+  int64_t num_connected = -1;         // photographs that match another one; -1: unknown
+  // Indices of the photographs that have a pose in each model, the largest model first.
+  std::vector<std::vector<size_t>> models;
 };
 
-// Before anything is matched. FAILED_PRECONDITION names photographs in which too little is to be
-// seen, where too few others are left.
+// Decides before matching whether enough photographs have features. If not, returns
+// FAILED_PRECONDITION, naming those with too few.
 absl::Status JudgeFeatures(const SfmEvidence& evidence, const SfmOptions& options);
 
-// Whether the largest model will do. FAILED_PRECONDITION: too few photographs have a pose, or many
-// of the others have theirs in a model of their own; with counts, the first names, and what to do
-// about the likely cause.
+// Decides whether the largest model is good enough. Returns FAILED_PRECONDITION if too few
+// photographs have a pose in it, or if many others have theirs in a second model. The message has
+// counts, the first names, and what to do about the likely cause.
 absl::Status JudgeModels(const SfmEvidence& evidence, const SfmOptions& options);
 
 }  // namespace pepeseg

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/priors/sam/sam_needs.h"
-#include "core/sfm/sfm_work.h"
+#include "core/sfm/sfm_options.h"
 
 namespace pepeseg {
 namespace {

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/scene/float_image.h"
+#include "core/scene/capture.h"
 #include "core/scene/mask_set.h"
 #include "pepeseg/v1/prompt.pb.h"
 #include "server/api/pixel_frame.h"

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/rle.h"
-#include "core/scene/origin.h"
+#include "core/scene/camera.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/pixel_frame.h"

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/beneath_folder.h"
 #include "core/base/status_macros.h"
-#include "core/scene/origin.h"
+#include "core/scene/camera.h"
 #include "server/api/convert.h"
 #include "server/api/resource_name.h"
 #include "server/api/rows_to_proto.h"

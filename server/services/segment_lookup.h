@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/query/segmenter.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 #include "google/protobuf/repeated_field.h"
 #include "pepeseg/v1/decomposition.pb.h"
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 #include "server/api/resource_name.h"
 #include "server/rpc/service_context.h"
 

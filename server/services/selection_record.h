@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "absl/status/statusor.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 #include "pepeseg/v1/selection.pb.h"
 #include "server/rpc/service_context.h"
 #include "server/services/model_lookup.h"

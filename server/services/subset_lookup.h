@@ -4,7 +4,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "core/scene/gaussian_set.h"
+#include "core/scene/gaussians.h"
 #include "pepeseg/v1/render.pb.h"
 #include "server/rpc/service_context.h"
 #include "server/services/model_lookup.h"

@@ -6,7 +6,7 @@
 #include "core/base/status_macros.h"
 #include "core/cluster/hdbscan.h"
 #include "core/render/frozen_scene.h"
-#include "core/scene/gated_units.h"
+#include "core/scene/model.h"
 
 namespace pepeseg {
 namespace {

@@ -17,7 +17,7 @@
 #include "core/priors/embedded_masks.h"
 #include "core/priors/sam/automatic_masks.h"
 #include "core/priors/sam/sam_segmenter.h"
-#include "core/scene/normalize_depth.h"
+#include "core/scene/capture.h"
 #include "tests/bench/answer_cache.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/mask_scores.h"

@@ -10,7 +10,7 @@
 #include "core/evaluate/one_click.h"
 #include "core/query/segmenter.h"
 #include "core/scene/gaussians.h"
-#include "core/scene/image_scores.h"
+#include "core/scene/model.h"
 #include "tests/bench/capture_pack.h"
 
 namespace pepeseg {

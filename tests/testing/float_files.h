@@ -3,7 +3,7 @@
 #include <span>
 #include <string>
 
-#include "core/scene/float_image.h"
+#include "core/scene/capture.h"
 
 namespace pepeseg::testing {
 

@@ -17,7 +17,7 @@ auto NumFiles(const TempFolder& folder) {
   return std::distance(std::filesystem::directory_iterator(folder.path()), {});
 }
 
-TEST(AtomicFile, AppearsWholeOnCommit) {
+TEST(AtomicFile, AppearsCompleteOnCommit) {
   const TempFolder folder;
   ASSERT_OK_AND_ASSIGN(AtomicFile file, AtomicFile::Create(folder / "a"));
   EXPECT_OK(file.Append(std::string_view("one ")));
@@ -29,7 +29,7 @@ TEST(AtomicFile, AppearsWholeOnCommit) {
   EXPECT_EQ(NumFiles(folder), 1);
 }
 
-TEST(AtomicFile, LeavesTheOldFileAndNothingElseWithoutCommit) {
+TEST(AtomicFile, KeepsTheOldFileWithoutCommit) {
   const TempFolder folder;
   ASSERT_OK(WriteFileAtomically(folder / "a", "old"));
   {
@@ -43,13 +43,13 @@ TEST(AtomicFile, LeavesTheOldFileAndNothingElseWithoutCommit) {
   EXPECT_EQ(bytes, "old");
 }
 
-TEST(AtomicFile, SaysWhereItCannotBeCreated) {
+TEST(AtomicFile, NamesThePathThatCannotBeCreated) {
   const TempFolder folder;
   EXPECT_STATUS(WriteFileAtomically(folder / "no" / "a", "x"), absl::StatusCode::kNotFound,
                 "/no/a");
 }
 
-TEST(ReadFile, RefusesWhatIsTooLargeOrNoFile) {
+TEST(ReadFile, RejectsLargeAndMissingFilesAndFolders) {
   const TempFolder folder;
   ASSERT_OK(WriteFileAtomically(folder / "a", "12345"));
   EXPECT_STATUS(ReadFile(folder / "a", "a.bin", 4), absl::StatusCode::kInvalidArgument,

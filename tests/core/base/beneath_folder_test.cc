@@ -43,7 +43,8 @@ class BeneathFolderTest : public ::testing::Test {
     return {std::istreambuf_iterator<char>(file), {}};
   }
   BeneathFolder Folder() { return BeneathFolder::Open(work_).value(); }
-  // Both ways to open, which must agree: "opened", or the error's number.
+  // Opens by the kernel and part by part, and checks that both agree. Returns "opened" or "error N"
+  // with the errno.
   std::string Open(const std::string& name) {
     std::string said;
     const BeneathFolder folder = Folder();
@@ -61,7 +62,7 @@ class BeneathFolderTest : public ::testing::Test {
   fs::path work_;
 };
 
-TEST_F(BeneathFolderTest, OpensWhatIsBelow) {
+TEST_F(BeneathFolderTest, OpensFilesBelowTheFolder) {
   EXPECT_EQ(Open("file"), "opened");
   EXPECT_EQ(Open("sub/file"), "opened");
   EXPECT_EQ(Open("none"), absl::StrCat("error ", ENOENT));
@@ -72,7 +73,7 @@ TEST_F(BeneathFolderTest, OpensWhatIsBelow) {
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().ReadFile("file", 3).status()));
 }
 
-TEST_F(BeneathFolderTest, FollowsNoLink) {
+TEST_F(BeneathFolderTest, FollowsNoLinks) {
   fs::create_symlink(temp_ / "secret", work_ / "absolute");
   fs::create_symlink("../secret", work_ / "relative");
   fs::create_symlink("file", work_ / "inside");
@@ -88,17 +89,18 @@ TEST_F(BeneathFolderTest, FollowsNoLink) {
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().OpenFile("absolute").status()));
 }
 
-TEST_F(BeneathFolderTest, WaitsForNoFifoAndReadsNoDevice) {
+TEST_F(BeneathFolderTest, RejectsFifosAndDevices) {
   ASSERT_EQ(mkfifo((work_ / "pipe").c_str(), 0600), 0);
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().OpenFile("pipe").status()));
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().ReadFile("pipe", 100).status()));
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().OpenFile("sub").status()));
-  if (mknod((work_ / "device").c_str(), S_IFCHR | 0600, makedev(1, 5)) == 0) {  // zeros for ever
+  if (mknod((work_ / "device").c_str(), S_IFCHR | 0600, makedev(1, 5)) == 0) {  // /dev/zero
     EXPECT_TRUE(absl::IsFailedPrecondition(Folder().OpenFile("device").status()));
   }
 }
 
-// Somebody renames links and folders to and fro while it opens: what it reads is never outside.
+// Another thread swaps a folder with a link to the outside all the time. No file outside of the
+// folder may be read.
 TEST_F(BeneathFolderTest, StaysInsideWhileEntriesAreSwapped) {
   fs::create_directory_symlink(temp_.path(), work_ / "outside");
   Write(work_ / "sub/secret", "decoy");
@@ -111,7 +113,7 @@ TEST_F(BeneathFolderTest, StaysInsideWhileEntriesAreSwapped) {
   });
   const BeneathFolder folder = Folder();
   int num_read = 0;
-  // The other thread may not get a turn for a while.
+  // The scheduler may not run the other thread for a while.
   const absl::Time give_up = absl::Now() + absl::Seconds(30);
   for (int i = 0; i < 5000 || (num_read == 0 && absl::Now() < give_up); ++i) {
     const Descriptor file(
@@ -126,7 +128,7 @@ TEST_F(BeneathFolderTest, StaysInsideWhileEntriesAreSwapped) {
   EXPECT_GT(num_read, 0);
 }
 
-TEST_F(BeneathFolderTest, ListsAndMeasuresPlainFilesOnly) {
+TEST_F(BeneathFolderTest, ListsEntriesAndReportsFactsOfRegularFilesOnly) {
   fs::create_symlink(temp_ / "secret", work_ / "link");
   ASSERT_OK_AND_ASSIGN(const auto entries, Folder().List());
   std::vector<std::string> said;
@@ -143,7 +145,7 @@ TEST_F(BeneathFolderTest, ListsAndMeasuresPlainFilesOnly) {
   EXPECT_THAT(visited, ElementsAre("file", "file"));
 }
 
-TEST_F(BeneathFolderTest, ChecksForLinksOfBothKinds) {
+TEST_F(BeneathFolderTest, RejectsSymbolicAndHardLinks) {
   fs::remove_all(work_ / "sub");
   Write(work_ / "other", "12345");
   EXPECT_EQ(Folder().CheckPlain().value_or(-1), 9);
@@ -158,7 +160,7 @@ TEST_F(BeneathFolderTest, ChecksForLinksOfBothKinds) {
   EXPECT_TRUE(absl::IsFailedPrecondition(Folder().CheckPlain(/*other_names=*/true).status()));
 }
 
-TEST_F(BeneathFolderTest, RemovesLinksAndNotWhatTheyLeadTo) {
+TEST_F(BeneathFolderTest, RemovesLinksButNotTheirTargets) {
   fs::create_directories(temp_ / "kept");
   Write(temp_ / "kept/file", "kept");
   fs::create_directory_symlink(temp_ / "kept", work_ / "link");
@@ -174,8 +176,8 @@ TEST_F(BeneathFolderTest, RemovesLinksAndNotWhatTheyLeadTo) {
   EXPECT_FALSE(fs::exists(work_ / "file"));
 }
 
-// 2,000 levels: more than there are descriptors by default, and than a stack of them would take.
-TEST_F(BeneathFolderTest, RemovesFoldersOfAnyDepthAndRights) {
+// 2,000 levels are more than the default limit of open descriptors, and too deep for recursion.
+TEST_F(BeneathFolderTest, RemovesFoldersOfAnyDepthAndPermissions) {
   const int depth = 2000;
   Descriptor folder(open((work_ / "sub").c_str(), O_RDONLY | O_DIRECTORY));
   for (int i = 0; i < depth; ++i) {

@@ -38,7 +38,7 @@ class ChildProcess : public ::testing::Test {
   std::vector<std::string> lines_;
 };
 
-// Whether the process whose number stands in the file still runs (a zombie does not count).
+// Returns true if the process whose id is in the file still runs. A zombie does not count.
 bool Runs(const std::filesystem::path& pid_file) {
   std::string pid, word, state;
   std::ifstream(pid_file) >> pid;
@@ -48,32 +48,32 @@ bool Runs(const std::filesystem::path& pid_file) {
   return stat.good() && state != "Z";
 }
 
-TEST_F(ChildProcess, HandsOnLinesOfBothOutputsAndLogsThem) {
+TEST_F(ChildProcess, PassesOnAndLogsLinesOfBothOutputs) {
   ASSERT_OK_AND_ASSIGN(const ChildEnd end, Run(Shell("echo a; echo b >&2; printf c; exit 3")));
   EXPECT_EQ(Describe(end), "exited with code 3");
   EXPECT_THAT(lines_, ::testing::ElementsAre("a", "b", "c"));
   EXPECT_EQ(Log(), "a\nb\nc");
 }
 
-TEST_F(ChildProcess, LosesNothingOfMuchOutput) {
+TEST_F(ChildProcess, LosesNoOutput) {
   ASSERT_OK(Run(Shell("i=0; while [ $i -lt 20000 ]; do echo line $i; i=$((i+1)); done")));
   ASSERT_EQ(lines_.size(), 20000u);
   EXPECT_EQ(lines_.back(), "line 19999");
 }
 
-TEST_F(ChildProcess, GetsItsEnvironmentAndNoInput) {
+TEST_F(ChildProcess, GetsTheEnvironmentAndAnEmptyInput) {
   ChildCommand command = Shell("cat; echo $PEPESEG_A $HOME");
   command.environment = {"PEPESEG_A=x", "HOME=/nowhere"};
   ASSERT_OK(Run(command));
   EXPECT_THAT(lines_, ::testing::ElementsAre("x /nowhere"));
 }
 
-TEST_F(ChildProcess, TellsOfTheSignal) {
+TEST_F(ChildProcess, ReportsTheSignal) {
   ASSERT_OK_AND_ASSIGN(const ChildEnd end, Run(Shell("kill -9 $$")));
   EXPECT_EQ(Describe(end), "was killed by signal 9 (Killed)");
 }
 
-TEST_F(ChildProcess, IsKilledWithItsGroupWhenTheWatchSaysSo) {
+TEST_F(ChildProcess, IsKilledWithItsGroupWhenTheWatchFails) {
   const ChildCommand command =
       Shell("sleep 100 & echo $! > " + (folder_ / "pid").string() + "; echo up; wait");
   const absl::Time start = absl::Now();
@@ -82,17 +82,17 @@ TEST_F(ChildProcess, IsKilledWithItsGroupWhenTheWatchSaysSo) {
   });
   EXPECT_STATUS(end, absl::StatusCode::kCancelled, "enough");
   EXPECT_LT(absl::Now() - start, absl::Seconds(1));
-  absl::SleepFor(absl::Milliseconds(50));  // init reaps it
+  absl::SleepFor(absl::Milliseconds(50));  // until init has reaped it
   EXPECT_FALSE(Runs(folder_ / "pid"));
 }
 
-TEST_F(ChildProcess, LeavesNothingOfItsGroupWhenItEnds) {
+TEST_F(ChildProcess, LeavesNoProcessOfItsGroup) {
   ASSERT_OK(Run(Shell("sleep 100 & echo $! > " + (folder_ / "pid").string())));
   absl::SleepFor(absl::Milliseconds(50));
   EXPECT_FALSE(Runs(folder_ / "pid"));
 }
 
-TEST_F(ChildProcess, IsWatchedWhileItSaysNothing) {
+TEST_F(ChildProcess, IsWatchedWithoutOutput) {
   int calls = 0;
   ASSERT_OK(RunChild(Shell("exec >/dev/null 2>&1; sleep 0.5"), [&](std::span<const std::string>) {
     ++calls;
@@ -101,7 +101,7 @@ TEST_F(ChildProcess, IsWatchedWhileItSaysNothing) {
   EXPECT_GE(calls, 3);
 }
 
-TEST_F(ChildProcess, HasATimeLimit) {
+TEST_F(ChildProcess, IsStoppedAtTheTimeLimit) {
   ChildCommand command = Shell("sleep 100");
   command.time_limit = absl::Milliseconds(200);
   EXPECT_STATUS(Run(command), absl::StatusCode::kDeadlineExceeded, "sh was stopped after 200ms");
@@ -122,13 +122,13 @@ TEST_F(ChildProcess, DiesWithItsParent) {
   EXPECT_FALSE(Runs(folder_ / "pid"));
 }
 
-TEST_F(ChildProcess, ThatCannotRunIsAnError) {
+TEST_F(ChildProcess, FailsIfTheProgramCannotRun) {
   ChildCommand command = Shell("");
   command.program = folder_ / "none";
   EXPECT_STATUS(Run(command), absl::StatusCode::kNotFound, "none cannot be run: No such file");
 }
 
-TEST(FindProgram, LooksInThePath) {
+TEST(FindProgram, SearchesThePath) {
   ASSERT_OK_AND_ASSIGN(const std::filesystem::path shell, FindProgram("sh"));
   EXPECT_EQ(shell.filename(), "sh");
   EXPECT_OK(FindProgram("/bin/sh"));

@@ -9,10 +9,10 @@
 namespace pepeseg {
 namespace {
 
-// FIPS 180-4's example.
+// The example of FIPS 180-4.
 constexpr char kAbc[] = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
 
-TEST(Sha256, AgreesWithTheStandardsExample) {
+TEST(Sha256, MatchesTheExampleOfTheStandard) {
   EXPECT_EQ(Sha256Hex("abc"), kAbc);
   Sha256 digest;
   digest.Add(std::string_view("a"));
@@ -20,7 +20,7 @@ TEST(Sha256, AgreesWithTheStandardsExample) {
   EXPECT_EQ(digest.Hex(), kAbc);
 }
 
-TEST(Sha256, OfAFileIsThatOfItsBytes) {
+TEST(Sha256, OfAFileEqualsThatOfItsBytes) {
   const testing::TempFolder folder;
   const std::string bytes((3 << 20) + 17, 'x');
   ASSERT_OK(WriteFileAtomically(folder / "a", bytes));

@@ -7,14 +7,14 @@
 namespace pepeseg {
 namespace {
 
-TEST(ValidateName, TakesRelativeNames) {
+TEST(ValidateName, AcceptsRelativeNames) {
   for (const char* name : {"a.jpg", "images/cam 0/a.jpg", "..a/b..", "\xC3\xA4/\xE2\x82\xAC.png",
                            "\xF0\x9F\x8D\x8E.jpg", ".hidden"}) {
     EXPECT_OK(ValidateName(name));
   }
 }
 
-TEST(ValidateName, RefusesWhatCouldLeaveItsFolderOrBeMisread) {
+TEST(ValidateName, RejectsNamesThatEscapeTheFolderOrMislead) {
   using absl::StatusCode::kInvalidArgument;
   EXPECT_STATUS(ValidateName(""), kInvalidArgument, "is empty");
   EXPECT_STATUS(ValidateName("../../x"), kInvalidArgument, "\"../../x\"");
@@ -28,14 +28,14 @@ TEST(ValidateName, RefusesWhatCouldLeaveItsFolderOrBeMisread) {
   EXPECT_STATUS(ValidateName(std::string(1025, 'x')), kInvalidArgument, "1024");
 }
 
-TEST(ValidateName, RefusesWhatIsNotUtf8) {
+TEST(ValidateName, RejectsNamesThatAreNotUtf8) {
   for (const char* name : {"\x80", "\xC0\xAF", "\xC3", "a\xE2\x82", "\xED\xA0\x80",
                            "\xF4\x90\x80\x80", "\xE0\x80\xAF", "\xFF"}) {
     EXPECT_STATUS(ValidateName(name), absl::StatusCode::kInvalidArgument, "UTF-8");
   }
 }
 
-TEST(FileName, Parts) {
+TEST(FileName, SplitsFolderAndSuffix) {
   EXPECT_EQ(WithoutFolder("images/a/b.jpg", "images"), "a/b.jpg");
   EXPECT_EQ(WithoutFolder("images2/a.jpg", "images"), "images2/a.jpg");
   EXPECT_EQ(WithoutSuffix("a.b/c.d.JPG"), "a.b/c.d");

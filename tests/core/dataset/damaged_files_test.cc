@@ -14,7 +14,8 @@
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
-// Cut and flipped files of every kind: an error or a value, never a crash. Run under ASan too.
+// Files of every kind, cut short or with flipped bytes, must give an error or a value, never a
+// crash. Run under the address sanitizer, too.
 namespace pepeseg {
 namespace {
 
@@ -85,12 +86,12 @@ std::vector<Reader> Readers(const TempFolder& folder) {
   };
 }
 
-TEST(DamagedFile, CutShortIsAnErrorThatNamesIt) {
+TEST(DamagedFile, IsNamedIfItIsCutShort) {
   const TempFolder folder;
   for (const Reader& reader : Readers(folder)) {
     WriteBytes(folder / reader.name, reader.good);
     EXPECT_OK(reader.read(folder / reader.name, reader.name));
-    // A text file that ends early is a shorter text file: that may read well.
+    // A text file that ends early may still be valid.
     const bool text = reader.name.ends_with(".txt");
     for (int twentieth = 0; twentieth < 20; ++twentieth) {
       WriteBytes(folder / reader.name, reader.good.substr(0, reader.good.size() * twentieth / 20));
@@ -102,7 +103,7 @@ TEST(DamagedFile, CutShortIsAnErrorThatNamesIt) {
   }
 }
 
-TEST(DamagedFile, WithFlippedBytesNeverCrashes) {
+TEST(DamagedFile, NeverCrashesWithFlippedBytes) {
   const TempFolder folder;
   std::mt19937 random(11);
   for (const Reader& reader : Readers(folder)) {
@@ -119,7 +120,7 @@ TEST(DamagedFile, WithFlippedBytesNeverCrashes) {
   }
 }
 
-TEST(DamagedFile, WithBytesAddedIsAnErrorWhereTheLengthIsKnown) {
+TEST(DamagedFile, IsRejectedIfBytesFollowAKnownLength) {
   const TempFolder folder;
   for (const Reader& reader : Readers(folder)) {
     if (!reader.name.ends_with(".bin")) continue;

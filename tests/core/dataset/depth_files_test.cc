@@ -49,7 +49,7 @@ void ExpectNpyOfType(const std::string& type, const std::vector<T>& values) {
   EXPECT_THAT(image.values, ElementsAre(0, 1, 200));
 }
 
-TEST(Npy, HasFloatsAndUnsignedIntegers) {
+TEST(Npy, ReadsFloatsAndUnsignedIntegers) {
   ExpectNpyOfType<uint16_t>("<f2", {0, 0x3C00, 0x5A40});
   ExpectNpyOfType<float>("<f4", {0, 1, 200});
   ExpectNpyOfType<double>("<f8", {0, 1, 200});
@@ -58,7 +58,7 @@ TEST(Npy, HasFloatsAndUnsignedIntegers) {
   ExpectNpyOfType<uint32_t>("<u4", {0, 1, 200});
 }
 
-TEST(Npy, OfOtherTypesShapesAndOrdersIsRefused) {
+TEST(Npy, RejectsOtherTypesShapesAndOrders) {
   const std::string bytes(64, '\0');
   const auto parse = [&](const std::string& dict) {
     return ParseNpy("d.npy", NpyOf(dict, bytes)).status();
@@ -77,7 +77,7 @@ TEST(Npy, OfOtherTypesShapesAndOrdersIsRefused) {
   EXPECT_STATUS(ParseNpy("d.npy", "\x93NUMPX"), kInvalidArgument, "d.npy: not an NPY file");
 }
 
-TEST(Npy, ThatClaimsMoreThanItHoldsIsRefusedBeforeAnyAllocation) {
+TEST(Npy, RejectsShapesLargerThanTheFileBeforeAllocating) {
   const auto parse = [](const std::string& shape) {
     return ParseNpy("d.npy", NpyOf(NpyDict("<f4", shape), std::string(24, '\0'))).status();
   };
@@ -85,11 +85,11 @@ TEST(Npy, ThatClaimsMoreThanItHoldsIsRefusedBeforeAnyAllocation) {
   EXPECT_STATUS(parse("(2, 4)"), kInvalidArgument, "d.npy: cut short");
   EXPECT_STATUS(parse("(8000, 8000)"), kInvalidArgument, "d.npy: cut short");
   EXPECT_STATUS(parse("(8001, 8000)"), kInvalidArgument, "8000x8001 pixels, the limit is 64000000");
-  // The product of the sizes is 0 in 64 bits.
+  // The product of the sizes overflows to 0 in 64 bits.
   EXPECT_STATUS(parse("(4294967296, 4294967296)"), kInvalidArgument, "the limit is");
 }
 
-TEST(Pfm, HasItsBottomRowFirstInEitherByteOrder) {
+TEST(Pfm, ReadsTheBottomScanlineFirstInEitherByteOrder) {
   const std::string little = testing::Pfm(kMap);
   ASSERT_OK_AND_ASSIGN(const FloatImage image, ParsePfm("a.pfm", little));
   EXPECT_EQ(image.values, kMap.values);
@@ -100,7 +100,7 @@ TEST(Pfm, HasItsBottomRowFirstInEitherByteOrder) {
   EXPECT_EQ(swapped.values, kMap.values);
 }
 
-TEST(Pfm, ThatIsMalformedIsRefused) {
+TEST(Pfm, RejectsMalformedFiles) {
   const std::string floats(24, '\0');
   const auto parse = [&](const std::string& header) {
     return ParsePfm("d.pfm", header + floats).status();
@@ -128,16 +128,16 @@ TEST(DepthMap, IsReadFromEveryFormat) {
   }
 }
 
-TEST(DepthMap, OfDisparityKeepsItsZeros) {
+TEST(DepthMap, KeepsZerosOfDisparity) {
   ASSERT_OK_AND_ASSIGN(const FloatImage map, Read("a.npy", testing::Npy(kMap), kDisparity));
   EXPECT_EQ(map.values, kMap.values);
 }
 
-TEST(DepthMap, OfSixteenBitsKeepsThemAll) {
+TEST(DepthMap, KeepsAllSixteenBits) {
   ASSERT_OK_AND_ASSIGN(const FloatImage map,
                        ReadDepthMap(PEPESEG_TEST_DATA "/apc_shelf/depth/frame-000000.png",
                                     "depth/frame-000000.png", kDepth, {"photo", 640, 480}));
-  // Tenths of a millimetre: the gripper is a hand away, the shelf's back less than a metre.
+  // Values are tenths of a millimetre: nearly all that is visible is 8 cm to 1 m away.
   const auto known = static_cast<size_t>(
       std::count_if(map.values.begin(), map.values.end(), [](float v) { return !std::isnan(v); }));
   const auto near = static_cast<size_t>(std::count_if(
@@ -146,7 +146,7 @@ TEST(DepthMap, OfSixteenBitsKeepsThemAll) {
   EXPECT_GT(near, known * 99 / 100);
 }
 
-TEST(DepthMap, ThatDoesNotFitIsRefusedByName) {
+TEST(DepthMap, IsRejectedByNameIfItDoesNotFit) {
   const std::string good = testing::Npy(kMap);
   EXPECT_STATUS(Read("a.npy", good, kDepth, {"images/a.jpg", 4, 2}), kInvalidArgument,
                 "depth/a.npy: has 3x2 pixels, its photograph images/a.jpg 4x2");
@@ -163,7 +163,7 @@ TEST(DepthMap, ThatDoesNotFitIsRefusedByName) {
   EXPECT_STATUS(Read("a.exr", good), kInvalidArgument, "depth/a.exr: depth maps come as");
 }
 
-TEST(DepthMap, ThatIsNotFiniteIsRefusedNamingThePixel) {
+TEST(DepthMap, IsRejectedNamingThePixelThatIsNotFinite) {
   for (const float bad : {kNan, std::numeric_limits<float>::infinity()}) {
     FloatImage map = kMap;
     map.values[5] = bad;

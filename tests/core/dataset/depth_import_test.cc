@@ -11,7 +11,7 @@
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
-// What becomes of depth maps on their way into a capture.
+// How the import warps and normalises depth maps.
 namespace pepeseg {
 namespace {
 
@@ -25,7 +25,8 @@ using testing::WriteBytes;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// Rises to the right from 1, one a pixel of a 40-pixel row.
+// Returns a map that rises to the right from 1 to 41, by 1 per pixel of a photograph 40 pixels
+// wide.
 FloatImage Ramp(int width, int height) {
   FloatImage map{width, height, {}};
   for (int i = 0; i < width * height; ++i) {
@@ -40,7 +41,7 @@ ViewWarp PinholeWarp(int width, int height, double image_scale) {
   return *ViewWarp::Create(lens, image_scale);
 }
 
-TEST(WarpedDepth, OfAPinholeAtItsSizeIsTheMap) {
+TEST(WarpedDepth, EqualsTheMapForAPinholeOfItsSize) {
   FloatImage map = Ramp(6, 4);
   map.values[7] = kNan;
   const std::vector<float> depth = PinholeWarp(6, 4, 1).Depth(map);
@@ -54,8 +55,9 @@ TEST(WarpedDepth, OfAPinholeAtItsSizeIsTheMap) {
   }
 }
 
-TEST(WarpedDepth, HalvedIsTheMeanOfFourAndOfWhatIsKnown) {
-  // The pixel right below a result's centre decides whether it is known.
+TEST(WarpedDepth, AveragesTheKnownOfFourPixelsAtHalfSize) {
+  // The pixel at the lower right of the result's centre counts as the nearest: it decides whether
+  // the result is known.
   const FloatImage map = {4,
                           4,
                           {1, 2, 5, 5,        //
@@ -65,13 +67,13 @@ TEST(WarpedDepth, HalvedIsTheMeanOfFourAndOfWhatIsKnown) {
   EXPECT_THAT(PinholeWarp(4, 4, 0.5).Depth(map), ElementsAre(2.5f, IsNan(), 8, 9));
 }
 
-TEST(WarpedDepth, OfASmallerMapIsInterpolatedBetweenItsPixels) {
+TEST(WarpedDepth, InterpolatesASmallerMap) {
   const std::vector<float> depth = PinholeWarp(8, 2, 1).Depth({4, 1, {0, 4, 8, 12}});
   EXPECT_THAT(std::vector<float>(depth.begin(), depth.begin() + 8),
               ElementsAre(0, 1, 3, 5, 7, 9, 11, 12));
 }
 
-TEST(WarpedDepth, NeverMixesWhatIsUnknownIn) {
+TEST(WarpedDepth, NeverMixesUnknownValuesIn) {
   FloatImage map = Ramp(10, 8);
   map.values[23] = map.values[24] = map.values[77] = kNan;
   const std::vector<float> depth = PinholeWarp(33, 26, 1).Depth(map);
@@ -82,14 +84,14 @@ TEST(WarpedDepth, NeverMixesWhatIsUnknownIn) {
     num_unknown += unknown ? 1 : 0;
     ASSERT_EQ(std::isnan(depth[i]), unknown) << i;
     if (unknown) continue;
-    // No further from the ramp than the half pixel that a missing neighbour costs.
+    // A missing neighbour shifts the sample by at most half a pixel of the ramp.
     const double place = (i % 33 + 0.5) / 33 * 10 - 0.5;
     ASSERT_NEAR(depth[i], 1 + 4 * place, 2.01) << i;
   }
   EXPECT_GT(num_unknown, 20);
 }
 
-TEST(WarpedDepth, FollowsTheLensAsThePhotographDoes) {
+TEST(WarpedDepth, FollowsTheLensLikeThePhotograph) {
   Lens lens{.model = LensModel::kRadial, .width = 160, .height = 120};
   lens.fx = 120, lens.fy = 122, lens.cx = 83, lens.cy = 57;
   lens.distortion[0] = 0.2, lens.distortion[1] = -0.03;
@@ -112,7 +114,7 @@ TEST(WarpedDepth, FollowsTheLensAsThePhotographDoes) {
   }
 }
 
-TEST(DepthImport, OfTheShippedSceneIsSensorDepth) {
+TEST(DepthImport, ReadsTheSensorDepthOfTheShippedScene) {
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
   ASSERT_OK_AND_ASSIGN(const Capture capture, ImportCapture(files, {.image_scale = 0.5}));
   for (const View& view : capture.views) {
@@ -124,13 +126,14 @@ TEST(DepthImport, OfTheShippedSceneIsSensorDepth) {
       ++num_known;
       ASSERT_TRUE(value >= 0 && value <= 1) << value;
     }
-    // The sensor saw a quarter of the shelf; what is ignored is unknown as well.
+    // The sensor covers a quarter of the shelf; ignored pixels are unknown as well.
     EXPECT_GT(num_known, 320 * 240 / 6) << view.name;
     EXPECT_LT(num_known, 320 * 240 / 3) << view.name;
   }
 }
 
-// Of the depths of COLMAP's points in a view with its map, or with the map seen in a mirror.
+// Returns the correlation of the depths of COLMAP's points in a view with the view's map, or with
+// its mirror image.
 double CorrelationWithPoints(const Capture& capture, const View& view, bool mirrored) {
   double n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
   for (const ScenePoint& point : capture.points) {
@@ -148,7 +151,8 @@ double CorrelationWithPoints(const Capture& capture, const View& view, bool mirr
 TEST(DepthImport, AgreesWithTheDepthsOfThePoints) {
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(PEPESEG_TEST_DATA "/apc_shelf"));
   ASSERT_OK_AND_ASSIGN(const Capture capture, ImportCapture(files, {}));
-  // Points behind a product have its depth: the correlation is not perfect.
+  // A point that a product occludes is compared with the depth of the product, so the correlation
+  // is not perfect.
   double right = 0, mirrored = 0;
   for (const View& view : capture.views) {
     right += CorrelationWithPoints(capture, view, false) / 15;
@@ -158,7 +162,7 @@ TEST(DepthImport, AgreesWithTheDepthsOfThePoints) {
   EXPECT_LT(mirrored, 0.35);
 }
 
-TEST(DepthImport, TakesTheKindFromTheFolder) {
+TEST(DepthImport, DerivesTheKindFromTheFolder) {
   SmallDataset dataset;
   dataset.Write();
   WriteBytes(dataset.folder / "disparity/a.npy", testing::Npy(Ramp(80, 60)));
@@ -173,7 +177,7 @@ TEST(DepthImport, TakesTheKindFromTheFolder) {
   EXPECT_THAT(capture.warnings, IsEmpty());
 }
 
-TEST(DepthImport, LeavesOutMapsThatSayNothingAndSaysSo) {
+TEST(DepthImport, WarnsOfMapsWithoutInformation) {
   SmallDataset dataset;
   dataset.Write();
   const std::vector<float> zeros(1200, 0.0f), ones(1200, 1.0f);
@@ -187,7 +191,7 @@ TEST(DepthImport, LeavesOutMapsThatSayNothingAndSaysSo) {
                           HasSubstr("left out: depth/a.npy, depth/b.npy")));
 }
 
-TEST(DepthImport, RefusesWhatIsWrongByName) {
+TEST(DepthImport, RejectsInvalidMapsByName) {
   SmallDataset dataset;
   dataset.Write();
   WriteBytes(dataset.folder / "depth/a.npy", testing::Npy(Ramp(30, 40)));

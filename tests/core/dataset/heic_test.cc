@@ -1,6 +1,6 @@
-// Both files show red 40 + 2 x, green 40 + 3 y, blue 90 in 96x64 stored pixels (heif-enc -q 60).
-// gradient_turned.heic has EXIF data of a phone, in which the orientation is 6, and turns its
-// pixels clockwise by 90 degrees itself, as iPhones' files do.
+// Both test files show red 40 + 2 x, green 40 + 3 y, blue 90 in 96x64 stored pixels (heif-enc -q
+// 60). gradient_turned.heic also has EXIF data of a phone with orientation 6, and a property that
+// rotates the pixels clockwise by 90 degrees, like files of iPhones.
 #include "core/formats/heic.h"
 
 #include <gtest/gtest.h>
@@ -42,7 +42,7 @@ TEST(DecodeHeic, ReadsPixelsAsStored) {
   EXPECT_EQ(photo.exif, "");
 }
 
-TEST(DecodeHeic, TurnsOnce) {
+TEST(DecodeHeic, RotatesOnlyOnce) {
   ASSERT_OK_AND_ASSIGN(const HeicPhoto photo, DecodeHeic(Span(testing::ReadBytes(kTurned)), "a"));
   ASSERT_EQ(photo.image.width, 64);
   ASSERT_EQ(photo.image.height, 96);
@@ -50,7 +50,7 @@ TEST(DecodeHeic, TurnsOnce) {
   ExpectPixel(photo.image, 63 - 5, 80, 200, 55);
 }
 
-TEST(HeicToJpeg, KeepsTheCameraAndIsUpright) {
+TEST(HeicToJpeg, KeepsTheCameraAndSetsTheOrientation) {
   ASSERT_OK_AND_ASSIGN(const std::string jpeg,
                        HeicToJpeg(Span(testing::ReadBytes(kTurned)), "a.heic"));
   const ExifCamera camera = ReadExifCamera(Span(jpeg));
@@ -62,7 +62,7 @@ TEST(HeicToJpeg, KeepsTheCameraAndIsUpright) {
   ExpectPixel(image, 63 - 50, 10, 60, 190);
 }
 
-TEST(ReadImageHeader, TellsHeicAndItsTurnedSize) {
+TEST(ReadImageHeader, RecognisesHeicAndReturnsTheRotatedSize) {
   ASSERT_OK_AND_ASSIGN(const ImageHeader flat,
                        ReadImageHeader("a", Span(testing::ReadBytes(kFlat))));
   EXPECT_EQ(flat.format, ImageFormat::kHeic);
@@ -76,14 +76,14 @@ TEST(ReadImageHeader, TellsHeicAndItsTurnedSize) {
   EXPECT_EQ(size.height, 96);
 }
 
-TEST(DecodeHeic, RefusesFilesThatAreCutShort) {
+TEST(DecodeHeic, RejectsFilesThatAreCutShort) {
   const std::string good = testing::ReadBytes(kTurned);
   for (size_t size = 0; size < good.size(); ++size) {
     EXPECT_STATUS(DecodeHeic(Span(good).first(size), "cut.heic"), kInvalidArgument, "cut.heic: ");
   }
 }
 
-TEST(DecodeHeic, RefusesManyPixelsByTheHeader) {
+TEST(DecodeHeic, RejectsTooManyPixelsByTheHeader) {
   std::string bomb = testing::ReadBytes(kFlat);
   const size_t size = bomb.find("ispe") + 8;
   for (const size_t at : {size, size + 4}) bomb.replace(at, 4, std::string("\0\0\xff\xff", 4));
@@ -91,7 +91,7 @@ TEST(DecodeHeic, RefusesManyPixelsByTheHeader) {
                 "bomb.heic: 65535x65535 pixels, the limit is 64000000");
 }
 
-// The sanitizers watch.
+// Fails under the address sanitizer if a read leaves the buffer.
 TEST(DecodeHeic, SurvivesEveryChangedByte) {
   const std::string good = testing::ReadBytes(kTurned);
   for (size_t i = 0; i < good.size(); ++i) {
@@ -104,7 +104,7 @@ TEST(DecodeHeic, SurvivesEveryChangedByte) {
   }
 }
 
-TEST(IsHeic, LeavesAvifAndVideosOut) {
+TEST(IsHeic, RejectsAvifAndVideos) {
   const auto begins = [](const std::string& brand) {
     return IsHeic(Span(std::string("\0\0\0\x1c", 4) + "ftyp" + brand));
   };

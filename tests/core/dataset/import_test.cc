@@ -34,7 +34,7 @@ TEST(ImportCapture, ReadsTheShippedScene) {
   EXPECT_EQ(held_out, 2);
   EXPECT_TRUE(capture.views[0].held_out && capture.views[8].held_out);
   EXPECT_EQ(capture.views[3].name, "frame-000003.jpg");
-  // The points lie on the shelf, in front of the cameras: most project into the first view.
+  // The points are on the shelf, in front of the cameras, so most project into the first view.
   const View& view = capture.views[0];
   int inside = 0;
   for (const ScenePoint& point : capture.points) {
@@ -71,8 +71,8 @@ TEST(ImportCapture, SortsViewsAndKeepsPosesAndCameras) {
   EXPECT_THAT(capture.warnings, ::testing::IsEmpty());
 }
 
-// As of poses in map coordinates, where single precision ends at half a metre.
-TEST(ImportCapture, CountsCoordinatesFarFromZeroFromTheMiddleOfTheCameras) {
+// Map coordinates, in which single precision resolves only half a metre.
+TEST(ImportCapture, MovesTheOriginToCamerasFarFromZero) {
   const Eigen::Vector3d far(4e5, 5.3e6, 1e7);
   for (const bool text : {false, true}) {
     SmallDataset near, dataset;
@@ -105,7 +105,7 @@ TEST(ImportCapture, CountsCoordinatesFarFromZeroFromTheMiddleOfTheCameras) {
   }
 }
 
-TEST(ImportCapture, KeepsPngPhotographsAndMasksAsTheyAre) {
+TEST(ImportCapture, KeepsPngPhotographsAndMasksUnchanged) {
   SmallDataset dataset;
   dataset.Write();
   ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
@@ -141,7 +141,7 @@ TEST(ImportCapture, IgnoresTransparentPixels) {
   EXPECT_THAT(ignored, ::testing::ElementsAre(5, 77, 79));  // 5: the dataset's ignore mask
 }
 
-TEST(ImportCapture, GivesTheSameForTextAndBinaryPoses) {
+TEST(ImportCapture, ReadsTextAndBinaryPosesAlike) {
   SmallDataset binary, text;
   text.text = true;
   binary.Write();
@@ -184,7 +184,7 @@ TEST(ImportCapture, ShrinksPhotographsCamerasAndMasksAlike) {
   EXPECT_EQ(view.ignore[2], 1);
 }
 
-TEST(ImportCapture, LeavesOutWhatDoesNotMatchAndSaysSo) {
+TEST(ImportCapture, WarnsOfFilesWithoutACounterpart) {
   SmallDataset dataset;
   dataset.images[0].name = "gone.jpg";
   dataset.Write();
@@ -215,7 +215,7 @@ TEST(ImportCapture, UndistortsPhotographMasksAndIgnoreMask) {
   dataset.Write();
   ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
   const View& view = capture.views[0];
-  // The photograph shows less than a pinhole of its size would: the frame is cut.
+  // The photograph shows less than a pinhole of its size would, so the frame is cropped.
   EXPECT_LT(view.camera.width, 40);
   EXPECT_LT(view.camera.height, 30);
   EXPECT_DOUBLE_EQ(view.camera.fx, 45);
@@ -224,9 +224,9 @@ TEST(ImportCapture, UndistortsPhotographMasksAndIgnoreMask) {
   EXPECT_EQ(view.ignore.size(), static_cast<size_t>(view.camera.width) * view.camera.height);
 }
 
-TEST(ImportCapture, KeepsTheLensAndThePartOfThePhotograph) {
+TEST(ImportCapture, RecordsTheLensAndTheRectangleOfThePhotograph) {
   SmallDataset dataset;
-  // Half as large as its camera.
+  // The photograph is half as large as its camera.
   dataset.cameras = {{1, 3, "RADIAL", 80, 60, {90, 40, 30, 0.3, 0.05}}};
   dataset.Write();
   ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import({.image_scale = 0.5}));
@@ -246,7 +246,7 @@ TEST(ImportCapture, KeepsTheLensAndThePartOfThePhotograph) {
   }
 }
 
-TEST(ImportCapture, KeepsHowExifTurnsAPhotograph) {
+TEST(ImportCapture, RecordsTheExifOrientation) {
   SmallDataset dataset;
   dataset.Write();
   // An APP1 segment with a TIFF structure of one entry: orientation 6.
@@ -260,11 +260,11 @@ TEST(ImportCapture, KeepsHowExifTurnsAPhotograph) {
   ASSERT_OK_AND_ASSIGN(const Capture capture, dataset.Import());
   EXPECT_EQ(capture.views[0].photograph->orientation, 6);
   EXPECT_EQ(capture.views[1].photograph->orientation, 1);
-  // Poses belong to the pixels as stored.
+  // Poses belong to the stored pixels.
   EXPECT_EQ(capture.views[0].photo.width, 40);
 }
 
-// A dataset whose lens distorts, with masks of b.jpg and depth of a.jpg.
+// A dataset with a distorting lens, masks of b.jpg and depth of a.jpg.
 struct DatasetWithPriors : SmallDataset {
   DatasetWithPriors() {
     cameras = {{1, 2, "SIMPLE_RADIAL", 40, 30, {50, 20, 15, 0.1}}};
@@ -284,7 +284,7 @@ struct DatasetWithPriors : SmallDataset {
   }
 };
 
-TEST(ImportPriors, GivesViewsWhatAnImportWithTheFilesGivesThem) {
+TEST(ImportPriors, EqualsAnImportThatIncludesTheFiles) {
   const DatasetWithPriors dataset;
   ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
   ASSERT_OK_AND_ASSIGN(const Capture whole, ImportCapture(files, {.image_scale = 0.5}));
@@ -293,7 +293,7 @@ TEST(ImportPriors, GivesViewsWhatAnImportWithTheFilesGivesThem) {
   ASSERT_EQ(priors.size(), 3u);
   std::erase_if(files, &DatasetWithPriors::IsPrior);
   ASSERT_OK_AND_ASSIGN(Capture capture, ImportCapture(files, {.image_scale = 0.5}));
-  // The photographs are not read again.
+  // Fails if the photographs are read again.
   for (const char* name : {"a.jpg", "b.jpg", "sub/c.png"}) {
     std::filesystem::remove(dataset.folder / "images" / name);
   }
@@ -314,7 +314,7 @@ TEST(ImportPriors, GivesViewsWhatAnImportWithTheFilesGivesThem) {
   }
 }
 
-TEST(ImportPriors, LeavesTheCaptureAsItWasOnAnError) {
+TEST(ImportPriors, LeavesTheCaptureUnchangedOnError) {
   const DatasetWithPriors dataset;
   ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
   std::vector<DatasetFile> priors;

@@ -34,18 +34,18 @@ TEST(SamMasks, AreReadPlainAndCompressed) {
   }
 }
 
-TEST(SamMasks, AnEmptyListIsNoMask) {
+TEST(SamMasks, MayBeAnEmptyList) {
   ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadJson("[]"));
   EXPECT_TRUE(set.empty());
 }
 
-TEST(SamMasks, OfAnotherSizeAreRefusedNamingBoth) {
+TEST(SamMasks, AreRejectedNamingBothSizesIfTheyDiffer) {
   EXPECT_STATUS(ReadJson(R"([{"segmentation": {"size": [4, 3], "counts": [12]}}])"),
                 kInvalidArgument,
                 "masks/a.json: mask 0: has 3x4 pixels, its photograph images/a.jpg has 4x3");
 }
 
-TEST(SamMasks, ThatAreMalformedAreRefusedNamingTheMask) {
+TEST(SamMasks, AreRejectedNamingTheMalformedMask) {
   const std::string good = R"({"segmentation": {"size": [3, 4], "counts": [0, 12]}}, )";
   const auto bad = [&](const std::string& text) { return ReadJson("[" + good + text + "]"); };
   EXPECT_STATUS(bad("3"), kInvalidArgument, "masks/a.json: mask 1");
@@ -68,13 +68,13 @@ TEST(SamMasks, ThatAreMalformedAreRefusedNamingTheMask) {
   EXPECT_STATUS(ReadJson(std::string(100'000, '[')), kInvalidArgument, "nested deeper");
 }
 
-TEST(SamMasks, HaveALimitOfTheirNumber) {
+TEST(SamMasks, HaveALimitedNumber) {
   std::string text = "[0";
   for (int i = 0; i < kMaxMasksOfView; ++i) text += ",0";
   EXPECT_STATUS(ReadJson(text + "]"), kInvalidArgument, "has 4097 masks, the limit is 4096");
 }
 
-TEST(LabelMasks, AreOnePerValueButZero) {
+TEST(LabelMasks, AreOnePerNonZeroValue) {
   const TempFolder folder;
   WriteBytes(folder / "a.png", testing::Png({4, 3, 1, {0, 7, 7, 0, 0, 7, 9, 9, 0, 0, 0, 9}}));
   ASSERT_OK_AND_ASSIGN(const MaskSet set, ReadMasks(folder / "a.png", "masks/a.png", kPhoto));

@@ -1,5 +1,5 @@
-// Memory that JSON files, those of masks first, take while they are read, however they are made. A
-// program of its own: it counts what is allocated.
+// Limits of the memory that reading JSON files takes, whatever the files contain; above all files
+// of masks. This is a program of its own, because it replaces the allocator to count.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -48,7 +48,7 @@ namespace pepeseg {
 namespace {
 
 constexpr size_t kTextBytes = size_t{8} << 20;
-// So large that no text of this size has too many runs.
+// So large that no text of this size has too many runs for it.
 const PhotoSize kLargePhoto = {"images/a.jpg", 4000, 3000};
 const PhotoSize kSmallPhoto = {"images/a.jpg", 400, 300};
 
@@ -66,7 +66,7 @@ int64_t PeakBytes(const std::string& text, const PhotoSize& photo) {
   return peak_bytes - before;
 }
 
-// At the peak, besides the text and the answer's grid of pixels, by the text's bytes.
+// Returns the peak memory per byte of text, without the text and the pixels of the result.
 double BytesPerByte(const std::string& what, const std::string& text, const PhotoSize& photo) {
   const int64_t more = PeakBytes(text, photo) - PeakBytes("[]", photo);
   const double bytes = static_cast<double>(more) / static_cast<double>(text.size());
@@ -92,13 +92,13 @@ TEST(FileJsonMemory, DoesNotGrowWithNesting) {
   }
 }
 
-TEST(MaskMemory, DoesNotGrowWithValuesThatArePassedOver) {
+TEST(MaskMemory, DoesNotGrowWithSkippedValues) {
   EXPECT_LT(BytesPerByte("numbers", Repeat("[[", "1,"), kSmallPhoto), 0.2);
   EXPECT_LT(BytesPerByte("members", Repeat("[{", R"("a":1,)"), kSmallPhoto), 0.2);
 }
 
-// The parser holds a word, or brackets without one between them, for its error message.
-TEST(MaskMemory, HoldsOneWordAtATime) {
+// The parser keeps one token, or a series of brackets, for its error message.
+TEST(MaskMemory, HoldsOneTokenAtATime) {
   EXPECT_LT(BytesPerByte("lists", Repeat("[[", "[],"), kSmallPhoto), 6);
   EXPECT_LT(BytesPerByte("masks", Repeat("[", "{},"), kSmallPhoto), 6);
   EXPECT_LT(BytesPerByte("one long name", Repeat("[{\"", "abcdefgh"), kSmallPhoto), 12);
@@ -109,7 +109,7 @@ TEST(MaskMemory, HoldsTheRunsOfOneMask) {
   EXPECT_LT(BytesPerByte("runs", Repeat(kRuns, "1,"), kLargePhoto), 4.2);
   const std::string counts = Repeat(kCompressedRuns, "1") + "\"}}]";
   EXPECT_LT(BytesPerByte("compressed runs", counts, kLargePhoto), 18);
-  // As many as the photograph has pixels, where it has fewer than the text has characters.
+  // At most one run per pixel, if the photograph has fewer pixels than the text has characters.
   EXPECT_LT(BytesPerByte("runs of a small photograph", Repeat(kRuns, "1,"), kSmallPhoto), 0.2);
 }
 

@@ -12,20 +12,21 @@ namespace pepeseg::testing {
 struct FrameRecord {
   std::string file_path;
   Pose cam_from_world;
-  double scale = 1;         // of the axes
+  double scale = 1;         // factor of the axes
   std::string more_fields;  // `, "w": 40`
 };
 
-// `fields`: of the document, `"fl_x": 50`. Doubles are written in full.
+// Returns the text of the file. `fields` are those of the document, such as `"fl_x": 50`. Doubles
+// are written without rounding.
 std::string TransformsJson(const std::string& fields, const std::vector<FrameRecord>& frames);
 
-// 17 numbers a pose: LLFF's axes, 40x30 pixels, focal length 50, bounds 1 and 9.
+// Returns 17 numbers for each pose: LLFF's axes, 40x30 pixels, focal length 50, bounds 1 and 9.
 std::vector<double> PosesBoundsRows(const std::vector<Pose>& poses);
 std::string PosesBoundsNpy(const std::vector<double>& rows);
 
-// The poses of SmallDataset's photographs a.jpg, b.jpg and sub/c.png.
+// Returns the poses of SmallDataset's photographs a.jpg, b.jpg and sub/c.png.
 std::vector<Pose> SmallPoses();
-// A SmallDataset without its COLMAP files.
+// Deletes the COLMAP files of a SmallDataset.
 void RemoveColmap(const SmallDataset& dataset);
 
 }  // namespace pepeseg::testing

@@ -36,7 +36,7 @@ class PosesBoundsTest : public ::testing::Test {
   std::vector<double> rows_;
 };
 
-TEST_F(PosesBoundsTest, GivesThePosesThatItWasWrittenFrom) {
+TEST_F(PosesBoundsTest, RoundTripsPoses) {
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
   const std::vector<Pose> wanted = testing::SmallPoses();
   ASSERT_EQ(capture.views.size(), wanted.size());
@@ -61,14 +61,14 @@ TEST_F(PosesBoundsTest, FitsTheLensToShrunkPhotographs) {
   EXPECT_THAT(capture.warnings, ::testing::ElementsAre(::testing::HasSubstr("another size")));
 }
 
-TEST_F(PosesBoundsTest, RefusesAnotherNumberOfPhotographs) {
+TEST_F(PosesBoundsTest, RejectsAnotherNumberOfPhotographs) {
   rows_.resize(2 * 17);
   EXPECT_STATUS(Import(), kInvalidArgument, "poses_bounds.npy: has 2 poses for 3 photographs");
   rows_.resize(4 * 17, 1);
   EXPECT_STATUS(Import(), kInvalidArgument, "poses_bounds.npy: has 4 poses for 3 photographs");
 }
 
-TEST_F(PosesBoundsTest, RefusesAnotherShape) {
+TEST_F(PosesBoundsTest, RejectsAnotherShape) {
   const std::string bytes = testing::BytesOf<double>(rows_);
   EXPECT_STATUS(ImportBytes(NpyOf(NpyDict("<f8", "(17, 3)"), bytes)), kInvalidArgument,
                 "has 3 numbers a photograph, LLFF's have 17");
@@ -79,14 +79,14 @@ TEST_F(PosesBoundsTest, RefusesAnotherShape) {
                 "cut short");
 }
 
-TEST_F(PosesBoundsTest, RefusesACutFile) {
+TEST_F(PosesBoundsTest, RejectsAFileCutShort) {
   const std::string bytes = PosesBoundsNpy(rows_);
   for (const size_t size : {size_t{0}, size_t{7}, size_t{40}, bytes.size() - 1}) {
     EXPECT_STATUS(ImportBytes(bytes.substr(0, size)), kInvalidArgument, "poses_bounds.npy");
   }
 }
 
-TEST_F(PosesBoundsTest, NamesTheRowThatIsNoPose) {
+TEST_F(PosesBoundsTest, NamesTheInvalidPose) {
   const auto with = [&](size_t place, double value) {
     std::vector<double> rows = rows_;
     rows[17 + place] = value;
@@ -104,7 +104,7 @@ TEST_F(PosesBoundsTest, NamesTheRowThatIsNoPose) {
   EXPECT_STATUS(with(14, 0), kInvalidArgument, row);
 }
 
-TEST_F(PosesBoundsTest, RefusesAxesThatAreMirrored) {
+TEST_F(PosesBoundsTest, RejectsMirroredAxes) {
   for (size_t axis = 0; axis < 3; ++axis) rows_[axis * 5] = -rows_[axis * 5];
   EXPECT_STATUS(Import(), kInvalidArgument, "row 0 (a.jpg): the axes of the camera are mirrored");
 }

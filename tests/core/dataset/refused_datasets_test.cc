@@ -6,7 +6,7 @@
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
 
-// Every dataset that must not be imported, with what its error must name.
+// Datasets that the import must reject, with what the error must name.
 namespace pepeseg {
 namespace {
 
@@ -15,7 +15,7 @@ using testing::ReadBytes;
 using testing::SmallDataset;
 using testing::WriteBytes;
 
-TEST(RefusedDataset, ATruncatedJpeg) {
+TEST(ImportCapture, RejectsATruncatedJpeg) {
   SmallDataset dataset;
   dataset.Write();
   const std::string good = ReadBytes(dataset.folder / "images/b.jpg");
@@ -23,7 +23,7 @@ TEST(RefusedDataset, ATruncatedJpeg) {
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "images/b.jpg: the JPEG file is cut short");
 }
 
-TEST(RefusedDataset, ABillionImages) {
+TEST(ImportCapture, RejectsABillionDeclaredImages) {
   SmallDataset dataset;
   dataset.Write();
   std::string bytes = ReadBytes(dataset.folder / "sparse/0/images.bin");
@@ -33,7 +33,7 @@ TEST(RefusedDataset, ABillionImages) {
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "sparse/0/images.bin: declares 1000000000");
 }
 
-TEST(RefusedDataset, AMaskOfAnotherSize) {
+TEST(ImportCapture, RejectsAMaskOfAnotherSize) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "masks/a.json",
              R"([{"segmentation": {"size": [480, 640], "counts": [307200]}}])");
@@ -42,7 +42,7 @@ TEST(RefusedDataset, AMaskOfAnotherSize) {
                 "masks/a.json: mask 0: has 640x480 pixels, its photograph images/a.jpg has 40x30");
 }
 
-TEST(RefusedDataset, AnIgnoreMaskOfAnotherSize) {
+TEST(ImportCapture, RejectsAnIgnoreMaskOfAnotherSize) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "ignore_mask.png",
              testing::Png({2, 2, 1, std::vector<uint8_t>(4, 1)}));
@@ -50,7 +50,7 @@ TEST(RefusedDataset, AnIgnoreMaskOfAnotherSize) {
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "ignore_mask.png: has 2x2 pixels");
 }
 
-TEST(RefusedDataset, PosesThatAreNotNumbers) {
+TEST(ImportCapture, RejectsPosesThatAreNotNumbers) {
   SmallDataset dataset;
   dataset.images[1].t[2] = std::numeric_limits<double>::quiet_NaN();
   dataset.Write();
@@ -58,7 +58,7 @@ TEST(RefusedDataset, PosesThatAreNotNumbers) {
                 "sparse/0/images.bin: image 1 (images/b.jpg): the pose is not finite");
 }
 
-TEST(RefusedDataset, AnImageOutsideOfItsFolder) {
+TEST(ImportCapture, RejectsAnImageOutsideOfItsFolder) {
   SmallDataset dataset;
   dataset.images[0].name = "../../x";
   dataset.Write();
@@ -67,20 +67,20 @@ TEST(RefusedDataset, AnImageOutsideOfItsFolder) {
   EXPECT_STATUS(ImportCapture(files, {}), kInvalidArgument, "\"../../x\"");
 }
 
-TEST(RefusedDataset, AnEmptyOne) {
+TEST(ImportCapture, RejectsAnEmptyDataset) {
   const testing::TempFolder folder;
   EXPECT_STATUS(ListDataset(folder.path()), kInvalidArgument, "no photographs");
   EXPECT_STATUS(ImportCapture({}, {}), kInvalidArgument, "no photographs among the files");
 }
 
-TEST(RefusedDataset, OneWithoutPoses) {
+TEST(ImportCapture, RejectsADatasetWithoutPoses) {
   SmallDataset dataset;
   dataset.Write();
   std::filesystem::remove(dataset.folder / "sparse/0/images.bin");
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "no poses among the files");
 }
 
-TEST(RefusedDataset, OneWithFewerThanTwoViews) {
+TEST(ImportCapture, RejectsFewerThanTwoViews) {
   SmallDataset dataset;
   dataset.images[0].name = "x.jpg";
   dataset.images[1].name = "y.jpg";
@@ -88,7 +88,7 @@ TEST(RefusedDataset, OneWithFewerThanTwoViews) {
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "1 of 3 photographs have a pose");
 }
 
-TEST(RefusedDataset, APhotographOfAnotherShapeThanItsCamera) {
+TEST(ImportCapture, RejectsAPhotographOfAnotherShapeThanItsCamera) {
   SmallDataset dataset;
   dataset.cameras[0].width = 30;
   dataset.cameras[0].height = 40;
@@ -97,14 +97,14 @@ TEST(RefusedDataset, APhotographOfAnotherShapeThanItsCamera) {
                 "images/a.jpg: 40x30 pixels, its camera has 30x40");
 }
 
-TEST(RefusedDataset, AnImageWhoseCameraIsMissing) {
+TEST(ImportCapture, RejectsAnImageWithoutItsCamera) {
   SmallDataset dataset;
   dataset.images[2].camera_id = 77;
   dataset.Write();
   EXPECT_STATUS(dataset.Import(), kInvalidArgument, "sub/c.png has the camera 77");
 }
 
-TEST(RefusedDataset, TwoPosesOrFilesForOnePhotograph) {
+TEST(ImportCapture, RejectsTwoPosesOrFilesForOnePhotograph) {
   SmallDataset poses;
   poses.images[1].name = "images/a.jpg";
   poses.Write();
@@ -116,7 +116,7 @@ TEST(RefusedDataset, TwoPosesOrFilesForOnePhotograph) {
   EXPECT_STATUS(masks.Import(), kInvalidArgument, "masks/a.json and masks/a.png");
 }
 
-TEST(RefusedDataset, TwoFilesOfGaussians) {
+TEST(ImportCapture, RejectsTwoFilesOfGaussians) {
   SmallDataset dataset;
   dataset.Write();
   ASSERT_OK_AND_ASSIGN(std::vector<DatasetFile> files, ListDataset(dataset.folder.path()));
@@ -127,7 +127,7 @@ TEST(RefusedDataset, TwoFilesOfGaussians) {
                 "two files of Gaussians: a.ply and b.ply");
 }
 
-TEST(RefusedDataset, AMaskThatCouldBelongToTwoPhotographs) {
+TEST(ImportCapture, RejectsAMaskThatCouldBelongToTwoPhotographs) {
   SmallDataset dataset;
   WriteBytes(dataset.folder / "images/a.png", testing::Png(testing::Picture(40, 30)));
   dataset.images.push_back({9, {1, 0, 0, 0}, {0, 0, 0}, 1, "a.png", 0});

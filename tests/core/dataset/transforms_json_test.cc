@@ -20,7 +20,7 @@ using testing::TransformsJson;
 
 constexpr char kLens[] = R"("fl_x": 50, "fl_y": 51, "cx": 21, "cy": 14, "w": 40, "h": 30)";
 
-// The photographs of a SmallDataset, and transforms.json in place of COLMAP's files.
+// A SmallDataset with transforms.json in place of COLMAP's files.
 class TransformsJsonTest : public ::testing::Test {
  protected:
   TransformsJsonTest() {
@@ -39,7 +39,7 @@ class TransformsJsonTest : public ::testing::Test {
     WriteText(TransformsJson(fields, frames_));
     return dataset_.Import();
   }
-  // Of the poses alone.
+  // Reads only the poses.
   absl::StatusOr<PhotoPoses> Read(const std::string& fields) {
     WriteText(TransformsJson(fields, frames_));
     const auto files = ListDataset(dataset_.folder.path());
@@ -60,7 +60,7 @@ class TransformsJsonTest : public ::testing::Test {
   std::vector<FrameRecord> frames_;
 };
 
-TEST_F(TransformsJsonTest, GivesThePosesThatItWasWrittenFrom) {
+TEST_F(TransformsJsonTest, RoundTripsPoses) {
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
   ExpectPoses(capture);
   EXPECT_THAT(capture.warnings, IsEmpty());
@@ -74,7 +74,7 @@ TEST_F(TransformsJsonTest, GivesThePosesThatItWasWrittenFrom) {
   EXPECT_EQ(camera.cy, 14);
 }
 
-TEST_F(TransformsJsonTest, KnowsAPhotographByManyNames) {
+TEST_F(TransformsJsonTest, MatchesAPhotographByManyPaths) {
   frames_[0].file_path = "./a";
   frames_[1].file_path = "..\\\\data\\\\images_4\\\\b.png";
   frames_[2].file_path = "/home/somebody/images/sub/c";
@@ -83,7 +83,7 @@ TEST_F(TransformsJsonTest, KnowsAPhotographByManyNames) {
   EXPECT_THAT(capture.warnings, IsEmpty());
 }
 
-TEST_F(TransformsJsonTest, DoesNotTakeAPhotographOfAnotherFolder) {
+TEST_F(TransformsJsonTest, RejectsAPhotographOfAnotherFolder) {
   frames_[2].file_path = "images/other/c.png";
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
   EXPECT_EQ(capture.views.size(), 2u);
@@ -92,7 +92,7 @@ TEST_F(TransformsJsonTest, DoesNotTakeAPhotographOfAnotherFolder) {
                           HasSubstr("have no photograph and are left out: images/other/c.png")));
 }
 
-TEST_F(TransformsJsonTest, WithoutSuffixIsOfNeitherOfTwo) {
+TEST_F(TransformsJsonTest, MatchesNeitherOfTwoWithoutASuffix) {
   testing::WriteBytes(dataset_.folder / "images/b.png", testing::Png(testing::Picture(40, 30)));
   frames_[1].file_path = "images/b";
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
@@ -100,13 +100,13 @@ TEST_F(TransformsJsonTest, WithoutSuffixIsOfNeitherOfTwo) {
   EXPECT_THAT(capture.warnings[1], HasSubstr("no photograph and are left out: images/b"));
 }
 
-TEST_F(TransformsJsonTest, TakesTheScaleOutOfTheAxes) {
+TEST_F(TransformsJsonTest, RemovesTheScaleOfTheAxes) {
   for (FrameRecord& frame : frames_) frame.scale = 3;
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import());
   ExpectPoses(capture);
 }
 
-TEST_F(TransformsJsonTest, TakesTheFieldOfViewAndThePhotographsSize) {
+TEST_F(TransformsJsonTest, DerivesTheLensFromFieldOfViewAndPhotographSize) {
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import(R"("camera_angle_x": 1.5707963267948966)"));
   const Camera& camera = capture.views[1].camera;
   EXPECT_NEAR(camera.fx, 20, 1e-9);
@@ -123,7 +123,7 @@ TEST_F(TransformsJsonTest, FitsTheLensToAShrunkPhotograph) {
   EXPECT_THAT(capture.warnings, ElementsAre(HasSubstr("another size")));
 }
 
-TEST_F(TransformsJsonTest, AFramesFieldsGoBeforeTheDocuments) {
+TEST_F(TransformsJsonTest, PrefersTheFieldsOfTheFrame) {
   frames_[1].more_fields = R"(, "fl_x": 60, "k1": 0.01, "colmap_im_id": 7)";
   ASSERT_OK_AND_ASSIGN(const PhotoPoses poses, Read(kLens));
   ASSERT_EQ(poses.lenses.size(), 2u);
@@ -134,7 +134,7 @@ TEST_F(TransformsJsonTest, AFramesFieldsGoBeforeTheDocuments) {
   EXPECT_EQ(lens.distortion[0], 0.01);
 }
 
-TEST_F(TransformsJsonTest, DistortionIsOpenCvs) {
+TEST_F(TransformsJsonTest, ReadsOpenCvDistortion) {
   const std::string base = std::string(kLens) + R"(, "k1": 0.1, "k2": 0.2, "p1": 0.3, "p2": 0.4)";
   ASSERT_OK_AND_ASSIGN(PhotoPoses poses, Read(base));
   EXPECT_EQ(poses.lenses.at(0).model, LensModel::kOpencv);
@@ -149,13 +149,13 @@ TEST_F(TransformsJsonTest, DistortionIsOpenCvs) {
   EXPECT_STATUS(Read(base + R"(, "k4": 0.6)"), kInvalidArgument, "frame 0: \"k4\" is 0.6");
 }
 
-TEST_F(TransformsJsonTest, ADistortedLensIsUndistorted) {
+TEST_F(TransformsJsonTest, UndistortsTheLens) {
   ASSERT_OK_AND_ASSIGN(const Capture straight, Import());
   ASSERT_OK_AND_ASSIGN(const Capture bent, Import(std::string(kLens) + R"(, "k1": -0.2)"));
   EXPECT_NE(bent.views[0].photo.pixels, straight.views[0].photo.pixels);
 }
 
-TEST_F(TransformsJsonTest, SaysWhatItDoesNotDo) {
+TEST_F(TransformsJsonTest, WarnsOfWhatItIgnores) {
   ASSERT_OK_AND_ASSIGN(
       const Capture capture,
       Import(std::string(kLens) + R"(, "applied_transform": [], "ply_file_path": "pc.ply")"));
@@ -163,7 +163,7 @@ TEST_F(TransformsJsonTest, SaysWhatItDoesNotDo) {
                                             HasSubstr("its points are not among the files")));
 }
 
-TEST_F(TransformsJsonTest, ColmapsPosesGoFirst) {
+TEST_F(TransformsJsonTest, PrefersColmapPoses) {
   dataset_.Write();
   testing::WriteBytes(dataset_.folder / "poses_bounds.npy", "no NPY");
   ASSERT_OK_AND_ASSIGN(const Capture capture, Import("\"fl_x\": 60"));
@@ -174,7 +174,7 @@ TEST_F(TransformsJsonTest, ColmapsPosesGoFirst) {
                           "poses_bounds.npy"));
 }
 
-TEST_F(TransformsJsonTest, ItsPointsGoWithItsPoses) {
+TEST_F(TransformsJsonTest, UsesItsPointsOnlyWithItsPoses) {
   testing::WriteBytes(dataset_.folder / "sparse_pc.ply",
                       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                       "property float y\nproperty float z\nend_header\n7 8 9\n");
@@ -191,7 +191,7 @@ TEST_F(TransformsJsonTest, ItsPointsGoWithItsPoses) {
                           HasSubstr("sparse_pc.ply belongs to the poses of transforms.json")));
 }
 
-TEST_F(TransformsJsonTest, RefusesWhatIsNoList) {
+TEST_F(TransformsJsonTest, RejectsDocumentsWithoutAListOfFrames) {
   for (const char* text : {"", "{\"frames\": [", "[]", "{\"frames\": {}}", "{\"frame\": []}",
                            "{\"frames\": [{\"transform_matrix\": [[NaN]]}]}"}) {
     WriteText(text);
@@ -206,7 +206,7 @@ TEST_F(TransformsJsonTest, RefusesWhatIsNoList) {
   EXPECT_STATUS(dataset_.Import(), kInvalidArgument, "10001 frames, the limit is 10000");
 }
 
-TEST_F(TransformsJsonTest, RefusesWhatIsNoPose) {
+TEST_F(TransformsJsonTest, RejectsInvalidPoses) {
   const auto with = [&](const std::string& matrix) {
     WriteText(absl::StrCat("{", kLens, R"(, "frames": [{"file_path": "a.jpg",)",
                            R"("transform_matrix": )", matrix, "}]}"));
@@ -224,14 +224,14 @@ TEST_F(TransformsJsonTest, RefusesWhatIsNoPose) {
                 "right angles");
   EXPECT_STATUS(with("[[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]"), kInvalidArgument, "length 0");
   EXPECT_STATUS(with("[[1, 0, 0, 1e13], [0, 1, 0, 0], [0, 0, 1, 0]]"), kInvalidArgument, "beyond");
-  // Not JSON's: a number beyond doubles.
+  // A number beyond the range of double is not valid for the parser.
   EXPECT_STATUS(with("[[1, 0, 0, 1e400], [0, 1, 0, 0], [0, 0, 1, 0]]"), kInvalidArgument, "JSON");
 }
 
-TEST_F(TransformsJsonTest, RefusesWhatIsNoLens) {
+TEST_F(TransformsJsonTest, RejectsInvalidLenses) {
   EXPECT_STATUS(Import("\"w\": 40"), kInvalidArgument, "neither \"fl_x\" nor \"camera_angle_x\"");
   EXPECT_STATUS(Import("\"camera_angle_x\": 4"), kInvalidArgument, "radians");
-  EXPECT_STATUS(Import("\"fl_x\": \"50\""), kInvalidArgument, "\"fl_x\" is no finite number");
+  EXPECT_STATUS(Import("\"fl_x\": \"50\""), kInvalidArgument, "\"fl_x\" is not a finite number");
   EXPECT_STATUS(Import("\"fl_x\": -50"), kInvalidArgument, "frame 0");
   EXPECT_STATUS(Import(R"("fl_x": 50, "w": 40.5)"), kInvalidArgument, "\"w\" is 40.5");
   EXPECT_STATUS(Import(R"("fl_x": 50, "w": 1e300)"), kInvalidArgument, "\"w\" is");
@@ -241,12 +241,12 @@ TEST_F(TransformsJsonTest, RefusesWhatIsNoLens) {
                 "40x30 pixels, its camera has 30x40");
 }
 
-TEST_F(TransformsJsonTest, RefusesTwoPosesForAPhotograph) {
+TEST_F(TransformsJsonTest, RejectsTwoPosesForAPhotograph) {
   frames_[1].file_path = "elsewhere/a.jpg";
   EXPECT_STATUS(Import(), kInvalidArgument, "transforms.json: two poses for the photograph a.jpg");
 }
 
-TEST_F(TransformsJsonTest, RefusesNestingThatWouldTakeAllMemory) {
+TEST_F(TransformsJsonTest, RejectsDeepNesting) {
   WriteText(R"({"frames": )" + std::string(1 << 20, '['));
   EXPECT_STATUS(dataset_.Import(), kInvalidArgument,
                 "transforms.json: is nested deeper than 64 levels");

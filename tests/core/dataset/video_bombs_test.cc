@@ -1,4 +1,4 @@
-// Small videos that say they are large ones, or are.
+// Small files whose headers declare large videos, or that decode to large ones.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -28,7 +28,7 @@ class VideoBomb : public ::testing::Test {
  protected:
   VideoBomb() { task_ = {folder_ / "walk.avi", "videos/walk.avi", folder_.path(), "v0", 5}; }
 
-  // Motion JPEG of so many equal frames; its bytes.
+  // Writes a Motion JPEG video of `count` equal frames and returns its bytes.
   std::string Write(const Image& frame, size_t count) {
     testing::WriteVideo(task_.path, std::vector<Image>(count, frame));
     std::ifstream file(task_.path, std::ios::binary);
@@ -54,7 +54,7 @@ void Put(std::string& bytes, size_t at, uint32_t value) {
   std::memcpy(bytes.data() + at, &value, sizeof(value));
 }
 
-// Where the header of the file and that of its stream count the frames.
+// Sets the number of frames in the headers of the file and of its stream.
 void DeclareFrames(std::string& avi, uint32_t count) {
   Put(avi, avi.find("avih") + 8 + 16, count);
   Put(avi, avi.find("strh") + 8 + 32, count);
@@ -67,17 +67,17 @@ void DeclareSize(std::string& avi, uint32_t width, uint32_t height) {
   Put(avi, avi.find("strf") + 8 + 8, height);
 }
 
-TEST_F(VideoBomb, TwoBillionFramesAreRefusedUnread) {
+TEST_F(VideoBomb, IsRejectedUnreadIfItDeclaresTwoBillionFrames) {
   std::string avi = Write(Grey(64, 48), 8);
   DeclareFrames(avi, 0x7fffffff);
   Write(avi);
   EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: over 108000 frames");
 }
 
-TEST_F(VideoBomb, AHeaderOfGigapixelsIsRefused) {
+TEST_F(VideoBomb, IsRejectedIfItDeclaresGigapixels) {
   std::string avi = Write(Grey(64, 48), 8);
   DeclareSize(avi, 40'000, 30'000);
-  // What its frames say counts, too.
+  // The size in the frames counts, too.
   for (size_t at = avi.find("\xff\xc0"); at != std::string::npos;
        at = avi.find("\xff\xc0", at + 1)) {
     avi.replace(at + 5, 4, "\x75\x30\x9c\x40");
@@ -88,7 +88,7 @@ TEST_F(VideoBomb, AHeaderOfGigapixelsIsRefused) {
   EXPECT_LT(PeakBytes() - before, 256 * kMebibyte);
 }
 
-TEST_F(VideoBomb, FramesLargerThanTheHeaderSaysAreRefused) {
+TEST_F(VideoBomb, IsRejectedIfFramesExceedTheDeclaredSize) {
   std::string avi = Write(Grey(64, 48), 8);
   for (size_t at = avi.find("\xff\xc0"); at != std::string::npos;
        at = avi.find("\xff\xc0", at + 1)) {
@@ -98,12 +98,12 @@ TEST_F(VideoBomb, FramesLargerThanTheHeaderSaysAreRefused) {
   EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
 }
 
-// A gibibyte as pixels: read frame by frame, and none of them kept.
-TEST_F(VideoBomb, AGibibyteOfFramesTakesTheMemoryOfAFew) {
+// A gibibyte of pixels must be read frame by frame without keeping the frames.
+TEST_F(VideoBomb, TakesTheMemoryOfAFewFrames) {
   constexpr int kWidth = 1920, kHeight = 1080, kFrames = 175;
   static_assert(int64_t{3} * kWidth * kHeight * kFrames > 1024 * kMebibyte);
   const std::string avi = Write(Grey(kWidth, kHeight), 1);
-  // One frame again and again, without an index: players read on to the end.
+  // Repeats one frame without an index: decoders read on to the end of the file.
   const size_t list = avi.find("movi"), frame = list + 4;
   uint32_t size = 0;
   std::memcpy(&size, avi.data() + frame + 4, sizeof(size));

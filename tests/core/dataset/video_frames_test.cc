@@ -12,7 +12,7 @@ namespace {
 
 constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
 
-// Stripes about 20 pixels wide, `shift` pixels along; smeared over `smear`.
+// Returns stripes about 20 pixels wide, shifted by `shift` pixels and blurred over `smear` pixels.
 Image Stripes(int shift, int smear) {
   Image image{160, 112, 3, {}};
   for (int i = 0; i < image.width * image.height; ++i) {
@@ -63,30 +63,30 @@ TEST_F(VideoFramesTest, TakesTheSharpestOfEachWindow) {
   EXPECT_EQ(photo.height, 112);
 }
 
-TEST_F(VideoFramesTest, TakesAllOfAShortOne) {
+TEST_F(VideoFramesTest, TakesAllFramesOfAShortVideo) {
   task_.max_frames = 120;
   Write({Stripes(0, 0), Stripes(4, 0), Stripes(8, 0), Stripes(12, 0)});
   ASSERT_OK_AND_ASSIGN(const std::vector<VideoFrame> taken, Extract());
   EXPECT_EQ(taken.size(), 4u);
 }
 
-TEST_F(VideoFramesTest, RefusesOneWithoutMotion) {
+TEST_F(VideoFramesTest, RejectsAVideoWithoutMotion) {
   Write(std::vector<Image>(40, Stripes(0, 0)));
   EXPECT_STATUS(Extract(), absl::StatusCode::kFailedPrecondition,
                 "videos/walk.avi: the camera hardly moves: of 40 frames 1 differs");
 }
 
-TEST_F(VideoFramesTest, RefusesWhatDoesNotBeginAsAVideo) {
+TEST_F(VideoFramesTest, RejectsFilesThatDoNotBeginLikeAVideo) {
   for (const char* bytes : {"", "#EXTM3U\nhttp://127.0.0.1/x.ts\n", "ffconcat version 1.0\n",
                             "GIF89a no video at all", "RIFF1234WEBPVP8 "}) {
     Write(bytes);
-    EXPECT_STATUS(Extract(), kInvalid, "is no MP4, MOV, WebM, MKV or AVI");
+    EXPECT_STATUS(Extract(), kInvalid, "is not an MP4, MOV, WebM, MKV or AVI");
   }
   task_.path = "http://127.0.0.1/walk.mp4";
-  EXPECT_STATUS(Extract(), kInvalid, "is no regular file");
+  EXPECT_STATUS(Extract(), kInvalid, "is not a regular file");
 }
 
-TEST_F(VideoFramesTest, RefusesOneThatOnlyBeginsAsAVideo) {
+TEST_F(VideoFramesTest, RejectsFilesThatOnlyBeginLikeAVideo) {
   constexpr char kBytes[] =
       "\0\0\0\x18"
       "ftypmp42 and then nothing of the kind";
@@ -94,7 +94,7 @@ TEST_F(VideoFramesTest, RefusesOneThatOnlyBeginsAsAVideo) {
   EXPECT_STATUS(Extract(), kInvalid, "videos/walk.avi: ");
 }
 
-TEST_F(VideoFramesTest, StopsWhenTold) {
+TEST_F(VideoFramesTest, StopsWhenProgressReturnsAnError) {
   Write(std::vector<Image>(20, Stripes(0, 0)));
   const auto taken =
       ExtractFrames(task_, [](int64_t, int64_t) { return absl::CancelledError("enough"); });

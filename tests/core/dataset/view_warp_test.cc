@@ -21,12 +21,12 @@ using testing::LensCase;
 constexpr int kWidth = 160;
 constexpr int kHeight = 120;
 
-// The world behind the camera's glass: a smooth brightness for every ray.
+// The scene: a smooth brightness for every ray.
 double Brightness(const Vector2d& ray) {
   return 127.5 + 50 * std::sin(6 * ray.x()) + 50 * std::cos(5 * ray.y() + ray.x());
 }
 
-// The ray whose image is nearest to the pixel's centre, by Newton's method on the lens.
+// Returns the ray that the lens projects to the pixel's centre, by Newton's method.
 Vector2d RayThrough(const Lens& lens, const Vector2d& pixel) {
   Vector2d ray((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy);
   for (int i = 0; i < 30; ++i) {
@@ -56,7 +56,7 @@ Vector2d PinholeRay(const Camera& camera, int x, int y) {
   return {(x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy};
 }
 
-TEST(ViewWarp, TurnsTheDistortedPhotographIntoThePinholes) {
+TEST(ViewWarp, UndistortsThePhotograph) {
   for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
     const Lens lens = c.MakeLens();
@@ -84,7 +84,7 @@ TEST(ViewWarp, TurnsTheDistortedPhotographIntoThePinholes) {
   }
 }
 
-TEST(ViewWarp, TakesMasksAndIgnoreMaskTheSameWay) {
+TEST(ViewWarp, WarpsMasksAndIgnoreMaskAlike) {
   for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
     const Lens lens = c.MakeLens();
@@ -114,7 +114,7 @@ TEST(ViewWarp, TakesMasksAndIgnoreMaskTheSameWay) {
   }
 }
 
-TEST(ViewWarp, TakesMasksOfAnotherSizeThanThePhotographs) {
+TEST(ViewWarp, WarpsMasksOfAnotherSize) {
   constexpr int kFiner = 2;
   const Lens lens = DistortingLenses()[0].MakeLens();
   const auto inside = [](const Vector2d& ray) { return ray.x() > -0.2 && ray.y() > 0.1; };
@@ -155,7 +155,7 @@ TEST(ViewWarp, ShrinksAnUndistortedPhotograph) {
   EXPECT_LT(worst, 3);
 }
 
-TEST(ViewWarp, OfAPinholeChangesNothing) {
+TEST(ViewWarp, ChangesNothingForAPinhole) {
   Lens lens{.model = LensModel::kPinhole, .width = kWidth, .height = kHeight};
   lens.fx = 120, lens.fy = 122, lens.cx = 83, lens.cy = 57;
   ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1.0));
@@ -164,8 +164,8 @@ TEST(ViewWarp, OfAPinholeChangesNothing) {
   EXPECT_EQ(warp.camera().cx, 83);
 }
 
-TEST(ViewWarp, ShowsNothingTwiceWhereThePolynomialTurnsBack) {
-  // Beyond a slope of sqrt(1 / 3) rays would come back toward the centre.
+TEST(ViewWarp, ShowsNothingTwiceWhereThePolynomialFoldsBack) {
+  // Beyond a slope of sqrt(1 / 3), the projection of rays moves back towards the centre.
   Lens lens = LensCase{LensModel::kSimpleRadial, {-1.0}}.MakeLens();
   ASSERT_OK_AND_ASSIGN(const ViewWarp warp, ViewWarp::Create(lens, 1.0));
   const Camera& camera = warp.camera();
@@ -176,7 +176,7 @@ TEST(ViewWarp, ShowsNothingTwiceWhereThePolynomialTurnsBack) {
   }
 }
 
-TEST(ViewWarp, IsRestoredFromWhatAModelKeeps) {
+TEST(ViewWarp, IsRestoredFromPhotographAndCamera) {
   for (const LensCase& c : DistortingLenses()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
     const Lens lens = c.MakeLens();
@@ -188,7 +188,7 @@ TEST(ViewWarp, IsRestoredFromWhatAModelKeeps) {
   }
 }
 
-TEST(ViewWarp, RefusesALensThatShowsNothing) {
+TEST(ViewWarp, RejectsALensThatShowsNothing) {
   Lens lens = LensCase{LensModel::kSimpleRadial, {0.0}}.MakeLens();
   lens.cx = 1e5;
   lens.distortion[0] = 1e8;

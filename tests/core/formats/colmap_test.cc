@@ -36,7 +36,7 @@ std::vector<CameraRecord> CamerasOfAllModels() {
   return cameras;
 }
 
-TEST(ColmapCameras, OfEveryModelAreTheSameInBothForms) {
+TEST(ColmapCameras, AreEqualInBothFormsForEveryModel) {
   const TempFolder folder;
   const std::vector<CameraRecord> records = CamerasOfAllModels();
   WriteBytes(folder / "cameras.bin", CamerasBinary(records));
@@ -60,7 +60,7 @@ TEST(ColmapCameras, OfEveryModelAreTheSameInBothForms) {
   }
 }
 
-TEST(ColmapCameras, AreRefusedNamingFileRecordAndReason) {
+TEST(ColmapCameras, AreRejectedNamingFileRecordAndReason) {
   const TempFolder folder;
   const auto expect_refused = [&](const CameraRecord& record, const std::string& why) {
     WriteBytes(folder / "cameras.bin", CamerasBinary({record}));
@@ -92,7 +92,7 @@ TEST(ColmapCameras, AreRefusedNamingFileRecordAndReason) {
                 "the camera id 1 occurs twice");
 }
 
-TEST(ColmapImages, AreTheSameInBothForms) {
+TEST(ColmapImages, AreEqualInBothForms) {
   const TempFolder folder;
   const std::vector<ImageRecord> records = {
       {7, {0.5, -0.5, 0.5, 0.5}, {1, -2, 3.25}, 2, "a b.jpg", 5},
@@ -112,7 +112,7 @@ TEST(ColmapImages, AreTheSameInBothForms) {
   }
 }
 
-TEST(ColmapImages, HaveTheirRotationsNormalised) {
+TEST(ColmapImages, HaveNormalisedRotations) {
   const TempFolder folder;
   WriteBytes(folder / "images.txt", ImagesText({{1, {0.9, 0, 0.9, 0}, {0, 0, 0}, 1, "a.jpg", 0}}));
   ASSERT_OK_AND_ASSIGN(const auto images, ReadColmapImages(folder / "images.txt", "images.txt"));
@@ -120,7 +120,7 @@ TEST(ColmapImages, HaveTheirRotationsNormalised) {
   EXPECT_NEAR(images[0].cam_from_world.rotation.w(), std::sqrt(0.5), 1e-15);
 }
 
-TEST(ColmapImages, AreRefusedNamingFileRecordAndReason) {
+TEST(ColmapImages, AreRejectedNamingFileRecordAndReason) {
   const TempFolder folder;
   const auto expect_refused = [&](const ImageRecord& record, const std::string& why) {
     const ImageRecord good{1, {1, 0, 0, 0}, {0, 0, 0}, 1, "good.jpg", 0};
@@ -144,7 +144,7 @@ TEST(ColmapImages, AreRefusedNamingFileRecordAndReason) {
   expect_refused({2, {1, 0, 0, 0}, {0, 0, 0}, 1, "good.jpg", 0}, "good.jpg occurs twice");
 }
 
-TEST(ColmapImages, DeclaringMoreThanTheFileHoldsAreRefusedAtOnce) {
+TEST(ColmapImages, AreRejectedAtOnceIfTheFileDeclaresMoreThanItHolds) {
   const TempFolder folder;
   const ImageRecord image{1, {1, 0, 0, 0}, {0, 0, 0}, 1, "a.jpg", 0};
   const auto with_count = [&](uint64_t count, size_t at) {
@@ -162,7 +162,7 @@ TEST(ColmapImages, DeclaringMoreThanTheFileHoldsAreRefusedAtOnce) {
                 "image 0: declares");
 }
 
-TEST(ColmapPoints, AreTheSameInBothForms) {
+TEST(ColmapPoints, AreEqualInBothForms) {
   const TempFolder folder;
   const std::vector<PointRecord> records = {{4, {1.5, 2, -3}, {255, 0, 7}, 3},
                                             {5, {0, 0, 1}, {1, 2, 3}, 0}};
@@ -177,7 +177,7 @@ TEST(ColmapPoints, AreTheSameInBothForms) {
   }
 }
 
-TEST(ColmapPoints, AreRefusedNamingThePoint) {
+TEST(ColmapPoints, AreRejectedNamingThePoint) {
   const TempFolder folder;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   WriteBytes(folder / "points3D.bin",

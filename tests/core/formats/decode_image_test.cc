@@ -64,8 +64,8 @@ TEST(DecodePhoto, ReadsWebp) {
   }
 }
 
-TEST(DecodePhoto, LeavesTheOrientationTagAlone) {
-  // An Exif segment that says "turn by 90 degrees", put behind the JPEG's start marker.
+TEST(DecodePhoto, IgnoresTheOrientationTag) {
+  // An Exif segment with orientation 6 (rotate by 90 degrees), after the JPEG's start marker.
   const unsigned char exif[] = {0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0,    0,    'M', 'M',
                                 0,    42,   0, 0,  0,   8,   0,   1,   0x01, 0x12, 0,   3,
                                 0,    0,    0, 1,  0,   6,   0,   0,   0,    0,    0,   0};
@@ -76,7 +76,7 @@ TEST(DecodePhoto, LeavesTheOrientationTagAlone) {
   EXPECT_EQ(image.height, 35);
 }
 
-TEST(DecodePhoto, RefusesFilesThatAreCutShort) {
+TEST(DecodePhoto, RejectsFilesThatAreCutShort) {
   for (const std::string& good : {Jpeg(Picture(200, 150)), Png(Picture(200, 150))}) {
     for (int twentieth = 0; twentieth < 20; ++twentieth) {
       const std::string cut = good.substr(0, good.size() * twentieth / 20);
@@ -87,7 +87,7 @@ TEST(DecodePhoto, RefusesFilesThatAreCutShort) {
   }
 }
 
-TEST(DecodePhoto, RefusesOtherFormatsWhateverTheirName) {
+TEST(DecodePhoto, RejectsOtherFormatsWhateverTheirName) {
   EXPECT_STATUS(Decode("GIF89a...............", "a.jpg"), kInvalidArgument,
                 "a.jpg: not a JPEG, PNG, WebP or HEIC");
   EXPECT_STATUS(Decode("BM" + std::string(100, '\0'), "a.png"), kInvalidArgument, "a.png");
@@ -107,7 +107,8 @@ std::string PngChunk(const std::string& type, const std::string& data) {
          big_endian(static_cast<uint32_t>(crc));
 }
 
-// A valid PNG of a side with one bit a pixel, all black: a billion pixels in some 125 KB.
+// Returns a valid black PNG of side x side pixels with one bit each: a billion pixels in about
+// 125 KB.
 std::string BlackOneBitPng(uint16_t side) {
   const std::string row(1 + (side + 7) / 8, '\0');
   std::string raw;
@@ -122,7 +123,7 @@ std::string BlackOneBitPng(uint16_t side) {
          PngChunk("IDAT", packed) + PngChunk("IEND", "");
 }
 
-TEST(DecodePhoto, RefusesAHugeOneBitPngBeforeDecodingIt) {
+TEST(DecodePhoto, RejectsAHugeOneBitPngBeforeDecodingIt) {
   const std::string huge = BlackOneBitPng(32000);
   EXPECT_LT(huge.size(), 200'000u);
   const std::clock_t start = std::clock();
@@ -133,7 +134,7 @@ TEST(DecodePhoto, RefusesAHugeOneBitPngBeforeDecodingIt) {
   EXPECT_EQ(small.pixels, std::vector<uint8_t>(100 * 100 * 3, 0));
 }
 
-TEST(DecodePhoto, RefusesAHugeJpegByItsHeader) {
+TEST(DecodePhoto, RejectsAHugeJpegByItsHeader) {
   std::string bytes = Jpeg(Picture(64, 48));
   const size_t frame = bytes.find("\xFF\xC0");
   ASSERT_NE(frame, std::string::npos);
@@ -166,13 +167,13 @@ TEST(DecodeLabels, ReadsValuesOf8And16BitsAndColours) {
   EXPECT_EQ(deep.labels, (std::vector<uint32_t>{0x0102, 0xFFFE}));
 }
 
-TEST(DecodeLabels, RefusesALossyFormat) {
+TEST(DecodeLabels, RejectsALossyFormat) {
   const TempFolder folder;
   WriteBytes(folder / "a.png", Jpeg(Picture(8, 8)));
   EXPECT_STATUS(DecodeLabels(folder / "a.png", "a.png"), kInvalidArgument, "must be a PNG");
 }
 
-TEST(EncodePng, SixteenBitsComeBack) {
+TEST(EncodePng, RoundTripsSixteenBits) {
   const TempFolder folder;
   const Grey16Image grey = {3, 2, {0, 1, 255, 256, 40'000, 65'535}};
   ASSERT_OK_AND_ASSIGN(const std::string png, EncodePng(grey));
@@ -182,7 +183,7 @@ TEST(EncodePng, SixteenBitsComeBack) {
   EXPECT_EQ(read.labels, (std::vector<uint32_t>{0, 1, 255, 256, 40'000, 65'535}));
 }
 
-TEST(EncodePng, RefusesPixelsThatDoNotFit) {
+TEST(EncodePng, RejectsPixelsThatDoNotFit) {
   EXPECT_STATUS(EncodePng(Grey16Image{2, 2, {1, 2, 3}}), kInvalidArgument, "2x2 with 3 pixels");
   EXPECT_STATUS(EncodePng(Grey16Image{0, 2, {}}), kInvalidArgument, "0x2");
   EXPECT_STATUS(EncodePng({2, 2, 3, std::vector<uint8_t>(11)}), kInvalidArgument, "2x2x3");

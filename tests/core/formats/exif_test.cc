@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-// A TIFF structure that grows at its end.
+// Builds a TIFF structure by appending to it.
 class TiffBytes {
  public:
   explicit TiffBytes(bool big_endian) : big_endian_(big_endian) {
@@ -74,7 +74,7 @@ TEST(ReadExifCamera, ReadsBothByteOrders) {
   }
 }
 
-// With nothing but an orientation.
+// Returns a JPEG file whose EXIF data has only an orientation.
 std::vector<uint8_t> TurnedPhoto(bool big_endian, uint32_t orientation) {
   TiffBytes tiff(big_endian);
   tiff.Add(1, 2);
@@ -90,15 +90,15 @@ TEST(ReadExifOrientation, ReadsBothByteOrders) {
   }
 }
 
-TEST(ReadExifOrientation, IsUprightWhereNothingOrNonsenseIsSaid) {
+TEST(ReadExifOrientation, DefaultsToUpright) {
   EXPECT_EQ(ReadExifOrientation({}), 1);
   EXPECT_EQ(ReadExifOrientation(Photo(false)), 1);
   EXPECT_EQ(ReadExifOrientation(TurnedPhoto(true, 0)), 1);
   EXPECT_EQ(ReadExifOrientation(TurnedPhoto(true, 9)), 1);
 }
 
-// The sanitizers watch.
-TEST(ReadExifCamera, ReadsNoFurtherThanTheBytesGo) {
+// Fails under the address sanitizer if a read leaves the buffer.
+TEST(ReadExifCamera, NeverReadsBeyondTheBytes) {
   const std::vector<uint8_t> photo = Photo(false);
   for (size_t size = 0; size < photo.size(); ++size) {
     const std::vector<uint8_t> cut(photo.begin(), photo.begin() + static_cast<ptrdiff_t>(size));

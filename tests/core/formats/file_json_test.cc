@@ -26,7 +26,7 @@ TEST(ParseFileJson, ReadsValues) {
   EXPECT_EQ(json["a"][1], -2);
 }
 
-TEST(ParseFileJson, ReadsSixtyFourLevelsAndNoMore) {
+TEST(ParseFileJson, RejectsMoreThanSixtyFourLevels) {
   EXPECT_OK(ParseFileJson(Nested(64)));
   EXPECT_STATUS(ParseFileJson(Nested(65)), kInvalidArgument, "is nested deeper than 64 levels");
   EXPECT_STATUS(ParseFileJson("[" + Nested(63) + "," + Nested(64) + "]"), kInvalidArgument,
@@ -34,7 +34,7 @@ TEST(ParseFileJson, ReadsSixtyFourLevelsAndNoMore) {
   EXPECT_OK(ParseFileJson("[" + Nested(63) + "," + Nested(63) + "]")) << "one after the other";
 }
 
-TEST(ParseFileJson, RefusesWhatIsNotJson) {
+TEST(ParseFileJson, RejectsTextThatIsNotJson) {
   for (const char* text : {"", "[1, 2", "{\"a\"}", "[1] 2", "\xff"}) {
     EXPECT_STATUS(ParseFileJson(text), kInvalidArgument, "is not JSON, or cut short");
   }

@@ -26,7 +26,7 @@ Gaussians RandomGaussians(int64_t count, int sh_degree) {
   return gaussians;
 }
 
-TEST(GaussianPly, ComesBackBitForBit) {
+TEST(GaussianPly, RoundTripsBitForBit) {
   const TempFolder folder;
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
     const Gaussians gaussians = RandomGaussians(5000, degree);
@@ -38,7 +38,7 @@ TEST(GaussianPly, ComesBackBitForBit) {
   }
 }
 
-TEST(GaussianPly, FarFromZeroIsWrittenInDoublesAndComesBack) {
+TEST(GaussianPly, UsesDoublesFarFromZero) {
   const TempFolder folder;
   const Eigen::Vector3d origin(4e5, 5.3e6, 100);
   const Gaussians gaussians = RandomGaussians(5000, 1);
@@ -48,7 +48,7 @@ TEST(GaussianPly, FarFromZeroIsWrittenInDoublesAndComesBack) {
   for (size_t i = 0; i < read.planes.size(); ++i) {
     EXPECT_NEAR(read.planes[i], gaussians.planes[i], i < 15000 ? 1e-8 : 0);
   }
-  // As another program reads it: in the world.
+  // Another program reads coordinates in the world.
   ASSERT_OK_AND_ASSIGN(const Gaussians world, ReadGaussianPly(folder / "a.ply", "a.ply"));
   EXPECT_NEAR(world.Plane(kMeanPlane + 1)[7], gaussians.Plane(kMeanPlane + 1)[7] + 5.3e6, 0.5);
   EXPECT_EQ(world.Plane(kLogScalePlane)[7], gaussians.Plane(kLogScalePlane)[7]);
@@ -57,7 +57,7 @@ TEST(GaussianPly, FarFromZeroIsWrittenInDoublesAndComesBack) {
   EXPECT_EQ(EncodeGaussianPly(gaussians, origin), bytes);
 }
 
-TEST(EncodeGaussianPly, GivesTheBytesOfTheFile) {
+TEST(EncodeGaussianPly, ReturnsTheBytesOfTheFile) {
   const TempFolder folder;
   for (const int64_t count : {0, 1, 5000}) {
     const Gaussians gaussians = RandomGaussians(count, 2);
@@ -67,7 +67,7 @@ TEST(EncodeGaussianPly, GivesTheBytesOfTheFile) {
   }
 }
 
-TEST(GaussianPlyBlocks, AreTheFileOfTheChosenGaussians) {
+TEST(GaussianPlyBlocks, EqualTheFileOfTheChosenGaussians) {
   const Gaussians gaussians = RandomGaussians(30'000, 3);
   std::vector<uint32_t> some;
   std::vector<int64_t> rows;
@@ -90,7 +90,7 @@ TEST(GaussianPlyBlocks, AreTheFileOfTheChosenGaussians) {
   }
 }
 
-TEST(GaussianPlyBlocks, OfNothingAreAHeader) {
+TEST(GaussianPlyBlocks, AreOnlyAHeaderWithoutGaussians) {
   const Gaussians gaussians = RandomGaussians(10, 0);
   const GaussianPlyBlocks blocks(gaussians, {}, Eigen::Vector3d::Zero());
   ASSERT_EQ(blocks.num_blocks(), 1);
@@ -129,7 +129,7 @@ TEST(GaussianPly, HasTheLayoutOf3dgs) {
   EXPECT_EQ(values[61], kRotationPlane + 3);
 }
 
-// A degree-0 file in another order, with doubles, a stranger among the properties and no normals.
+// Returns a degree-0 file with another order, doubles, an unknown property and no normals.
 std::string ForeignFile(double opacity, float rot_0) {
   std::string bytes = "ply\r\nformat binary_little_endian 1.0\ncomment by hand\nelement vertex 1\n";
   for (const char* name : {"rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2",
@@ -162,7 +162,7 @@ TEST(GaussianPly, ReadsAnyOrderAndDoubles) {
   EXPECT_EQ(gaussians.Plane(kOpacityPlane)[0], 0.5f);
 }
 
-TEST(GaussianPly, RefusesValuesThatCannotBe) {
+TEST(GaussianPly, RejectsInvalidValues) {
   const TempFolder folder;
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), 1e300}) {
     ASSERT_OK(WriteFileAtomically(folder / "a.ply", ForeignFile(bad, 1)));
@@ -176,7 +176,7 @@ TEST(GaussianPly, RefusesValuesThatCannotBe) {
   EXPECT_STATUS(ReadGaussianPly(folder / "a.ply", "a.ply"), kInvalidArgument, "rot is zero");
 }
 
-TEST(GaussianPly, RefusesDamagedHeaders) {
+TEST(GaussianPly, RejectsDamagedHeaders) {
   const TempFolder folder;
   const std::string good = ForeignFile(0.5, 1);
   const auto expect_refused = [&](const std::string& from, const std::string& to,
@@ -193,7 +193,7 @@ TEST(GaussianPly, RefusesDamagedHeaders) {
   expect_refused("property float f_dc_1", "property float f_rest_0", "1 properties f_rest");
   expect_refused("property float f_dc_1", "property float f_dc_9", "no property f_dc_1");
   expect_refused("property float f_dc_1", "property float f_dc_0", "two properties f_dc_0");
-  expect_refused("property float f_dc_1", "property list uchar int i", "no single number");
+  expect_refused("property float f_dc_1", "property list uchar int i", "not a single number");
   expect_refused("end_header", "end_heater", "header has no end");
   expect_refused("ply\r\n", "plx\r\n", "not a PLY file");
 }

@@ -8,7 +8,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Half, EveryValueComesBack) {
+TEST(Half, RoundTripsEveryValue) {
   for (int bits = 0; bits < 0x10000; ++bits) {
     const float value = FloatFromHalf(static_cast<uint16_t>(bits));
     if (std::isnan(value)) {
@@ -19,7 +19,7 @@ TEST(Half, EveryValueComesBack) {
   }
 }
 
-TEST(Half, KnownValues) {
+TEST(Half, MatchesKnownValues) {
   EXPECT_EQ(FloatFromHalf(0x3C00), 1.0f);
   EXPECT_EQ(FloatFromHalf(0xC000), -2.0f);
   EXPECT_EQ(FloatFromHalf(0x7BFF), 65504.0f);

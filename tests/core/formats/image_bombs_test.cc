@@ -1,5 +1,5 @@
-// Small files that say they are pictures of thousands of megapixels: refused by their headers,
-// through the import, before anything of their size is allocated.
+// Small files whose headers declare thousands of megapixels. The import must refuse them by their
+// headers, before it allocates memory for their pixels.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <zlib.h>
@@ -19,7 +19,7 @@ namespace {
 using testing::SmallDataset;
 using testing::WriteBytes;
 
-// A zlib stream of zeros, made of one deflated mebibyte again and again.
+// Returns a zlib stream of zeros, made by repeating one deflated mebibyte.
 std::string DeflatedZeros(uint64_t count) {
   constexpr size_t kChunk = 1 << 20;
   const auto deflated = [](size_t size, int flush) {
@@ -44,7 +44,7 @@ std::string DeflatedZeros(uint64_t count) {
   return bytes;
 }
 
-// Black, one bit a pixel, and valid to its last byte.
+// Returns a black PNG with one bit a pixel, valid to its last byte.
 std::string PngBomb(uint32_t side) {
   std::string header;
   testing::AppendBigEndian(side, &header);
@@ -57,14 +57,14 @@ std::string PngBomb(uint32_t side) {
   return png;
 }
 
-// Of a small photograph, with another size in its frame header.
+// Returns the JPEG of a small photograph, with another size in its frame header.
 std::string JpegBomb() {
   std::string jpeg = testing::Jpeg(testing::Picture(40, 30));
   jpeg.replace(jpeg.find("\xff\xc0") + 5, 4, "\xff\xff\xff\xff");
   return jpeg;
 }
 
-// A lossless WebP of 16384x16384 pixels, the most that the format can.
+// Returns a lossless WebP of 16384x16384 pixels, the largest size of the format.
 std::string WebpBomb() {
   const std::string body = "\x2f\xff\xff\xff\x0f" + std::string(15, '\0');
   return std::string("RIFF\x20\0\0\0WEBPVP8L\x14\0\0\0", 20) + body;
@@ -74,7 +74,8 @@ class ImageBomb : public ::testing::Test {
  protected:
   ImageBomb() { dataset_.Write(); }
 
-  // In the place of a photograph, under its name. Processor time: others may keep us waiting.
+  // Imports a dataset in which `bytes` replace a photograph. Measures processor time, because other
+  // processes may delay this one.
   void ExpectRefused(const std::string& photo, const std::string& bytes, const std::string& words) {
     WriteBytes(dataset_.folder / ("images/" + photo), bytes);
     const rlim_t before = PeakBytes();
@@ -98,7 +99,7 @@ class ImageBomb : public ::testing::Test {
   SmallDataset dataset_;
 };
 
-TEST_F(ImageBomb, APngIsRefused) {
+TEST_F(ImageBomb, IsRejectedAsPng) {
   const std::string small = PngBomb(32'000);
   EXPECT_LT(small.size(), 130'000u);
   ExpectRefused("a.jpg", small, "images/a.jpg: 32000x32000 pixels, the limit is 64000000");
@@ -107,22 +108,22 @@ TEST_F(ImageBomb, APngIsRefused) {
   ExpectRefused("sub/c.png", large, "images/");
 }
 
-TEST_F(ImageBomb, APngOfThatMakingDecodes) {
+TEST_F(ImageBomb, IsAValidPngAtASmallSize) {
   SmallDataset dataset;
   dataset.Write();
   WriteBytes(dataset.folder / "images/a.jpg", PngBomb(3000));  // over a mebibyte
   EXPECT_STATUS(dataset.Import(), absl::StatusCode::kInvalidArgument, "3000x3000");
 }
 
-TEST_F(ImageBomb, AJpegIsRefused) {
+TEST_F(ImageBomb, IsRejectedAsJpeg) {
   ExpectRefused("a.jpg", JpegBomb(), "images/a.jpg: 65535x65535 pixels");
 }
 
-TEST_F(ImageBomb, AWebpIsRefused) {
+TEST_F(ImageBomb, IsRejectedAsWebp) {
   ExpectRefused("a.jpg", WebpBomb(), "images/a.jpg: 16384x16384 pixels");
 }
 
-TEST_F(ImageBomb, AGifUnderAnothersNameIsRefused) {
+TEST_F(ImageBomb, IsRejectedAsGifUnderAnotherName) {
   const std::string gif = "GIF89a\xff\xff\xff\xff" + std::string(64, '\0');
   ExpectRefused("a.jpg", gif, "images/a.jpg: not a JPEG, PNG, WebP or HEIC");
 }

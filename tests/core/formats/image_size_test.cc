@@ -20,7 +20,7 @@ std::string BigEndian16(int value) {
   return {static_cast<char>(value >> 8), static_cast<char>(value & 0xFF)};
 }
 
-// Segments in front of the frame header, as of EXIF, a colour profile and previews.
+// Returns the header of a JPEG whose frame header follows `num_segments` others, such as EXIF.
 std::string JpegHeader(int num_segments, int width, int height) {
   std::string jpeg = "\xFF\xD8";
   for (int i = 0; i < num_segments; ++i) {
@@ -40,7 +40,7 @@ std::string WebpHeader() {
   return webp + std::string("\x7F\x02\0\xDF\x01\0", 6);
 }
 
-// What this process has read by system calls so far, bytes.
+// Returns how many bytes this process has read by system calls so far.
 int64_t BytesRead() {
   std::ifstream file("/proc/self/io");
   std::string name;
@@ -51,7 +51,7 @@ int64_t BytesRead() {
 }
 
 struct ImageSizeTest : ::testing::Test {
-  // A file that begins so; what follows are zeros that take no space on the disk.
+  // Creates a sparse file that begins with these bytes, followed by zeros.
   void Write(const std::string& front, int64_t size = 0) {
     std::ofstream(path, std::ios::binary) << front;
     if (size > 0) fs::resize_file(path, static_cast<uintmax_t>(size));
@@ -91,7 +91,7 @@ TEST_F(ImageSizeTest, SkipsTheSegmentsOfAJpeg) {
   }
 }
 
-TEST_F(ImageSizeTest, GivesUpWithinItsBounds) {
+TEST_F(ImageSizeTest, StopsWithinItsLimits) {
   constexpr int64_t kMostBytes = kMaxHeaderReads * static_cast<int64_t>(kHeaderReadBytes);
   for (const std::string& front : {JpegHeader(300, 40, 30), std::string("\xFF\xD8\xFF")}) {
     Write(front, kGiB);
@@ -101,7 +101,7 @@ TEST_F(ImageSizeTest, GivesUpWithinItsBounds) {
   }
 }
 
-TEST_F(ImageSizeTest, RefusesWhatHasNoHeader) {
+TEST_F(ImageSizeTest, RejectsFilesWithoutAHeader) {
   for (const std::string& whole : {JpegHeader(2, 40, 30), PngHeader(), WebpHeader()}) {
     for (const size_t size : {whole.size() - 6, size_t{20}}) {
       Write(whole.substr(0, size));
@@ -120,7 +120,7 @@ TEST_F(ImageSizeTest, RefusesWhatHasNoHeader) {
   ExpectRefused("no frame header");
 }
 
-TEST_F(ImageSizeTest, TellsAFileThatIsNotThere) {
+TEST_F(ImageSizeTest, ReportsAMissingFile) {
   EXPECT_TRUE(absl::IsNotFound(ReadImageSize(path, "a.jpg").status()));
   EXPECT_FALSE(ReadImageSize(folder.path(), "a.jpg").ok()) << "a folder";
 }

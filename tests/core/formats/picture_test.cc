@@ -8,14 +8,14 @@
 namespace pepeseg {
 namespace {
 
-// One channel, 3 wide and 2 high.
+// An image of one channel, 3 pixels wide and 2 high.
 Image Letters(const std::string& text = "abcdef") {
   Image image{3, 2, 1, {}};
   image.pixels.assign(text.begin(), text.end());
   return image;
 }
 
-TEST(Upright, TurnsAsEachOrientationSays) {
+TEST(Upright, AppliesEachOrientation) {
   struct Case {
     int width;
     std::string pixels;
@@ -40,7 +40,7 @@ TEST(Upright, TurnsAsEachOrientationSays) {
   }
 }
 
-TEST(Upright, LeavesUnknownOrientationsAlone) {
+TEST(Upright, IgnoresUnknownOrientations) {
   for (const int orientation : {-1, 0, 9}) {
     EXPECT_EQ(Upright(Letters(), orientation).pixels, Letters().pixels);
   }

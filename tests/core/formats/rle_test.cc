@@ -19,13 +19,13 @@ std::vector<uint8_t> Filled(const std::vector<uint32_t>& pixels, int width, int 
 }
 
 TEST(CocoRle, EncodesAsCocoDoes) {
-  // Columns 000 110 011: runs 3 2 2 2, which COCO's own encoder writes as these characters.
+  // Columns 000 110 011 have runs 3 2 2 2. The expected text is that of COCO's own encoder.
   EXPECT_EQ(EncodeCocoRle({{0, 1, 0, 0, 1, 1, 0, 0, 1}}, 3, 3), "3220");
   EXPECT_EQ(EncodeCocoRle({{1, 1}}, 2, 1), "02");
   EXPECT_EQ(EncodeCocoRle({{0, 0}}, 2, 1), "2");
 }
 
-// The runs, pixel by pixel down the columns.
+// Computes the runs pixel by pixel, down the columns.
 std::vector<int64_t> NaiveCounts(const std::vector<uint8_t>& mask, int width, int height) {
   std::vector<int64_t> counts = {0};
   bool inside = false;
@@ -58,7 +58,7 @@ TEST(CocoRle, ReadsNumbersOfSeveralDigitsAndNegativeDifferences) {
   EXPECT_EQ(counts, (std::vector<int64_t>{40, 100, 4, 1}));
 }
 
-TEST(CocoRle, ComesBack) {
+TEST(CocoRle, RoundTrips) {
   std::mt19937 random(3);
   for (const int width : {1, 7, 640}) {
     for (const int height : {1, 5, 333}) {
@@ -77,7 +77,7 @@ TEST(CocoRle, GoesDownTheColumns) {
   EXPECT_EQ(pixels, (std::vector<uint32_t>{3, 1, 4}));
 }
 
-TEST(CocoRle, RefusesRunsThatDoNotFitTheImage) {
+TEST(CocoRle, RejectsRunsThatDoNotFitTheImage) {
   EXPECT_STATUS(PixelsOfRuns(std::vector<int64_t>{1, 3}, 3, 2), kInvalidArgument, "4 pixels");
   EXPECT_STATUS(PixelsOfRuns(std::vector<int64_t>{1, 6}, 3, 2), kInvalidArgument, "run 1");
   EXPECT_STATUS(PixelsOfRuns(std::vector<int64_t>{7, -1}, 3, 2), kInvalidArgument, "run 0");
@@ -86,7 +86,7 @@ TEST(CocoRle, RefusesRunsThatDoNotFitTheImage) {
                 "run 1");
 }
 
-TEST(CocoRle, RefusesMalformedStrings) {
+TEST(CocoRle, RejectsMalformedStrings) {
   EXPECT_STATUS(ParseCocoCounts("3X"), kInvalidArgument, "malformed");
   EXPECT_STATUS(ParseCocoCounts("3 2"), kInvalidArgument, "malformed");
   EXPECT_STATUS(ParseCocoCounts(std::string(40, 'o')), kInvalidArgument, "malformed");

@@ -18,7 +18,7 @@ class CheckpointTest : public ::testing::Test {
 
   std::string Bytes() { return ReadFile(path_, "checkpoint", 1 << 20).value_or(""); }
   void SetBytes(const std::string& bytes) { std::ofstream(path_, std::ios::binary) << bytes; }
-  // The same with a checksum that fits.
+  // Writes the bytes with a valid checksum.
   void SetSealed(const std::string& bytes) { SetBytes(bytes + Sha256Hex(bytes)); }
 
   testing::TempFolder folder_;
@@ -27,7 +27,7 @@ class CheckpointTest : public ::testing::Test {
   std::vector<CheckpointSection> sections_ = {{"a", 1, "one"}, {"empty", 3, ""}, {"b", 2, binary_}};
 };
 
-TEST_F(CheckpointTest, ComesBackAsWritten) {
+TEST_F(CheckpointTest, RoundTrips) {
   ASSERT_OK_AND_ASSIGN(Checkpoint read, ReadCheckpoint(path_));
   const Checkpoint moved = std::move(read);  // the sections still point at its bytes
   EXPECT_EQ(moved.header.stage, "reconstruct");
@@ -41,7 +41,7 @@ TEST_F(CheckpointTest, ComesBackAsWritten) {
   }
 }
 
-TEST_F(CheckpointTest, AnyFlippedByteIsDataLossThatNamesTheFile) {
+TEST_F(CheckpointTest, RejectsAnyFlippedByteNamingTheFile) {
   const std::string good = Bytes();
   for (size_t i = 0; i < good.size(); ++i) {
     std::string bad = good;
@@ -54,7 +54,7 @@ TEST_F(CheckpointTest, AnyFlippedByteIsDataLossThatNamesTheFile) {
   EXPECT_OK(ReadCheckpoint(path_));
 }
 
-TEST_F(CheckpointTest, AnyTruncationIsDataLoss) {
+TEST_F(CheckpointTest, RejectsAnyTruncation) {
   const std::string good = Bytes();
   for (size_t size = 0; size < good.size(); ++size) {
     SetBytes(good.substr(0, size));
@@ -65,8 +65,8 @@ TEST_F(CheckpointTest, AnyTruncationIsDataLoss) {
   EXPECT_STATUS(ReadCheckpoint(path_), absl::StatusCode::kDataLoss, "checksum");
 }
 
-// What the checksum vouches for may still be nothing that this program wrote.
-TEST_F(CheckpointTest, SealedNonsenseIsDataLoss) {
+// A file with a valid checksum may still be malformed.
+TEST_F(CheckpointTest, RejectsMalformedFilesWithAValidChecksum) {
   const auto header = [](const std::string& json) {
     std::string bytes("PEPECKPT\1\0\0\0\0\0\0\0", 16);
     bytes[12] = static_cast<char>(json.size());
@@ -78,19 +78,19 @@ TEST_F(CheckpointTest, SealedNonsenseIsDataLoss) {
   };
   expect(std::string("PEPECKPT\2\0\0\0\0\0\0\0", 16), "format 2");
   expect(std::string("PEPECKPT\1\0\0\0\xff\xff\xff\xff", 16), "too long");
-  expect(header("[]"), "no JSON object");
+  expect(header("[]"), "not a JSON object");
   expect(header(R"({"stage":"s","identity":3,"step":1,"sections":[]})"), "header");
   expect(header(R"({"stage":"s","identity":"i","step":1})"), "header");
   const std::string section = R"({"stage":"s","identity":"i","step":1,"sections":[{"name":"a",)"
                               R"("version":1,"size":)";
   expect(header(section + "4}]}") + "abc", "longer than the file");
   expect(header(section + "18446744073709551615}]}") + "abc", "longer than the file");
-  expect(header(section + "2}]}") + "abc", "behind its last section");
+  expect(header(section + "2}]}") + "abc", "after its last section");
   SetSealed(header(section + "3}]}") + "abc");
   EXPECT_OK(ReadCheckpoint(path_));
 }
 
-TEST_F(CheckpointTest, MissingFileIsNotFound) {
+TEST_F(CheckpointTest, ReportsAMissingFile) {
   EXPECT_STATUS(ReadCheckpoint(folder_.path() / "none"), absl::StatusCode::kNotFound, "none");
 }
 

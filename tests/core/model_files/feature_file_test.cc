@@ -25,7 +25,7 @@ FeatureField MakeField(int num_gaussians) {
   return field;
 }
 
-TEST(FeatureFile, ComesBackInHalfPrecision) {
+TEST(FeatureFile, RoundTripsInHalfPrecision) {
   const testing::TempFolder folder;
   const FeatureField field = MakeField(50);
   ASSERT_OK(WriteFeatureFile(folder / "f", field));
@@ -39,7 +39,7 @@ TEST(FeatureFile, ComesBackInHalfPrecision) {
   }
 }
 
-TEST(FeatureFile, ConfidencesComeBackWhereThereAreAny) {
+TEST(FeatureFile, RoundTripsConfidencesIfThereAreAny) {
   const testing::TempFolder folder;
   FeatureField field = MakeField(3);
   ASSERT_OK(WriteFeatureFile(folder / "f", field));
@@ -52,7 +52,7 @@ TEST(FeatureFile, ConfidencesComeBackWhereThereAreAny) {
   EXPECT_EQ(with.features, without.features);
 }
 
-TEST(FeatureFile, RefusesFieldsThatAreNone) {
+TEST(FeatureFile, RejectsInvalidFields) {
   const testing::TempFolder folder;
   FeatureField field = MakeField(3);
   field.features[40] = std::numeric_limits<float>::quiet_NaN();
@@ -75,7 +75,7 @@ TEST(FeatureFile, RefusesFieldsThatAreNone) {
   EXPECT_FALSE(std::filesystem::exists(folder / "f"));
 }
 
-TEST(FeatureFile, RefusesCountsThatItsBytesDoNotHold) {
+TEST(FeatureFile, RejectsCountsThatTheFileCannotHold) {
   const testing::TempFolder folder;
   ASSERT_OK(WriteFeatureFile(folder / "f", MakeField(3)));
   ASSERT_OK_AND_ASSIGN(const std::string good, ReadFile(folder / "f", "f", 1 << 20));

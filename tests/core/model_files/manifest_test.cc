@@ -22,7 +22,7 @@ Manifest WriteTwoFiles(const TempFolder& folder) {
   return *std::move(manifest);
 }
 
-TEST(Manifest, ComesBackAndHolds) {
+TEST(Manifest, RoundTripsAndVerifies) {
   const TempFolder folder;
   WriteTwoFiles(folder);
   ASSERT_OK_AND_ASSIGN(const Manifest manifest, ReadManifest(folder.path()));
@@ -43,7 +43,7 @@ TEST(Manifest, NamesTheFileThatChanged) {
   EXPECT_STATUS(VerifyManifest(folder.path(), manifest), kDataLoss, "/b: the manifest lists it");
 }
 
-TEST(Manifest, ThatIsMissingOrMalformedIsAnError) {
+TEST(Manifest, IsRejectedIfMissingOrMalformed) {
   const TempFolder folder;
   EXPECT_EQ(ReadManifest(folder.path()).status().code(), absl::StatusCode::kNotFound);
   const std::string sha(64, '0');

@@ -47,7 +47,7 @@ Model MakeModel(bool with_features) {
   return model;
 }
 
-TEST(ModelFile, ComesBackWithItsOrigin) {
+TEST(ModelFile, RoundTripsFarFromZero) {
   const TempFolder folder;
   Model model = MakeModel(true);
   model.origin = {4e5, 1.0 / 3, -5.3e6};
@@ -60,7 +60,7 @@ TEST(ModelFile, ComesBackWithItsOrigin) {
   }
 }
 
-TEST(ModelFile, ComesBack) {
+TEST(ModelFile, RoundTrips) {
   const TempFolder folder;
   const Model model = MakeModel(true);
   ASSERT_OK(WriteModel(folder.path(), model));
@@ -92,7 +92,7 @@ TEST(ModelFile, ComesBack) {
   EXPECT_EQ(read.facts.at("seed"), "1");
 }
 
-TEST(ModelFile, RefusesAPhotographThatItsViewCannotBeOf) {
+TEST(ModelFile, RejectsInvalidPhotographs) {
   Model model = MakeModel(true);
   const std::string text = FormatModelFacts(model);
   for (const auto& [good, bad] : std::vector<std::pair<std::string, std::string>>{
@@ -109,7 +109,7 @@ TEST(ModelFile, RefusesAPhotographThatItsViewCannotBeOf) {
   }
 }
 
-TEST(ModelFile, TellsItsShapeFromTheHeads) {
+TEST(ModelFile, ReadsItsShapeFromTheHeaders) {
   const TempFolder folder;
   ASSERT_OK(WriteModel(folder.path(), MakeModel(true)));
   ASSERT_OK_AND_ASSIGN(const ModelShape shape, ReadModelShape(folder.path()));
@@ -129,7 +129,7 @@ TEST(ModelFile, MayHaveNoFeatures) {
   EXPECT_EQ(read.gaussians.count, 4);
 }
 
-TEST(ModelFile, ThatWasTouchedIsDataLossNamingTheFile) {
+TEST(ModelFile, RejectsChangedFilesByName) {
   for (const std::string name : {"gaussians.ply", "features.bin", "model.json"}) {
     const TempFolder folder;
     ASSERT_OK(WriteModel(folder.path(), MakeModel(true)));
@@ -142,14 +142,14 @@ TEST(ModelFile, ThatWasTouchedIsDataLossNamingTheFile) {
   }
 }
 
-TEST(ModelFile, WithoutAManifestIsNotThere) {
+TEST(ModelFile, IsNotFoundWithoutAManifest) {
   const TempFolder folder;
   ASSERT_OK(WriteModel(folder.path(), MakeModel(true)));
   std::filesystem::remove(folder / "manifest.json");
   EXPECT_EQ(ReadModel(folder.path()).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST(ModelFile, IsNotWrittenWithFeaturesOfOtherGaussians) {
+TEST(ModelFile, IsNotWrittenWithAnotherNumberOfFeatures) {
   const TempFolder folder;
   Model model = MakeModel(true);
   model.field.features.resize(3 * 32);

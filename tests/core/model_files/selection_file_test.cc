@@ -19,7 +19,7 @@ GaussianSet EveryThirdOf(int count) {
   return set;
 }
 
-TEST(SelectionFile, ComesBackAsItWas) {
+TEST(SelectionFile, RoundTrips) {
   const testing::TempFolder folder;
   for (const int count : {0, 1, 7, 8, 9, 1000}) {
     const GaussianSet set = EveryThirdOf(count);
@@ -37,7 +37,7 @@ TEST(SelectionFile, HasTheDocumentedBytes) {
   EXPECT_EQ(bytes, body + Sha256Hex(body));
 }
 
-TEST(SelectionFile, AnyFlippedBitIsDataLoss) {
+TEST(SelectionFile, RejectsAnyFlippedBit) {
   const testing::TempFolder folder;
   ASSERT_OK(WriteSelectionFile(folder / "s", EveryThirdOf(40)));
   ASSERT_OK_AND_ASSIGN(const std::string good, ReadFile(folder / "s", "s", 1 << 20));
@@ -49,7 +49,7 @@ TEST(SelectionFile, AnyFlippedBitIsDataLoss) {
   }
 }
 
-TEST(SelectionFile, MissingOrCutShortIsDataLoss) {
+TEST(SelectionFile, RejectsMissingAndTruncatedFiles) {
   const testing::TempFolder folder;
   EXPECT_STATUS(ReadSelectionFile(folder / "s", "shelf/3"), kDataLoss, "shelf/3");
   ASSERT_OK(WriteSelectionFile(folder / "s", EveryThirdOf(40)));
@@ -60,8 +60,8 @@ TEST(SelectionFile, MissingOrCutShortIsDataLoss) {
   }
 }
 
-// A valid checksum does not make a count right.
-TEST(SelectionFile, RefusesOtherVersionsAndCountsThatItsBytesDoNotHold) {
+// A file with a valid checksum may still have an invalid count.
+TEST(SelectionFile, RejectsOtherVersionsAndInvalidCounts) {
   const testing::TempFolder folder;
   ASSERT_OK(WriteSelectionFile(folder / "s", EveryThirdOf(40)));
   ASSERT_OK_AND_ASSIGN(const std::string good, ReadFile(folder / "s", "s", 1 << 20));

@@ -7,7 +7,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Gaussians, SelectKeepsTheRowsNamedInTheirOrder) {
+TEST(Gaussians, SelectReturnsTheIndexedGaussiansInOrder) {
   Gaussians gaussians = Gaussians::Zero(4, 1);
   ASSERT_EQ(gaussians.planes.size(), 4u * NumPlanes(1));
   for (int k = 0; k < NumPlanes(1); ++k) {

@@ -17,12 +17,13 @@ using Eigen::Vector2d;
 struct Case {
   LensModel model;
   std::vector<double> parameters;
-  Vector2d expected;  // pixel of the ray (0.3, -0.2, 1), worked out by hand from the formulas
+  Vector2d expected;  // pixel of the ray (0.3, -0.2, 1), by the formulas in Cases()
 };
 
 double Angle() { return std::atan(std::hypot(0.3, 0.2)); }
 
-// r^2 = 0.13, and for fisheyes theta = atan(sqrt(0.13)), written out term by term.
+// Returns one case for each model. r^2 is 0.13; fisheye models use theta = atan(sqrt(0.13)). The
+// formulas are written out term by term and share no code with lens.cc.
 std::vector<Case> Cases() {
   const double r = std::sqrt(0.13), t = Angle(), t2 = t * t;
   const double ax = 0.3 * t / r, ay = -0.2 * t / r;  // angle vector
@@ -67,7 +68,7 @@ std::vector<Case> Cases() {
   };
 }
 
-// Inverts Distort by Newton's method with differences.
+// Inverts Distort by Newton's method, with a Jacobian from finite differences.
 Vector2d Undistort(const Lens& lens, const Vector2d& target) {
   Vector2d ray = target;
   for (int i = 0; i < 50; ++i) {
@@ -83,7 +84,7 @@ Vector2d Undistort(const Lens& lens, const Vector2d& target) {
   return ray;
 }
 
-TEST(Lens, ProjectsAsEachModelOfColmapDoes) {
+TEST(Lens, ProjectsByTheFormulaOfEachColmapModel) {
   ASSERT_EQ(Cases().size(), static_cast<size_t>(kNumLensModels));
   for (const Case& c : Cases()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
@@ -96,7 +97,7 @@ TEST(Lens, ProjectsAsEachModelOfColmapDoes) {
   }
 }
 
-TEST(Lens, DistortionOfEveryModelCanBeUndone) {
+TEST(Lens, HasAnInvertibleDistortionInEveryModel) {
   for (const Case& c : Cases()) {
     SCOPED_TRACE(std::string(NameOf(c.model)));
     const Lens lens = MakeLens(c.model, 640, 480, c.parameters.data());
@@ -122,13 +123,13 @@ TEST(Lens, IsAPinholeOnlyWithoutDistortion) {
   }
 }
 
-TEST(Lens, ResizedKeepsTheRaysOfRelativePlaces) {
+TEST(Lens, KeepsRaysAtRelativePositionsWhenResized) {
   const Lens lens = MakeLens(LensModel::kOpencv, 640, 480, Cases()[4].parameters.data());
   const Lens half = Resized(lens, 320, 240);
   EXPECT_LT((half.Project({0.3, -0.2}) * 2 - lens.Project({0.3, -0.2})).norm(), 1e-9);
 }
 
-TEST(Lens, IsRefusedWithNumbersThatAreNone) {
+TEST(Lens, RejectsInvalidSizesAndParameters) {
   Lens lens = MakeLens(LensModel::kOpencv, 640, 480, Cases()[4].parameters.data());
   EXPECT_OK(Validate(lens));
   lens.fy = 0;

@@ -32,7 +32,8 @@ std::vector<BinaryMask> RandomBoxes(int count) {
   return masks;
 }
 
-// Pixels share a patch exactly if they share their masks, and every patch is used.
+// Checks that pixels share a mask cell exactly if the same masks cover them, and that every cell
+// but cell 0 has pixels.
 void ExpectConsistent(const MaskSet& set) {
   std::map<uint32_t, std::set<int>> masks_of_patch;
   std::map<std::set<int>, uint32_t> patch_of_masks;
@@ -52,17 +53,17 @@ void ExpectConsistent(const MaskSet& set) {
   EXPECT_EQ(set.num_patches(), static_cast<int>(masks_of_patch.size()) + unused);
 }
 
-TEST(MaskSet, GivesBackTheMasksItWasBuiltOf) {
+TEST(MaskSet, ReturnsTheMasksItWasBuiltFrom) {
   const std::vector<BinaryMask> masks = {Box(0, 0, 10, 10), Box(5, 5, 15, 12), Box(6, 6, 8, 8)};
   const MaskSet set = BuildMaskSet(kWidth, kHeight, masks);
   ASSERT_EQ(set.num_masks, 3);
-  EXPECT_EQ(set.num_patches(), 5);  // none, first, first and second, all three, second
+  EXPECT_EQ(set.num_patches(), 5);  // no mask; first; first and second; all three; second
   EXPECT_EQ(set.mask_area, (std::vector<int64_t>{100, 70, 4}));
   for (int mask = 0; mask < 3; ++mask) EXPECT_EQ(set.Extract(mask).pixels, masks[mask].pixels);
   ExpectConsistent(set);
 }
 
-TEST(MaskSet, HoldsMoreMasksThanAWordHasBits) {
+TEST(MaskSet, HoldsMoreMasksThanBitsInAWord) {
   const std::vector<BinaryMask> masks = RandomBoxes(150);
   const MaskSet set = BuildMaskSet(kWidth, kHeight, masks, /*duplicate_iou=*/1.0);
   ASSERT_EQ(set.num_masks, 150);
@@ -79,14 +80,14 @@ TEST(MaskSet, DropsDuplicatesAndEmptyMasks) {
   EXPECT_EQ(BuildMaskSet(kWidth, kHeight, masks, 0.85).mask_area, (std::vector<int64_t>{100, 240}));
 }
 
-TEST(MaskSet, ThatCoversEverythingKeepsPatchZeroForNothing) {
+TEST(MaskSet, KeepsCellZeroWhenAMaskCoversEveryPixel) {
   const MaskSet set = BuildMaskSet(kWidth, kHeight, std::vector{Box(0, 0, kWidth, kHeight)});
   EXPECT_EQ(set.num_patches(), 2);
   EXPECT_EQ(set.BitsAt(3, 3)[0], 1u);
   ExpectConsistent(set);
 }
 
-TEST(MaskSet, WithoutMasksIsEmpty) {
+TEST(MaskSet, IsEmptyWithoutMasks) {
   const MaskSet set = BuildMaskSet(kWidth, kHeight, {});
   EXPECT_TRUE(set.empty());
   EXPECT_TRUE(set.pixel_patch.empty());

@@ -5,7 +5,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(ScaleQuantiles, AreLinearBetweenKnots) {
+TEST(ScaleQuantiles, InterpolateLinearlyBetweenKnots) {
   FeatureField field;
   field.scale_quantiles = {1, 2, 4, 8, 8};
   EXPECT_DOUBLE_EQ(QuantileOfScale(field, 3), 1.5 / 4);
@@ -15,7 +15,7 @@ TEST(ScaleQuantiles, AreLinearBetweenKnots) {
   }
 }
 
-TEST(ScaleQuantiles, EndAtZeroAndOne) {
+TEST(ScaleQuantiles, ClampToZeroAndOne) {
   FeatureField field;
   field.scale_quantiles = {1, 2, 4, 8, 8};
   EXPECT_EQ(QuantileOfScale(field, 0.5), 0);
@@ -24,7 +24,7 @@ TEST(ScaleQuantiles, EndAtZeroAndOne) {
   EXPECT_EQ(ScaleOfQuantile(field, 2), 8);
 }
 
-TEST(ScaleQuantiles, OfAFieldWithoutScalesAreZero) {
+TEST(ScaleQuantiles, AreZeroForAFieldWithoutScales) {
   EXPECT_EQ(QuantileOfScale({}, 3), 0);
   EXPECT_EQ(ScaleOfQuantile({}, 0.5), 0);
 }

@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-// 4 columns and 3 rows as stored.
+// Returns a photograph whose file stores 4 x 3 pixels.
 Photograph Turned(int orientation) {
   Photograph photograph;
   photograph.lens = {.width = 4, .height = 3, .fx = 4, .fy = 4, .cx = 2, .cy = 1.5};
@@ -19,12 +19,13 @@ Photograph Turned(int orientation) {
   return photograph;
 }
 
-// EXIF 2.3, table of Orientation: at which sides the stored first row and first column are shown.
-TEST(Photograph, TurnsAsExifNamesTheSides) {
+// Cases are EXIF 2.3's table of Orientation: the sides of the upright photograph at which the first
+// stored scanline and column are.
+TEST(Photograph, ConvertsPixelsByExifOrientation) {
   const struct {
     int orientation;
-    Vector2d first;  // where the centre of the stored first pixel is
-    Vector2d right;  // where its right neighbour is from there
+    Vector2d first;  // upright position of the centre of the first stored pixel
+    Vector2d right;  // step from there to its right neighbour in storage
   } cases[] = {
       {1, {0.5, 0.5}, {1, 0}},  {2, {3.5, 0.5}, {-1, 0}}, {3, {3.5, 2.5}, {-1, 0}},
       {4, {0.5, 2.5}, {1, 0}},  {5, {0.5, 0.5}, {0, 1}},  {6, {2.5, 0.5}, {0, 1}},
@@ -42,7 +43,7 @@ TEST(Photograph, TurnsAsExifNamesTheSides) {
   }
 }
 
-TEST(Photograph, IsRefusedWithAPartOutsideOrAnOrientationThatExifLacks) {
+TEST(Photograph, RejectsRectanglesOutsideAndUnknownOrientations) {
   EXPECT_OK(Validate(Turned(1)));
   EXPECT_STATUS(Validate(Turned(0)), absl::StatusCode::kInvalidArgument, "orientation 0");
   EXPECT_STATUS(Validate(Turned(9)), absl::StatusCode::kInvalidArgument, "orientation 9");

@@ -13,14 +13,14 @@ using ::testing::Pair;
 
 constexpr SfmWork kWork{.extracting = 20, .matching = 60, .mapping = 20};
 
-// "matching 19 of 190 pairs".
+// Returns a text like "matching 19 of 190 pairs".
 std::string Text(const ColmapProgress& progress) {
   return absl::StrCat(std::string(progress.activity()), " ", progress.step(), " of ",
                       progress.num_steps(), " ", std::string(progress.unit()));
 }
 
-// Lines of COLMAP 3.8.
-TEST(ColmapProgress, CountsPhotographsWhoseFeaturesAreFound) {
+// The lines below are output of COLMAP 3.8.
+TEST(ColmapProgress, CountsPhotographsWithFeatures) {
   ColmapProgress progress(20, 190, kWork);
   EXPECT_EQ(progress.activity(), "");
   EXPECT_EQ(progress.share(), 0);
@@ -38,7 +38,7 @@ TEST(ColmapProgress, CountsPhotographsWhoseFeaturesAreFound) {
               ElementsAre(Pair("c1/000001.jpg", 2952), Pair("c1/000003.jpg", 17)));
 }
 
-TEST(ColmapProgress, CountsPairsWhereAllAreMatched) {
+TEST(ColmapProgress, CountsPairsOfExhaustiveMatching) {
   ColmapProgress progress(20, 190, kWork);
   progress.Read("Matching block [1/4, 1/4] in 1.174s");
   EXPECT_EQ(Text(progress), "matching 11 of 190 pairs");
@@ -50,7 +50,7 @@ TEST(ColmapProgress, CountsPairsWhereAllAreMatched) {
   EXPECT_NEAR(progress.share(), 0.8, 1e-9);
 }
 
-TEST(ColmapProgress, CountsPhotographsWhereNeighboursAreMatched) {
+TEST(ColmapProgress, CountsPhotographsOfSequentialMatching) {
   ColmapProgress progress(20, 150, kWork);
   progress.Read("Matching image [5/20] in 0.003s");
   EXPECT_EQ(Text(progress), "matching 5 of 20 photographs");
@@ -83,7 +83,7 @@ TEST(SfmWork, ComparesAllPairsOrNeighboursOnly) {
                                                   (1000 - 128) + (1000 - 256) + (1000 - 512));
 }
 
-TEST(ColmapProgress, PassesOverWhatItDoesNotKnow) {
+TEST(ColmapProgress, IgnoresUnknownLines) {
   ColmapProgress progress(20, 190, kWork);
   for (const char* line :
        {"", "Processed file [", "Processed file [x/y]", "Matching block [1/0, 1/0]",

@@ -21,7 +21,7 @@ Eigen::Vector3d CenterOf(const Pose& cam_from_world) {
   return -(cam_from_world.rotation.conjugate() * cam_from_world.translation);
 }
 
-// COLMAP itself, on photographs made here.
+// Runs the real COLMAP on synthetic photographs.
 class EstimatePosesTest : public ::testing::Test {
  protected:
   EstimatePosesTest() {
@@ -56,12 +56,12 @@ class EstimatePosesTest : public ::testing::Test {
   SfmPlaces places_;
   std::vector<DatasetFile> files_;
   std::vector<std::string> activities_;  // in the order of the reports
-  int64_t last_step_ = 0;                // of the newest activity
+  int64_t last_step_ = 0;                // of the last activity
   double last_share_ = 0;
   int64_t cancel_at_ = -1;
 };
 
-TEST_F(EstimatePosesTest, FindsWhereThePhotographsWereTaken) {
+TEST_F(EstimatePosesTest, FindsTheCameraCentres) {
   const std::vector<View> views = testing::PhotographPlace(testing::PlaceArc(6), 1);
   for (const View& view : views) Add(view.photo);
   ASSERT_OK_AND_ASSIGN(const EstimatedPoses poses, Estimate());
@@ -89,32 +89,32 @@ TEST_F(EstimatePosesTest, FindsWhereThePhotographsWereTaken) {
   EXPECT_STATUS(ReadEstimatedPoses(places_.result), absl::StatusCode::kNotFound, "manifest");
 }
 
-TEST_F(EstimatePosesTest, RefusesBlurredPhotographs) {
+TEST_F(EstimatePosesTest, RejectsBlurredPhotographs) {
   for (const View& view : testing::PhotographPlace(testing::PlaceArc(3), 1)) {
     Add(testing::Blurred(view.photo, 20));
   }
   EXPECT_STATUS(Estimate(), kFailed, "3 of 3 photographs show fewer than 100 features");
 }
 
-TEST_F(EstimatePosesTest, RefusesTwoPlaces) {
+TEST_F(EstimatePosesTest, RejectsTwoPlaces) {
   for (const uint32_t seed : {1u, 50u}) {
     for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), seed)) Add(view.photo);
   }
   EXPECT_STATUS(Estimate(), kFailed, "places that have nothing in common: 4 of 8 show one");
 }
 
-TEST_F(EstimatePosesTest, RefusesACameraThatDoesNotMove) {
+TEST_F(EstimatePosesTest, RejectsACameraThatDoesNotMove) {
   const View view = testing::PhotographPlace(testing::PlaceArc(1), 1).front();
   for (int i = 0; i < 4; ++i) {
     Image photo = view.photo;
-    // No two files are the same.
+    // Makes the files different.
     std::fill_n(photo.pixels.begin(), 60, static_cast<uint8_t>(60 * i));
     Add(photo);
   }
   EXPECT_STATUS(Estimate(), kFailed, "the camera did not move");
 }
 
-TEST_F(EstimatePosesTest, StopsWhenTold) {
+TEST_F(EstimatePosesTest, StopsWhenProgressReturnsAnError) {
   for (const View& view : testing::PhotographPlace(testing::PlaceArc(4), 1)) Add(view.photo);
   cancel_at_ = 1;
   EXPECT_STATUS(Estimate(), absl::StatusCode::kCancelled, "enough");
@@ -122,7 +122,7 @@ TEST_F(EstimatePosesTest, StopsWhenTold) {
   EXPECT_FALSE(std::filesystem::exists(places_.result));
 }
 
-// A program in COLMAP's place, of the shell's commands.
+// Runs a shell script in place of COLMAP.
 class FakeColmapTest : public EstimatePosesTest {
  protected:
   void Write(const std::string& script) {
@@ -135,7 +135,7 @@ class FakeColmapTest : public EstimatePosesTest {
   }
 };
 
-TEST_F(FakeColmapTest, ThatFailsIsQuoted) {
+TEST_F(FakeColmapTest, IsQuotedIfItFails) {
   Write("echo 'Processed file [1/3]'; echo 'out of luck' >&2; exit 4\n");
   EXPECT_STATUS(Estimate(), absl::StatusCode::kInternal,
                 "COLMAP's feature_extractor exited with code 4; its last words: Processed file "
@@ -143,7 +143,7 @@ TEST_F(FakeColmapTest, ThatFailsIsQuoted) {
   EXPECT_EQ(last_step_, 1);
 }
 
-TEST_F(FakeColmapTest, ThatTakesTooLongIsStopped) {
+TEST_F(FakeColmapTest, IsStoppedAtTheTimeLimit) {
   Write("sleep 100\n");
   SfmOptions options;
   options.max_seconds = 1;
@@ -152,13 +152,13 @@ TEST_F(FakeColmapTest, ThatTakesTooLongIsStopped) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(3));
 }
 
-TEST_F(FakeColmapTest, ThatIsNotThereIsSaidWithTheWaysOut) {
+TEST_F(FakeColmapTest, IsReportedWithRemediesIfItIsMissing) {
   Write("");
   places_.program = folder_ / "nowhere";
   EXPECT_STATUS(Estimate(), kFailed, "install it (Debian's package colmap)");
   EXPECT_STATUS(Estimate(), kFailed, "or upload poses");
-  places_.program = "true";  // says nothing
-  EXPECT_STATUS(Estimate(), kFailed, "does not tell COLMAP's version");
+  places_.program = "true";  // prints nothing
+  EXPECT_STATUS(Estimate(), kFailed, "does not report COLMAP's version");
 }
 
 }  // namespace

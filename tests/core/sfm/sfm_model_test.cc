@@ -41,7 +41,7 @@ class SfmModelTest : public ::testing::Test {
   testing::TempFolder folder_;
 };
 
-TEST_F(SfmModelTest, LargestComesFirst) {
+TEST_F(SfmModelTest, SortsTheLargestFirst) {
   WriteModel("0", {"c1/000002.jpg", "c1/000001.jpg"});
   WriteModel("1", {"c1/000003.jpg", "c1/000005.jpg", "c1/000004.jpg"});
   std::filesystem::create_directories(folder_ / "2");  // without a model
@@ -51,7 +51,7 @@ TEST_F(SfmModelTest, LargestComesFirst) {
   EXPECT_THAT(models[1].names, ElementsAre("c1/000001.jpg", "c1/000002.jpg"));
 }
 
-TEST_F(SfmModelTest, CopyHasTheOwnersNames) {
+TEST_F(SfmModelTest, CopiesWithTheOwnersNames) {
   WriteModel("0", {"c1/000001.jpg", "c2/000002.png"});
   std::filesystem::create_directories(folder_ / "copy");
   ASSERT_OK_AND_ASSIGN(const SfmModel model, ReadSfmModel(folder_ / "0"));
@@ -68,7 +68,7 @@ TEST_F(SfmModelTest, CopyHasTheOwnersNames) {
   EXPECT_STATUS(CopyRenamed(model, {}, folder_ / "copy"), absl::StatusCode::kDataLoss, "images");
 }
 
-TEST_F(SfmModelTest, CutShortIsAnErrorAtEachByte) {
+TEST_F(SfmModelTest, RejectsFilesCutShortAtAnyByte) {
   WriteModel("0", {"c1/000001.jpg", "c1/000002.jpg"});
   const std::filesystem::path path = folder_ / "0/images.bin";
   for (auto size = std::filesystem::file_size(path) - 1; size > 0; --size) {

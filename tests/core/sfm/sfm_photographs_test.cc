@@ -20,7 +20,7 @@ class SfmPhotographsTest : public ::testing::Test {
     std::ofstream(path, std::ios::binary) << bytes;
     files_.push_back({kind, name, path});
   }
-  // Of one grey.
+  // Returns the PNG of a photograph of one grey value.
   static std::string Png(int width, int height, uint8_t grey) {
     Image image{width, height, 1, {}};
     image.pixels.assign(static_cast<size_t>(width) * height, grey);
@@ -41,7 +41,7 @@ class SfmPhotographsTest : public ::testing::Test {
   std::vector<DatasetFile> files_;
 };
 
-TEST_F(SfmPhotographsTest, AreOrderedByTheirNumbers) {
+TEST_F(SfmPhotographsTest, AreSortedByTheirNumbers) {
   for (const char* name : {"images/10.jpg", "images/9.png", "images/b_002.jpg", "images/b_1.jpg"}) {
     Add(name, Png(8, 8, static_cast<uint8_t>(files_.size())));
   }
@@ -52,7 +52,7 @@ TEST_F(SfmPhotographsTest, AreOrderedByTheirNumbers) {
   EXPECT_FALSE(AreNumbered(Read()));
 }
 
-TEST_F(SfmPhotographsTest, OfOneSizeShareACameraAndBytesTellTheSuffix) {
+TEST_F(SfmPhotographsTest, ShareACameraIfEqualAndGetTheSuffixOfTheirFormat) {
   Add("images/1.jpg", Png(8, 8, 1));
   Add("images/2.jpg", Png(8, 6, 2));
   Add("images/3.jpg", Png(8, 8, 3));
@@ -64,12 +64,12 @@ TEST_F(SfmPhotographsTest, OfOneSizeShareACameraAndBytesTellTheSuffix) {
               ElementsAre("c1/000001.png", "c2/000002.png", "c3/000003.png"));
 }
 
-TEST_F(SfmPhotographsTest, OneThatIsNoneIsNamed) {
+TEST_F(SfmPhotographsTest, NameAFileThatIsNotAPhotograph) {
   Add("images/1.jpg", "GIF89a no photograph");
   EXPECT_STATUS(ReadSfmPhotographs(files_), absl::StatusCode::kInvalidArgument, "images/1.jpg");
 }
 
-TEST_F(SfmPhotographsTest, ThreeDifferentOnesAreEnough) {
+TEST_F(SfmPhotographsTest, SufficeIfThreeAreDifferent) {
   for (int i = 0; i < 100; ++i) Add("images/" + std::to_string(i) + ".png", Png(8, 8, 7));
   EXPECT_STATUS(CheckEnough(Read()), absl::StatusCode::kFailedPrecondition,
                 "100 photographs, of which only 1 is different");
@@ -79,7 +79,7 @@ TEST_F(SfmPhotographsTest, ThreeDifferentOnesAreEnough) {
   EXPECT_OK(CheckEnough(Read()));
 }
 
-TEST_F(SfmPhotographsTest, AreLaidOutWithWhatToLookAt) {
+TEST_F(SfmPhotographsTest, AreLaidOutWithTheirMasks) {
   Add("images/1.png", Png(8, 6, 1));
   Add("images/2.png", Png(8, 6, 2));
   Add("ignore/2.png", Png(8, 6, 255), FileKind::kIgnoreMask);

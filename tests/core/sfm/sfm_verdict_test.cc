@@ -11,7 +11,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 constexpr auto kFailed = absl::StatusCode::kFailedPrecondition;
 
-// Photographs p0 ... of many features, all connected.
+// Returns evidence of photographs p0, p1, ... that have many features and are all connected.
 SfmEvidence Photographs(size_t count) {
   SfmEvidence evidence;
   for (size_t i = 0; i < count; ++i) evidence.names.push_back("p" + std::to_string(i));
@@ -26,7 +26,7 @@ std::vector<size_t> Range(size_t begin, size_t end) {
   return range;
 }
 
-TEST(JudgeFeatures, RefusesWhatShowsTooLittle) {
+TEST(JudgeFeatures, RejectsTooFewFeatures) {
   SfmEvidence evidence = Photographs(10);
   for (size_t i = 0; i < 5; ++i) evidence.num_features[i] = 40;
   EXPECT_OK(JudgeFeatures(evidence, {}));
@@ -37,7 +37,7 @@ TEST(JudgeFeatures, RefusesWhatShowsTooLittle) {
   EXPECT_STATUS(status, kFailed, "blurred");
 }
 
-TEST(JudgeFeatures, WantsThreeWhateverTheShare) {
+TEST(JudgeFeatures, NeedsThreePhotographsWhateverTheShare) {
   SfmEvidence evidence = Photographs(3);
   SfmOptions options;
   options.min_registered_share = 0;
@@ -46,7 +46,7 @@ TEST(JudgeFeatures, WantsThreeWhateverTheShare) {
   EXPECT_STATUS(JudgeFeatures(evidence, options), kFailed, "1 of 3");
 }
 
-TEST(JudgeModels, TakesALargestModelThatIsLargeEnough) {
+TEST(JudgeModels, AcceptsALargestModelThatIsLargeEnough) {
   SfmEvidence evidence = Photographs(10);
   evidence.models = {Range(0, 5)};
   EXPECT_OK(JudgeModels(evidence, {}));
@@ -63,7 +63,7 @@ TEST(JudgeModels, NamesBothPlaces) {
   EXPECT_STATUS(status, kFailed, "make a scene of each");
 }
 
-TEST(JudgeModels, TellsNoMotionFromNoOverlap) {
+TEST(JudgeModels, DistinguishesNoMotionFromNoOverlap) {
   SfmEvidence evidence = Photographs(10);
   const absl::Status still = JudgeModels(evidence, {});
   EXPECT_STATUS(still, kFailed, "0 of 10 photographs, 5 are needed");
@@ -74,7 +74,7 @@ TEST(JudgeModels, TellsNoMotionFromNoOverlap) {
   EXPECT_THAT(std::string(apart.message()), Not(HasSubstr("did not move")));
 }
 
-TEST(JudgeModels, NamesThePhotographsWithoutPoseAndTheirCause) {
+TEST(JudgeModels, NamesPhotographsWithoutPoseAndTheLikelyCause) {
   SfmEvidence evidence = Photographs(10);
   evidence.models = {Range(6, 10)};
   EXPECT_STATUS(JudgeModels(evidence, {}), kFailed,
@@ -84,7 +84,7 @@ TEST(JudgeModels, NamesThePhotographsWithoutPoseAndTheirCause) {
                 "4 of the photographs show too little: blurred");
 }
 
-TEST(SfmOptions, OutOfRangeNamesTheOption) {
+TEST(SfmOptions, NameTheOptionThatIsOutOfRange) {
   SfmOptions options;
   EXPECT_OK(Validate(options));
   options.max_video_frames = 2;

@@ -1,4 +1,4 @@
-#include "core/formats/ply_points.h"
+#include "core/formats/ply.h"
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <string>
 
-#include "core/scene/origin.h"
+#include "core/scene/camera.h"
 #include "tests/system/stress/full_stress.h"
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"

@@ -10,7 +10,7 @@ namespace {
 using testing::TempFolder;
 using testing::WriteBytes;
 
-TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
+TEST(ListDataset, FindsTheKindOfEachFileAndIgnoresTheRest) {
   const TempFolder folder;
   for (const char* name : {"images/b.JPG",        "images/sub/a.webp",    "images/sub/b.HEIC",
                            "images/notes.txt",    "sparse/0/cameras.bin", "sparse/0/project.ini",
@@ -47,14 +47,14 @@ TEST(ListDataset, SortsFilesIntoTheirKindsAndLeavesOutTheRest) {
                         {"transforms.json", FileKind::kPoses}}));
 }
 
-TEST(ListDataset, TakesDepthForDisparityWhereToldTo) {
+TEST(ListDataset, TreatsDepthAsDisparityIfRequested) {
   const TempFolder folder;
   for (const char* name : {"images/b.jpg", "depth/b.png"}) WriteBytes(folder / name, "x");
   ASSERT_OK_AND_ASSIGN(const auto files, ListDataset(folder.path(), DepthPrior::Kind::kDisparity));
   EXPECT_EQ(files[0].kind, FileKind::kDisparity);
 }
 
-TEST(ListDataset, RefusesAnEmptyFolderAndWhatIsNone) {
+TEST(ListDataset, RejectsEmptyAndMissingFolders) {
   const TempFolder folder;
   EXPECT_STATUS(ListDataset(folder.path()), absl::StatusCode::kInvalidArgument, "no photographs");
   EXPECT_STATUS(ListDataset(folder.path()), absl::StatusCode::kInvalidArgument,

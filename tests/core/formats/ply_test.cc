@@ -1,4 +1,4 @@
-#include "core/formats/ply_points.h"
+#include "core/formats/ply.h"
 
 #include <gtest/gtest.h>
 
@@ -53,8 +53,9 @@ TEST(PlyPoints, AreReadFromText) {
   EXPECT_EQ(points[1].rgb[2], 1);
   constexpr auto kRefused = absl::StatusCode::kInvalidArgument;
   EXPECT_STATUS(read("1 2 3 4 5 6\n"), kRefused, "declares 2 vertices of 12 bytes");
-  EXPECT_STATUS(read("1.000000 2.000000 3 4 5 6\n"), kRefused, "p.ply: vertex 1: its line is no 6");
-  EXPECT_STATUS(read("1 2 3 4 5 6\n1 2 3 4 5\n7 "), kRefused, "vertex 1: its line is no 6");
+  EXPECT_STATUS(read("1.000000 2.000000 3 4 5 6\n"), kRefused,
+                "p.ply: vertex 1: its line is not 6");
+  EXPECT_STATUS(read("1 2 3 4 5 6\n1 2 3 4 5\n7 "), kRefused, "vertex 1: its line is not 6");
   EXPECT_STATUS(read("1 2 3 4 5 6\n1 2 three 4 5 6\n"), kRefused, "vertex 1");
   EXPECT_STATUS(read("1 2 3 4 5 6\n1 nan 3 4 5 6\n"), kRefused, "vertex 1: y is not finite");
   EXPECT_STATUS(read("1 2 3 4 5 6" + std::string(20000, ' ')), kRefused, "vertex 0: its line");

@@ -1,12 +1,14 @@
-#include "core/scene/origin.h"
+#include "core/scene/camera.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace pepeseg {
 
 Eigen::Vector3d OriginOf(std::span<const Pose> cams_from_world) {
-  constexpr double kFar = 100;  // spreads
+  constexpr double kFar = 100;  // in units of `spread`
   if (cams_from_world.empty()) return Eigen::Vector3d::Zero();
+  // The translation of world_from_cam is the camera's centre.
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Pose& pose : cams_from_world) middle += pose.Inverse().translation;
   middle /= static_cast<double>(cams_from_world.size());
@@ -18,12 +20,25 @@ Eigen::Vector3d OriginOf(std::span<const Pose> cams_from_world) {
 }
 
 Pose RelativeTo(const Eigen::Vector3d& origin, const Pose& cam_from_world) {
+  // R x + t with x = y + origin is R y + (R origin + t). Only the quaternion that rotates the
+  // origin is normalised: the stored rotation stays as the dataset gave it.
   const Eigen::Quaterniond rotation = cam_from_world.rotation.normalized();
   return {cam_from_world.rotation, rotation * origin + cam_from_world.translation};
 }
 
 Pose InWorld(const Eigen::Vector3d& origin, const Pose& cam_from_origin) {
   return RelativeTo(-origin, cam_from_origin);
+}
+
+// Takes the middle pixel of each cell of stride x stride pixels.
+std::vector<int32_t> GridPixels(const Camera& camera, double max_cells) {
+  const double num_pixels = double{1} * camera.width * camera.height;
+  const int stride = std::max(1, static_cast<int>(std::ceil(std::sqrt(num_pixels / max_cells))));
+  std::vector<int32_t> pixels;
+  for (int y = stride / 2; y < camera.height; y += stride) {
+    for (int x = stride / 2; x < camera.width; x += stride) pixels.push_back(y * camera.width + x);
+  }
+  return pixels;
 }
 
 }  // namespace pepeseg

@@ -1,13 +1,12 @@
+#include "core/dataset/dataset_files.h"
+
 #include <algorithm>
 #include <optional>
 #include <system_error>
 #include <utility>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
-#include "core/dataset/import.h"
-#include "core/formats/colmap.h"
 
 namespace pepeseg {
 namespace {
@@ -16,6 +15,7 @@ bool IsUnder(absl::string_view name, absl::string_view folder) {
   return WithoutFolder(name, folder).size() < name.size();
 }
 
+// Returns true for COLMAP's cameras, images and points3D in sparse/0/ or sparse/.
 bool IsColmapFile(absl::string_view name) {
   absl::string_view rest = WithoutFolder(name, "sparse");
   if (rest.size() == name.size()) return false;
@@ -26,7 +26,8 @@ bool IsColmapFile(absl::string_view name) {
          (stem == "cameras" || stem == "images" || stem == "points3D");
 }
 
-// What a file is by its name, if it belongs to a dataset. `in_depth`: what depth/ holds.
+// Returns the kind of a file by its name, or nothing if it does not belong to a dataset. `in_depth`
+// is the kind of the files in depth/.
 std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   const std::string suffix = Suffix(name);
   const bool photo = suffix == ".jpg" || suffix == ".jpeg" || suffix == ".png" ||
@@ -40,7 +41,7 @@ std::optional<FileKind> KindOf(absl::string_view name, FileKind in_depth) {
   const bool map = suffix == ".png" || suffix == ".npy" || suffix == ".pfm";
   if (IsUnder(name, "depth") && map) return in_depth;
   if (IsUnder(name, "disparity") && map) return FileKind::kDisparity;
-  // The second is nerfstudio's.
+  // nerfstudio writes sparse_pc.ply.
   if (name == "points.ply" || name == "sparse_pc.ply") return FileKind::kPoints;
   if (name == "gaussians.ply") return FileKind::kGaussians;
   const bool video = suffix == ".mp4" || suffix == ".m4v" || suffix == ".mov" ||
@@ -64,6 +65,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
   bool any_picture = false;
   fs::recursive_directory_iterator entry(folder, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    // An entry that cannot be examined, such as a dangling link, is skipped.
     std::error_code unreadable;
     if (!entry->is_regular_file(unreadable)) continue;
     std::string name = entry->path().lexically_relative(folder).generic_string();
@@ -82,6 +84,7 @@ absl::StatusOr<std::vector<DatasetFile>> ListDataset(const std::filesystem::path
                      " has no photographs: no JPEG, PNG, WebP or HEIC below images/, no video "
                      "below videos/"));
   }
+  // Sorted, because the order of a directory differs between file systems.
   std::sort(files.begin(), files.end(),
             [](const DatasetFile& a, const DatasetFile& b) { return a.name < b.name; });
   return files;
