@@ -14,7 +14,8 @@
 namespace pepeseg {
 namespace {
 
-// OpenCV's own threads would only be in the way where each view has one.
+// Restricts OpenCV to one thread for its lifetime: views are processed in parallel, so that threads
+// of OpenCV would only compete with ours.
 class OneOpenCvThread {
  public:
   OneOpenCvThread() { cv::setNumThreads(1); }
