@@ -1,7 +1,7 @@
 #include "core/train/estimate.h"
 
 #include "core/features/estimate_features.h"
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/estimate_poses.h"
 
 namespace pepeseg {

@@ -11,8 +11,6 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
-#include "core/priors/sam/joined_masks.h"
-#include "core/priors/sam/sam_needs.h"
 
 namespace pepeseg {
 namespace {

@@ -4,7 +4,7 @@
 #include <thread>
 #include <utility>
 
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_work.h"
 
 namespace pepeseg {

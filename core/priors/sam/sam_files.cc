@@ -11,12 +11,12 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxDigestFile = 4096;
+constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 
 absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
-  return absl::FailedPreconditionError(absl::StrCat("SAM: ", file.string(), ": ", what,
-                                                    "; deploy/sam.sh ", file.parent_path().string(),
-                                                    " mends it"));
+  return absl::FailedPreconditionError(
+      absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
+                   file.parent_path().string(), " to install it again"));
 }
 
 }  // namespace
@@ -26,8 +26,8 @@ absl::Status CheckSamFiles(const std::filesystem::path& folder) {
   const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
   if (absl::IsNotFound(text.status())) {
     return absl::NotFoundError(absl::StrCat("SAM: ", list.string(),
-                                            " does not exist; deploy/sam.sh ", folder.string(),
-                                            " installs SAM there"));
+                                            " does not exist; run deploy/sam.sh ", folder.string(),
+                                            " to install SAM there"));
   }
   if (!text.ok()) return Bad(list, text.status().message());
   std::map<std::string, std::string> digests;

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 
 namespace pepeseg {
 namespace {
