@@ -105,7 +105,7 @@ TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
   for (const v1::JobEvent& event : Events()) {
     told |= event.progress().stage() == "priors" && event.progress().step() == 13;
     if (event.term_skipped().term() == "depth") {
-      EXPECT_EQ(event.term_skipped().reason(), "depth priors are of the points it starts from");
+      EXPECT_EQ(event.term_skipped().reason(), "the depth priors were made from the points that training starts from");
     }
   }
   EXPECT_TRUE(told);
