@@ -10,6 +10,7 @@
 namespace pepeseg {
 namespace {
 
+// Returns the bytes of camera and pose. PinholeView has no padding.
 std::string KeyOf(const ModelView& view) {
   const PinholeView v = ToPinholeView(view.camera, view.cam_from_world);
   return {reinterpret_cast<const char*>(&v), sizeof(v)};
@@ -44,8 +45,8 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   if (num_bytes > max_bytes_) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,
-                     " pixels needs ", num_bytes, " bytes, ", max_bytes_,
-                     " are there for the maps of a model: a smaller view takes less"));
+                     " pixels needs ", num_bytes, " bytes, but the maps of a model may take ",
+                     max_bytes_, "; request a smaller view"));
   }
   while (bytes_ + num_bytes > max_bytes_) {
     bytes_ -= MapBytes(maps_.back().pixels.size() / kFeatureSize);
