@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The warp that shrinks a photograph as the import does, but leaves its lens as it is.
+// Returns the warp that shrinks a photograph as the import does, but keeps its lens.
 absl::StatusOr<ViewWarp> Shrinking(int width, int height, double image_scale) {
   return ViewWarp::Create({.width = width, .height = height}, image_scale);
 }

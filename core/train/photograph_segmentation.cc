@@ -15,8 +15,8 @@
 namespace pepeseg {
 namespace {
 
-// Added to the nice value: where both want a core, a thread gets about a tenth of what one of
-// COLMAP's gets.
+// Increase of the nice value of low-priority threads. Where both want a core, such a thread gets
+// about a tenth of the time that a thread of COLMAP's gets.
 constexpr int kNicer = 10;
 
 int NumThreads(const TrainingTools& tools) {
@@ -24,8 +24,8 @@ int NumThreads(const TrainingTools& tools) {
   return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
-// Lowers the priority of this thread and of those that it starts. Where the system refuses, they
-// keep theirs.
+// Lowers the priority of this thread and of the threads that it starts. Does nothing if the system
+// refuses.
 void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
 
 absl::Status OutOfMemory(const TrainingTools& tools) {
@@ -61,6 +61,7 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
 
 PhotographSegmentation::~PhotographSegmentation() { Stop(); }
 
+// The first thread of the object opens the model; the others wait for it in Next.
 void PhotographSegmentation::StartThreads(Priority priority) {
   for (int i = 0; i < SamPhotographsAtOnce(num_threads_); ++i) {
     const bool opens = threads_.empty();
@@ -76,6 +77,7 @@ void PhotographSegmentation::StartThreads(Priority priority) {
   }
 }
 
+// Interrupts the network, which may compute for seconds, and joins the threads.
 void PhotographSegmentation::Stop() {
   stop_.request_stop();
   {
@@ -107,8 +109,8 @@ void PhotographSegmentation::Work(Priority priority) {
   }
 }
 
-// Waits for a photograph to segment. None: no more are left for a thread of this priority, or the
-// object stops.
+// Waits for a photograph to segment and returns its task. Returns nullopt when none is left for a
+// thread of this priority, after a failure, or when the object stops.
 std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   std::unique_lock lock(mutex_);
   const auto ends = [&] {
@@ -164,7 +166,7 @@ int64_t PhotographSegmentation::NumLeft(const Capture& capture) const {
   return static_cast<int64_t>(trained.size()) - NumDone(trained);
 }
 
-// Leaves only these photographs in the queue, and returns how many of them are done.
+// Replaces the queue by the open ones of these tasks, closes it, and returns how many are done.
 int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
   const std::lock_guard lock(mutex_);
   queue_.clear();
@@ -176,6 +178,8 @@ int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
   return NumDone(tasks);
 }
 
+// Reports the share of the work left at the start of the wait: photographs that were segmented
+// before cost no time now.
 absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, StageLog& stages) {
   const auto num_photographs = static_cast<int64_t>(tasks.size());
   const int64_t num_before = CloseQueue(tasks);
