@@ -50,6 +50,9 @@ PatchMap ViewMasks::At(int view) const {
   return {masks.words, masks.pixel_patch.span(), masks.patch_bits.span(), masks.mask_area.span()};
 }
 
+// The window's start and length are shares of num_steps. A start at which photographs are still
+// smaller is moved to the first step at full size; the length is limited to kMostVisits steps for
+// each training view.
 Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOptions& options,
                  const Schedule& schedule)
     : backend_(backend), options_(options) {

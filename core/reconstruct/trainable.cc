@@ -9,6 +9,7 @@
 
 namespace pepeseg {
 
+// Checks only training views: held-out views are not uploaded.
 absl::Status CheckTrainable(const Capture& capture) {
   int num_training = 0;
   for (const View& view : capture.views) {

@@ -31,6 +31,8 @@ int64_t MapReserve(int64_t max_view_pixels) {
 FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts)
     : renderer_(renderer), max_bytes_(max_bytes), counts_(counts) {}
 
+// A hit moves its map to the front. A miss drops maps from the back until the new one fits, before
+// it is allocated, so that the maps never exceed max_bytes.
 absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   const std::string key = KeyOf(view);
   const auto found =

@@ -34,6 +34,7 @@ void FrozenScene::Render(const View& view) {
                    .for_backward = false});
 }
 
+// The backend blends z with the weights of colour; divided by alpha that is the mean depth.
 std::vector<float> FrozenScene::Depth(const View& view) {
   Render(view);
   std::vector<float> alpha(alpha_.size()), depth(depth_.size());
@@ -45,6 +46,7 @@ std::vector<float> FrozenScene::Depth(const View& view) {
   return depth;
 }
 
+// Rasterises the whole view, then lists for each pixel the Gaussians and weights that it blended.
 CapturedRows FrozenScene::Capture(const View& view, std::span<const int32_t> pixels) {
   Render(view);
   CapturedRows rows;

@@ -20,6 +20,7 @@ class Votes {
         std::find_if(sums_.begin(), sums_.end(), [id](const Sum& sum) { return sum.id == id; });
     found == sums_.end() ? sums_.push_back({id, weight}) : void(found->weight += weight);
   }
+  // Returns the id with the largest sum; 0, which stands for no segment, takes part like any id.
   int32_t Winner() const {
     Sum best;
     float total = 0;

@@ -123,6 +123,8 @@ absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
   return rows;
 }
 
+// The backend's image has a plane for each channel, [3, height, width], in [0, 1] before clamping;
+// Image interleaves the channels.
 absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.sh_degree = model_.gaussians.sh_degree, .subset = subset}));
   std::vector<float> planes(color_.size());
@@ -139,6 +141,7 @@ absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const Gaussian
   return image;
 }
 
+// The backend blends z with the weights of colour; divided by alpha that is the mean depth.
 absl::StatusOr<std::vector<float>> ModelRenderer::Depth(const ModelView& view,
                                                         const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.subset = subset, .with_depth = true}));

@@ -36,6 +36,8 @@ absl::Status OutOfMemory(const TrainingTools& tools) {
 
 }  // namespace
 
+// Tasks are sorted by the photographs' keys, as views are, so that the expected held-out views are
+// known before there are views.
 PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
                                                const ImportOptions& import,
                                                const std::vector<DatasetFile>& files,
@@ -88,6 +90,8 @@ void PhotographSegmentation::Stop() {
   model_.reset();
 }
 
+// Verifies and loads the networks without the mutex, which takes seconds, then publishes them to
+// the threads that wait in Next.
 void PhotographSegmentation::OpenModel() {
   if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
   auto model =
@@ -100,6 +104,8 @@ void PhotographSegmentation::OpenModel() {
   changed_.notify_all();
 }
 
+// The loop of a thread. model_ is read without the mutex: once Next has returned a task, it is set
+// and does not change until Stop has joined the threads.
 void PhotographSegmentation::Work(Priority priority) {
   std::unique_ptr<PromptedSegmenter> segmenter;
   while (const std::optional<size_t> task = Next(priority)) {
@@ -113,9 +119,12 @@ void PhotographSegmentation::Work(Priority priority) {
 // thread of this priority, after a failure, or when the object stops.
 std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   std::unique_lock lock(mutex_);
+  // Low-priority threads end when the queue is closed, though tasks are left: the threads that
+  // WaitFor starts do them.
   const auto ends = [&] {
     return !status_.ok() || (closed_ && (queue_.empty() || priority == Priority::kLow));
   };
+  // Old and new threads overlap for a while; num_running_ keeps the memory within its limit.
   const auto may_begin = [&] {
     return model_ != nullptr && !queue_.empty() &&
            num_running_ < SamPhotographsAtOnce(num_threads_);
@@ -129,6 +138,7 @@ std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   return task;
 }
 
+// Computes without the mutex; only the states are changed with it held.
 absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& segmenter) {
   const DatasetFile& photograph = tasks_[task].photograph;
   const bool kept = masks_.Has(task, photograph);
@@ -141,12 +151,14 @@ absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& seg
   return absl::OkStatus();
 }
 
+// Keeps the first failure. It ends all threads and WaitFor.
 void PhotographSegmentation::Fail(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
   if (status_.ok()) status_ = status;
   changed_.notify_all();
 }
 
+// Returns the tasks of the training views' photographs, in the order of the views.
 std::vector<size_t> PhotographSegmentation::Trained(const Capture& capture) const {
   std::vector<size_t> photographs;
   for (const View& view : capture.views) {
@@ -203,6 +215,8 @@ absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, S
   return absl::OkStatus();
 }
 
+// Returns the masks of the training views, in their order. None is given to a view before all could
+// be read.
 absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
     bool join, const Capture& capture) const {
   const double duplicate_iou = AutomaticMaskOptions().duplicate_iou;
@@ -219,6 +233,7 @@ absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
   return made;
 }
 
+// Frees the networks before the masks are read and warped.
 absl::Status PhotographSegmentation::TakeMasks(StageLog& stages, bool join, Capture& capture) {
   RETURN_IF_ERROR(WaitFor(Trained(capture), stages));
   {

@@ -172,6 +172,7 @@ std::optional<size_t> VideoOf(absl::string_view frame_file, size_t num_videos) {
 
 }  // namespace
 
+// Lists damaged files in the order of the inputs, so that the message does not depend on threads.
 absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observer) {
   if (inputs.sha256.empty()) return absl::OkStatus();
   std::vector<StoredFile> stored = DistinctFiles(inputs);

@@ -61,6 +61,7 @@ absl::Status StageLog::EndSkipped(const Metrics& metrics, const std::string& why
   return Finish({.metrics = metrics, .skipped = why});
 }
 
+// A skipped stage has no times: it did not run.
 absl::Status StageLog::Skip(const std::string& stage, const std::string& why) {
   RETURN_IF_ERROR(Start(stage));
   return observer_.EndStage({.stage = stage, .skipped = why});
@@ -74,6 +75,7 @@ absl::Status StageLog::Step(const StepReport& report) {
   return observer_.Step(report);
 }
 
+// Cancellation is checked in every call, also when there is nothing new to report.
 absl::Status StageLog::StepIfNew(const StepReport& report) {
   const bool is_new = report.step != last_step_ || report.activity != last_activity_;
   if (!is_new && !observer_.IsCancelled()) return absl::OkStatus();

@@ -13,6 +13,7 @@ namespace {
 
 constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 
+// Returns FAILED_PRECONDITION with the file, the reason and the remedy.
 absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
   return absl::FailedPreconditionError(
       absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
@@ -21,6 +22,8 @@ absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
 
 }  // namespace
 
+// A missing SHA256SUMS means that SAM is not installed; everything else that is wrong means that
+// the installation is damaged.
 absl::Status CheckSamFiles(const std::filesystem::path& folder) {
   const std::filesystem::path list = folder / kSamDigests;
   const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
