@@ -63,7 +63,7 @@ absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int heig
 }
 
 // Segments the shrunk photograph, so that masks are as large as those of the imported view. The
-// full photograph is freed first: SAM needs the memory.
+// full photograph is freed first, to save memory.
 absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
                                    PromptedSegmenter& segmenter) const {
   absl::StatusOr<Image> photo = DecodePhoto(photograph.path, photograph.name);
