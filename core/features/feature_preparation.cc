@@ -13,7 +13,7 @@
 #include "core/features/mask_coverage.h"
 #include "core/features/mask_scales.h"
 #include "core/features/neighbor_graph.h"
-#include "core/priors/depth_edges.h"
+#include "core/priors/boundaries.h"
 #include "kernels/cpu/parallel_for.h"
 
 namespace pepeseg {

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "core/features/mask_scales.h"
-#include "core/render/host_rows.h"
+#include "core/render/frozen_scene.h"
 
 namespace pepeseg {
 namespace {

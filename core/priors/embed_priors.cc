@@ -14,7 +14,8 @@
 namespace pepeseg {
 namespace {
 
-// OpenCV's own threads would only be in the way where each view has one.
+// Restricts OpenCV to one thread for its lifetime: views are processed in parallel, so that threads
+// of OpenCV would only compete with ours.
 class OneOpenCvThread {
  public:
   OneOpenCvThread() { cv::setNumThreads(1); }
@@ -36,6 +37,8 @@ void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, Vie
 
 }  // namespace
 
+// Works on as many views at a time as the pool has threads, so that progress is reported, and can
+// end the call, between two groups.
 absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
                          absl::FunctionRef<absl::Status(int done, int num_views)> progress) {
   std::vector<View*> views;

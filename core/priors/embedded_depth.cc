@@ -6,22 +6,21 @@
 #include <cstddef>
 #include <limits>
 
-#include "core/priors/boundary_strength.h"
+#include "core/priors/boundaries.h"
 #include "core/priors/photo_channels.h"
-#include "core/priors/shrunk_photo.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
-// What the points say of one pixel of the small view.
+// The points that project into one pixel of the shrunk view.
 struct Seen {
-  double inverse_depth = 0;  // of the nearest point
-  int count = 0;
+  double inverse_depth = 0;  // of the nearest point, 1 / scene units
+  int count = 0;             // 0: no point, or only hidden ones
 };
 
-// The points in front of the camera, by the pixel that they fall on.
+// Projects the points in front of the camera into an image of width x height.
 std::vector<Seen> Project(const View& view, std::span<const ScenePoint> points, int width,
                           int height) {
   std::vector<Seen> seen(static_cast<size_t>(width) * height);
@@ -39,7 +38,9 @@ std::vector<Seen> Project(const View& view, std::span<const ScenePoint> points, 
   return seen;
 }
 
-// A point with several much nearer ones close by shows through between them.
+// Sets the count of hidden pixels to 0: those with at least kSeveral pixels within kRadius whose
+// points are nearer by the factor kMuchNearer. Such a point shows through a gap between points of a
+// surface in front of it.
 void RemoveHidden(int width, int height, std::vector<Seen>& seen) {
   constexpr int kRadius = 6;
   constexpr double kMuchNearer = 1.1;
@@ -61,13 +62,20 @@ void RemoveHidden(int width, int height, std::vector<Seen>& seen) {
   }
 }
 
-// Inverse depths u that minimise the sum over seen pixels of (u - inverse_depth)^2, and over
-// neighbours of smoothness * (difference of their u)^2, less across boundaries: planes stay planes,
-// as their inverse depth is linear in the image. Beside them how much of each stems from points.
+// Solution of the spread, one value for each pixel. inverse_depth is not normalised: a pixel's
+// inverse depth is inverse_depth / support.
 struct Spread {
-  Eigen::VectorXd inverse_depth, support;
-  bool ok = false;
+  Eigen::VectorXd inverse_depth;
+  Eigen::VectorXd support;  // share that stems from points, in [0, 1]
+  bool ok = false;          // false: the factorisation failed
 };
+
+// Spreads the points' inverse depths d over the image. The result u minimises
+//   sum over pixels with a point of (u_i - d_i)^2  +  sum over neighbours of w_ij (u_i - u_j)^2
+//   + kNothing sum of u_i^2,
+// w_ij = smoothness (exp(-(strength / edge_strength)^2) + 0.001): small across boundaries. Inverse
+// depth, because that of a plane is linear in the image. The last part makes the matrix regular;
+// the same system with d_i = 1 gives the support, by which its pull to 0 is undone.
 class Spreader {
  public:
   Spreader(std::span<const float> strength, int width, int height,
@@ -75,7 +83,7 @@ class Spreader {
       : strength_(strength), width_(width), height_(height), options_(options) {}
 
   Spread Run(std::span<const Seen> seen) const {
-    constexpr double kNothing = 3e-5;  // pulls towards support 0 what no point reaches
+    constexpr double kNothing = 3e-5;  // so small that only pixels far from all points feel it
     const auto size = static_cast<Eigen::Index>(seen.size());
     Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(size, kNothing);
     Eigen::VectorXd values = Eigen::VectorXd::Zero(size), ones = values;
@@ -105,13 +113,14 @@ class Spreader {
   }
 
  private:
+  // Adds the entries of a pair of neighbours to the matrix's diagonal and lower half.
   void Join(int a, int b, Eigen::VectorXd& diagonal,
             std::vector<Eigen::Triplet<double>>& entries) const {
     const double strength = double{std::max(strength_[a], strength_[b])} / options_.edge_strength;
     const double weight = options_.smoothness * (std::exp(-strength * strength) + 1e-3);
     diagonal[a] += weight;
     diagonal[b] += weight;
-    entries.emplace_back(std::max(a, b), std::min(a, b), -weight);  // the lower half
+    entries.emplace_back(std::max(a, b), std::min(a, b), -weight);
   }
 
   std::span<const float> strength_;
@@ -123,7 +132,7 @@ class Spreader {
 
 std::vector<float> EmbeddedDepth(const View& view, std::span<const ScenePoint> points,
                                  const EmbeddedDepthOptions& options) {
-  constexpr double kMinSupport = 0.5;
+  constexpr double kMinSupport = 0.5;  // below it the pixel is too far from any point
   const Image photo = ShrunkPhoto(view.photo, options.max_extent);
   std::vector<Seen> seen = Project(view, points, photo.width, photo.height);
   RemoveHidden(photo.width, photo.height, seen);

@@ -7,19 +7,20 @@
 
 namespace pepeseg {
 
-// Depth without any network: that of the points which structure from motion found, spread over each
-// photograph up to where colour and texture change.
+// Depth without a network: the depths of structure-from-motion points, spread over each photograph
+// up to where colour and texture change (METHOD.md section 6).
 struct EmbeddedDepthOptions {
-  int max_extent = 320;        // pixels: larger photographs are looked at in this size
-  double smoothness = 0.2;     // weight of neighbouring pixels' difference against a point's 1
-  double edge_strength = 0.1;  // over which a boundary lets little through, see BoundaryStrength
-  int min_points = 16;         // a view that shows fewer has no depth
+  int max_extent = 320;     // pixels; longer side at which a larger photograph is processed
+  double smoothness = 0.2;  // weight of the difference of two neighbours; a point has 1
+  // Boundary strength at which that weight has fallen to 1/e, see BoundaryStrength. Over 0.
+  double edge_strength = 0.1;
+  int min_points = 16;  // fewest pixels with a point; with fewer the view has no depth
 };
 
-// Of each pixel of the view, z in scene units [height, width]; NaN where no point is near enough to
-// say anything, and where the view is to be ignored. Empty: too few points are seen. The view must
-// have a photograph. Points that others hide are left out as far as they can be told: those behind
-// several nearer ones.
+// Returns the depth z of each pixel of the view in scene units, [height, width]; NaN where no point
+// is near enough and where the view's ignore mask is set. Returns an empty vector when too few
+// points are visible. The view must have a photograph. Points that several much nearer ones
+// surround are taken for hidden and left out.
 std::vector<float> EmbeddedDepth(const View& view, std::span<const ScenePoint> points,
                                  const EmbeddedDepthOptions& options = {});
 

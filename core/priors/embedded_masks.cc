@@ -6,51 +6,51 @@
 #include <utility>
 #include <vector>
 
-#include "core/priors/boundary_strength.h"
+#include "core/priors/boundaries.h"
 #include "core/priors/photo_channels.h"
 #include "core/priors/region_tree.h"
-#include "core/priors/shrunk_photo.h"
 
 namespace pepeseg {
 namespace {
 
-// The view as it is looked at.
-struct Look {
+// A view at the size at which it is processed.
+struct SmallView {
   Image photo;
-  std::vector<float> depth;  // or empty
+  std::vector<float> depth;  // [height, width]; empty: no depth prior
 };
 
-Look Shrunk(const View& view, int max_extent) {
-  Look look;
-  look.photo = ShrunkPhoto(view.photo, max_extent);
+SmallView Shrunk(const View& view, int max_extent) {
+  SmallView small;
+  small.photo = ShrunkPhoto(view.photo, max_extent);
   if (HasDepthPrior(view)) {
     const cv::Mat depth(view.photo.height, view.photo.width, CV_32F,
                         const_cast<float*>(view.depth.values.data()));
     cv::Mat to;
-    cv::resize(depth, to, {look.photo.width, look.photo.height}, 0, 0, cv::INTER_NEAREST);
-    look.depth.assign(to.begin<float>(), to.end<float>());
+    cv::resize(depth, to, {small.photo.width, small.photo.height}, 0, 0, cv::INTER_NEAREST);
+    small.depth.assign(to.begin<float>(), to.end<float>());
   }
-  return look;
+  return small;
 }
 
-// Of each leaf, the pixels of the whole view.
-std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree, const Look& look,
+// Returns the pixels of each leaf at the view's full size, without ignored ones.
+std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree, const SmallView& small,
                                               const View& view) {
   std::vector<std::vector<uint32_t>> pixels(tree.num_leaves);
   const int width = view.photo.width, height = view.photo.height;
   for (int y = 0; y < height; ++y) {
-    const int64_t row = int64_t{y} * look.photo.height / height * look.photo.width;
+    const int64_t row = int64_t{y} * small.photo.height / height * small.photo.width;
     for (int x = 0; x < width; ++x) {
       const size_t pixel = static_cast<size_t>(y) * width + x;
       if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      const int32_t leaf = tree.pixel_leaf[row + int64_t{x} * look.photo.width / width];
+      const int32_t leaf = tree.pixel_leaf[row + int64_t{x} * small.photo.width / width];
       pixels[leaf].push_back(static_cast<uint32_t>(pixel));
     }
   }
   return pixels;
 }
 
-// What most pixels, which stand at no border, are under.
+// Returns the strength below which a boundary is weak: the 75th percentile, because most pixels
+// lie at no boundary.
 float WeakStrength(std::vector<float> strength) {
   constexpr double kShare = 0.75;
   const auto at =
@@ -59,15 +59,18 @@ float WeakStrength(std::vector<float> strength) {
   return *at;
 }
 
-RegionTree TreeOf(const Look& look) {
-  const PhotoChannels channels = ChannelsOf(look.photo);
+// Cuts the view into a tree of regions. A depth jump counts half as much as the same strength of
+// colour and texture.
+RegionTree TreeOf(const SmallView& small) {
+  const PhotoChannels channels = ChannelsOf(small.photo);
   std::vector<float> strength = BoundaryStrength(channels);
-  if (!look.depth.empty()) {
-    const std::vector<float> jumps = DepthStrength(look.depth, look.photo.width, look.photo.height);
+  if (!small.depth.empty()) {
+    const std::vector<float> jumps =
+        DepthStrength(small.depth, small.photo.width, small.photo.height);
     for (size_t i = 0; i < jumps.size(); ++i) strength[i] = std::max(strength[i], 0.5f * jumps[i]);
   }
   PixelFeatures pixels{
-      look.photo.width, look.photo.height, strength, WeakStrength(strength), {}, {}};
+      small.photo.width, small.photo.height, strength, WeakStrength(strength), {}, {}};
   for (const PhotoChannels::Group& group : channels.groups) {
     for (const cv::Mat& bin : group.bins) {
       pixels.bins.emplace_back(bin.begin<float>(), bin.end<float>());
@@ -77,7 +80,8 @@ RegionTree TreeOf(const Look& look) {
   return BuildRegionTree(pixels);
 }
 
-// A thing's border is clear all around; of two such regions the larger one counts for more.
+// Returns the quality of a region as a mask, see EmbeddedMaskSet::quality; 0 for the root. An
+// object has a clear border all around; of two such regions the larger one is better.
 double Quality(const RegionTree& tree, int32_t at) {
   constexpr double kSizeExponent = 0.15;
   const RegionTree::Node& node = tree.nodes[at];
@@ -85,7 +89,8 @@ double Quality(const RegionTree& tree, int32_t at) {
   return node.parent < 0 ? 0 : (1 - double{node.weak}) * std::pow(share, kSizeExponent);
 }
 
-// Marks what is nearly the same as a region: those that it lies in or that lie in it.
+// Marks the regions that are nearly the same as `node`: ancestors and descendants with an IoU over
+// kSame. Regions nest, so that the IoU is the ratio of the areas; at most one child can reach it.
 void TakeAlike(const RegionTree& tree, int32_t node, std::vector<uint8_t>& taken) {
   constexpr double kSame = 0.8;  // IoU
   const auto area = [&](int32_t i) { return static_cast<double>(tree.nodes[i].area); };
@@ -104,6 +109,8 @@ struct ChosenRegion {
   int32_t node;
   float quality;
 };
+
+// Returns the best regions, the best first, without those that are nearly the same as a better one.
 std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
                                         const EmbeddedMaskOptions& options) {
   const auto num_pixels = static_cast<double>(tree.pixel_leaf.size());
@@ -129,9 +136,9 @@ std::vector<ChosenRegion> ChooseRegions(const RegionTree& tree,
 }  // namespace
 
 EmbeddedMaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options) {
-  const Look look = Shrunk(view, options.max_extent);
-  const RegionTree tree = TreeOf(look);
-  const std::vector<std::vector<uint32_t>> leaves = LeafPixels(tree, look, view);
+  const SmallView small = Shrunk(view, options.max_extent);
+  const RegionTree tree = TreeOf(small);
+  const std::vector<std::vector<uint32_t>> leaves = LeafPixels(tree, small, view);
   MaskSetBuilder builder(view.photo.width, view.photo.height);
   EmbeddedMaskSet made;
   for (const ChosenRegion& region : ChooseRegions(tree, options)) {

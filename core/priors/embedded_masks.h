@@ -6,24 +6,26 @@
 
 namespace pepeseg {
 
-// Masks without any network: where colour, texture and depth change, a photograph is cut into small
-// regions, which are merged in the order of their likeness; those with a clear border all around
-// are masks, parts within objects within groups.
+// Masks without a network (METHOD.md section 6). A photograph is cut into small regions where
+// colour, texture and depth change; the regions are merged, the most alike first. Merged regions
+// with a clear border all around become masks: parts within objects within groups.
 struct EmbeddedMaskOptions {
-  int max_extent = 512;      // pixels: larger photographs are looked at in this size
-  double min_area = 0.0008;  // of a mask, as a share of the photograph
-  double max_area = 0.7;
-  double max_open_border = 0.5;  // share of a mask's border at which nothing ends
-  int max_masks = 64;            // a view, the best ones
+  int max_extent = 512;          // pixels; longer side at which a larger photograph is processed
+  double min_area = 0.0008;      // smallest mask, as a share of the photograph
+  double max_area = 0.7;         // largest mask, as a share of the photograph
+  double max_open_border = 0.5;  // largest share of a mask's border without a boundary
+  int max_masks = 64;            // most masks of a view; the best are kept
 };
 
 struct EmbeddedMaskSet {
   MaskSet masks;  // the best first
-  // [num_masks] in (0, 1]: the share of the border at which something ends, times the mask's share
-  // of the photograph to the power of 0.15.
+  // [num_masks] in (0, 1]: the share of the border that is a boundary, times the mask's share of
+  // the photograph to the power of 0.15.
   std::vector<float> quality;
 };
-// The masks of one view, without the pixels that are to be ignored.
+
+// Returns the masks of one view, without ignored pixels. The view must have a photograph; its depth
+// prior is used where it has one.
 EmbeddedMaskSet EmbeddedMasks(const View& view, const EmbeddedMaskOptions& options = {});
 
 }  // namespace pepeseg

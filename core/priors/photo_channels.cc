@@ -9,9 +9,10 @@ namespace pepeseg {
 namespace {
 
 constexpr int kColorBins = 12;
-constexpr int kNumGradientDirections = 6;  // of the gradient, modulo 180 degrees
-constexpr float kNoise = 2;                // lightness; gradients below it have no direction
-// Shading and shadows change the lightness within a thing more than its colour.
+constexpr int kNumGradientDirections = 6;  // over 180 degrees: opposite gradients count as one
+constexpr float kNoise = 2;  // lightness change a pixel at which half of the weight has a direction
+// Lightness has a small weight: shading and shadows change it within an object more than they
+// change its colour.
 constexpr float kLightnessWeight = 0.1f, kColorWeight = 0.42f, kTextureWeight = 0.06f;
 
 std::vector<cv::Mat> Planes(int count, const cv::Size& size) {
@@ -21,7 +22,9 @@ std::vector<cv::Mat> Planes(int count, const cv::Size& size) {
   return planes;
 }
 
-// Each value's 1 is shared by the two bins whose centres it lies between.
+// Returns a soft histogram of each pixel's value over [low, high]: the weight of 1 is split
+// linearly between the two bins whose centres the value lies between. Values outside count as the
+// ends.
 std::vector<cv::Mat> SoftBins(const cv::Mat& values, float low, float high) {
   std::vector<cv::Mat> bins = Planes(kColorBins, values.size());
   const float per_bin = (high - low) / (kColorBins - 1);
@@ -38,7 +41,9 @@ std::vector<cv::Mat> SoftBins(const cv::Mat& values, float low, float high) {
   return bins;
 }
 
-// Where the lightness changes, in which direction; the first bin has what does not change.
+// Returns a soft histogram of the direction of each pixel's lightness gradient. With g its length,
+// bin 0 gets kNoise / (g + kNoise): flat texture. The rest is split linearly between the two
+// nearest directions, in bins 1 to kNumGradientDirections.
 std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
   cv::Mat dx, dy;
   cv::Sobel(lightness, dx, CV_32F, 1, 0, 3, 1.0 / 8);
@@ -49,7 +54,7 @@ std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
       const float gx = dx.at<float>(y, x), gy = dy.at<float>(y, x);
       const float size = std::sqrt(gx * gx + gy * gy);
       const float share = size / (size + kNoise);
-      auto turn = static_cast<float>(std::atan2(gy, gx) / CV_PI);  // (-1, 1]
+      auto turn = static_cast<float>(std::atan2(gy, gx) / CV_PI);  // half turns, (-1, 1]
       if (turn < 0) turn += 1;
       const float at = turn * kNumGradientDirections;
       const int bin = static_cast<int>(at) % kNumGradientDirections;
@@ -64,10 +69,19 @@ std::vector<cv::Mat> TextureBins(const cv::Mat& lightness) {
 
 }  // namespace
 
-int PhotoChannels::num_bins() const {
-  int num = 0;
-  for (const Group& group : groups) num += static_cast<int>(group.bins.size());
-  return num;
+Image ShrunkPhoto(const Image& photo, int max_extent) {
+  const double factor =
+      std::min(1.0, static_cast<double>(max_extent) / std::max(photo.width, photo.height));
+  Image shrunk;
+  shrunk.width = std::max(1, static_cast<int>(std::lround(photo.width * factor)));
+  shrunk.height = std::max(1, static_cast<int>(std::lround(photo.height * factor)));
+  shrunk.channels = photo.channels;
+  const cv::Mat from(photo.height, photo.width, CV_8UC(photo.channels),
+                     const_cast<uint8_t*>(photo.pixels.data()));
+  cv::Mat to;
+  cv::resize(from, to, {shrunk.width, shrunk.height}, 0, 0, cv::INTER_AREA);
+  shrunk.pixels.assign(to.datastart, to.dataend);
+  return shrunk;
 }
 
 PhotoChannels ChannelsOf(const Image& photo) {

@@ -11,6 +11,7 @@ bool AsksForSam(PriorMaker maker) {
   return maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded;
 }
 
+// The makers are ordered so that those of depth come first: SAM makes masks only.
 absl::Status Validate(const PriorOptions& options) {
   for (const auto& [name, maker] : {std::pair{"masks", options.masks}, {"depth", options.depth}}) {
     const bool masks = name == std::string_view("masks");

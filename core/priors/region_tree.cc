@@ -10,12 +10,14 @@
 namespace pepeseg {
 namespace {
 
-// Of the dissimilarity of two regions, what their border says and what is inside them.
+// Weight of the boundary strength along the common border in the dissimilarity of two regions; the
+// distance of their histograms has the rest.
 constexpr float kBorderShare = 0.6f;
-// Regions under this share of the image are merged more readily.
+// Share of the image below which a region is merged earlier, so that fragments do not last.
 constexpr double kSmallRegion = 0.002;
 
-// Catchment basins of the boundary strength: each pixel flows to its lowest neighbour.
+// Catchment basins of the boundary strength, the leaves of the tree: each pixel flows to its lowest
+// neighbour of 8, and the pixels that reach the same minimum form a basin.
 class Basins {
  public:
   Basins(std::span<const float> strength, int width, int height)
@@ -25,7 +27,8 @@ class Basins {
     }
   }
 
-  // Numbers the basins in the order in which the rows meet them; returns how many there are.
+  // Writes the basin of each pixel to `of_pixel`, numbered from 0 in reading order, and returns the
+  // number of basins.
   int Number(std::vector<int32_t>& of_pixel) {
     std::vector<int32_t> number(to_.size(), -1);
     of_pixel.resize(to_.size());
@@ -41,6 +44,7 @@ class Basins {
  private:
   int32_t Index(int x, int y) const { return y * width_ + x; }
 
+  // Equal strengths are ordered by index, so that plateaus have one minimum and no cycles.
   bool IsLower(int32_t a, int32_t b) const {
     return strength_[a] != strength_[b] ? strength_[a] < strength_[b] : a < b;
   }
@@ -53,6 +57,7 @@ class Basins {
     }
     return lowest;
   }
+  // Returns the minimum that a pixel flows to, and points the pixels on the way straight to it.
   int32_t Sink(int32_t pixel) {
     int32_t sink = pixel;
     while (to_[sink] != sink) sink = to_[sink];
@@ -62,13 +67,14 @@ class Basins {
 
   std::span<const float> strength_;
   int width_, height_;
-  std::vector<int32_t> to_;
+  std::vector<int32_t> to_;  // [pixels] next pixel downhill; a minimum points to itself
 };
 
+// The common border of two regions: the pairs of adjacent pixels, one in each.
 struct Border {
-  int64_t length = 0;   // pairs of pixels
-  int64_t weak = 0;     // of these, with a strength under PixelFeatures::weak
-  double strength = 0;  // summed over them
+  int64_t length = 0;   // pairs
+  int64_t weak = 0;     // pairs with a strength below PixelFeatures::weak
+  double strength = 0;  // sum over the pairs of the larger strength of the two pixels
 
   void Add(const Border& other) {
     length += other.length;
@@ -77,7 +83,8 @@ struct Border {
   }
 };
 
-// Merges the two most alike neighbours until there is one region.
+// Merges the two most alike neighbours until one region is left. A queue holds an offer for each
+// pair of neighbours; an offer is stale, and skipped, once one of its regions has a parent.
 class Merger {
  public:
   Merger(const PixelFeatures& pixels, RegionTree& tree) : pixels_(pixels), tree_(tree) {
@@ -111,7 +118,7 @@ class Merger {
   struct Offered {
     float dissimilarity;
     int32_t a, b;
-    bool operator<(const Offered& other) const {  // the least on top, then the first
+    bool operator<(const Offered& other) const {  // the smallest on top, ties by index
       return std::tie(dissimilarity, a, b) > std::tie(other.dissimilarity, other.a, other.b);
     }
   };
@@ -134,6 +141,7 @@ class Merger {
     }
   }
 
+  // Returns the chi-squared distance of two regions' mean histograms.
   float HistogramDistance(int32_t a, int32_t b) const {
     const double area_a = static_cast<double>(tree_.nodes[a].area);
     const double area_b = static_cast<double>(tree_.nodes[b].area);
@@ -145,6 +153,9 @@ class Merger {
     }
     return static_cast<float>(std::sqrt(0.5 * sum));
   }
+  // Queues the merge of a and b with the dissimilarity
+  //   (kBorderShare strength + (1 - kBorderShare) distance) min(1, share / kSmallRegion)^0.4,
+  // share: the smaller region's share of the image.
   void Offer(int32_t a, int32_t b, const Border& border) {
     const double mean = border.strength / static_cast<double>(border.length);
     const double smaller = static_cast<double>(std::min(tree_.nodes[a].area, tree_.nodes[b].area));
@@ -179,6 +190,7 @@ class Merger {
     JoinBorders(best.a, best.b, made);
     SetContrast(made);
   }
+  // Gives `made` the borders of its children, without the one between them, and offers each.
   void JoinBorders(int32_t a, int32_t b, int32_t made) {
     std::map<int32_t, Border> joined;
     for (const int32_t child : {a, b}) {
@@ -199,8 +211,8 @@ class Merger {
   const PixelFeatures& pixels_;
   RegionTree& tree_;
   size_t num_bins_;
-  std::vector<double> histograms_;                  // [nodes, bins] sums
-  std::vector<std::map<int32_t, Border>> borders_;  // [nodes] of those that have no parent yet
+  std::vector<double> histograms_;                  // [nodes, bins] sums over the pixels
+  std::vector<std::map<int32_t, Border>> borders_;  // [nodes] by neighbour; empty with a parent
   std::priority_queue<Offered> offers_;
 };
 

@@ -15,8 +15,8 @@ struct DensityScene {
   int64_t num_initial = 0;          // Gaussians at the start
 };
 
-// Adaptive density control (Kerbl et al. 2023; METHOD.md section 1.3): when it is due, and its
-// effect on the state. `step` is the schedule position, from 0, of a step whose update is done.
+// Adaptive density control (Kerbl et al. 2023; METHOD.md section 1, "Density"): when it is due, and
+// its effect on the state. `step` is the schedule position, from 0, of a step whose update is done.
 class Densifier {
  public:
   Densifier(Backend& backend, const ReconstructOptions& options, const DensityScene& scene)

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/reconstruct/depth_prior.h"
+#include "core/reconstruct/trainable.h"
 
 namespace pepeseg {
 namespace {

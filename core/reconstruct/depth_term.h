@@ -26,8 +26,8 @@ struct DepthImages {
   DeviceSpan<float> alpha_grad, depth_grad;  // for RenderBackward
 };
 
-// The depth loss of stage one (METHOD.md section 1.4): compares the rendered depth with the view's
-// monocular prior. To be used by one thread at a time. The backend must outlive it.
+// The depth loss of stage one (METHOD.md section 1, "Depth"): compares the rendered depth with the
+// view's monocular prior. To be used by one thread at a time. The backend must outlive it.
 class DepthTerm {
  public:
   // options: with depth_weight filled in, see WithDepthWeight. max_pixels: of the largest view.

@@ -134,7 +134,7 @@ void GaussianState::UploadPlanes(Buffer<float>& buffer, int first, std::span<con
 }
 
 // Higher degrees are the last planes of each buffer, so that a smaller degree hides them.
-void GaussianState::KeepBandsTo(int sh_degree) { sh_degree_ = std::min(sh_degree_, sh_degree); }
+void GaussianState::LimitShDegree(int sh_degree) { sh_degree_ = std::min(sh_degree_, sh_degree); }
 
 // Gathers into a second set of buffers, whose statistics are zero, and swaps. Children inherit
 // whether they are refinable but not moments and step counts.

@@ -53,7 +53,7 @@ class GaussianState {
 
   // Removes the coefficients of degrees over `sh_degree`. Their memory is freed by the next
   // Rearrange.
-  void KeepBandsTo(int sh_degree);
+  void LimitShDegree(int sh_degree);
 
   // Replaces Gaussian i by a copy of Gaussian source[i], for i in [0, source.size). Where is_new[i]
   // is set, its moments and step count become 0. All statistics become 0. Returns false, with

@@ -9,7 +9,7 @@
 
 namespace pepeseg {
 
-// The Gaussians that stage one starts from (METHOD.md section 1.1), as in 3DGS.
+// The Gaussians that stage one starts from (METHOD.md section 1), as in 3DGS.
 
 // Bounds of the logarithm of a Gaussian's standard deviations, which are in scene units.
 struct LogScaleBounds {

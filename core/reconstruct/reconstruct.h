@@ -5,7 +5,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/base/progress.h"
-#include "core/reconstruct/capture_kind.h"
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
 #include "kernels/backend.h"
@@ -15,7 +14,17 @@ namespace pepeseg {
 // Stage one: from photographs to Gaussians (METHOD.md section 1). Reconstructor does its steps;
 // this header has its options and the loop around it.
 
-// Effect of refinement on a Gaussian that crosses the border of a mask (METHOD.md section 1.5).
+// Arrangement of the cameras, which decides the default weight of the depth loss (METHOD.md section
+// 1, "Depth").
+enum class CaptureKind {
+  kAutomatic,  // Found from the poses, see FindCaptureKind.
+  kOrbit,      // Around what they look at.
+  // All in about one direction. The parallax is smaller, so that a depth prior has more to add.
+  kForwardFacing,
+};
+
+// Effect of refinement on a Gaussian that crosses the border of a mask (METHOD.md section 1,
+// "Refinement").
 enum class RefineKeep {
   kNone = 1,    // No refinement.
   kShrink = 2,  // The Gaussian becomes its part inside the mask.
@@ -55,7 +64,7 @@ struct ReconstructOptions {
   // tests/bench/results/presets_h200.md.
   double coarse_until = 0;
 
-  // Depth loss (METHOD.md section 1.4).
+  // Depth loss (METHOD.md section 1, "Depth").
 
   // Weight of the depth loss at the first step, on views with a depth prior. In [0, 10], or -1:
   // 0.05 on an orbit, 0.1 where the views face forward. 0: no depth loss. Measured:
@@ -76,7 +85,7 @@ struct ReconstructOptions {
   // Arrangement of the cameras, which decides the weight that depth_weight = -1 stands for.
   CaptureKind capture_kind = CaptureKind::kAutomatic;
 
-  // Density control (METHOD.md section 1.3).
+  // Density control (METHOD.md section 1, "Density").
 
   // Share of num_steps after which density control begins. In [0, 1].
   double densify_from = 1.0 / 60;
@@ -107,7 +116,7 @@ struct ReconstructOptions {
   // what the photographs do not pull back fades and is pruned. In [0.01, 1]. 1: no decay.
   float opacity_decay = 0.95f;
 
-  // Gaussian refinement (METHOD.md section 1.5).
+  // Gaussian refinement (METHOD.md section 1, "Refinement").
 
   // Effect of refinement on a Gaussian that crosses the border of a mask, in views with masks.
   // Measured: tests/bench/results/h200_desk.md and tests/bench/results/refinement_cpu.md.
@@ -122,7 +131,8 @@ struct ReconstructOptions {
   // depth. In [0, 1]. 0: no refinement.
   double refine_candidates = 0.1;
 
-  // What a scene does not need, as SceneNeeds decides (METHOD.md section 1.6).
+  // What a scene does not need, as SceneNeeds decides (METHOD.md section 1, "What a scene does not
+  // need").
 
   // Smallest relative fall of the training loss over a window of at least 500 steps. With less, and
   // once density control, smaller photographs and refinement are over, only the last closing_share

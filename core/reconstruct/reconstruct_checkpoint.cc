@@ -73,10 +73,10 @@ absl::Status Validate(const ReconstructCheckpoint& checkpoint) {
   if (checkpoint.counters.step < 0) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step, " is negative"));
   }
-  if (checkpoint.counters.place < checkpoint.counters.step) {
+  if (checkpoint.counters.position < checkpoint.counters.step) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step,
                                             " exceeds its schedule position, ",
-                                            checkpoint.counters.place));
+                                            checkpoint.counters.position));
   }
   RETURN_IF_ERROR(CheckSize("needs", checkpoint.needs.size(), SceneNeeds::kNumState));
   return ValidateRows(checkpoint.gaussians);

@@ -22,11 +22,11 @@ struct ReconstructCheckpoint {
     int64_t step = 0;  // steps done
     int64_t num_culled_degenerate = 0;
     int64_t num_skipped_gradients = 0;
-    int64_t num_void_renders = 0;
+    int64_t num_overflowed_renders = 0;
     int64_t num_refined = 0;
     int64_t num_refine_split = 0;
     int64_t num_skipped_depths = 0;
-    int64_t place = 0;              // schedule position: steps done and skipped
+    int64_t position = 0;           // schedule position: steps done and skipped
     int64_t depth_is_left_out = 0;  // 1: the depth loss was dropped, see DepthAgreement
   };
   Counters counters;

@@ -7,8 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/reconstruct/earned_bands.h"
-#include "core/reconstruct/pixel_span.h"
+#include "core/reconstruct/sh_pruning.h"
 #include "core/reconstruct/trainable.h"
 
 namespace pepeseg {
@@ -49,7 +48,7 @@ Reconstructor::Reconstructor(Backend& backend, const Capture& capture,
       color_grad_(backend, 3 * views_.max_pixels()),
       depth_term_(backend, options_, views_.max_pixels()),
       loss_sums_(backend, kNumLossSums),
-      entry_rooms_(views_.size()),
+      entry_capacities_(views_.size()),
       results_(backend),
       needs_(options_, views_.size()) {}
 
@@ -68,20 +67,20 @@ absl::StatusOr<std::unique_ptr<Reconstructor>> Reconstructor::Resume(
     const ReconstructCheckpoint& checkpoint) {
   RETURN_IF_ERROR(Validate(checkpoint));
   ASSIGN_OR_RETURN(std::unique_ptr<Reconstructor> reconstructor, Create(backend, capture, options));
-  RETURN_IF_ERROR(reconstructor->CheckOurs(checkpoint));
+  RETURN_IF_ERROR(reconstructor->CheckMatches(checkpoint));
   RETURN_IF_ERROR(reconstructor->Restore(checkpoint));
   return reconstructor;
 }
 
 // Returns DATA_LOSS where the checkpoint exceeds what the options and the capture allow.
-absl::Status Reconstructor::CheckOurs(const ReconstructCheckpoint& checkpoint) const {
+absl::Status Reconstructor::CheckMatches(const ReconstructCheckpoint& checkpoint) const {
   if (checkpoint.counters.step > options_.num_steps) {
     return absl::DataLossError(absl::StrCat("step ", checkpoint.counters.step,
                                             " exceeds the num_steps of the options, ",
                                             options_.num_steps));
   }
-  if (checkpoint.counters.place > options_.num_steps) {
-    return absl::DataLossError(absl::StrCat("schedule position ", checkpoint.counters.place,
+  if (checkpoint.counters.position > options_.num_steps) {
+    return absl::DataLossError(absl::StrCat("schedule position ", checkpoint.counters.position,
                                             " exceeds the num_steps of the options, ",
                                             options_.num_steps));
   }
@@ -108,12 +107,12 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
   if (random.fail()) return absl::DataLossError("the random engine's state cannot be parsed");
   sampler_.Restore({checkpoint.views_left.begin(), checkpoint.views_left.end()});
   step_ = static_cast<int>(checkpoint.counters.step);
-  place_ = static_cast<int>(checkpoint.counters.place);
+  position_ = static_cast<int>(checkpoint.counters.position);
   if (checkpoint.counters.depth_is_left_out != 0) depth_term_.LeaveOut();
   needs_.Restore(checkpoint.needs);
   num_culled_degenerate_ = checkpoint.counters.num_culled_degenerate;
   num_skipped_gradients_ = checkpoint.counters.num_skipped_gradients;
-  num_void_renders_ = checkpoint.counters.num_void_renders;
+  num_overflowed_renders_ = checkpoint.counters.num_overflowed_renders;
   refiner_.Restore({checkpoint.counters.num_refined, checkpoint.counters.num_refine_split});
   num_skipped_depths_ = checkpoint.counters.num_skipped_depths;
   if (state_.Restore(checkpoint.gaussians)) return absl::OkStatus();
@@ -122,16 +121,16 @@ absl::Status Reconstructor::Restore(const ReconstructCheckpoint& checkpoint) {
 }
 
 absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
-  while (!results_.empty()) Settle();
+  while (!results_.empty()) DrainOldest();
   ReconstructCheckpoint checkpoint;
   checkpoint.counters = {step_,
                          num_culled_degenerate_,
                          num_skipped_gradients_,
-                         num_void_renders_,
+                         num_overflowed_renders_,
                          refiner_.counts().num_refined,
                          refiner_.counts().num_split,
                          num_skipped_depths_,
-                         place_,
+                         position_,
                          depth_term_.left_out() ? 1 : 0};
   checkpoint.needs = needs_.Save();
   std::ostringstream random;
@@ -149,38 +148,38 @@ absl::StatusOr<ReconstructCheckpoint> Reconstructor::Save() {
 // One step of METHOD.md section 1: train on a view, then density control, opacity reset and
 // refinement where they are due at this position of the schedule.
 absl::StatusOr<StepReport> Reconstructor::Step() {
-  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(place_), state_.count(), {}};
+  StepInput input = {sampler_.Next(random_), schedule_.ShrinkAt(position_), state_.count(), {}};
   input.depth = depth_term_.PlanFor(views_.At(input.view, input.shrink),
-                                    schedule_.DepthWeightAt(place_), random_);
-  TrainOn(input, entry_rooms_.For(input));
-  while (results_.full()) Settle();
+                                    schedule_.DepthWeightAt(position_), random_);
+  TrainOn(input, entry_capacities_.For(input));
+  while (results_.full()) DrainOldest();
 
-  const bool densify = densifier_.Due(place_);
-  const bool reset = densifier_.OpacityResetDue(place_);
-  const bool refine = !densify && refiner_.Due(place_);
-  const bool review = needs_.EndsWindow(place_);
+  const bool densify = densifier_.Due(position_);
+  const bool reset = densifier_.OpacityResetDue(position_);
+  const bool refine = !densify && refiner_.Due(position_);
+  const bool review = needs_.EndsWindow(position_);
   // What follows changes the Gaussians or reads the losses: all steps must have been done, those
   // whose render overflowed repeated, on the Gaussians that they were queued for.
-  if (densify || reset || refine || review || place_ + 1 == options_.num_steps) {
-    while (!results_.empty()) Settle();
+  if (densify || reset || refine || review || position_ + 1 == options_.num_steps) {
+    while (!results_.empty()) DrainOldest();
   }
-  if (densify) RETURN_IF_ERROR(densifier_.Apply(place_, state_, random_));
+  if (densify) RETURN_IF_ERROR(densifier_.Apply(position_, state_, random_));
   if (reset) state_.LimitOpacity(kResetOpacity);
   if (refine) RETURN_IF_ERROR(Refine(input));
-  refiner_.EndStep(place_, state_);
+  refiner_.EndStep(position_, state_);
   ++step_;
-  ++place_;
-  if (review) LeaveOutWhatIsNotNeeded();
+  ++position_;
+  if (review) DropUnneededParts();
   return Report();
 }
 
 // Queues the work of a step. With a tile-entry capacity nothing waits, so that the backend can
 // replay the step as a CUDA graph: one for each size of the photographs, with and without depth.
 // With 0 the host waits for the count of entries.
-void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
-  const auto ops = [&] { LearnView(input, entry_room); };
+void Reconstructor::TrainOn(const StepInput& input, int64_t entry_capacity) {
+  const auto ops = [&] { QueueOps(input, entry_capacity); };
   const int kind = 2 * input.shrink + (input.depth.weight > 0 ? 1 : 0);
-  if (entry_room > 0) {
+  if (entry_capacity > 0) {
     backend_.Sequence(kind, ops);
   } else {
     ops();
@@ -188,10 +187,10 @@ void Reconstructor::TrainOn(const StepInput& input, int64_t entry_room) {
   results_.Push(input, loss_sums_.span(), scratch_.counters.span());
 }
 
-// Forward pass, loss, backward pass and Adam on one view (METHOD.md sections 1.1, 1.2 and 1.4).
-void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
+// Forward pass, loss, backward pass and Adam on one view (METHOD.md section 1).
+void Reconstructor::QueueOps(const StepInput& input, int64_t entry_capacity) {
   const TrainingView& view = views_.At(input.view, input.shrink);
-  const int sh_degree = std::min(schedule_.ShDegreeAt(place_), state_.sh_degree());
+  const int sh_degree = std::min(schedule_.ShDegreeAt(position_), state_.sh_degree());
   const int64_t size = 3 * int64_t{view.pinhole.width} * view.pinhole.height;
   const auto color = color_.span().Subspan(0, size);
   const auto color_grad = color_grad_.span().Subspan(0, size);
@@ -206,7 +205,7 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
                    .alpha = depth.alpha,
                    .depth = depth.depth,
                    .inverse_depth = depth.inverse_depth,
-                   .entry_room = entry_room});
+                   .entry_room = entry_capacity});
   backend_.ImageLoss({.width = view.pinhole.width,
                       .height = view.pinhole.height,
                       .color = color,
@@ -224,7 +223,7 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
                            .scratch = &scratch_});
   backend_.Update({.view = view.pinhole,
                    .active_sh_degree = sh_degree,
-                   .learning_rates = schedule_.RatesAt(place_),
+                   .learning_rates = schedule_.RatesAt(position_),
                    .min_log_scale = log_scales_.min,
                    .max_log_scale = log_scales_.max,
                    .scratch = &scratch_,
@@ -237,26 +236,26 @@ void Reconstructor::LearnView(const StepInput& input, int64_t entry_room) {
 
 // Reads the result of the oldest queued step; waits for it. A step whose render overflowed its
 // tile-entry capacity has changed nothing and is queued again, now with as much as it needs.
-void Reconstructor::Settle() {
+void Reconstructor::DrainOldest() {
   const StepResult result = results_.Pop();
-  if (result.was_void) {
-    ++num_void_renders_;
-    constexpr int64_t kMakeRoom = 0;
-    TrainOn(result.input, kMakeRoom);
+  if (result.overflowed) {
+    ++num_overflowed_renders_;
+    constexpr int64_t kWaitForCount = 0;  // no capacity: the host waits for the count of entries
+    TrainOn(result.input, kWaitForCount);
     return;
   }
-  entry_rooms_.Learn(result);
-  needs_.Learn(LossOf(result));
+  entry_capacities_.Record(result);
+  needs_.RecordLoss(LossOf(result));
   num_culled_degenerate_ += result.counters[kNumCulledDegenerate];
   num_skipped_gradients_ += result.counters[kNumSkippedGradientRows];
   if (result.input.depth.weight > 0) {
     num_skipped_depths_ += result.loss_sums[kFirstDepthSum + kDepthSkipped] > 0;
-    needs_.LearnDepth(DepthExplained(result));
+    needs_.RecordDepth(DepthExplained(result));
   }
   newest_ = result;
 }
 
-// Returns the image loss of METHOD.md section 1.1, without the depth terms.
+// Returns the image loss of METHOD.md section 1, without the depth terms.
 double Reconstructor::LossOf(const StepResult& result) const {
   const auto& sums = result.loss_sums;
   const double num = std::max(1.0, sums[kSumPixelChannels]);  // 0: all of the view is ignored
@@ -273,35 +272,36 @@ double Reconstructor::DepthExplained(const StepResult& result) const {
   return 1 - sums[kSumDepthView] / (double{result.input.depth.weight} * spread);
 }
 
-// Carries out what SceneNeeds decides at the end of a window (METHOD.md section 1.6). Ending the
-// stage early moves the schedule position to the start of the last closing_share.
-void Reconstructor::LeaveOutWhatIsNotNeeded() {
-  const SceneNeeds::Decision decision = needs_.Decide(place_ - 1);
+// Carries out what SceneNeeds decides at the end of a window (METHOD.md section 1, "What a scene
+// does not need"). Ending the stage early moves the schedule position to the start of the last
+// closing_share.
+void Reconstructor::DropUnneededParts() {
+  const SceneNeeds::Decision decision = needs_.Decide(position_ - 1);
   if (decision.leave_out_depth && !depth_term_.left_out()) {
     depth_term_.LeaveOut();
     skipped_.push_back({"depth",
                         "the depth priors do not agree with the depth of what the photographs show",
                         step_});
   }
-  if (decision.measure_bands) {
+  if (decision.prune_sh_degree) {
     const int earned =
-        EarnedShDegree(backend_, views_, NearPlane(), state_, options_.min_band_gain);
+        SufficientShDegree(backend_, views_, NearPlane(), state_, options_.min_band_gain);
     if (earned < state_.sh_degree()) {
       skipped_.push_back({"bands",
                           absl::StrCat("spherical harmonics of degrees over ", earned,
                                        " gain less than ", options_.min_band_gain, " dB"),
                           step_});
-      state_.KeepBandsTo(earned);
+      state_.LimitShDegree(earned);
     }
   }
   if (decision.close) {
     const auto closing = static_cast<int>(std::lround(options_.closing_share * options_.num_steps));
-    const int saved = options_.num_steps - closing - place_;
+    const int saved = options_.num_steps - closing - position_;
     skipped_.push_back({"steps",
                         absl::StrCat("the loss of the training views has stopped falling: ",
                                      closing, " steps close the schedule"),
                         step_, saved});
-    place_ += saved;
+    position_ += saved;
   }
 }
 
@@ -322,11 +322,11 @@ absl::StatusOr<StepReport> Reconstructor::Report() const {
   StepReport report;
   report.stage = "reconstruct";
   report.step = step_;
-  report.num_steps = step_ + options_.num_steps - place_;
+  report.num_steps = step_ + options_.num_steps - position_;
   report.num_gaussians = state_.count();
   report.num_culled_degenerate = num_culled_degenerate_;
   report.num_skipped_gradients = num_skipped_gradients_;
-  report.num_void_renders = num_void_renders_;
+  report.num_void_renders = num_overflowed_renders_;
   report.num_refined = refiner_.counts().num_refined;
   report.num_refine_split = refiner_.counts().num_split;
   report.num_skipped_depths = num_skipped_depths_;

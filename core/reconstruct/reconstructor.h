@@ -9,7 +9,6 @@
 #include "core/base/progress.h"
 #include "core/reconstruct/densifier.h"
 #include "core/reconstruct/depth_term.h"
-#include "core/reconstruct/entry_rooms.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstruct.h"
@@ -19,7 +18,6 @@
 #include "core/reconstruct/schedule.h"
 #include "core/reconstruct/step_results.h"
 #include "core/reconstruct/training_views.h"
-#include "core/reconstruct/view_sampler.h"
 #include "kernels/backend.h"
 
 namespace pepeseg {
@@ -49,7 +47,7 @@ class Reconstructor {
   // the checkpoint are missing.
   const std::vector<SkippedTerm>& skipped() const { return skipped_; }
   // True when the schedule's options.num_steps steps have been done or skipped.
-  bool done() const { return place_ >= options_.num_steps; }
+  bool done() const { return position_ >= options_.num_steps; }
   // Does one step on one view. The loss and PSNR in the report are those of the newest step that
   // the device has finished, which may be several steps back. Returns INTERNAL with the backend's
   // error, and the errors of Densifier::Apply and Refiner::Apply.
@@ -63,14 +61,14 @@ class Reconstructor {
   Reconstructor(Backend& backend, const Capture& capture, const ReconstructOptions& options);
 
   absl::Status Allocated() const;
-  absl::Status CheckOurs(const ReconstructCheckpoint& checkpoint) const;
+  absl::Status CheckMatches(const ReconstructCheckpoint& checkpoint) const;
   absl::Status Restore(const ReconstructCheckpoint& checkpoint);
-  void TrainOn(const StepInput& input, int64_t entry_room);
-  void LearnView(const StepInput& input, int64_t entry_room);
-  void Settle();
+  void TrainOn(const StepInput& input, int64_t entry_capacity);
+  void QueueOps(const StepInput& input, int64_t entry_capacity);
+  void DrainOldest();
   double LossOf(const StepResult& result) const;
   double DepthExplained(const StepResult& result) const;
-  void LeaveOutWhatIsNotNeeded();
+  void DropUnneededParts();
   absl::Status Refine(const StepInput& input);
   float NearPlane() const;
   absl::StatusOr<StepReport> Report() const;
@@ -93,13 +91,13 @@ class Reconstructor {
   DepthTerm depth_term_;
   Buffer<double> loss_sums_;  // [kNumLossSums]
   int step_ = 0;              // steps done
-  int place_ = 0;             // schedule position: steps done and skipped
-  EntryRooms entry_rooms_;
+  int position_ = 0;          // schedule position: steps done and skipped
+  TileEntryCapacities entry_capacities_;
   StepResults results_;
   SceneNeeds needs_;
   std::optional<StepResult> newest_;  // result of the newest step that the device has finished
   // Totals since the start of the stage, see StepReport.
-  int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_void_renders_ = 0;
+  int64_t num_culled_degenerate_ = 0, num_skipped_gradients_ = 0, num_overflowed_renders_ = 0;
   int64_t num_skipped_depths_ = 0;
 };
 

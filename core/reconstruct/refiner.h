@@ -2,21 +2,49 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "core/reconstruct/densifier.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/reconstruct.h"
 #include "core/reconstruct/schedule.h"
-#include "core/reconstruct/view_masks.h"
+#include "core/scene/capture.h"
+#include "kernels/backend.h"
 
 namespace pepeseg {
 
-// Gaussian refinement (METHOD.md section 1.5): in a short window of steps, Gaussians on a surface
-// that cross the border of a mask are shortened to one side of it. Each Gaussian that existed when
-// the window opened is refined at most once. A Gaussian that crosses nothing in one view may still
-// be refined in a later one. `step` is the schedule position, from 0, of a step whose update is
-// done.
+// The masks of a capture's training views in backend memory, for refinement (METHOD.md section 1,
+// "Refinement"): as mask cells at full size (see MaskSet). Views are numbered as in TrainingViews.
+class ViewMasks {
+ public:
+  ViewMasks(Backend& backend, const Capture& capture);
+
+  bool any() const { return any_; }              // true: at least one view has masks
+  bool allocated() const { return allocated_; }  // false: the backend is out of memory
+  bool HasMasks(int view) const { return !views_[view].mask_area.empty(); }
+  PatchMap At(int view) const;
+
+ private:
+  struct Masks {
+    int words = 0;
+    Buffer<uint32_t> pixel_patch;
+    Buffer<uint64_t> patch_bits;
+    Buffer<int64_t> mask_area;
+  };
+
+  Masks Upload(Backend& backend, const MaskSet& masks);
+
+  bool any_ = false;
+  bool allocated_ = true;
+  std::vector<Masks> views_;
+};
+
+// Gaussian refinement (METHOD.md section 1, "Refinement"): in a short window of steps, Gaussians on
+// a surface that cross the border of a mask are shortened to one side of it. Each Gaussian that
+// existed when the window opened is refined at most once. A Gaussian that crosses nothing in one
+// view may still be refined in a later one. `step` is the schedule position, from 0, of a step
+// whose update is done.
 class Refiner {
  public:
   // The window begins at the first step from refine_from on that trains at full size. The masks

@@ -8,9 +8,26 @@ namespace {
 
 // Share of num_steps after which SH degrees are measured. The last degree is in use from 3 / 30 of
 // the steps on, so that all have been trained for a while.
-constexpr double kBandsFrom = 0.3;
+constexpr double kPruneShFrom = 0.3;
+
+// Share of the prior's spread that a fit must explain to agree. Noise reaches 0.02, monocular
+// priors 0.5 and more.
+constexpr double kAgrees = 0.2;
 
 }  // namespace
+
+void DepthAgreement::Add(double explained) {
+  ++state_.num;
+  state_.num_agreeing += explained > kAgrees;
+}
+
+bool DepthAgreement::Failed() {
+  const bool failed = state_.num > 0 && static_cast<double>(state_.num_agreeing) <
+                                            min_share_ * static_cast<double>(state_.num);
+  const bool twice = failed && state_.failed_before != 0;
+  state_ = {0, 0, failed ? 1 : 0};
+  return twice;
+}
 
 SceneNeeds::SceneNeeds(const ReconstructOptions& options, int num_views)
     : options_(options),
@@ -18,7 +35,7 @@ SceneNeeds::SceneNeeds(const ReconstructOptions& options, int num_views)
       loss_(options.min_loss_fall),
       depth_(options.min_depth_agreement) {}
 
-void SceneNeeds::Learn(double loss) { loss_.Add(loss); }
+void SceneNeeds::RecordLoss(double loss) { loss_.Add(loss); }
 
 // True when density control, smaller photographs and refinement are over after `step`: the loss is
 // then comparable from window to window.
@@ -34,7 +51,8 @@ SceneNeeds::Decision SceneNeeds::Decide(int step) {
   const double before = static_cast<double>(step + 1 - window_) / options_.num_steps;
   Decision decision;
   decision.leave_out_depth = depth_.Failed();
-  decision.measure_bands = options_.min_band_gain > 0 && before < kBandsFrom && share >= kBandsFrom;
+  decision.prune_sh_degree =
+      options_.min_band_gain > 0 && before < kPruneShFrom && share >= kPruneShFrom;
   decision.close = loss_.StoppedFalling() && Grown(step) && share < 1 - options_.closing_share;
   return decision;
 }

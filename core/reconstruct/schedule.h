@@ -1,14 +1,16 @@
 #pragma once
 
 #include <limits>
+#include <vector>
 
 #include "core/reconstruct/reconstruct.h"
+#include "core/scene/capture.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {
 
 // Learning rates, SH degree, depth weight and photograph size by schedule position, from 0
-// (METHOD.md section 1.1). All depend on step / num_steps only.
+// (METHOD.md section 1). All depend on step / num_steps only.
 class Schedule {
  public:
   // pixel_span: see PixelSpan; it caps the learning rate of the means.
@@ -27,5 +29,11 @@ class Schedule {
   ReconstructOptions options_;
   double scene_radius_, pixel_span_;
 };
+
+// Returns the width of a pixel at the depth of the scene, in scene units: the median over the views
+// of (median depth of the points in front of the view) / (focal length in pixels). At most 256
+// views and 1,024 points are taken, evenly spaced. Infinite where no view has a point in front of
+// it. It caps the learning rate of the means (METHOD.md section 1).
+double PixelSpan(const Capture& capture, const std::vector<ScenePoint>& points);
 
 }  // namespace pepeseg

@@ -18,8 +18,8 @@ StepResult StepResults::Pop() {
   inputs_.pop_front();
   std::ranges::copy(loss_sums_.Pop(), result.loss_sums.begin());
   std::ranges::copy(counters_.Pop(), result.counters.begin());
-  result.was_void = result.counters[kNumVoidRenders] > num_void_renders_;
-  num_void_renders_ = result.counters[kNumVoidRenders];
+  result.overflowed = result.counters[kNumVoidRenders] > num_overflowed_renders_;
+  num_overflowed_renders_ = result.counters[kNumVoidRenders];
   return result;
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <vector>
 
 #include "core/reconstruct/depth_term.h"
 #include "kernels/backend.h"
@@ -29,7 +30,7 @@ struct StepResult {
   std::array<int64_t, kNumRenderCounters> counters = {};
   // The render overflowed its tile-entry capacity, so that the step changed nothing: see
   // RenderArgs::entry_room.
-  bool was_void = false;
+  bool overflowed = false;
 };
 
 // Queue of the results of steps that the device has not finished: the host is ahead of it by
@@ -55,7 +56,38 @@ class StepResults {
   std::deque<StepInput> inputs_;
   ReadbackQueue<double> loss_sums_;
   ReadbackQueue<int64_t> counters_;
-  int64_t num_void_renders_ = 0;  // the device's running count at the last Pop
+  int64_t num_overflowed_renders_ = 0;  // the device's running count at the last Pop
+};
+
+// Tile-entry capacity of the next render of each view, predicted from the entries that its last
+// render needed, so that the host need not wait for the count: see RenderArgs::entry_room.
+class TileEntryCapacities {
+ public:
+  explicit TileEntryCapacities(int num_views) : visits_(static_cast<size_t>(num_views)) {}
+
+  // Returns the capacity for a step: the last need of the view at this size, scaled by the growth
+  // of the Gaussians since, with slack. 0 before the first visit: the host waits for the count.
+  int64_t For(const StepInput& input) const {
+    const Visit& visit = visits_[static_cast<size_t>(input.view)][input.shrink / 2];
+    if (visit.num_gaussians == 0) return 0;
+    const double growth =
+        static_cast<double>(input.num_gaussians) / static_cast<double>(visit.num_gaussians);
+    const double need = static_cast<double>(visit.num_entries) * (growth > 1 ? growth : 1);
+    return static_cast<int64_t>(kSlack * need) + kLeast;
+  }
+  // Records what a finished step needed.
+  void Record(const StepResult& result) {
+    visits_[static_cast<size_t>(result.input.view)][result.input.shrink / 2] = {
+        result.input.num_gaussians, result.counters[kNumTileEntries]};
+  }
+
+ private:
+  static constexpr double kSlack = 1.15;
+  static constexpr int64_t kLeast = 16384;  // entries added to every prediction
+  struct Visit {
+    int64_t num_gaussians = 0, num_entries = 0;
+  };
+  std::vector<std::array<Visit, 3>> visits_;  // by shrink / 2
 };
 
 }  // namespace pepeseg

@@ -1,11 +1,15 @@
 #include "core/reconstruct/trainable.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 
 namespace pepeseg {
 
+// Checks only training views: held-out views are not uploaded.
 absl::Status CheckTrainable(const Capture& capture) {
   int num_training = 0;
   for (const View& view : capture.views) {
@@ -38,8 +42,9 @@ absl::Status CheckTrainable(const Capture& capture) {
 std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const Capture& capture) {
   std::vector<SkippedTerm> skipped;
   if (options.depth_weight == 0) {
-    const char* none = HasTrainingDepth(capture) ? "depth priors are of the points it starts from"
-                                                 : "no training view has a depth prior";
+    const char* none = HasTrainingDepth(capture)
+                           ? "the depth priors were made from the points that training starts from"
+                           : "no training view has a depth prior";
     skipped.push_back({"depth", HasTrainingGeometry(capture) ? "depth_weight is 0" : none});
   }
   const bool has_masks = std::ranges::any_of(
@@ -49,6 +54,33 @@ std::vector<SkippedTerm> SkippedTerms(const ReconstructOptions& options, const C
         {"refinement", has_masks ? "refine_keep is NONE" : "no training view has masks"});
   }
   return skipped;
+}
+
+// A view looks along +z of its camera; the inverse rotation takes that into the world.
+double ViewingSpread(const Capture& capture) {
+  std::vector<Eigen::Vector3d> directions;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const View& view : capture.views) {
+    if (view.held_out) continue;
+    directions.emplace_back(view.cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ());
+    sum += directions.back();
+  }
+  if (directions.empty()) return 0;
+  constexpr double kCancelled = 1e-6;  // share of the length that equal directions would have
+  const auto num = static_cast<double>(directions.size());
+  if (sum.norm() < kCancelled * num) return 180;
+  const Eigen::Vector3d mean = sum.normalized();
+  double squares = 0;
+  for (const Eigen::Vector3d& direction : directions) {
+    const double angle = std::acos(std::clamp(direction.dot(mean), -1.0, 1.0));
+    squares += angle * angle / num;
+  }
+  return std::sqrt(squares) * 180 / std::numbers::pi;
+}
+
+CaptureKind FindCaptureKind(const Capture& capture) {
+  return ViewingSpread(capture) < kForwardFacingSpread ? CaptureKind::kForwardFacing
+                                                       : CaptureKind::kOrbit;
 }
 
 }  // namespace pepeseg

@@ -1,8 +1,12 @@
 #include "core/reconstruct/training_views.h"
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <numeric>
+#include <span>
 
-#include "core/reconstruct/depth_prior.h"
 #include "core/render/pinhole_view.h"
 
 namespace pepeseg {
@@ -37,6 +41,63 @@ std::vector<uint8_t> ShrinkIgnore(const View& view, int factor) {
     }
   }
   return small;
+}
+
+// Returns the view's prior at 1 / `factor` of its size: the mean of the known pixels of each block,
+// NaN where a block has none. Cropped to whole blocks.
+std::vector<float> ShrinkPrior(const View& view, int factor) {
+  if (factor == 1) return view.depth.values;
+  const int width = view.camera.width / factor, height = view.camera.height / factor;
+  const auto size = static_cast<size_t>(width) * height;
+  std::vector<float> sum(size, 0), count(size, 0);
+  for (int y = 0; y < height * factor; ++y) {
+    for (int x = 0; x < width * factor; ++x) {
+      const float value = view.depth.values[static_cast<size_t>(y) * view.camera.width + x];
+      if (std::isnan(value)) continue;
+      const size_t block = static_cast<size_t>(y / factor) * width + x / factor;
+      sum[block] += value;
+      ++count[block];
+    }
+  }
+  for (size_t i = 0; i < size; ++i) {
+    sum[i] = count[i] > 0 ? sum[i] / count[i] : std::numeric_limits<float>::quiet_NaN();
+  }
+  return sum;
+}
+
+struct PriorBounds {
+  float min = 0, max = 0;
+};
+
+// Returns the 1st and 99th percentiles of the known values; values outside are taken for errors. At
+// least one value must be known.
+PriorBounds InlierBounds(std::span<const float> prior) {
+  constexpr double kShare = 0.01;  // of the known values, at either end
+  std::vector<float> known;
+  std::ranges::copy_if(prior, std::back_inserter(known), [](float v) { return !std::isnan(v); });
+  const auto percentile = [&](double share) {
+    const auto at = std::lround(share * static_cast<double>(known.size() - 1));
+    std::nth_element(known.begin(), known.begin() + at, known.end());
+    return known[at];
+  };
+  const float min = percentile(kShare);
+  return {min, percentile(1 - kShare)};
+}
+
+// Returns the mean |value - mean| of the known values within the bounds; 0 without any. Two passes:
+// the mean first, then the mean distance from it.
+double MeanDeviation(std::span<const float> prior, const PriorBounds& bounds) {
+  const auto mean = [&](auto of) {
+    double sum = 0, num = 0;
+    for (const float value : prior) {
+      if (!(value >= bounds.min && value <= bounds.max)) continue;  // NaN: unknown
+      sum += of(value);
+      ++num;
+    }
+    return num > 0 ? sum / num : 0.0;
+  };
+  const double center = mean([](float value) { return double{value}; });
+  return mean([center](float value) { return std::abs(value - center); });
 }
 
 // Returns an empty buffer when the backend is out of memory; TrainingViews::allocated() reports it.
@@ -89,6 +150,17 @@ TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
                    (!with_prior || sizes[size].prior.size() == num_pixels);
     }
   }
+}
+
+int ViewSampler::Next(std::mt19937_64& random) {
+  if (left_.empty()) {
+    left_.resize(count_);
+    std::iota(left_.begin(), left_.end(), 0);
+    std::shuffle(left_.begin(), left_.end(), random);
+  }
+  const int next = left_.back();
+  left_.pop_back();
+  return next;
 }
 
 }  // namespace pepeseg

@@ -10,6 +10,7 @@
 namespace pepeseg {
 namespace {
 
+// Returns the bytes of camera and pose. PinholeView has no padding.
 std::string KeyOf(const ModelView& view) {
   const PinholeView v = ToPinholeView(view.camera, view.cam_from_world);
   return {reinterpret_cast<const char*>(&v), sizeof(v)};
@@ -30,6 +31,8 @@ int64_t MapReserve(int64_t max_view_pixels) {
 FeatureMaps::FeatureMaps(ModelRenderer& renderer, int64_t max_bytes, MapCounts* counts)
     : renderer_(renderer), max_bytes_(max_bytes), counts_(counts) {}
 
+// A hit moves its map to the front. A miss drops maps from the back until the new one fits, before
+// it is allocated, so that the maps never exceed max_bytes.
 absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   const std::string key = KeyOf(view);
   const auto found =
@@ -44,8 +47,8 @@ absl::StatusOr<DeviceSpan<const Half>> FeatureMaps::Get(const ModelView& view) {
   if (num_bytes > max_bytes_) {
     return absl::ResourceExhaustedError(
         absl::StrCat("the feature map of ", view.camera.width, "x", view.camera.height,
-                     " pixels needs ", num_bytes, " bytes, ", max_bytes_,
-                     " are there for the maps of a model: a smaller view takes less"));
+                     " pixels needs ", num_bytes, " bytes, but the maps of a model may take ",
+                     max_bytes_, "; request a smaller view"));
   }
   while (bytes_ + num_bytes > max_bytes_) {
     bytes_ -= MapBytes(maps_.back().pixels.size() / kFeatureSize);

@@ -6,11 +6,13 @@
 
 namespace pepeseg {
 
-// A pixel whose feature is shorter is in no mask: Gaussians that are hardly there would stand for
-// the nothing behind them. Inside a thing the length is near 1, on the border of two about 0.7.
+// Smallest length of a blended feature of a pixel that may be in a mask. Shorter ones are of faint
+// Gaussians in front of the empty background. Inside an object the length is near 1, at the border
+// of two objects about 0.7.
 inline constexpr float kMinPixelNorm = 0.4f;
 
-inline double FeatureNorm(const float* feature) {  // [32]
+// Returns the length of a feature, [32].
+inline double FeatureNorm(const float* feature) {
   double squares = 0;
   for (int k = 0; k < kFeatureSize; ++k) squares += double{feature[k]} * feature[k];
   return std::sqrt(squares);

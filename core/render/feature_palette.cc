@@ -13,14 +13,15 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxSamples = 65'536;  // Gaussians that the components are of
-constexpr double kClippedShare = 0.02;   // at either end
-// A component that varies less is not stretched until its noise shows.
+constexpr int64_t kMaxSamples = 65'536;  // most Gaussians that the components are computed from
+constexpr double kClippedShare = 0.02;   // share of the Gaussians clipped at either end
+// Smallest range that is stretched to [0, 1], so that a constant component does not show its noise.
 constexpr float kMinRange = 0.1f;
 
 using Features = Eigen::Matrix<double, Eigen::Dynamic, kFeatureSize, Eigen::RowMajor>;
 using Axes = Eigen::Matrix<double, kFeatureSize, 3>;
 
+// Returns the gated unit features of every n-th Gaussian, one a row.
 Features SampleUnits(const FeatureField& field, const float* psi) {
   const int64_t count = static_cast<int64_t>(field.features.size()) / kFeatureSize;
   const int64_t stride = std::max<int64_t>(1, (count + kMaxSamples - 1) / kMaxSamples);
@@ -33,8 +34,8 @@ Features SampleUnits(const FeatureField& field, const float* psi) {
   return units;
 }
 
-// The three axes of most variance, the most first, each signed so that its largest component is
-// positive.
+// Returns the three axes of the largest variance, the largest first. The sign of an eigenvector is
+// arbitrary: its largest component is made positive, so that colours do not flip between runs.
 Axes PrincipalAxes(const Features& units) {
   const Eigen::RowVectorXd mean = units.colwise().mean();
   const Features centered = units.rowwise() - mean;
@@ -49,6 +50,7 @@ Axes PrincipalAxes(const Features& units) {
   return axes;
 }
 
+// Returns the value at a share of the sorted values. Reorders the values.
 float ValueAt(std::vector<float>& values, double share) {
   const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());

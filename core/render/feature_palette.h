@@ -11,17 +11,20 @@
 
 namespace pepeseg {
 
-// How features at one scale become colours: the first three principal components of the whole
-// model's gated unit features, each stretched so that all but the lowest and highest 2 % of the
-// Gaussians fill [0, 1]. It does not depend on a view, so a thing has one colour in all of them.
+// Map from features at one scale to colours. Red, green and blue are the first three principal
+// components of the model's gated unit features, each stretched so that its 2nd to 98th percentile
+// over the Gaussians fills [0, 1]. The same for all views, so that an object has one colour.
 struct FeaturePalette {
-  std::array<float, kFeatureSize> psi{};                  // the gate at the scale
-  std::array<std::array<float, kFeatureSize>, 3> axis{};  // unit vectors
-  std::array<float, 3> low{}, high{};                     // along the axes: 0 and 1 of a channel
+  std::array<float, kFeatureSize> psi{};                  // gate at the scale
+  std::array<std::array<float, kFeatureSize>, 3> axis{};  // unit vectors, a channel each
+  std::array<float, 3> low{}, high{};                     // components that become 0 and 1
 };
+
+// Computes the palette of a field at a scale in [0, 1]. A field without features gets axes of 0.
 FeaturePalette MakeFeaturePalette(const FeatureField& field, double scale);
 
-// A feature map, [height * width, 32] as rendered, in these colours; black where nothing is.
+// Returns an RGB image of a feature map, [height * width, 32] as rendered. Pixels whose feature is
+// shorter than kMinPixelNorm are black.
 Image PaintFeatures(const FeaturePalette& palette, std::span<const Half> map, const Camera& camera);
 
 }  // namespace pepeseg

@@ -1,12 +1,13 @@
 #include "core/render/frozen_scene.h"
 
 #include "core/render/pinhole_view.h"
+#include "core/scene/camera.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr float kMinDepthAlpha = 0.5f;
-constexpr double kNearPlane = 0.01;  // of the scene radius, as in stage one
+constexpr float kMinDepthAlpha = 0.5f;  // accumulated alpha up to which a pixel has no depth
+constexpr double kNearPlane = 0.01;     // share of the scene radius, as in stage one
 
 }  // namespace
 
@@ -17,6 +18,7 @@ FrozenScene::FrozenScene(Backend& backend, const Gaussians& gaussians, double sc
       near_plane_(static_cast<float>(kNearPlane * scene_radius)),
       planes_(backend, std::span<const float>(gaussians.planes)) {}
 
+// The buffers hold the view that was rendered last; they are reused for the next one.
 void FrozenScene::Render(const View& view) {
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   color_.Reserve(backend_, 3 * num_pixels);
@@ -32,6 +34,7 @@ void FrozenScene::Render(const View& view) {
                    .for_backward = false});
 }
 
+// The backend blends z with the weights of colour; divided by alpha that is the mean depth.
 std::vector<float> FrozenScene::Depth(const View& view) {
   Render(view);
   std::vector<float> alpha(alpha_.size()), depth(depth_.size());
@@ -43,6 +46,7 @@ std::vector<float> FrozenScene::Depth(const View& view) {
   return depth;
 }
 
+// Rasterises the whole view, then lists for each pixel the Gaussians and weights that it blended.
 CapturedRows FrozenScene::Capture(const View& view, std::span<const int32_t> pixels) {
   Render(view);
   CapturedRows rows;
@@ -55,8 +59,23 @@ CapturedRows FrozenScene::Capture(const View& view, std::span<const int32_t> pix
                         .entry_weight = &rows.weight,
                         .pixel_alpha = rows.alpha.span(),
                         .pixel_depth = {}});
-  backend_.Sync();  // before the pixels' memory goes
+  backend_.Sync();  // pixel_buffer is freed on return
   return rows;
+}
+
+HostRows::HostRows(const CapturedRows& rows)
+    : first(static_cast<size_t>(rows.first.size())),
+      gaussian(static_cast<size_t>(rows.gaussian.size())),
+      weight(static_cast<size_t>(rows.weight.size())) {
+  rows.first.Download(std::span<int32_t>(first));
+  rows.gaussian.Download(std::span<int32_t>(gaussian));
+  rows.weight.Download(std::span<float>(weight));
+}
+
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells) {
+  std::vector<int32_t> pixels = GridPixels(view.camera, max_cells);
+  if (!view.ignore.empty()) std::erase_if(pixels, [&](int32_t p) { return view.ignore[p] != 0; });
+  return pixels;
 }
 
 }  // namespace pepeseg

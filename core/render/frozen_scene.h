@@ -10,25 +10,30 @@
 
 namespace pepeseg {
 
-// Rows of the blend matrix for some pixels of a view, in backend memory.
+// Blend rows of some pixels of a view in backend memory: pixel i shows gaussian[e] with weight[e]
+// for e in [first[i], first[i + 1]).
 struct CapturedRows {
-  Buffer<int32_t> first, gaussian;
-  Buffer<float> weight, alpha;
+  Buffer<int32_t> first;     // [pixels + 1]
+  Buffer<int32_t> gaussian;  // [entries]
+  Buffer<float> weight;      // [entries]
+  Buffer<float> alpha;       // [pixels] accumulated alpha
 };
 
-// Geometry that no longer moves, in backend memory.
+// Gaussians whose geometry is fixed, in backend memory, for stage two (METHOD.md section 3). To be
+// used by one thread at a time. The backend must outlive it and reports errors: see Backend::error.
 class FrozenScene {
  public:
+  // scene_radius: scene units, see SceneRadius; it decides the near plane.
   FrozenScene(Backend& backend, const Gaussians& gaussians, double scene_radius);
 
   Backend& backend() { return backend_; }
   int64_t num_gaussians() const { return count_; }
 
-  // Depth of each pixel along the optical axis, scene units; 0 where the accumulated alpha is not
-  // over a half.
+  // Returns the depth of each pixel along the optical axis, scene units, [height, width]; 0 where
+  // the accumulated alpha is at most a half.
   std::vector<float> Depth(const View& view);
 
-  // pixels: y * width + x.
+  // Returns the blend rows of the pixels y * width + x. Waits for the backend.
   CapturedRows Capture(const View& view, std::span<const int32_t> pixels);
 
  private:
@@ -41,5 +46,17 @@ class FrozenScene {
   Buffer<float> planes_, color_, alpha_, depth_;
   RenderScratch scratch_;
 };
+
+// Blend rows on the host, laid out as CapturedRows.
+struct HostRows {
+  explicit HostRows(const CapturedRows& rows);
+  size_t num_rows() const { return first.empty() ? 0 : first.size() - 1; }
+
+  std::vector<int32_t> first, gaussian;
+  std::vector<float> weight;
+};
+
+// Returns GridPixels of the view's camera without the pixels that the view ignores.
+std::vector<int32_t> KnownGridPixels(const View& view, double max_cells);
 
 }  // namespace pepeseg

@@ -8,10 +8,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kBandPixels = 524'288;  // at some 50 entries of 8 bytes: 200 MB
-constexpr float kMinAlpha = 0.5f;
+constexpr int64_t kBandPixels = 524'288;  // about 200 MB: 50 entries a pixel of 8 bytes each
+constexpr float kMinAlpha = 0.5f;         // smallest sum of weights of a pixel that shows a segment
 
-// The sum of weights of each id that one pixel shows: few, so a list that is searched.
+// Sums of weights by id for one pixel. A pixel shows few ids, so that a list is searched.
 class Votes {
  public:
   void Clear() { sums_.clear(); }
@@ -20,6 +20,7 @@ class Votes {
         std::find_if(sums_.begin(), sums_.end(), [id](const Sum& sum) { return sum.id == id; });
     found == sums_.end() ? sums_.push_back({id, weight}) : void(found->weight += weight);
   }
+  // Returns the id with the largest sum; 0, which stands for no segment, takes part like any id.
   int32_t Winner() const {
     Sum best;
     float total = 0;

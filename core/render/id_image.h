@@ -10,14 +10,15 @@
 
 namespace pepeseg {
 
-// Where the rows of a view's pixels (y * width + x) come from.
+// Returns the blend rows of some pixels of a view, y * width + x.
 using RowsOfPixels =
     absl::FunctionRef<absl::StatusOr<PixelRows>(const ModelView&, std::span<const int32_t>)>;
 
-// The segment that each pixel of a view shows, [height, width]: of the ids of its Gaussians
-// ([num_gaussians], 0: in no segment) the one with the largest sum of blend weights, of equal ones
-// the smallest. 0 where the accumulated weight is under a half, or the Gaussians in no segment have
-// the largest sum. Errors are those of `rows`, which is asked for some rows of pixels at a time.
+// Returns the segment that each pixel of a view shows, [height, width]: the id with the largest sum
+// of blend weights, or the smallest of several such ids. 0 where the weights sum to less than a
+// half or where Gaussians in no segment have the largest sum. ids: the segment of each Gaussian,
+// [num_gaussians], 0: none. Calls `rows` for bands of pixels, to limit memory, and returns its
+// error.
 absl::StatusOr<std::vector<int32_t>> RenderIds(const ModelView& view, std::span<const int32_t> ids,
                                                RowsOfPixels rows);
 

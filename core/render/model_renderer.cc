@@ -13,10 +13,11 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kNearPlane = 0.01;  // of the scene radius, as in training
-// The logit of an opacity of 2e-9: no splat of it reaches 1 / 255 anywhere, so it is culled.
+constexpr double kNearPlane = 0.01;  // share of the scene radius, as in training
+// Opacity logit of a hidden Gaussian. Its opacity of 2e-9 reaches 1 / 255 in no pixel, so that it
+// is culled.
 constexpr float kHiddenLogit = -20;
-constexpr float kMinDepthAlpha = 0.5f;
+constexpr float kMinDepthAlpha = 0.5f;  // accumulated alpha up to which a pixel has no depth
 
 }  // namespace
 
@@ -38,7 +39,7 @@ void ModelRenderer::ReleaseOversized() {
   scratch_ = {};
 }
 
-// Only the opacities change, in place: there is no second copy of the planes.
+// Changes only the opacities, in place, which needs no second copy of the planes.
 void ModelRenderer::HideAllBut(const GaussianSet& subset) {
   assert(static_cast<int64_t>(subset.member.size()) == model_.gaussians.count);
   const std::span<const float> logits = model_.gaussians.Plane(kOpacityPlane);
@@ -53,8 +54,8 @@ void ModelRenderer::ShowAll() {
   planes_.Upload(model_.gaussians.Plane(kOpacityPlane), kOpacityPlane * model_.gaussians.count);
 }
 
-// The opacities are put right before a render, not after one: a backend that ran out of memory in
-// between copies nothing.
+// Restores the opacities before a render, not after one, because a backend that ran out of memory
+// in a render copies nothing. After an error the opacities are not known and count as hidden.
 void ModelRenderer::Show(const GaussianSet* subset) {
   if (subset != nullptr) {
     HideAllBut(*subset);
@@ -64,6 +65,7 @@ void ModelRenderer::Show(const GaussianSet* subset) {
   some_hidden_ = subset != nullptr || !backend_.error().empty();
 }
 
+// Renders into color_, alpha_ and depth_, and leaves in scratch_ what features and rows need.
 absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
   const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
   color_.Reserve(backend_, 3 * num_pixels);
@@ -93,7 +95,7 @@ absl::Status ModelRenderer::Render(const ModelView& view, const Pass& pass) {
 
 absl::Status ModelRenderer::Features(const ModelView& view, DeviceSpan<Half> map,
                                      const GaussianSet* subset) {
-  RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not looked at
+  RETURN_IF_ERROR(Render(view, {.subset = subset}));  // its colours are not used
   backend_.RenderFeatures({features_.span(), &scratch_, map, confidence_.span()});
   return TakeStatus(backend_);
 }
@@ -121,11 +123,13 @@ absl::StatusOr<PixelRows> ModelRenderer::Rows(const ModelView& view,
   return rows;
 }
 
+// The backend's image has a plane for each channel, [3, height, width], in [0, 1] before clamping;
+// Image interleaves the channels.
 absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.sh_degree = model_.gaussians.sh_degree, .subset = subset}));
   std::vector<float> planes(color_.size());
   color_.Download(std::span<float>(planes));
-  // A device that failed leaves zeros: no picture of the scene.
+  // After a device error the download is zeros, not the view.
   RETURN_IF_ERROR(TakeStatus(backend_));
   Image image = {view.camera.width, view.camera.height, 3, {}};
   image.pixels.resize(planes.size());
@@ -137,6 +141,7 @@ absl::StatusOr<Image> ModelRenderer::Color(const ModelView& view, const Gaussian
   return image;
 }
 
+// The backend blends z with the weights of colour; divided by alpha that is the mean depth.
 absl::StatusOr<std::vector<float>> ModelRenderer::Depth(const ModelView& view,
                                                         const GaussianSet* subset) {
   RETURN_IF_ERROR(Render(view, {.subset = subset, .with_depth = true}));

@@ -13,22 +13,21 @@
 
 namespace pepeseg {
 
-// Rows of the blend matrix for some pixels of a view: pixel i shows gaussian[e] with weight[e] for
-// e in [first[i], first[i + 1]).
+// Blend rows of some pixels of a view on the host: pixel i shows gaussian[e] with weight[e] for e
+// in [first[i], first[i + 1]).
 struct PixelRows {
-  std::vector<int32_t> first;  // [pixels + 1]
-  std::vector<int32_t> gaussian;
-  std::vector<float> weight;
+  std::vector<int32_t> first;     // [pixels + 1]
+  std::vector<int32_t> gaussian;  // [entries]
+  std::vector<float> weight;      // [entries]
 };
 
-// Memory for renders of a model is set aside for so many pixels, given those of its largest view:
-// at least for those of a full-HD screen, which free cameras fill.
+// Returns the number of pixels for which memory for renders of a model is kept, from that of its
+// largest view: at least a full-HD screen, because free cameras fill a screen.
 int64_t MostPixels(int64_t max_view_pixels);
 
-// A model in backend memory that is rendered. Not thread safe. The backend and the model must
-// outlive it. Every call: RESOURCE_EXHAUSTED when there is no memory; the next one may have it. A
-// subset, where there is one, is of this model's Gaussians; the others are as if they did not
-// exist.
+// Renders a model that is in backend memory. Not thread-safe. The backend and the model must
+// outlive it. Each call returns RESOURCE_EXHAUSTED when out of memory; a later call may succeed.
+// subset: Gaussians of this model to render, [num_gaussians]; the others are left out. Null: all.
 class ModelRenderer {
  public:
   ModelRenderer(Backend& backend, const Model& model);
@@ -36,19 +35,21 @@ class ModelRenderer {
   Backend& backend() const { return backend_; }
   const Model& model() const { return model_; }
 
+  // Returns the view as an RGB image.
   absl::StatusOr<Image> Color(const ModelView& view, const GaussianSet* subset = nullptr);
-  // Along the optical axis, in scene units: [height, width]; 0 where the accumulated alpha is not
-  // over a half.
+  // Returns the depth along the optical axis, scene units, [height, width]; 0 where the accumulated
+  // alpha is at most a half.
   absl::StatusOr<std::vector<float>> Depth(const ModelView& view,
                                            const GaussianSet* subset = nullptr);
-  // What is blended of the features into each pixel, [height * width, 32]: see RenderFeaturesArgs.
+  // Writes the blended features of each pixel to `map`, [height * width, 32]: see
+  // RenderFeaturesArgs. Gaussians count by their feature confidence.
   absl::Status Features(const ModelView& view, DeviceSpan<Half> map,
                         const GaussianSet* subset = nullptr);
-  // pixels: y * width + x.
+  // Returns the blend rows of the pixels y * width + x.
   absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels,
                                  const GaussianSet* subset = nullptr);
 
-  // Gives back what a view of more than MostPixels took: it is not kept for the next one.
+  // Frees the memory of a view with more than MostPixels pixels; without such a view does nothing.
   void ReleaseOversized();
 
  private:
@@ -60,14 +61,14 @@ class ModelRenderer {
   absl::Status Render(const ModelView& view, const Pass& pass);
   void HideAllBut(const GaussianSet& subset);
   void ShowAll();
-  void Show(const GaussianSet* subset);  // null: all
+  void Show(const GaussianSet* subset);
 
   Backend& backend_;
   const Model& model_;
   Buffer<float> planes_, features_, confidence_, color_, alpha_, depth_;
   RenderScratch scratch_;
   const int64_t most_pixels_;
-  bool some_hidden_ = false;  // of the opacities on the backend
+  bool some_hidden_ = false;  // true: opacities in backend memory may differ from the model's
 };
 
 }  // namespace pepeseg

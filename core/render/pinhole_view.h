@@ -5,7 +5,7 @@
 
 namespace pepeseg {
 
-// The camera and pose of a view in the backend's form (single precision, row-major).
+// Returns the camera and pose of a view in the backend's form: single precision, row-major.
 inline PinholeView ToPinholeView(const Camera& camera, const Pose& cam_from_world) {
   PinholeView view;
   view.width = camera.width;
@@ -24,7 +24,7 @@ inline PinholeView ToPinholeView(const Camera& camera, const Pose& cam_from_worl
   return view;
 }
 
-// The same view on an image of 1 / `factor` of the size, cropped to whole blocks of pixels.
+// Returns the view at 1 / `factor` of its size, cropped to whole blocks of pixels.
 inline PinholeView Shrink(PinholeView view, int factor) {
   const auto f = static_cast<float>(factor);
   view.width /= factor;

@@ -1,24 +1,25 @@
 #include "core/train/estimate.h"
 
 #include "core/features/estimate_features.h"
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/estimate_poses.h"
 
 namespace pepeseg {
 namespace {
 
-// While a photograph is decoded, it is held as it is and undistorted, next to the capture.
-constexpr int64_t kDecodingBytes = 16;  // a pixel
+// Bytes for each pixel of a photograph while it is decoded and undistorted, next to the capture.
+constexpr int64_t kDecodingBytes = 16;
 
-// Whether SAM makes the masks. It also does where a priors command fails, which is not expected.
+// Returns true if SAM is expected to make the masks. It also makes them if a priors command fails,
+// which is not expected.
 bool MasksBySam(const PriorOptions& priors, bool has_masks, const EstimateTools& tools) {
   if (!tools.has_sam || has_masks) return false;
   return (priors.masks == PriorMaker::kAuto && !tools.has_priors_command) ||
          AsksForSam(priors.masks);
 }
 
-// Counts what will be made for every view as if it had been uploaded. Built-in depth has no part in
-// the reconstruction: it is made of the points that this starts from.
+// Counts priors that will be made as if they had been uploaded. Built-in depth does not count: it
+// is made from the points that stage one starts from and has no part in it.
 void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& size) {
   const bool by_command =
       has_command && (priors.depth == PriorMaker::kAuto || priors.depth == PriorMaker::kCommand);
@@ -60,7 +61,7 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
         {.stage = "sfm",
          .host_bytes = SfmHostBytes(dataset.max_source_pixels, /*num_threads=*/0) + sam_bytes});
   }
-  if (by_sam) {  // how long other makers of priors take is not known
+  if (by_sam) {  // the time of other makers of priors is not known
     const double core_seconds = kSamCoreSeconds * static_cast<double>(size.num_views);
     needs.push_back({.stage = "priors",
                      .host_bytes = CaptureBytes(size) + sam_bytes,

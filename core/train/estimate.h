@@ -11,31 +11,31 @@
 
 namespace pepeseg {
 
-// The size of a dataset, known from the headers of its files.
+// Size of a dataset, known from the headers of its files.
 struct DatasetSize {
   TrainingSize training;
-  int64_t max_source_pixels = 0;    // of the largest photograph, as uploaded
-  bool has_poses = false;           // else stage "sfm" estimates them
-  int64_t num_given_gaussians = 0;  // in place of stage one's; 0: none are given
+  int64_t max_source_pixels = 0;    // pixels of the largest photograph, as uploaded
+  bool has_poses = false;           // false: stage "sfm" estimates them
+  int64_t num_given_gaussians = 0;  // Gaussians given instead of stage one's. 0: none
 };
 
-// What the machine that trains has, as far as it changes the estimate.
+// Properties of the machine that change the estimate.
 struct EstimateTools {
   bool has_priors_command = false;
   bool has_sam = false;
   int num_threads = 1;
 };
 
-// What a stage takes at most.
+// Upper estimate of what a stage takes.
 struct StageNeed {
   std::string stage = {};
   int64_t host_bytes = 0;
-  int64_t device_bytes = 0;            // of Backend::Allocate
+  int64_t device_bytes = 0;            // allocated by Backend::Allocate
   std::optional<double> seconds = {};  // absent: unknown before it has run
 };
 
-// Bounds the needs of the stages that need a notable amount of memory, in the order in which they
-// run. Masks and depth that a training will make count as if they were in the dataset.
+// Returns upper estimates for the stages that need a notable amount of memory, in the order in
+// which they run. Masks and depth that a training will make count as if they were in the dataset.
 std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize dataset,
                                       const TrainingSettings& settings, const EstimateTools& tools);
 

@@ -15,13 +15,14 @@
 
 namespace pepeseg {
 
-// Scores held-out views, with LPIPS where its weights were given. Not thread safe.
+// Scores held-out views, with LPIPS if its weights are given. Not thread-safe.
 class HeldOutScorer {
  public:
-  // `lpips_weights`: a file as Lpips::Open takes it, with its errors; empty: no LPIPS.
+  // Opens the weights and returns the errors of Lpips::Open. lpips_weights: empty: no LPIPS.
   static absl::StatusOr<HeldOutScorer> Create(const std::filesystem::path& lpips_weights);
 
-  // Calls `warn` once if a view has no LPIPS, with the reason.
+  // Renders the held-out views and compares them with their photographs. Calls `warn` once, with
+  // the reason, if LPIPS of a view cannot be computed.
   absl::StatusOr<std::vector<ViewScores>> Score(Backend& backend, const Capture& capture,
                                                 const Gaussians& gaussians,
                                                 absl::FunctionRef<void(const std::string&)> warn);
@@ -31,7 +32,7 @@ class HeldOutScorer {
 };
 
 // Stores the scores with the model's views of the same names. Returns their means as metrics of the
-// model: "psnr" (dB), "ssim" and, where it was measured, "lpips"; empty when there are no scores.
+// model: "psnr" (dB), "ssim" and, if it was measured, "lpips"; empty without scores.
 std::map<std::string, double> RecordScores(std::span<const ViewScores> scores, Model& model);
 
 }  // namespace pepeseg

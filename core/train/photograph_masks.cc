@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The warp that shrinks a photograph as the import does, but leaves its lens as it is.
+// Returns the warp that shrinks a photograph as the import does, but keeps its lens.
 absl::StatusOr<ViewWarp> Shrinking(int width, int height, double image_scale) {
   return ViewWarp::Create({.width = width, .height = height}, image_scale);
 }
@@ -47,6 +47,8 @@ absl::Status PhotographMasks::Prepare() const {
   return error ? FileError(folder_, "create", error.value()) : absl::OkStatus();
 }
 
+// Reads the file completely, because a run that was interrupted or a disk may have damaged it.
+// Links are not followed.
 bool PhotographMasks::Has(size_t number, const DatasetFile& photograph) const {
   std::error_code ignored;
   if (!fs::is_regular_file(fs::symlink_status(File(number), ignored))) return false;
@@ -60,6 +62,8 @@ absl::StatusOr<MaskSet> PhotographMasks::Read(size_t number, int width, int heig
   return ReadMasks(File(number), name, {name, shrink.camera().width, shrink.camera().height});
 }
 
+// Segments the shrunk photograph, so that masks are as large as those of the imported view. The
+// full photograph is freed first, to save memory.
 absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
                                    PromptedSegmenter& segmenter) const {
   absl::StatusOr<Image> photo = DecodePhoto(photograph.path, photograph.name);
@@ -75,6 +79,7 @@ absl::Status PhotographMasks::Make(size_t number, const DatasetFile& photograph,
   return WriteFileAtomically(File(number), ToSamJson(made.masks));
 }
 
+// The warp depends on the lens and the crop of the photograph and on the view's camera.
 MaskSet MaskWarp::ToView(const MaskSet& masks, const View& view) {
   if (!warp_ || photograph_ != *view.photograph || warp_->camera() != view.camera) {
     photograph_ = *view.photograph;

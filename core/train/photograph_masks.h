@@ -13,24 +13,25 @@
 
 namespace pepeseg {
 
-// Files with SAM's masks, one a photograph, in a folder. The masks are those of the photograph as
-// its file stores it, shrunk as the import shrinks it: they need neither pose nor lens. Thread safe
-// for calls of different photographs.
+// A folder with a file of SAM's masks for each photograph. They are masks of the photograph as its
+// file stores it, shrunk as the import shrinks it, so that they need neither pose nor lens.
+// Thread-safe for calls with different photographs.
 class PhotographMasks {
  public:
   PhotographMasks(std::filesystem::path folder, double image_scale)
       : folder_(std::move(folder)), image_scale_(image_scale) {}
 
-  // Makes the folder.
+  // Creates the folder.
   absl::Status Prepare() const;
 
-  // Whether the masks of the photograph with this number are there; false for a damaged file.
+  // Returns true if the photograph with this number has a file of masks that is not damaged.
   bool Has(size_t number, const DatasetFile& photograph) const;
-  // Segments the photograph and writes its masks. For a photograph that does not decode it writes
-  // nothing and returns OK: that photograph gets no pose either.
+  // Segments the photograph and writes its masks. Writes nothing and returns OK for a photograph
+  // that does not decode, because that photograph gets no pose either.
   absl::Status Make(size_t number, const DatasetFile& photograph,
                     PromptedSegmenter& segmenter) const;
-  // The masks of a photograph of width x height pixels. INVALID_ARGUMENT: there are none.
+  // Returns the masks of a photograph of width x height pixels, or INVALID_ARGUMENT if there are
+  // none.
   absl::StatusOr<MaskSet> Read(size_t number, int width, int height) const;
 
  private:
@@ -40,8 +41,8 @@ class PhotographMasks {
   double image_scale_;
 };
 
-// Warps masks of photographs to their imported views. Keeps the last warp: most views have the same
-// lens.
+// Warps masks of photographs to their imported views. Keeps the last warp, because most views have
+// the same lens.
 class MaskWarp {
  public:
   MaskSet ToView(const MaskSet& masks, const View& view);

@@ -11,14 +11,12 @@
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 #include "core/priors/sam/automatic_masks.h"
-#include "core/priors/sam/joined_masks.h"
-#include "core/priors/sam/sam_needs.h"
 
 namespace pepeseg {
 namespace {
 
-// Added to the nice value: where both want a core, a thread gets about a tenth of what one of
-// COLMAP's gets.
+// Increase of the nice value of low-priority threads. Where both want a core, such a thread gets
+// about a tenth of the time that a thread of COLMAP's gets.
 constexpr int kNicer = 10;
 
 int NumThreads(const TrainingTools& tools) {
@@ -26,8 +24,8 @@ int NumThreads(const TrainingTools& tools) {
   return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
-// Lowers the priority of this thread and of those that it starts. Where the system refuses, they
-// keep theirs.
+// Lowers the priority of this thread and of the threads that it starts. Does nothing if the system
+// refuses.
 void LowerPriority() { setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + kNicer); }
 
 absl::Status OutOfMemory(const TrainingTools& tools) {
@@ -38,6 +36,8 @@ absl::Status OutOfMemory(const TrainingTools& tools) {
 
 }  // namespace
 
+// Tasks are sorted by the photographs' keys, as views are, so that the expected held-out views are
+// known before there are views.
 PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
                                                const ImportOptions& import,
                                                const std::vector<DatasetFile>& files,
@@ -63,6 +63,7 @@ PhotographSegmentation::PhotographSegmentation(const TrainingInputs& inputs,
 
 PhotographSegmentation::~PhotographSegmentation() { Stop(); }
 
+// The first thread of the object opens the model; the others wait for it in Next.
 void PhotographSegmentation::StartThreads(Priority priority) {
   for (int i = 0; i < SamPhotographsAtOnce(num_threads_); ++i) {
     const bool opens = threads_.empty();
@@ -78,6 +79,7 @@ void PhotographSegmentation::StartThreads(Priority priority) {
   }
 }
 
+// Interrupts the network, which may compute for seconds, and joins the threads.
 void PhotographSegmentation::Stop() {
   stop_.request_stop();
   {
@@ -88,6 +90,8 @@ void PhotographSegmentation::Stop() {
   model_.reset();
 }
 
+// Verifies and loads the networks without the mutex, which takes seconds, then publishes them to
+// the threads that wait in Next.
 void PhotographSegmentation::OpenModel() {
   if (const absl::Status ready = masks_.Prepare(); !ready.ok()) return Fail(ready);
   auto model =
@@ -100,6 +104,8 @@ void PhotographSegmentation::OpenModel() {
   changed_.notify_all();
 }
 
+// The loop of a thread. model_ is read without the mutex: once Next has returned a task, it is set
+// and does not change until Stop has joined the threads.
 void PhotographSegmentation::Work(Priority priority) {
   std::unique_ptr<PromptedSegmenter> segmenter;
   while (const std::optional<size_t> task = Next(priority)) {
@@ -109,13 +115,16 @@ void PhotographSegmentation::Work(Priority priority) {
   }
 }
 
-// Waits for a photograph to segment. None: no more are left for a thread of this priority, or the
-// object stops.
+// Waits for a photograph to segment and returns its task. Returns nullopt when none is left for a
+// thread of this priority, after a failure, or when the object stops.
 std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   std::unique_lock lock(mutex_);
+  // Low-priority threads end when the queue is closed, though tasks are left: the threads that
+  // WaitFor starts do them.
   const auto ends = [&] {
     return !status_.ok() || (closed_ && (queue_.empty() || priority == Priority::kLow));
   };
+  // Old and new threads overlap for a while; num_running_ keeps the memory within its limit.
   const auto may_begin = [&] {
     return model_ != nullptr && !queue_.empty() &&
            num_running_ < SamPhotographsAtOnce(num_threads_);
@@ -129,6 +138,7 @@ std::optional<size_t> PhotographSegmentation::Next(Priority priority) {
   return task;
 }
 
+// Computes without the mutex; only the states are changed with it held.
 absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& segmenter) {
   const DatasetFile& photograph = tasks_[task].photograph;
   const bool kept = masks_.Has(task, photograph);
@@ -141,12 +151,14 @@ absl::Status PhotographSegmentation::Segment(size_t task, PromptedSegmenter& seg
   return absl::OkStatus();
 }
 
+// Keeps the first failure. It ends all threads and WaitFor.
 void PhotographSegmentation::Fail(const absl::Status& status) {
   const std::lock_guard lock(mutex_);
   if (status_.ok()) status_ = status;
   changed_.notify_all();
 }
 
+// Returns the tasks of the training views' photographs, in the order of the views.
 std::vector<size_t> PhotographSegmentation::Trained(const Capture& capture) const {
   std::vector<size_t> photographs;
   for (const View& view : capture.views) {
@@ -166,7 +178,7 @@ int64_t PhotographSegmentation::NumLeft(const Capture& capture) const {
   return static_cast<int64_t>(trained.size()) - NumDone(trained);
 }
 
-// Leaves only these photographs in the queue, and returns how many of them are done.
+// Replaces the queue by the open ones of these tasks, closes it, and returns how many are done.
 int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
   const std::lock_guard lock(mutex_);
   queue_.clear();
@@ -178,6 +190,8 @@ int64_t PhotographSegmentation::CloseQueue(const std::vector<size_t>& tasks) {
   return NumDone(tasks);
 }
 
+// Reports the share of the work left at the start of the wait: photographs that were segmented
+// before cost no time now.
 absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, StageLog& stages) {
   const auto num_photographs = static_cast<int64_t>(tasks.size());
   const int64_t num_before = CloseQueue(tasks);
@@ -201,6 +215,8 @@ absl::Status PhotographSegmentation::WaitFor(const std::vector<size_t>& tasks, S
   return absl::OkStatus();
 }
 
+// Returns the masks of the training views, in their order. None is given to a view before all could
+// be read.
 absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
     bool join, const Capture& capture) const {
   const double duplicate_iou = AutomaticMaskOptions().duplicate_iou;
@@ -217,6 +233,7 @@ absl::StatusOr<std::vector<MaskSet>> PhotographSegmentation::MasksOfViews(
   return made;
 }
 
+// Frees the networks before the masks are read and warped.
 absl::Status PhotographSegmentation::TakeMasks(StageLog& stages, bool join, Capture& capture) {
   RETURN_IF_ERROR(WaitFor(Trained(capture), stages));
   {

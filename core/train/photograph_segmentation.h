@@ -26,12 +26,12 @@
 
 namespace pepeseg {
 
-// Share of the work of stage "priors" that is done when the wait for SAM's photographs starts.
+// Share of the work of stage "priors" that is done when the wait for SAM's masks starts.
 inline constexpr double kShareBeforeSam = 0.1;
 
-// Segments a training's photographs by SAM, on threads of its own, while the training does other
-// things: a photograph can be segmented before its pose is known. The masks are kept in
-// `folders.priors`, so that a later run need not make them again.
+// Segments a training's photographs by SAM on threads of its own, while other stages run, because a
+// photograph can be segmented before its pose is known. The masks are kept in `folders.priors` for
+// later runs.
 //
 // Threads: the training's thread calls the methods. The object's threads take photographs from a
 // queue, at most SamPhotographsAtOnce() at a time; one mutex guards the queue and the states.
@@ -40,24 +40,24 @@ inline constexpr double kShareBeforeSam = 0.1;
 // threads of the process's priority take over.
 class PhotographSegmentation {
  public:
-  // Starts the threads. `files`: of the dataset, the photographs among them.
+  // Starts the threads. files: those of the dataset; the photographs among them are segmented.
   //
-  // `poses_are_wanted`: COLMAP is estimating the poses. The photographs that will be trained on if
-  // all get a pose are segmented meanwhile, on what COLMAP leaves of the cores. Those that will be
-  // held out are not. When poses are known already, nothing is segmented before GiveMasks.
+  // poses_are_wanted: true while COLMAP estimates the poses. The photographs that will be trained
+  // on if all get a pose are then segmented meanwhile, on the time that COLMAP leaves of the cores;
+  // those that will be held out are not. False: nothing is segmented before GiveMasks.
   PhotographSegmentation(const TrainingInputs& inputs, const ImportOptions& import,
                          const std::vector<DatasetFile>& files, bool poses_are_wanted);
   // Interrupts the network and joins the threads.
   ~PhotographSegmentation();
 
-  // Number of photographs of training views that are still to be segmented.
+  // Returns the number of photographs of training views that are still to be segmented.
   int64_t NumLeft(const Capture& capture) const;
 
   // Waits for the masks of the training views' photographs and gives them to the views, joined with
-  // the views' own masks if `join`. Reports steps of stage "priors". Called once.
+  // the views' own masks if `join`. Reports steps of stage "priors". To be called once.
   //
-  // CANCELLED: the training was cancelled. Any other error, of SamModel or for lack of memory,
-  // leaves all views with the masks that they had.
+  // Returns CANCELLED when the training was cancelled. Any other error, of SamModel or for lack of
+  // memory, leaves all views with the masks that they had.
   absl::Status GiveMasks(StageLog& stages, bool join, Capture& capture);
 
  private:
@@ -93,15 +93,15 @@ class PhotographSegmentation {
   std::map<std::string, size_t> by_key_;  // index in tasks_, the photograph's number in masks_
   std::stop_source stop_;
 
-  mutable std::mutex mutex_;             // of what follows
-  std::condition_variable_any changed_;  // of what follows
+  mutable std::mutex mutex_;             // guards the members below, except threads_
+  std::condition_variable_any changed_;  // signals a change of the members below
   std::vector<Task> tasks_;              // in the order of views; only their states change
-  std::deque<size_t> queue_;
-  bool closed_ = false;              // poses are known, and nothing more will be queued
-  int num_running_ = 0;              // photographs
-  int64_t num_kept_ = 0;             // photographs that an earlier run has segmented
-  absl::Status status_;              // the first failure
-  std::unique_ptr<SamModel> model_;  // null: not opened yet
+  std::deque<size_t> queue_;             // tasks to do, in order
+  bool closed_ = false;                  // poses are known, and nothing more will be queued
+  int num_running_ = 0;                  // photographs
+  int64_t num_kept_ = 0;                 // photographs that an earlier run has segmented
+  absl::Status status_;                  // the first failure
+  std::unique_ptr<SamModel> model_;      // null: not opened yet
 
   std::vector<std::jthread> threads_;  // the first opens the model
 };

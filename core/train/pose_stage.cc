@@ -11,7 +11,8 @@
 namespace pepeseg {
 namespace {
 
-// This run's own folder has no poses yet: only earlier ones are looked at.
+// Returns the poses of the newest earlier run that has some, or else estimates them. This run's own
+// folder has none yet.
 absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
                                               const SfmOptions& options,
                                               const std::vector<SfmPhotograph>& photographs,
@@ -33,7 +34,7 @@ absl::StatusOr<EstimatedPoses> FindOrEstimate(const TrainingInputs& inputs,
 
 absl::StatusOr<std::vector<SfmPhotograph>> PhotographsWithoutPoses(
     const std::vector<DatasetFile>& files, const TrainingFolders& folders) {
-  // Gaussians and points have coordinates, which mean nothing in the frame that COLMAP will choose.
+  // Their coordinates would mean nothing in the frame that COLMAP will choose.
   for (const DatasetFile& file : files) {
     if (file.kind != FileKind::kGaussians && file.kind != FileKind::kPoints) continue;
     return absl::InvalidArgumentError(absl::StrCat(

@@ -13,18 +13,20 @@
 
 namespace pepeseg {
 
-// Returns the photographs among the files, checked by their first bytes. INVALID_ARGUMENT also when
-// a file is among them that belongs to given poses, since none are given.
+// Returns the photographs among the files of a dataset without poses, checked by their first bytes.
+// Returns INVALID_ARGUMENT for a wrong photograph, and for Gaussians or points, whose coordinates
+// belong to poses that are not given.
 absl::StatusOr<std::vector<SfmPhotograph>> PhotographsWithoutPoses(
     const std::vector<DatasetFile>& files, const TrainingFolders& folders);
 
+// Origin and quality of estimated poses.
 struct PosesMade {
   std::string source;         // the program and its version
   StageLog::Metrics metrics;  // "num_registered", "num_photographs", "reprojection_error"
 };
 
-// Estimates the photographs' poses and appends COLMAP's files with them to `files`. Takes them from
-// an earlier run that has estimated them. Reports steps of stage "sfm". Errors as EstimatePoses.
+// Estimates the photographs' poses, or takes them from an earlier run, and appends COLMAP's files
+// with them to `files`. Reports steps of stage "sfm". Returns the errors of EstimatePoses.
 absl::StatusOr<PosesMade> AppendPoses(const TrainingInputs& inputs, const SfmOptions& options,
                                       const std::vector<SfmPhotograph>& photographs,
                                       StageLog& stages, std::vector<DatasetFile>& files);

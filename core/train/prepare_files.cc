@@ -31,13 +31,13 @@
 namespace pepeseg {
 namespace {
 
-// A file to read, and its digest once it was read.
+// A stored file, and its digest or the error once it was read.
 struct StoredFile {
   std::filesystem::path path;
   absl::StatusOr<std::string> found;
 };
 
-// Files with the same bytes are stored once, under one path.
+// Returns the stored files, each once: files with the same bytes share one path.
 std::vector<StoredFile> DistinctFiles(const TrainingInputs& inputs) {
   std::vector<StoredFile> stored;
   std::set<std::filesystem::path> known;
@@ -47,7 +47,7 @@ std::vector<StoredFile> DistinctFiles(const TrainingInputs& inputs) {
   return stored;
 }
 
-// Sum of the sizes, for the log; files that are gone count 0.
+// Returns the sum of the sizes for the log; files that are gone count 0.
 int64_t BytesOf(const std::vector<StoredFile>& stored) {
   int64_t bytes = 0;
   for (const StoredFile& file : stored) {
@@ -72,7 +72,7 @@ void HashAll(int num_threads, std::vector<StoredFile>& stored, TrainingObserver&
                                megabytes / std::max(seconds, 1e-6)));
 }
 
-// By its first bytes: phones also upload HEIC files that are named ".jpg".
+// Returns true for a HEIC file, by its first bytes: phones also upload HEIC files named ".jpg".
 bool BeginsAsHeic(const std::filesystem::path& path) {
   std::array<char, 16> start{};
   std::ifstream file(path, std::ios::binary);
@@ -81,7 +81,7 @@ bool BeginsAsHeic(const std::filesystem::path& path) {
          IsHeic({reinterpret_cast<const uint8_t*>(start.data()), start.size()});
 }
 
-// The index among the files: the owner's name for a file is never used as a path.
+// Returns a name made of the index among the files: the owner's name is never used as a path.
 std::string JpegName(size_t index) { return absl::StrFormat("%06d.jpg", index); }
 
 absl::Status ConvertHeicFile(const DatasetFile& file, const std::filesystem::path& jpeg) {
@@ -92,7 +92,7 @@ absl::Status ConvertHeicFile(const DatasetFile& file, const std::filesystem::pat
   return WriteFileAtomically(jpeg, converted);
 }
 
-// Writes the JPEGs, and the manifest last: a folder without one is not taken by a later run.
+// Writes the JPEGs, and the manifest last: a later run does not use a folder without one.
 absl::StatusOr<std::filesystem::path> ConvertAll(const TrainingFolders& folders, StageLog& stages,
                                                  const std::vector<DatasetFile>& files,
                                                  const std::vector<size_t>& heic) {
@@ -117,11 +117,11 @@ absl::StatusOr<std::filesystem::path> ConvertAll(const TrainingFolders& folders,
   return folder;
 }
 
-// Frames of the first video are v0_000123.jpg, of the second v1_...: the owner's name for a video
+// Returns the prefix of a video's frames, as in v0_000123.jpg of the first video: the owner's name
 // is never used as a path.
 std::string FramePrefix(size_t video) { return absl::StrCat("v", video); }
 
-// "images/walk_000123.jpg" of videos/walk.mp4 or images/walk.mp4.
+// Returns "images/walk_000123.jpg" for a frame of videos/walk.mp4 or images/walk.mp4.
 std::string PhotographName(const DatasetFile& video, absl::string_view frame_file) {
   const absl::string_view number = frame_file.substr(frame_file.find('_'));
   const absl::string_view name = WithoutFolder(WithoutFolder(video.name, "videos"), "images");
@@ -136,8 +136,8 @@ std::vector<DatasetFile> Videos(const std::vector<DatasetFile>& files) {
   return videos;
 }
 
-// Writes the frames of all videos, and the manifest last: a folder without one is not taken by a
-// later run.
+// Writes the frames of all videos, and the manifest last: a later run does not use a folder without
+// one.
 absl::Status WriteFrames(const std::filesystem::path& folder,
                          const std::vector<DatasetFile>& videos, int max_frames, StageLog& stages) {
   std::error_code error;
@@ -161,7 +161,7 @@ absl::Status WriteFrames(const std::filesystem::path& folder,
   return WriteManifest(folder, manifest);
 }
 
-// The index of the video that a frame's file is of; none: it is not named as a frame.
+// Returns the index of the video that a frame's file belongs to; nullopt: it is not named as one.
 std::optional<size_t> VideoOf(absl::string_view frame_file, size_t num_videos) {
   const size_t end = frame_file.find('_');
   size_t video = 0;
@@ -172,6 +172,7 @@ std::optional<size_t> VideoOf(absl::string_view frame_file, size_t num_videos) {
 
 }  // namespace
 
+// Lists damaged files in the order of the inputs, so that the message does not depend on threads.
 absl::Status VerifyFiles(const TrainingInputs& inputs, TrainingObserver& observer) {
   if (inputs.sha256.empty()) return absl::OkStatus();
   std::vector<StoredFile> stored = DistinctFiles(inputs);

@@ -15,7 +15,7 @@ bool MayUseCommand(PriorMaker maker) {
   return maker == PriorMaker::kAuto || maker == PriorMaker::kCommand;
 }
 
-// The photographs of the views, in the views' order, which is that of their names.
+// Returns the photographs of the views, in the views' order, which is that of their names.
 std::vector<DatasetFile> PosedPhotographs(const TrainingScene& scene) {
   std::map<std::string, const DatasetFile*> by_key;
   for (const DatasetFile& file : scene.files) {
@@ -38,7 +38,7 @@ bool PriorStage::MayUseSam() const {
 }
 
 void PriorStage::StartNextToPoses(const std::vector<DatasetFile>& files) {
-  // Masks that the command is expected to make are not made twice.
+  // The command is expected to make the masks if there is one: SAM would only make them twice.
   const bool by_command = settings_.priors.masks == PriorMaker::kAuto && HasCommand();
   if (HasKind(files, FileKind::kMask) || by_command || !MayUseSam()) return;
   segmentation_.emplace(inputs_, settings_.import, files, /*poses_are_wanted=*/true);
@@ -66,7 +66,8 @@ absl::Status PriorStage::Run(TrainingScene& scene) {
       {{"num_masks", counts["num_masks"]}, {"num_depth_maps", counts["num_depth_maps"]}});
 }
 
-// Where the command need not succeed, the source of what it does not make stays "none".
+// Runs the command if it may or must make something. If it need not succeed, its failure is a
+// warning and the sources stay "none", so that MakeOthers takes over.
 absl::Status PriorStage::MakeByCommand(PriorWants asked, TrainingScene& scene) {
   const PriorOptions& options = settings_.priors;
   const PriorWants wants = {asked.masks && MayUseCommand(options.masks),
@@ -85,7 +86,7 @@ absl::Status PriorStage::MakeByCommand(PriorWants asked, TrainingScene& scene) {
   return absl::OkStatus();
 }
 
-// Runs the command, and reads what it made into the views, as if it had been uploaded. On an error
+// Runs the command and imports the files that it made, as if they had been uploaded. On an error
 // the scene stays as it was.
 absl::Status PriorStage::TakeFromCommand(PriorWants wants, TrainingScene& scene) {
   ASSIGN_OR_RETURN(const std::vector<DatasetFile> made,
@@ -94,7 +95,7 @@ absl::Status PriorStage::TakeFromCommand(PriorWants wants, TrainingScene& scene)
   if (!warnings.ok()) {
     return absl::FailedPreconditionError(
         absl::StrCat("the priors ", SourceOfCommand(inputs_.tools.priors_command),
-                     " made what cannot be used: ", warnings.status().message()));
+                     " made files that cannot be used: ", warnings.status().message()));
   }
   stages_.WarnOfAll(*warnings);
   scene.files.insert(scene.files.end(), made.begin(), made.end());
@@ -153,7 +154,8 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
   return absl::OkStatus();
 }
 
-// `share`: the part of the stage's work that this is.
+// Makes built-in masks or depth. share: the part of the stage's work that this is, for the
+// progress.
 absl::Status PriorStage::Embed(EmbeddedPriors what, double share, Capture& capture) {
   if (!what.masks && !what.depth) return absl::OkStatus();
   return EmbedPriors(what, inputs_.tools.num_threads, capture, [&](int done, int num_views) {
@@ -167,7 +169,7 @@ absl::Status PriorStage::Embed(EmbeddedPriors what, double share, Capture& captu
   });
 }
 
-// Takes built-in masks where SAM fails.
+// Waits for SAM's masks and gives them to the views. If SAM fails, warns and makes built-in masks.
 absl::Status PriorStage::TakeMasksOfSam(TrainingScene& scene) {
   const bool join = settings_.priors.masks == PriorMaker::kSamAndEmbedded;
   const absl::Status status = segmentation_->GiveMasks(stages_, join, scene.capture);

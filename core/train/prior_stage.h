@@ -15,26 +15,26 @@
 
 namespace pepeseg {
 
-// Stage "priors": makes masks and depth maps where a dataset has none. The operator's command goes
-// first. What it does not make, SAM (masks only) and the built-in methods do: PriorMaker says which
-// of them may.
+// Stage "priors": makes masks and depth maps where a dataset has none. The operator's command runs
+// first; what it does not make, SAM (masks only) or the built-in methods make. PriorMaker decides
+// which of them may run.
 class PriorStage {
  public:
   // The arguments must outlive it.
   PriorStage(const TrainingInputs& inputs, const TrainingSettings& settings, StageLog& stages)
       : inputs_(inputs), settings_(settings), stages_(stages) {}
 
-  // Called when COLMAP is about to estimate poses. Starts to segment the photographs among `files`
-  // next to it, if SAM is expected to make the masks.
+  // Starts to segment the photographs among `files` on threads of its own if SAM is expected to
+  // make the masks. To be called when COLMAP is about to estimate poses, which it runs next to.
   void StartNextToPoses(const std::vector<DatasetFile>& files);
-  // Photographs that SAM has still to segment, once their poses are known; absent: SAM has not
+  // Returns the number of training photographs that SAM has still to segment; nullopt: SAM has not
   // started.
   std::optional<int64_t> NumToSegment(const Capture& capture) const;
 
-  // Runs the stage, or skips it where there is nothing to make. Adds to the views of
-  // `scene.capture`, and to its files and sources. FAILED_PRECONDITION: the command was asked for
-  // by name, and fails or does not exist; where it was not, that is a warning, as is a failure of
-  // SAM.
+  // Runs the stage, or skips it if there is nothing to make. Adds masks and depth to the views of
+  // `scene.capture`, and to the scene's files and sources. Returns FAILED_PRECONDITION when the
+  // command was requested by name and fails or does not exist. Without such a request a failure of
+  // the command is a warning, as is one of SAM.
   absl::Status Run(TrainingScene& scene);
 
  private:

@@ -24,9 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Bytes of the program's output that a warning or an error ends with.
-constexpr size_t kOutputTail = 1000;
-constexpr int64_t kMaxOutcomeBytes = 16384;
+constexpr size_t kOutputTail = 1000;         // bytes of the program's output in an error
+constexpr int64_t kMaxOutcomeBytes = 16384;  // largest outcome file that is read
 constexpr char kSucceeded[] = "succeeded";
 
 std::string Stem(size_t photo) { return absl::StrFormat("%06d", photo + 1); }
@@ -45,7 +44,7 @@ absl::StatusOr<std::string> SuffixOf(const DatasetFile& photo) {
   return SuffixOf(header.format);
 }
 
-// Copies the photographs: whatever the program does to its input, the stored files must not change.
+// Copies the photographs, so that the program cannot change the stored files.
 absl::Status LayOut(std::span<const DatasetFile> photos, const fs::path& folder) {
   RETURN_IF_ERROR(MakeFolder(folder));
   for (size_t i = 0; i < photos.size(); ++i) {
@@ -58,7 +57,7 @@ absl::Status LayOut(std::span<const DatasetFile> photos, const fs::path& folder)
   return absl::OkStatus();
 }
 
-// Parses "progress 3 20"; none: the line is not of that form, or 3 is not in [1, 20].
+// Parses "progress 3 20". Returns nullopt for a line of another form, or if 3 is not in [1, 20].
 std::optional<StepReport> ParseProgress(const std::string& line) {
   const std::vector<absl::string_view> words = absl::StrSplit(line, ' ', absl::SkipWhitespace());
   StepReport report;
@@ -71,7 +70,8 @@ std::optional<StepReport> ParseProgress(const std::string& line) {
   return report;
 }
 
-// One run of the program in `folders.priors`, or what an earlier run of the training kept of one:
+// One run of the program in `folders.priors`, or the outcome of an earlier one. Files in the
+// folder:
 //   photos/     the copies, while the program runs
 //   made/       its results
 //   output.log  its standard output and error
@@ -112,7 +112,7 @@ std::string CommandRun::Wants() const {
   return wants_.masks ? "masks" : "depth";
 }
 
-// How the program ended in an earlier run of this training; none: it has not ended yet.
+// Returns how the program ended in an earlier run of this training; nullopt: it has not ended yet.
 std::optional<absl::Status> CommandRun::Kept(StageLog& stages) const {
   const absl::StatusOr<std::string> text = ReadFile(outcome(), "outcome", kMaxOutcomeBytes);
   if (!text.ok()) return std::nullopt;
@@ -121,7 +121,8 @@ std::optional<absl::Status> CommandRun::Kept(StageLog& stages) const {
   return absl::FailedPreconditionError(*text);
 }
 
-// Called several times a second with the new lines of the program's output: an error kills it.
+// Called several times a second with the new lines of the program's output. An error that it
+// returns kills the program.
 absl::Status CommandRun::Watch(std::span<const std::string> lines, StageLog& stages) const {
   if (stages.observer().IsCancelled())
     return absl::CancelledError("stopped while the priors command ran");
@@ -139,7 +140,7 @@ absl::Status CommandRun::Watch(std::span<const std::string> lines, StageLog& sta
 
 absl::Status CommandRun::RunProgram(StageLog& stages) {
   std::error_code ignored;
-  fs::remove(log(), ignored);  // of a run that was interrupted
+  fs::remove(log(), ignored);  // left by a run that was interrupted
   RETURN_IF_ERROR(LayOut(photos_, folder_ / "photos"));
   RETURN_IF_ERROR(MakeFolder(out()));
   ChildCommand command;
@@ -178,8 +179,8 @@ absl::Status CommandRun::Run(StageLog& stages) {
   return status;
 }
 
-// The first file of a photograph among the suffixes. Links are not followed: what they lead to is
-// not a result of the program.
+// Returns the photograph's file with the first suffix that exists. Links are not followed: their
+// targets are not results of the program.
 std::optional<DatasetFile> CommandRun::Find(const Place& place, size_t photo) const {
   for (const char* suffix : place.suffixes) {
     std::error_code ignored;
@@ -191,7 +192,7 @@ std::optional<DatasetFile> CommandRun::Find(const Place& place, size_t photo) co
   return std::nullopt;
 }
 
-// Of the two kinds of depth map, depth goes before disparity.
+// Returns the files that the program made. A photograph's depth is preferred to its disparity.
 std::vector<DatasetFile> CommandRun::Made() const {
   const Place masks{FileKind::kMask, "masks", {".json", ".png"}};
   const Place depth{FileKind::kDepth, "depth", {".png", ".npy", ".pfm"}};

@@ -12,7 +12,7 @@
 
 namespace pepeseg {
 
-// What a priors command is asked for.
+// Priors requested from a priors command.
 struct PriorWants {
   bool masks = false;
   bool depth = false;
@@ -37,21 +37,21 @@ struct PriorWants {
 // the training is cancelled or the time limit has passed, and inherits the resource limits of this
 // process.
 //
-// `photos`: as files of a dataset, in the order in which they are numbered. Returns what it made,
-// named as an upload would have it ("masks/cam0/7.json"); the import checks the contents. Nothing
-// of what is wanted is an error. Both outcomes are kept in `folders.priors`, so that a later run of
-// the training has the same priors without running the program again.
+// photos: files of the dataset, in the order in which they are numbered. Returns the files that the
+// program made, named as in an upload ("masks/cam0/7.json"); the import checks their contents.
+// Success and failure are both kept in `folders.priors`, so that a later run of the training has
+// the same priors without running the program again.
 //
-// CANCELLED: the training was cancelled. Any other error names the program, and ends with the last
-// lines of its output.
+// Returns CANCELLED when the training was cancelled. Any other error, also when the program made
+// none of the wanted files, has the program's name and the last lines of its output.
 absl::StatusOr<std::vector<DatasetFile>> RunPriorsCommand(const TrainingInputs& inputs,
                                                           std::span<const DatasetFile> photos,
                                                           PriorWants wants, StageLog& stages);
 
-// The activity of steps of stage "priors": "making masks for", "making depth for", or both.
+// Returns the activity of steps of stage "priors": "making masks for", "making depth for", or both.
 std::string_view MakingActivity(bool masks, bool depth);
 
-// "command NAME", as the source of a model's masks or depth.
+// Returns "command NAME", the source of a model's masks or depth.
 std::string SourceOfCommand(const PriorsCommand& command);
 
 }  // namespace pepeseg

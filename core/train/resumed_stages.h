@@ -13,8 +13,9 @@
 
 namespace pepeseg {
 
-// Stage one or two, from its farthest good checkpoint, else from step 0. `checkpoints` is null
-// where none are kept. Errors as those of a start from step 0.
+// Return stage one or two, resumed from its farthest good checkpoint or started at step 0.
+// checkpoints: null if none are kept. A checkpoint that does not fit is passed over; other errors
+// are those of Reconstructor::Create and FeatureStage::Create.
 absl::StatusOr<std::unique_ptr<Reconstructor>> StartReconstruction(
     StageCheckpoints* checkpoints, Backend& backend, const Capture& capture,
     const ReconstructOptions& options);
@@ -24,9 +25,9 @@ absl::StatusOr<std::unique_ptr<FeatureStage>> StartFeatures(StageCheckpoints* ch
                                                             const Gaussians& gaussians,
                                                             const FeatureOptions& options);
 
-// Called after a step that was reported with the result `status`, which it returns. Writes a
-// checkpoint when one is due, or when the report cancelled the training. `step`: the steps that
-// `stage` has done, which may be more than it has reported.
+// Writes a checkpoint after a step if one is due or if the report of the step cancelled the
+// training. Returns `status`, the result of that report. step: the number of steps that `stage` has
+// done, which may be more than it has reported. Without `checkpoints` only returns `status`.
 template <class Stage>
 absl::Status SaveStep(absl::Status status, int64_t step, Stage& stage,
                       StageCheckpoints* checkpoints) {

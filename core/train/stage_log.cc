@@ -11,10 +11,10 @@
 namespace pepeseg {
 namespace {
 
-// More would drown the log; the rest is counted.
-constexpr size_t kMaxWarnings = 100;
+constexpr size_t kMaxWarnings = 100;  // most warnings of one list; further ones are only counted
 
-// User and system time of this process and of the programs that it has run, on all cores together.
+// Returns the user and system time of this process and of the programs that it has run, summed over
+// all cores, seconds.
 double CoreSeconds() {
   const auto seconds = [](const timeval& time) {
     return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
@@ -41,7 +41,7 @@ absl::Status StageLog::Start(const std::string& stage) {
   return observer_.StartStage(stage);
 }
 
-// Adds the times of the stage, and keeps its metrics.
+// Adds the stage's times to its metrics, keeps these, and reports the end.
 absl::Status StageLog::Finish(StageEnd end) {
   const auto passed = std::chrono::steady_clock::now() - start_;
   end.stage = stage_;
@@ -61,6 +61,7 @@ absl::Status StageLog::EndSkipped(const Metrics& metrics, const std::string& why
   return Finish({.metrics = metrics, .skipped = why});
 }
 
+// A skipped stage has no times: it did not run.
 absl::Status StageLog::Skip(const std::string& stage, const std::string& why) {
   RETURN_IF_ERROR(Start(stage));
   return observer_.EndStage({.stage = stage, .skipped = why});
@@ -74,6 +75,7 @@ absl::Status StageLog::Step(const StepReport& report) {
   return observer_.Step(report);
 }
 
+// Cancellation is checked in every call, also when there is nothing new to report.
 absl::Status StageLog::StepIfNew(const StepReport& report) {
   const bool is_new = report.step != last_step_ || report.activity != last_activity_;
   if (!is_new && !observer_.IsCancelled()) return absl::OkStatus();

@@ -4,17 +4,17 @@
 #include <thread>
 #include <utility>
 
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "core/sfm/sfm_options.h"
 
 namespace pepeseg {
 namespace {
 
-// Core seconds: kPrepare a photograph, the others a megapixel of a view.
+// Core seconds: kPrepare for each photograph, the others for each megapixel of the views.
 constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kScores = 0.5,
                  kLpips = 10;
-// Seconds a step, and further seconds a step for each megapixel of the view. On the cores: seconds
-// of one core. Measured in tests/bench/results/scenes_cpu.md and presets_h200.md.
+// Seconds of a step, and further seconds for each megapixel of the view. On the cores: seconds of
+// one core. Measured in tests/bench/results/scenes_cpu.md and presets_h200.md.
 struct StepCost {
   double step, megapixel;
 };
@@ -22,12 +22,12 @@ constexpr StepCost kReconstructOnCores{0.003, 0.12}, kReconstructOnDevice{0.0004
 constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.00045;
 constexpr double kIndex = 0.3;
 
-// Whether the priors command is expected to make what `maker` asks for.
+// Returns true if the priors command is expected to make the masks or depth of this maker.
 bool ByCommand(PriorMaker maker, const TrainingFacts& facts) {
   return maker == PriorMaker::kCommand || (maker == PriorMaker::kAuto && facts.has_priors_command);
 }
 
-// SAM makes what the command does not.
+// Returns true if SAM is expected to make the masks: where it may and the command does not.
 bool BySam(PriorMaker maker, const TrainingFacts& facts) {
   return facts.has_sam && !ByCommand(maker, facts) &&
          (maker == PriorMaker::kAuto || AsksForSam(maker));
@@ -84,10 +84,10 @@ class Planner {
                sam + pixels * ((masks ? kEmbeddedMasks : 0) + (depth ? kEmbeddedDepth : 0)));
     const bool by_command =
         (masks && ByCommand(priors.masks, facts_)) || (depth && ByCommand(priors.depth, facts_));
-    if (by_command) stages_.back().seconds.reset();  // nobody knows how long a program takes
+    if (by_command) stages_.back().seconds.reset();  // the speed of the program is unknown
   }
 
-  // The first steps see photographs shrunk to a quarter, then to a half of their sides: see
+  // The first steps train on photographs at a quarter, then at half of their width and height: see
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
     const ReconstructOptions& options = settings_.reconstruct;

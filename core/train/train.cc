@@ -1,4 +1,5 @@
-// The method, from the files of a dataset to a model, on one page.
+// The method, from the files of a dataset to a model, on one page: Train() lists the stages, and
+// the methods below it are the stages, in the same order.
 #include "core/train/train.h"
 
 #include <sys/resource.h>
@@ -26,8 +27,8 @@
 namespace pepeseg {
 namespace {
 
-// One training. A method a stage, called in the order in which they are declared; each adds to
-// `scene_` or to `model_`.
+// One training. After Open, each public method is a stage, called in the order of declaration.
+// Stages up to "priors" add to scene_, later ones to model_.
 class Training {
  public:
   Training(const TrainingInputs& inputs, const TrainingSettings& settings, Backend& backend,
@@ -47,7 +48,7 @@ class Training {
   absl::Status MakePriors();
   absl::Status ReconstructScene();
   absl::Status EvaluateScene();
-  absl::Status LearnFeatures();
+  absl::Status TrainFeatures();
   absl::StatusOr<TrainedModel> Index() &&;
 
  private:
@@ -61,7 +62,7 @@ class Training {
   void ResumeAt(const StageCheckpoints* checkpoints, const char* metric);
   absl::Status CheckDevice() const;
   void DescribeModel();
-  void TakeMetrics();
+  void CopyMetrics();
   absl::Status WriteModelTo(const std::filesystem::path& folder);
 
   const TrainingInputs& inputs_;
@@ -88,20 +89,21 @@ absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingS
   RETURN_IF_ERROR(training.MakePriors());
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.EvaluateScene());
-  RETURN_IF_ERROR(training.LearnFeatures());
+  RETURN_IF_ERROR(training.TrainFeatures());
   return std::move(training).Index();
 }
 
 namespace {
 
+// Opens the LPIPS weights first, so that wrong weights are an error at once and not after an hour.
 absl::Status Training::Open() {
-  // Wrong weights are an error at once, not after an hour.
   ASSIGN_OR_RETURN(scorer_, HeldOutScorer::Create(inputs_.tools.lpips_weights));
   Plan();
   return absl::OkStatus();
 }
 
-// Checks the files, and turns HEIC photographs and videos into JPEGs, which everything else reads.
+// Stage "prepare": verifies the files, and converts HEIC photographs and videos to JPEGs, which all
+// later stages read.
 absl::Status Training::Prepare() {
   RETURN_IF_ERROR(stages_.Start("prepare"));
   RETURN_IF_ERROR(VerifyFiles(inputs_, observer_));
@@ -116,7 +118,8 @@ absl::Status Training::Prepare() {
   return stages_.End(Counts(scene_.capture));
 }
 
-// Poses, lenses and sparse points of the photographs, by structure from motion.
+// Stage "sfm": estimates poses, lenses and sparse points by structure from motion, unless poses are
+// given. SAM can segment photographs meanwhile, because masks of photographs need no poses.
 absl::Status Training::EstimatePoses() {
   if (HasKind(scene_.files, FileKind::kPoses)) {
     scene_.sources["poses"] = "given";
@@ -132,8 +135,8 @@ absl::Status Training::EstimatePoses() {
   return stages_.End(made.metrics);
 }
 
-// Decodes the photographs, once: all later stages work on the views. Only SAM reads photographs for
-// itself, since it starts before there are views.
+// Decodes the photographs once, into the views that all later stages work on. Only SAM decodes
+// photographs itself, because it starts before there are views.
 absl::Status Training::ImportViews() {
   ASSIGN_OR_RETURN(scene_.capture, ImportCapture(scene_.files, settings_.import));
   stages_.WarnOfAll(scene_.capture.warnings);
@@ -142,7 +145,8 @@ absl::Status Training::ImportViews() {
   return absl::OkStatus();
 }
 
-// Masks, which stage two learns from, and depth, which losses of both stages use.
+// Stage "priors": makes the masks that stage two is trained on, and the depth that losses of both
+// stages use.
 absl::Status Training::MakePriors() {
   facts_.num_to_segment = priors_.NumToSegment(scene_.capture);
   if (facts_.num_to_segment) {
@@ -153,7 +157,7 @@ absl::Status Training::MakePriors() {
   return priors_.Run(scene_);
 }
 
-// The Gaussians: those of the dataset, or stage one's.
+// Stage "reconstruct": takes the Gaussians of the dataset or trains them (METHOD.md section 1).
 absl::Status Training::ReconstructScene() {
   RETURN_IF_ERROR(stages_.Start("reconstruct"));
   DescribeModel();
@@ -173,7 +177,8 @@ absl::Status Training::TakeGivenGaussians(const DatasetFile& file) {
                             "given");
 }
 
-// Stage one. Its result is kept until there is a model, so that a later run need not train again.
+// Writes the result to a folder of its own until there is a model, so that a later run need not
+// train again. Its checkpoints are removed only after that.
 absl::Status Training::TrainGaussians() {
   std::optional<Gaussians> earlier = FindEarlierGaussians();
   if (earlier) {
@@ -186,7 +191,7 @@ absl::Status Training::TrainGaussians() {
   return stages_.End({{"num_gaussians", static_cast<double>(model_.gaussians.count)}});
 }
 
-// An earlier run had the same files, options and seed, so its Gaussians are the same.
+// Returns the Gaussians of an earlier run, which had the same files, options and seed.
 std::optional<Gaussians> Training::FindEarlierGaussians() {
   for (const std::filesystem::path& run : inputs_.folders.earlier) {
     absl::StatusOr<Model> earlier = ReadModel(run / kReconstructFolder);
@@ -197,7 +202,8 @@ std::optional<Gaussians> Training::FindEarlierGaussians() {
   return std::nullopt;
 }
 
-// After each step comes a report, which can cancel, and a checkpoint when one is due.
+// Trains from the farthest checkpoint. Each step is followed by a report, which can cancel the
+// training, and by a checkpoint when one is due.
 absl::StatusOr<Gaussians> Training::RunStageOne() {
   StageCheckpoints* checkpoints = observer_.checkpoints("reconstruct");
   ASSIGN_OR_RETURN(
@@ -217,7 +223,8 @@ absl::StatusOr<Gaussians> Training::RunStageOne() {
   return gaussians;
 }
 
-// Renders the held-out views, which are never trained on, and compares them with the photographs.
+// Stage "evaluate": renders the held-out views, which are never trained on, and compares them with
+// their photographs (METHOD.md section 5).
 absl::Status Training::EvaluateScene() {
   RETURN_IF_ERROR(stages_.Start("evaluate"));
   ASSIGN_OR_RETURN(std::vector<ViewScores> scores,
@@ -228,9 +235,9 @@ absl::Status Training::EvaluateScene() {
   return stages_.EndScored(means, std::move(scores));
 }
 
-// Stage two: with the Gaussians frozen, a feature for each of them and the scale gate. The loop is
-// that of stage one.
-absl::Status Training::LearnFeatures() {
+// Stage "features": trains the feature of each Gaussian and the scale gate, with the Gaussians
+// fixed (METHOD.md sections 2 and 3). The loop is that of RunStageOne.
+absl::Status Training::TrainFeatures() {
   if (stages_.metrics().at("num_masks") == 0) {
     observer_.Log("no masks: the model can be rendered, not segmented");
     return absl::OkStatus();
@@ -257,8 +264,8 @@ absl::Status Training::LearnFeatures() {
   return stages_.End(metrics);
 }
 
-// Writes the model. From here on only its files are needed: what earlier stages and runs left is
-// removed.
+// Stage "index": writes the model, then removes what earlier stages and runs left, because only the
+// model's files are needed from here on.
 absl::StatusOr<TrainedModel> Training::Index() && {
   RETURN_IF_ERROR(stages_.Start("index"));
   rusage usage{};
@@ -269,23 +276,23 @@ absl::StatusOr<TrainedModel> Training::Index() && {
   RemoveIntermediates(inputs_.folders);
   if (StageCheckpoints* checkpoints = observer_.checkpoints("features")) checkpoints->Remove();
   RETURN_IF_ERROR(stages_.End());
-  TakeMetrics();
+  CopyMetrics();
   return TrainedModel{std::move(model_), std::move(scene_.sources)};
 }
 
-// Reports a step of stage one or two.
+// Reports a step of stage one or two. Returns the observer's error, and INTERNAL when stage one
+// exceeds the number of Gaussians that its memory was estimated for.
 absl::Status Training::Step(const StepReport& report) {
   RETURN_IF_ERROR(stages_.Step(report));
-  // The training was admitted for this many: see EstimateReconstruct.
   if (report.stage == "reconstruct" && report.num_gaussians > settings_.reconstruct.max_gaussians) {
-    return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ",
-                                            report.num_gaussians, " Gaussians, max_gaussians is ",
-                                            settings_.reconstruct.max_gaussians));
+    return absl::InternalError(
+        absl::StrCat("stage ", stages_.stage(), ", step ", report.step, ": ", report.num_gaussians,
+                     " Gaussians exceed max_gaussians, ", settings_.reconstruct.max_gaussians));
   }
   return absl::OkStatus();
 }
 
-// Reports, and records as a metric, that a stage starts after the steps of an earlier run.
+// Reports and records as a metric the step that a stage resumes from; does nothing at step 0.
 void Training::ResumeAt(const StageCheckpoints* checkpoints, const char* metric) {
   const int64_t step = checkpoints == nullptr ? 0 : checkpoints->first_step();
   if (step == 0) return;
@@ -293,14 +300,14 @@ void Training::ResumeAt(const StageCheckpoints* checkpoints, const char* metric)
   model_.metrics[metric] = static_cast<double>(step);
 }
 
-// Device errors are asynchronous: the backend keeps the first, and a stage's result does not count
-// before it was asked.
+// Returns INTERNAL with the device's error. Device errors are asynchronous and the backend keeps
+// the first one, so that each stage checks it before its result is used.
 absl::Status Training::CheckDevice() const {
   if (backend_.error().empty()) return absl::OkStatus();
   return absl::InternalError(absl::StrCat("stage ", stages_.stage(), ": ", backend_.error()));
 }
 
-// Everything of the model that is known before stage one.
+// Fills in all of the model that is known before stage one.
 void Training::DescribeModel() {
   for (const View& view : scene_.capture.views) {
     model_.views.push_back({.name = view.name,
@@ -316,12 +323,13 @@ void Training::DescribeModel() {
   model_.facts["device"] = backend_.name();
 }
 
-void Training::TakeMetrics() {
+// Copies the metrics of the stages so far to the model.
+void Training::CopyMetrics() {
   for (const auto& [name, value] : stages_.metrics()) model_.metrics[name] = value;
 }
 
 absl::Status Training::WriteModelTo(const std::filesystem::path& folder) {
-  TakeMetrics();
+  CopyMetrics();
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return FileError(folder, "create", error.value());

@@ -12,6 +12,7 @@
 
 namespace pepeseg {
 
+// A model as it was written, and its origins.
 struct TrainedModel {
   Model model;
   // Where "poses", "masks" and "depth" came from, see TrainingScene::sources.
@@ -28,13 +29,14 @@ struct TrainedModel {
 //   features     stage two: a feature per Gaussian (METHOD.md sections 2 and 3); skipped where
 //                there are no masks
 //   index        the files of the model
-// What earlier runs of the training have left in `inputs.folders` is not done again: the result is
-// the same. Blocks until the model is written; `observer` hears of the progress and can cancel.
+// Reuses the results that earlier runs of the same training left in `inputs.folders`; the model is
+// the same as without them. Blocks until the model is written. `observer` gets the progress and can
+// cancel.
 //
-// INVALID_ARGUMENT names the file, of the dataset or of the LPIPS weights, that is wrong.
-// DATA_LOSS: stored bytes of a file are damaged. FAILED_PRECONDITION: the photographs do not give
-// poses, or a program is missing, and what to do. INTERNAL: the device failed. CANCELLED: the
-// observer cancelled. Throws std::bad_alloc, as the standard library does.
+// Returns INVALID_ARGUMENT, with the file's name, for a wrong file of the dataset or wrong LPIPS
+// weights; DATA_LOSS when stored bytes of a file are damaged; FAILED_PRECONDITION, with the remedy,
+// when the photographs give no poses or a program is missing; INTERNAL when the device failed; and
+// CANCELLED when the observer cancelled. Throws std::bad_alloc, as the standard library does.
 absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingSettings& settings,
                                    Backend& backend, TrainingObserver& observer);
 

@@ -14,6 +14,8 @@ std::vector<std::filesystem::path> TrainingFolders::all() const {
   return folders;
 }
 
+// The manifest is written last, so that a folder without one, or with a file that differs from it,
+// was left by an interrupted run.
 std::optional<std::filesystem::path> FindWhole(const TrainingFolders& folders, const char* name) {
   for (const std::filesystem::path& run : folders.all()) {
     const absl::StatusOr<Manifest> manifest = ReadManifest(run / name);

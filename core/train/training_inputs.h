@@ -15,7 +15,7 @@
 
 namespace pepeseg {
 
-// Folders below that of a run, each of one stage. They hold what a later run need not do again.
+// Folders below a run's folder, each with the result of one stage, which a later run can reuse.
 inline constexpr char kHeicFolder[] = "heic";                // JPEGs of HEIC photographs
 inline constexpr char kFramesFolder[] = "frames";            // JPEGs of video frames
 inline constexpr char kPosesFolder[] = "poses";              // COLMAP's result
@@ -29,7 +29,7 @@ struct TrainingFolders {
   std::filesystem::path priors = {};   // of the priors command and SAM, shared by all runs
   std::filesystem::path sfm_log = {};  // COLMAP's output is appended to it
 
-  // This run's, then the earlier ones.
+  // Returns this run's folder, then those of earlier runs.
   std::vector<std::filesystem::path> all() const;
 };
 
@@ -50,7 +50,7 @@ struct TrainingTools {
   int64_t memory_limit = 0;  // bytes that this process may allocate, for messages; 0: unlimited
 };
 
-// What a training starts from.
+// Everything that a training reads, besides its settings.
 struct TrainingInputs {
   std::vector<DatasetFile> files;
   // Declared SHA-256 of each file, in hexadecimal. Empty: the bytes are not verified.
@@ -60,9 +60,9 @@ struct TrainingInputs {
   std::map<std::string, std::string> facts;  // added to Model::facts
 };
 
-// What stage one starts from. The stages before it make it, one after the other.
+// Input of stage one, filled in by the stages before it.
 struct TrainingScene {
-  // Of the dataset, and those made of it: frames, poses, priors.
+  // Files of the dataset, and those made from it: frames, poses, priors.
   std::vector<DatasetFile> files = {};
   Capture capture = {};  // empty until poses are known
   // Where "poses", "masks" and "depth" came from: "given", "none", "embedded", "sam", "command
@@ -70,17 +70,18 @@ struct TrainingScene {
   std::map<std::string, std::string> sources = {};
 };
 
-// Whether a file of this kind is among them.
+// Returns true if one of the files is of this kind.
 bool HasKind(std::span<const DatasetFile> files, FileKind kind);
 
-// "num_views", "num_points", "num_masks" and "num_depth_maps" of a capture.
+// Returns the metrics "num_views", "num_points", "num_masks" and "num_depth_maps" of a capture.
 std::map<std::string, double> Counts(const Capture& capture);
 
-// Finds the folder `name` of the newest run in which every file agrees with the folder's manifest.
+// Returns the folder `name` of the newest run in which every file agrees with the folder's
+// manifest; nullopt: there is none.
 std::optional<std::filesystem::path> FindWhole(const TrainingFolders& folders, const char* name);
 
-// Removes what the stages before the last one left, once there is a model: this run's folders
-// above, the folders of earlier runs, and `priors`. Errors are ignored: leftovers only cost space.
+// Removes the results of intermediate stages, once there is a model: this run's folders above, the
+// folders of earlier runs, and `priors`. Errors are ignored: leftovers only cost space.
 void RemoveIntermediates(const TrainingFolders& folders);
 
 // Returns the sum of the sizes of the files in a folder, without subfolders.

@@ -15,7 +15,7 @@
 
 namespace pepeseg {
 
-// Keeps the state of one stage on its way, so that a later run resumes from it.
+// Stores checkpoints of one stage, so that a later run resumes from them.
 class StageCheckpoints {
  public:
   // Writes the state of a step to `path`, as a file with that header.
@@ -27,7 +27,7 @@ class StageCheckpoints {
   // Offers the checkpoints of this run and of earlier ones, the farthest first, until `use` returns
   // OK for one. When it does for none, the stage starts at step 0.
   virtual void Resume(absl::FunctionRef<absl::Status(const Checkpoint& file)> use) = 0;
-  // The step that the stage started at.
+  // Returns the step that the stage resumed from. 0: it started from the beginning.
   virtual int64_t first_step() const = 0;
   // Called after each step; writes a checkpoint when one is due.
   virtual void SaveIfDue(int64_t step, WriteState write) = 0;
@@ -40,20 +40,20 @@ class StageCheckpoints {
 // How a stage ended.
 struct StageEnd {
   std::string stage = {};
-  // What the stage measured of its result, with "seconds_STAGE" and "core_seconds_STAGE".
+  // Measurements of the stage's result, with "seconds_STAGE" and "core_seconds_STAGE".
   std::map<std::string, double> metrics = {};
-  std::string skipped = {};            // why it did not run, as "given"; empty: it ran
-  std::vector<ViewScores> views = {};  // of the held-out views, from stage "evaluate"
+  std::string skipped = {};            // why it did not run, such as "given"; empty: it ran
+  std::vector<ViewScores> views = {};  // scores of the held-out views; stage "evaluate" only
 };
 
-// Gets what a training reports, says where its checkpoints are kept, and can cancel it. Every
-// method but IsCancelled is called on the thread of Train. An error that a method returns ends the
-// training with that error. The defaults ignore everything and never cancel.
+// Receives the reports of a training, provides its checkpoints, and can cancel it. Every method but
+// IsCancelled is called on the thread of Train. An error that a method returns ends the training
+// with that error. The defaults ignore everything and never cancel.
 class TrainingObserver {
  public:
   virtual ~TrainingObserver() = default;
 
-  // The stages that are expected to run, for an ETA. Called again when more is known.
+  // Receives the stages that are expected to run, for an ETA. Called again when more is known.
   virtual void PlanStages(std::vector<PlannedStage>) {}
   virtual absl::Status StartStage(const std::string& /*stage*/) { return absl::OkStatus(); }
   // The stage starts after the `step` steps that an earlier run has done.
@@ -62,27 +62,28 @@ class TrainingObserver {
   virtual absl::Status SkipPart(const SkippedTerm&) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
 
-  // A sentence for the owner of the training, and one for the operator of the machine.
+  // Receive a sentence for the owner of the training, or for the operator of the machine.
   virtual void Warn(const std::string& /*message*/) {}
   virtual void Log(const std::string& /*message*/) {}
-  // Stage "priors" has made masks by other means than the command: `source` is "sam", "embedded" or
-  // "sam and embedded".
+  // Reports that stage "priors" has made masks without the operator's command: `source` is "sam",
+  // "embedded" or "sam and embedded".
   virtual void MadeMasks(const std::string& /*source*/) {}
-  // SHA-256 that was declared of a file whose bytes are damaged or gone.
+  // Receives the declared SHA-256 of a file whose bytes are damaged or gone.
   virtual void ReportDamagedFile(const std::string& /*sha256*/) {}
 
-  // Whether the training should end with CANCELLED. May be called on any thread.
+  // Returns true if the training is to end with CANCELLED. May be called on any thread.
   virtual bool IsCancelled() const { return false; }
   // While `polling` is true, the training calls IsCancelled at least several times a second and
   // saves its state when it is cancelled. Otherwise there is nothing to save: the process may end
   // at any instruction.
   virtual void SetPolling(bool /*polling*/) {}
 
-  // Checkpoints of stage "reconstruct" or "features", owned by the observer; null: none are kept.
+  // Returns the checkpoints of stage "reconstruct" or "features", owned by the observer. Null: none
+  // are kept.
   virtual StageCheckpoints* checkpoints(const std::string& /*stage*/) { return nullptr; }
 };
 
-// Polls within its scope.
+// Sets polling while it is in scope.
 class Polling {
  public:
   explicit Polling(TrainingObserver& observer) : observer_(observer) { observer_.SetPolling(true); }

@@ -9,13 +9,13 @@
 
 namespace pepeseg {
 
-// How long a training takes, for what result (tests/bench/results/curves/curves.md).
+// Trade-off between training time and quality (tests/bench/results/curves/curves.md).
 enum class Preset {
-  kPreview = 1,   // the shortest that gives something to click on
-  kStandard = 2,  // the defaults: where the curves of quality over time bend
-  kBest = 3,      // where the curves are flat
+  kPreview = 1,   // the shortest training that gives something to click on
+  kStandard = 2,  // the defaults, where more time begins to gain less quality
+  kBest = 3,      // where more time gains no quality
 };
-// INVALID_ARGUMENT: a number that is not a preset.
+// Returns INVALID_ARGUMENT for a number that is not a preset.
 absl::Status Validate(Preset preset);
 
 // Sets the options that differ between the presets; the others keep their values.
@@ -23,7 +23,7 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
 
 // The options of every stage of a training.
 struct TrainingSettings {
-  Preset preset = Preset::kStandard;  // from which the options of the stages start
+  Preset preset = Preset::kStandard;  // preset that the options of the stages were derived from
   ImportOptions import;
   PriorOptions priors;
   SfmOptions sfm;

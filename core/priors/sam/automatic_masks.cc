@@ -1,26 +1,25 @@
 #include "core/priors/sam/automatic_masks.h"
 
 #include <algorithm>
-#include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <utility>
+#include <vector>
 
 #include "core/base/status_macros.h"
 #include "core/priors/sam/grid_mask.h"
-#include "core/priors/sam/joined_masks.h"
-#include "core/priors/sam/prompt_points.h"
 
 namespace pepeseg {
 namespace {
 
-// A mask of one answer. Logits are kept in quarters: finer differences move no border by a pixel.
+// A mask that the segmenter answered with.
 struct Candidate {
   GridMask mask;
-  float iou = 0, stability = 0;
-  size_t cell = 0;  // of the point that was asked about
-  std::vector<int8_t> quarter_logits;
+  float iou = 0, stability = 0;        // see AutomaticMaskOptions::min_iou
+  size_t cell = 0;                     // cell of the prompt's point
+  std::vector<int8_t> quarter_logits;  // [height, width], see QuarterLogits
 };
 
+// The segmentation of one photograph: Ask collects candidates; KeepSure, KeepFillers and
+// AskForRemainders move the good ones to kept_, in this order; Take returns them as masks.
 class PhotographSegmenter {
  public:
   PhotographSegmenter(PromptedSegmenter& segmenter, const View& view,
@@ -33,16 +32,22 @@ class PhotographSegmenter {
         grid_(AnswerGrid(view.photo.width, view.photo.height)),
         settled_(num_cells()) {}
 
+  // Prompts at each point and collects the candidates. skip_settled: not at points that a small
+  // sure mask already holds.
   absl::Status Ask(const std::vector<PromptPoint>& points, bool skip_settled);
+  // Keeps the sure candidates, those with the highest IoU first, without duplicates.
   void KeepSure();
+  // Keeps the other candidates, the best first, whose point no kept mask holds. Drops the rest.
   void KeepFillers();
+  // Prompts for the remainders of kept masks that hold other kept masks, and keeps good answers.
   absl::Status AskForRemainders();
+  // Returns the kept masks at the photograph's size, then those of `embedded` unless it is null.
   AutomaticMasks Take(const MaskSet* embedded) const;
 
  private:
   struct Remainder {
-    GridMask rest;
-    SegmenterPrompt prompt;
+    GridMask rest;           // the outer mask without the inner one
+    SegmenterPrompt prompt;  // two points in the rest, and a negative one in the inner mask
   };
 
   size_t num_cells() const { return static_cast<size_t>(grid_.width) * grid_.height; }
@@ -56,7 +61,6 @@ class PhotographSegmenter {
   bool IsKept(const GridMask& mask) const;
   std::vector<Remainder> FindRemainders() const;
   void TakeRemainders(const PromptAnswers& answers, std::span<const Remainder> remainders);
-  std::vector<uint32_t> PixelsOf(const Candidate& candidate) const;
 
   PromptedSegmenter& segmenter_;
   const View& view_;
@@ -64,7 +68,7 @@ class PhotographSegmenter {
   absl::FunctionRef<absl::Status()> progress_;
   const PromptAnswers grid_;
   std::vector<Candidate> candidates_, kept_;
-  std::vector<uint8_t> settled_;  // [cells] whether a small sure mask holds it
+  std::vector<uint8_t> settled_;  // [cells] 1: a small sure mask holds the cell
   int num_prompts_ = 0;
 };
 
@@ -113,19 +117,10 @@ Candidate PhotographSegmenter::Read(const PromptAnswers& answers, size_t prompt,
   return candidate;
 }
 
-std::vector<int8_t> QuarterLogits(std::span<const float> logits) {
-  std::vector<int8_t> quarters;
-  quarters.reserve(logits.size());
-  for (const float logit : logits) {
-    quarters.push_back(static_cast<int8_t>(std::lround(std::clamp(logit * 4, -127.0F, 127.0F))));
-  }
-  return quarters;
-}
-
 absl::Status PhotographSegmenter::AskBatch(std::span<const SegmenterPrompt> prompts) {
   ASSIGN_OR_RETURN(const PromptAnswers answers, Run(prompts));
   for (size_t prompt = 0; prompt < prompts.size(); ++prompt) {
-    // Mask 0 is what several points mean.
+    // Mask 0 is for prompts of several points.
     for (size_t mask = 1; mask < PromptAnswers::kMasks; ++mask) {
       if (answers.Iou(prompt, mask) < options_.min_filler_iou) continue;
       Candidate candidate = Read(answers, prompt, mask);
@@ -177,7 +172,7 @@ void PhotographSegmenter::KeepSure() {
   candidates_ = std::move(rest);
 }
 
-// Less sure masks, the best first, where nothing is kept yet.
+// KeepSure has sorted the candidates that are left.
 void PhotographSegmenter::KeepFillers() {
   for (Candidate& candidate : candidates_) {
     const bool held = std::any_of(kept_.begin(), kept_.end(), [&](const Candidate& other) {
@@ -188,9 +183,11 @@ void PhotographSegmenter::KeepFillers() {
   candidates_.clear();
 }
 
+// Looks at all ordered pairs of kept masks. A rest that is too small, nearly the whole outer mask,
+// or already kept is left out, as is one with room for fewer than two points.
 std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders() const {
-  constexpr double kInside = 0.9;    // share of a mask that another one holds
-  constexpr double kMinShare = 0.1;  // that the rest is of the outer mask
+  constexpr double kInside = 0.9;    // share of the inner mask that the outer one holds
+  constexpr double kMinShare = 0.1;  // smallest rest, as a share of the outer mask
   std::vector<Remainder> remainders;
   for (const Candidate& outer : kept_) {
     for (const Candidate& inner : kept_) {
@@ -214,6 +211,8 @@ std::vector<PhotographSegmenter::Remainder> PhotographSegmenter::FindRemainders(
   return remainders;
 }
 
+// Keeps, for each remainder, the answer with the highest IoU with the rest, if that exceeds
+// min_remainder_iou.
 void PhotographSegmenter::TakeRemainders(const PromptAnswers& answers,
                                          std::span<const Remainder> remainders) {
   for (size_t prompt = 0; prompt < remainders.size(); ++prompt) {
@@ -246,37 +245,11 @@ absl::Status PhotographSegmenter::AskForRemainders() {
   return absl::OkStatus();
 }
 
-std::vector<uint32_t> Pixels(const cv::Mat& inside, const View& view) {
-  std::vector<uint32_t> pixels;
-  for (int y = 0; y < inside.rows; ++y) {
-    for (int x = 0; x < inside.cols; ++x) {
-      const size_t pixel = static_cast<size_t>(y) * inside.cols + x;
-      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      if (inside.at<uint8_t>(y, x) != 0) pixels.push_back(static_cast<uint32_t>(pixel));
-    }
-  }
-  return pixels;
-}
-
-// Logits are interpolated between the centres of the cells, as the network's own masks are.
-std::vector<uint32_t> PhotographSegmenter::PixelsOf(const Candidate& candidate) const {
-  cv::Mat logits(grid_.height, grid_.width, CV_32F);
-  for (int y = 0; y < grid_.height; ++y) {
-    for (int x = 0; x < grid_.width; ++x) {
-      logits.at<float>(y, x) = candidate.quarter_logits[static_cast<size_t>(y) * grid_.width + x];
-    }
-  }
-  const double scale = grid_.cells_per_pixel, shift = 0.5 * scale - 0.5;
-  const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
-  cv::Mat pixels;
-  cv::warpAffine(logits, pixels, cell_from_pixel, {view_.photo.width, view_.photo.height},
-                 cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
-  return Pixels(pixels > 0, view_);
-}
-
 AutomaticMasks PhotographSegmenter::Take(const MaskSet* embedded) const {
   MaskSetBuilder builder(view_.photo.width, view_.photo.height, options_.duplicate_iou);
-  for (const Candidate& candidate : kept_) builder.Add(PixelsOf(candidate));
+  for (const Candidate& candidate : kept_) {
+    builder.Add(PixelsOfLogits(candidate.quarter_logits, grid_, view_));
+  };
   MaskSet masks = std::move(builder).Build();
   if (embedded == nullptr) return {std::move(masks), num_prompts_};
   return {JoinMasks(masks, *embedded, view_.ignore, options_.duplicate_iou), num_prompts_};
@@ -299,6 +272,23 @@ absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, c
   run.KeepFillers();
   RETURN_IF_ERROR(run.AskForRemainders());
   return run.Take(options.join_embedded ? &embedded : nullptr);
+}
+
+MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore,
+                  double duplicate_iou) {
+  MaskSetBuilder builder(first.width, first.height, duplicate_iou);
+  for (const MaskSet* set : {&first, &second}) {
+    for (int k = 0; k < set->num_masks; ++k) {
+      const BinaryMask mask = set->Extract(k);
+      std::vector<uint32_t> pixels;
+      for (size_t i = 0; i < mask.pixels.size(); ++i) {
+        const bool ignored = !ignore.empty() && ignore[i] != 0;
+        if (mask.pixels[i] != 0 && !ignored) pixels.push_back(static_cast<uint32_t>(i));
+      }
+      builder.Add(pixels);
+    }
+  }
+  return std::move(builder).Build();
 }
 
 }  // namespace pepeseg

@@ -1,6 +1,7 @@
 #pragma once
 
-#include <vector>
+#include <cstdint>
+#include <span>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
@@ -9,42 +10,48 @@
 
 namespace pepeseg {
 
-// How a photograph is segmented by asking about many points in it. The thresholds are those at
-// which a small SAM's masks are best, see tests/bench/results/sam_masks.md: SAM's own generator
-// asks for more, and suppresses by boxes.
+// Options of segmenting a photograph by prompts at many points (METHOD.md section 6). The defaults
+// are those at which a small SAM's masks are best: tests/bench/results/sam_masks.md. SAM's own
+// generator has higher thresholds and suppresses duplicates by their boxes.
 struct AutomaticMaskOptions {
-  int points_per_side = 12;    // of a grid over the photograph; 0: no grid
-  bool region_points = false;  // the deepest point of each embedded mask is asked about, first
-  // Share of the photograph: a point of the grid is passed over when a sure mask that is smaller
-  // holds it. 0: no point is.
+  int points_per_side = 12;    // points along a side of the grid over the photograph; 0: no grid
+  bool region_points = false;  // first prompt at the deepest point of each embedded mask
+  // Area, as a share of the photograph, below which a sure mask makes prompts at grid points inside
+  // it needless. 0: no grid point is skipped.
   double settled_area = 0;
-  // Of a sure mask: the IoU that the network estimates, and that of the mask at logits over
-  // `stability_offset` with the one at logits over its negative.
+  // A mask is sure from these values on. IoU: as the network estimates it. Stability: IoU of the
+  // mask at logits over stability_offset with the mask at logits over -stability_offset.
   double min_iou = 0.8, min_stability = 0.85;
   double stability_offset = 1;
-  // Likewise of a mask of a point that no sure one holds.
+  // The same thresholds for fillers: masks of points that no sure mask holds.
   double min_filler_iou = 0.7, min_filler_stability = 0.7;
-  double duplicate_iou = 0.8;  // with a better mask, at which a mask is dropped
-  // Where a mask holds another, the rest is asked for; the answer is kept if its IoU with the rest
-  // is over this. 1: nothing is asked for.
+  double duplicate_iou = 0.8;  // IoU with a better mask over which a mask is dropped
+  // Where a mask holds another, the remainder is prompted for. IoU with the remainder over which
+  // the answer is kept. 1: remainders are not prompted for.
   double min_remainder_iou = 0.6;
-  int max_remainders = 32;                    // a photograph
-  double min_area = 0.0005, max_area = 0.95;  // of a mask, as a share of the photograph
-  int prompts_per_run = 4;
-  bool join_embedded = true;  // embedded masks are added that are no duplicates of a better one
+  int max_remainders = 32;                    // most remainders of a photograph
+  double min_area = 0.0005, max_area = 0.95;  // area of a mask, as a share of the photograph
+  int prompts_per_run = 4;                    // most prompts of one run of the segmenter
+  bool join_embedded = true;  // add the embedded masks that are not duplicates of a better one
 };
 
 struct AutomaticMasks {
-  MaskSet masks;        // of the photograph's size, the surest first, without the ignored pixels
-  int num_prompts = 0;  // that the segmenter was asked
+  MaskSet masks;        // of the photograph's size, without ignored pixels, the surest first
+  int num_prompts = 0;  // prompts sent to the segmenter
 };
 
-// Masks of a view's photograph. `embedded`: those of embedded_masks.h, of which options say what
-// they are used for. `progress` is called before each run of the segmenter: its error ends the
-// call.
+// Computes the masks of a view's photograph. embedded: masks by the built-in method
+// (EmbeddedMasks), used as the options say; may be empty. Calls `progress` before each run of the
+// segmenter. Returns the error of `progress` or of the segmenter.
 absl::StatusOr<AutomaticMasks> SegmentPhotograph(PromptedSegmenter& segmenter, const View& view,
                                                  const MaskSet& embedded,
                                                  const AutomaticMaskOptions& options,
                                                  absl::FunctionRef<absl::Status()> progress);
+
+// Returns the masks of `first`, then those of `second`, without the pixels where `ignore` is
+// non-zero: [height, width], or empty. Drops empty masks and those whose IoU with a mask before
+// them is over `duplicate_iou`. `second` may be a set without size and masks.
+MaskSet JoinMasks(const MaskSet& first, const MaskSet& second, std::span<const uint8_t> ignore,
+                  double duplicate_iou);
 
 }  // namespace pepeseg

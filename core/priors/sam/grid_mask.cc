@@ -1,7 +1,9 @@
 #include "core/priors/sam/grid_mask.h"
 
+#include <algorithm>
 #include <bit>
 #include <cassert>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 namespace pepeseg {
@@ -47,6 +49,8 @@ cv::Mat GridMask::Image(int width, int height) const {
   return image;
 }
 
+// Takes the maximum of the distance to the border, clears a disc of that radius around it, and
+// repeats. The frame of zeros makes the image's rim a border.
 std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count) {
   cv::Mat framed, depth;
   cv::copyMakeBorder(mask, framed, 1, 1, 1, 1, cv::BORDER_CONSTANT, cv::Scalar(0));
@@ -61,6 +65,41 @@ std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count) {
     cv::circle(depth, at, cvCeil(deepest), cv::Scalar(0), cv::FILLED);
   }
   return cells;
+}
+
+std::vector<int8_t> QuarterLogits(std::span<const float> logits) {
+  std::vector<int8_t> quarters;
+  quarters.reserve(logits.size());
+  for (const float logit : logits) {
+    quarters.push_back(static_cast<int8_t>(std::lround(std::clamp(logit * 4, -127.0F, 127.0F))));
+  }
+  return quarters;
+}
+
+// Cell and pixel coordinates of OpenCV lie at centres: cell + 0.5 = scale * (pixel + 0.5).
+std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
+                                     const View& view) {
+  cv::Mat cells(grid.height, grid.width, CV_32F);
+  for (int y = 0; y < grid.height; ++y) {
+    for (int x = 0; x < grid.width; ++x) {
+      cells.at<float>(y, x) = logits[static_cast<size_t>(y) * grid.width + x];
+    }
+  }
+  const double scale = grid.cells_per_pixel, shift = 0.5 * scale - 0.5;
+  const cv::Matx23d cell_from_pixel(scale, 0, shift, 0, scale, shift);
+  cv::Mat warped;
+  cv::warpAffine(cells, warped, cell_from_pixel, {view.photo.width, view.photo.height},
+                 cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+  const cv::Mat inside = warped > 0;
+  std::vector<uint32_t> pixels;
+  for (int y = 0; y < inside.rows; ++y) {
+    for (int x = 0; x < inside.cols; ++x) {
+      const size_t pixel = static_cast<size_t>(y) * inside.cols + x;
+      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
+      if (inside.at<uint8_t>(y, x) != 0) pixels.push_back(static_cast<uint32_t>(pixel));
+    }
+  }
+  return pixels;
 }
 
 }  // namespace pepeseg

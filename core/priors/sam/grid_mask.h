@@ -5,22 +5,28 @@
 #include <span>
 #include <vector>
 
+#include "core/priors/sam/prompted_segmenter.h"
+#include "core/scene/capture.h"
+
 namespace pepeseg {
 
-// A mask on the grid of PromptAnswers, a bit a cell in reading order.
+// A mask on the grid of PromptAnswers, one bit a cell in reading order. Masks that are combined
+// must be of the same grid.
 class GridMask {
  public:
   GridMask() = default;
-  // The cells whose logit is over `threshold`.
+  // Holds the cells with a logit over `threshold`.
   GridMask(std::span<const float> logits, float threshold);
 
-  int64_t area() const { return area_; }
+  int64_t area() const { return area_; }  // cells
   bool Holds(size_t cell) const { return (bits_[cell / 64] >> (cell % 64) & 1) != 0; }
+  // Returns the number of cells that both masks hold.
   int64_t Common(const GridMask& other) const;
+  // Returns the IoU, in [0, 1]; 0 where both are empty.
   double Iou(const GridMask& other) const;
-  // The cells that `other` does not hold.
+  // Returns this mask's cells that `other` does not hold.
   GridMask Without(const GridMask& other) const;
-  // As an image of 0 and 1, [height, width].
+  // Returns the mask as an image of 0 and 1, [height, width].
   cv::Mat Image(int width, int height) const;
 
  private:
@@ -28,9 +34,19 @@ class GridMask {
   int64_t area_ = 0;
 };
 
-// The cells that are farthest from the mask's border, the image's included: the farthest one, and
-// up to `count` in all that are farther from the ones before than those are from the border. The
-// mask has a cell.
+// Returns up to `count` cells that are farthest from the mask's border, the deepest first; the
+// image's rim counts as a border. Each cell is farther from those before it than those are from the
+// border. Returns fewer when the mask has no further cell.
 std::vector<cv::Point> DeepestCells(const cv::Mat& mask, int count);
+
+// Returns the logits in quarters, rounded and limited to [-127, 127]: a quarter of the memory, and
+// finer differences move no border by a pixel.
+std::vector<int8_t> QuarterLogits(std::span<const float> logits);
+
+// Returns the pixels of the view's photograph where the logits, [height, width] of the grid, are
+// positive, without ignored ones. Logits are interpolated between the centres of the cells, as in
+// the network's own masks.
+std::vector<uint32_t> PixelsOfLogits(std::span<const int8_t> logits, const PromptAnswers& grid,
+                                     const View& view);
 
 }  // namespace pepeseg

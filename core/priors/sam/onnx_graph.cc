@@ -12,7 +12,10 @@
 namespace pepeseg {
 namespace {
 
-// Field numbers of onnx.proto.
+// The graph is edited on the wire format of protobuf: fields that are not changed are copied as
+// bytes, so that neither onnx.proto nor the protobuf library is needed, and no weight is parsed.
+
+// Field numbers of onnx.proto, and wire types.
 constexpr uint64_t kModelGraph = 7;
 constexpr uint64_t kGraphNode = 1, kGraphInitializer = 5, kGraphInput = 11, kGraphOutput = 12,
                    kGraphValueInfo = 13;
@@ -22,16 +25,16 @@ constexpr uint64_t kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5;
 
 struct Field {
   uint64_t number = 0;
-  std::string_view content;  // of kBytes, else empty
-  std::string_view whole;    // with its tag
+  std::string_view content;  // bytes of a kBytes field; empty for other wire types
+  std::string_view whole;    // the field with its tag
 };
 
-// Reads the fields of a message one after the other.
+// Reads the fields of a message one after the other. Views point into the message's bytes.
 class FieldReader {
  public:
   explicit FieldReader(std::string_view bytes) : rest_(bytes) {}
 
-  // None: at the end, or the bytes are not a message, see ok().
+  // Returns nullopt at the end, and when the bytes are not a message: see ok().
   std::optional<Field> Next() {
     if (rest_.empty() || !ok_) return std::nullopt;
     const std::string_view start = rest_;
@@ -102,7 +105,7 @@ void AppendNumber(uint64_t number, uint64_t value, std::string& out) {
   AppendVarint(value, out);
 }
 
-// A ValueInfoProto: its name, and a TypeProto with a Tensor of floats.
+// Returns a serialised ValueInfoProto: a name, and a TypeProto with a Tensor of floats.
 std::string ValueInfo(const OnnxValue& value) {
   constexpr uint64_t kFloat = 1;
   std::string shape, tensor, type, info;
@@ -120,12 +123,15 @@ std::string ValueInfo(const OnnxValue& value) {
 }
 
 struct Node {
-  std::vector<std::string_view> inputs, outputs;
-  std::vector<std::string_view> others;  // whole fields
+  std::vector<std::string_view> inputs, outputs;  // names of tensors
+  std::vector<std::string_view> others;           // other fields, whole
 };
 
+// A GraphProto that can be changed. Views point into the model and the edit, which must outlive it.
 class Graph {
  public:
+  // Returns false when the bytes are not a message. Drops the graph's inputs, outputs and shapes of
+  // inner tensors; the latter would be wrong after the edit and are optional.
   bool Parse(std::string_view bytes) {
     FieldReader fields(bytes);
     while (const std::optional<Field> field = fields.Next()) {
@@ -149,8 +155,9 @@ class Graph {
     }
   }
 
-  // Drops nodes that no output needs. The answer: a tensor that has no source; empty: there is
-  // none. Nodes are in the order in which they run, as ONNX demands.
+  // Drops nodes that no output needs. Returns a needed tensor that is neither an input, a weight
+  // nor computed by a node; empty when there is none. One pass from the last node to the first
+  // suffices, because ONNX demands that nodes are listed in the order in which they run.
   std::string KeepNeeded(const OnnxGraphEdit& edit) {
     std::set<std::string_view> needed;
     for (const OnnxValue& output : edit.outputs) needed.insert(output.name);
@@ -166,7 +173,7 @@ class Graph {
     nodes_ = std::move(kept);
     for (const OnnxValue& input : edit.inputs) needed.erase(input.name);
     for (const std::string_view tensor : needed) {
-      // An input that is left out has no name.
+      // An empty name stands for an optional input that is left out.
       if (!tensor.empty() && !initializers_.contains(tensor)) return std::string(tensor);
     }
     return "";
@@ -213,8 +220,8 @@ class Graph {
   }
 
   std::vector<Node> nodes_;
-  std::vector<std::string_view> others_;  // whole fields: weights, names
-  std::set<std::string_view> initializers_;
+  std::vector<std::string_view> others_;     // other fields, whole: weights, names
+  std::set<std::string_view> initializers_;  // names of weights
 };
 
 }  // namespace

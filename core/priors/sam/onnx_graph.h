@@ -11,23 +11,23 @@
 
 namespace pepeseg {
 
-// A float tensor that goes into a graph or comes out of it.
+// A float tensor that is an input or an output of a graph.
 struct OnnxValue {
   std::string name;
-  std::vector<int64_t> shape;  // -1: any size
+  std::vector<int64_t> shape;  // a dimension of -1 may have any size
 };
 
-// A change to the graph of a model.
+// Changes to the graph of a model.
 struct OnnxGraphEdit {
-  // Nodes that read tensor `first` read tensor `second` instead.
+  // Replaced inputs of nodes: nodes that read tensor `first` read tensor `second` instead.
   std::map<std::string, std::string> rewired;
-  // The graph's only inputs and outputs afterwards. An output may be any tensor of the graph.
+  // Inputs and outputs of the graph afterwards; all others go. An output may be any tensor.
   std::vector<OnnxValue> inputs, outputs;
 };
 
-// The bytes of an ONNX model (a protobuf message) with its graph changed; nodes that no output
-// needs are dropped. Weights are copied as they are. INVALID_ARGUMENT: the bytes are not such a
-// message, or a tensor that is needed has no source; `name` stands for the model.
+// Returns the bytes of an ONNX model, a protobuf message, with its graph changed. Nodes that no
+// output needs are dropped; weights are copied as they are. Returns INVALID_ARGUMENT when the bytes
+// are not such a message or a needed tensor has no source; `name` stands for the model in messages.
 absl::StatusOr<std::string> EditOnnxGraph(std::string_view model, const OnnxGraphEdit& edit,
                                           absl::string_view name);
 

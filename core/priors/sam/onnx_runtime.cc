@@ -12,9 +12,10 @@
 namespace pepeseg {
 namespace onnx {
 
-// What ONNX Runtime's C interface promises: a library answers with a table of functions, to whose
-// end each version may append and in which nothing moves. So the position of a function is its
-// name. Every pointer to one of its objects is opaque.
+// The stable part of ONNX Runtime's C interface: the library returns a table of functions. Versions
+// only append to it, so that the position of a function identifies it; the positions below are
+// those of its C header. All objects of the library are opaque pointers. A function is called
+// through a pointer of the type that its declaration in that header has.
 constexpr uint32_t kApiVersion = 17;
 enum Position {
   kGetErrorMessage = 2,
@@ -55,10 +56,10 @@ struct ApiBase {
 };
 
 using Object = void*;
-// Of a call that can fail: null, or an object with a message.
-using Failure = void*;
+using Failure = void*;  // result of a call that can fail: null, or an object with a message
 
-// An object of the library, with the function that frees it.
+// An object of the library, freed by the function at `release`. address() is where the library
+// stores the object.
 class Owned {
  public:
   Owned(Table table, Position release) : table_(table), release_(release) {}
@@ -98,13 +99,15 @@ int64_t NumValues(std::span<const int64_t> shape) {
 
 }  // namespace
 
-using namespace onnx;  // NOLINT(google-build-using-namespace): of this file
+using namespace onnx;  // NOLINT(google-build-using-namespace): a namespace of this file
 
 struct OnnxRuntime::Calls {
   explicit Calls(Table functions)
       : table(functions), env(functions, kReleaseEnv), memory(functions, kReleaseMemoryInfo) {}
 
-  // Calls the function at a position, which takes these arguments and can fail.
+  // Calls the function at a position, which can fail. The types of the arguments must be exactly
+  // those of its declaration. Returns RESOURCE_EXHAUSTED when memory ran out, else INVALID_ARGUMENT
+  // with the library's message.
   template <typename... Arguments>
   absl::Status Call(Position position, Arguments... arguments) const {
     const Failure failure =
@@ -113,7 +116,7 @@ struct OnnxRuntime::Calls {
     const std::string message =
         reinterpret_cast<const char* (*)(Failure)>(table[kGetErrorMessage])(failure);
     reinterpret_cast<void (*)(Failure)>(table[kReleaseStatus])(failure);
-    // How the library reports a failed allocation: its own, and the standard library's.
+    // A failed allocation is recognised by the text of the library or the standard library.
     for (const char* words : {"allocate memory", "bad_alloc", "std::bad_alloc"}) {
       if (absl::StrContains(message, words)) return absl::ResourceExhaustedError("out of memory");
     }
@@ -129,7 +132,8 @@ OnnxRuntime::~OnnxRuntime() = default;
 
 absl::StatusOr<std::unique_ptr<OnnxRuntime>> OnnxRuntime::Load(
     const std::filesystem::path& library) {
-  // It stays: what its threads leave behind may be freed as late as at the end of the process.
+  // Never unloaded (RTLD_NODELETE): destructors of the library's threads may run as late as at the
+  // end of the process.
   void* handle = dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) return LoadError(library, absl::StrCat("does not load: ", dlerror()));
   const auto get_base = reinterpret_cast<const ApiBase* (*)()>(dlsym(handle, "OrtGetApiBase"));
@@ -163,7 +167,7 @@ struct OnnxSession::State {
 
   const OnnxRuntime::Calls& calls;
   Owned session;
-  Owned run_options;  // of all runs: they end together
+  Owned run_options;  // shared by all runs, so that one flag ends them all
   std::atomic<bool> interrupted = false;
   std::string name;
 };
@@ -176,10 +180,10 @@ absl::Status OnnxSession::State::Open(std::string_view model, const OnnxSessionO
   Owned options(calls.table, kReleaseSessionOptions);
   RETURN_IF_ERROR(calls.Call(kCreateSessionOptions, options.address()));
   RETURN_IF_ERROR(calls.Call(kSetIntraOpNumThreads, options.get(), wanted.num_threads));
-  // A pattern takes the most memory of any run at once, for each run: it was measured to take
-  // twice the memory, and no less time.
+  // A memory pattern allocates the most that any run has needed, for each run. Measured: twice the
+  // memory, and no less time.
   RETURN_IF_ERROR(calls.Call(kDisableMemPattern, options.get()));
-  // Threads that wait would take processors from whoever else is on the machine.
+  // Threads that wait must not spin: they would take processors from other programs.
   RETURN_IF_ERROR(
       calls.Call(kAddSessionConfigEntry, options.get(), "session.intra_op.allow_spinning", "0"));
   if (wanted.cuda_device) RETURN_IF_ERROR(AppendCuda(*wanted.cuda_device, options.get()));
@@ -188,8 +192,8 @@ absl::Status OnnxSession::State::Open(std::string_view model, const OnnxSessionO
                     session.address());
 }
 
-// Written from the interface's description. That the calls are these was seen on a library without
-// the provider, which refuses them by name; it was never tried on a GPU.
+// Written from the interface's description. Tested against a library without the provider, which
+// refuses the calls by name, but never on a GPU.
 absl::Status OnnxSession::State::AppendCuda(int device, Object session_options) const {
   Owned options(calls.table, kReleaseCudaProviderOptions);
   RETURN_IF_ERROR(calls.Call(kCreateCudaProviderOptions, options.address()));
@@ -209,6 +213,7 @@ absl::StatusOr<std::unique_ptr<OnnxSession>> OnnxSession::Create(
   return std::unique_ptr<OnnxSession>(new OnnxSession(std::move(state)));
 }
 
+// Copies the tensor `value` out of the library's memory.
 absl::StatusOr<OnnxTensor> OnnxSession::State::Read(Object value) const {
   OnnxTensor tensor;
   Owned info(calls.table, kReleaseTensorTypeAndShape);
@@ -258,7 +263,7 @@ absl::StatusOr<std::vector<OnnxTensor>> OnnxSession::Run(
 
 void OnnxSession::Interrupt() const {
   state_->interrupted = true;
-  // Fails only without options, which every session has.
+  // This call fails only without run options, which every session has.
   state_->calls.Call(kRunOptionsSetTerminate, state_->run_options.get()).IgnoreError();
 }
 

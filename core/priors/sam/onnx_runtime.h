@@ -14,12 +14,13 @@
 
 namespace pepeseg {
 
-// Microsoft's ONNX Runtime, which is loaded when it is used: nothing of it is needed to build or to
-// start pepeseg.
+// Microsoft's ONNX Runtime as a library that is loaded at run time: neither its headers nor its
+// library are needed to build or start pepeseg.
 class OnnxRuntime {
  public:
-  // Loads a libonnxruntime.so of version 1.17 or later. FAILED_PRECONDITION names the file and what
-  // is wrong: it does not load, or is another or an older library.
+  // Loads a libonnxruntime.so of version 1.17 or later. Returns FAILED_PRECONDITION, with the file
+  // and the reason, when it does not load or is another or an older library. The library stays
+  // loaded until the process ends.
   static absl::StatusOr<std::unique_ptr<OnnxRuntime>> Load(const std::filesystem::path& library);
   ~OnnxRuntime();
 
@@ -30,7 +31,7 @@ class OnnxRuntime {
   std::unique_ptr<Calls> calls_;
 };
 
-// A tensor of floats, row-major.
+// A tensor of floats in row-major order.
 struct OnnxTensor {
   std::vector<int64_t> shape;
   std::vector<float> values;
@@ -39,32 +40,33 @@ struct OnnxTensor {
 struct OnnxInput {
   const char* name;
   std::vector<int64_t> shape;
-  std::span<const float> values;  // as many as the shape says
+  std::span<const float> values;  // as many as the product of the shape
 };
 
 struct OnnxSessionOptions {
-  int num_threads = 1;
-  // Number of the GPU that computes what it can, by the library's CUDA provider. Absent: none does.
+  int num_threads = 1;  // threads of one run, with the caller's
+  // GPU that computes what the library's CUDA provider supports. Absent: only the CPU computes.
   std::optional<int> cuda_device = std::nullopt;
 };
 
-// A model that is ready to run. Any number of threads may call it at the same time.
+// A model that is ready to run. Thread-safe: any number of threads may call it at the same time.
 class OnnxSession {
  public:
-  // `model`: the bytes, which need not stay; `name` stands for them in errors. `runtime` must
-  // outlive the session. INVALID_ARGUMENT: not a model that the library can run, or it has no CUDA
-  // provider that works; RESOURCE_EXHAUSTED: out of memory.
+  // Loads a model from its bytes, which need not outlive the call; `name` stands for them in
+  // messages. `runtime` must outlive the session. Returns INVALID_ARGUMENT when the library cannot
+  // run the model or has no working CUDA provider, and RESOURCE_EXHAUSTED when out of memory.
   static absl::StatusOr<std::unique_ptr<OnnxSession>> Create(const OnnxRuntime& runtime,
                                                              std::string_view model,
                                                              std::string name,
                                                              const OnnxSessionOptions& options);
   ~OnnxSession();
 
-  // The outputs of those names, in their order. CANCELLED: after Interrupt.
+  // Runs the model and returns the outputs of these names, in their order. Returns CANCELLED after
+  // Interrupt, INVALID_ARGUMENT with the library's message, or RESOURCE_EXHAUSTED.
   absl::StatusOr<std::vector<OnnxTensor>> Run(std::span<const OnnxInput> inputs,
                                               std::span<const char* const> outputs) const;
 
-  // Ends the runs in progress, each before its next operator, and refuses later ones.
+  // Ends the runs in progress, each before its next operator, and makes later ones fail.
   void Interrupt() const;
 
  private:

@@ -9,26 +9,25 @@
 
 namespace pepeseg {
 
-// A click, in pixels of the photograph: 0.5, 0.5 is the centre of the first one.
+// A click, in pixels of the photograph; (0.5, 0.5) is the centre of the first pixel.
 struct PromptPoint {
   float x = 0, y = 0;
-  bool positive = true;  // false: the mask leaves the point out
+  bool positive = true;  // false: the mask must not hold the point
 };
 using SegmenterPrompt = std::vector<PromptPoint>;
 
-// What a prompted segmenter answers to each of some prompts: kMasks masks, on a grid that divides
-// the photograph into width x height cells, the longer side into kExtent.
+// A prompted segmenter's answers to a batch of prompts: kMasks masks for each, on a grid of
+// width x height cells over the photograph, with kExtent cells along its longer side.
 struct PromptAnswers {
   static constexpr int kMasks = 4, kExtent = 256;
 
-  int width = 0, height = 0;
-  // Cells per pixel of the photograph.
+  int width = 0, height = 0;  // cells
   double cells_per_pixel = 1;
-  std::vector<float> logits;  // [prompts, kMasks, height, width]: positive inside
-  std::vector<float> ious;    // [prompts, kMasks]: as estimated, with the mask that was meant
+  std::vector<float> logits;  // [prompts, kMasks, height, width]: positive inside the mask
+  std::vector<float> ious;    // [prompts, kMasks]: estimated IoU with the intended mask
 
-  // Masks 1 to 3 are a part, an object and a whole that a single point may mean; mask 0 is the one
-  // that several points mean.
+  // For a prompt of one point use masks 1 to 3: the part, the object and the whole that it may
+  // mean. For a prompt of several points use mask 0.
   std::span<const float> Logits(size_t prompt, size_t mask) const {
     const size_t cells = static_cast<size_t>(width) * height;
     return std::span(logits).subspan((prompt * kMasks + mask) * cells, cells);
@@ -36,18 +35,28 @@ struct PromptAnswers {
   float Iou(size_t prompt, size_t mask) const { return ious[prompt * kMasks + mask]; }
 };
 
-// A network that segments what points in a photograph mean, as SAM does. Not thread safe.
+// A network that segments what points in a photograph refer to, as SAM does (Kirillov et al. 2023).
+// Not thread-safe.
 class PromptedSegmenter {
  public:
   virtual ~PromptedSegmenter() = default;
 
-  // The photograph, RGB, that is asked about from now on. RESOURCE_EXHAUSTED: out of memory.
+  // Sets the RGB photograph that later prompts refer to. Returns RESOURCE_EXHAUSTED when out of
+  // memory.
   virtual absl::Status SetPhotograph(const Image& photo) = 0;
-  // At least one prompt, all with the same number of points. Call SetPhotograph before.
+  // Answers at least one prompt, all with the same number of points. Call SetPhotograph first.
   virtual absl::StatusOr<PromptAnswers> Segment(std::span<const SegmenterPrompt> prompts) = 0;
 };
 
-// The grid of PromptAnswers for a photograph of this size, without answers.
+// Returns the grid of PromptAnswers for a photograph of this size, without answers.
 PromptAnswers AnswerGrid(int photo_width, int photo_height);
+
+// Returns the centres of a grid of points_per_side x points_per_side squares over the photograph.
+// Neighbours are far apart in the order, so that an early answer can make a later prompt needless.
+std::vector<PromptPoint> GridPoints(const Image& photo, int points_per_side);
+
+// Returns the point of each mask that is farthest from its border, on the grid of PromptAnswers. A
+// mask that is too small for the grid has none.
+std::vector<PromptPoint> RegionPoints(const MaskSet& masks);
 
 }  // namespace pepeseg

@@ -11,23 +11,26 @@
 namespace pepeseg {
 namespace {
 
-constexpr int64_t kMaxDigestFile = 4096;
+constexpr int64_t kMaxDigestFile = 4096;  // bytes of SHA256SUMS
 
+// Returns FAILED_PRECONDITION with the file, the reason and the remedy.
 absl::Status Bad(const std::filesystem::path& file, absl::string_view what) {
-  return absl::FailedPreconditionError(absl::StrCat("SAM: ", file.string(), ": ", what,
-                                                    "; deploy/sam.sh ", file.parent_path().string(),
-                                                    " mends it"));
+  return absl::FailedPreconditionError(
+      absl::StrCat("SAM: ", file.string(), ": ", what, "; run deploy/sam.sh ",
+                   file.parent_path().string(), " to install it again"));
 }
 
 }  // namespace
 
+// A missing SHA256SUMS means that SAM is not installed; everything else that is wrong means that
+// the installation is damaged.
 absl::Status CheckSamFiles(const std::filesystem::path& folder) {
   const std::filesystem::path list = folder / kSamDigests;
   const absl::StatusOr<std::string> text = ReadFile(list, list.string(), kMaxDigestFile);
   if (absl::IsNotFound(text.status())) {
     return absl::NotFoundError(absl::StrCat("SAM: ", list.string(),
-                                            " does not exist; deploy/sam.sh ", folder.string(),
-                                            " installs SAM there"));
+                                            " does not exist; run deploy/sam.sh ", folder.string(),
+                                            " to install SAM there"));
   }
   if (!text.ok()) return Bad(list, text.status().message());
   std::map<std::string, std::string> digests;

@@ -6,15 +6,16 @@
 
 namespace pepeseg {
 
-// The files of a folder that deploy/sam.sh has made.
+// Files of a folder that deploy/sam.sh has made.
 inline constexpr char kSamEncoder[] = "encoder.onnx", kSamDecoder[] = "sam.onnx",
                       kSamRuntime[] = "libonnxruntime.so.1", kSamDigests[] = "SHA256SUMS";
-// Where an operator has put an ONNX Runtime with CUDA: its provider, for which there is no digest.
+// CUDA provider of ONNX Runtime, which an operator may add to the folder. It has no digest.
 inline constexpr char kSamCudaProvider[] = "libonnxruntime_providers_cuda.so";
 
-// Whether the files are there and what the folder's SHA256SUMS says, a line "DIGEST  NAME" a file.
-// NOT_FOUND: there is no such folder, or it has no SHA256SUMS; FAILED_PRECONDITION names the file
-// that is missing or differs, and the remedy. Reads 90 MB.
+// Verifies the three files against the folder's SHA256SUMS, which has a line "DIGEST  NAME" for
+// each. Returns NOT_FOUND when the folder or its SHA256SUMS does not exist, and
+// FAILED_PRECONDITION, with the file and the remedy, when a file is missing or differs. Reads 90
+// MB.
 absl::Status CheckSamFiles(const std::filesystem::path& folder);
 
 }  // namespace pepeseg

@@ -19,20 +19,20 @@ namespace pepeseg {
 namespace {
 
 constexpr int64_t kMaxModelBytes = int64_t{1} << 30;
-constexpr int kFrame = 1024;  // pixels: the encoder's image, into which the photograph is scaled
+constexpr int kFrame = 1024;  // side of the encoder's square image, pixels
 constexpr int kExtent = PromptAnswers::kExtent;
 constexpr int kMasks = PromptAnswers::kMasks;
-constexpr float kPadding = -1;  // label of a point that is not one
+constexpr float kPadding = -1;  // label of a padding point
 
-// Tensors of the decoder's graph.
+// Tensors of the decoder's graph: all four masks, and their estimated IoUs.
 constexpr char kAllMasks[] = "/Reshape_9_output_0";
 constexpr char kAllIous[] = "/iou_prediction_head/layers.2/Gemm_output_0";
 
-// The decoder as it is shipped answers one prompt a run by its best mask. Its four masks and their
-// IoUs become the outputs, and the number of prompts becomes free. The image is then not repeated
-// for each prompt: by broadcasting, the image side of the first attention layer is computed once a
-// run, which is exact and was measured to save a fifth. No mask is ever a prompt, so that branch
-// goes.
+// Returns the changes to the decoder's graph. As shipped, it takes one prompt a run and returns the
+// best mask. Here all four masks and their IoUs become outputs, and the number of prompts becomes
+// free. The image's tensors are no longer repeated for each prompt: broadcasting computes the image
+// side of the first attention layer once a run, which is exact and was measured to save a fifth of
+// the time. The branch for masks as prompts is dropped.
 OnnxGraphEdit DecoderEdit() {
   OnnxGraphEdit edit;
   edit.rewired = {
@@ -48,8 +48,9 @@ OnnxGraphEdit DecoderEdit() {
   return edit;
 }
 
-// Scaled into the frame, normalised as in training, then zeros to the right and below.
-// [3, kFrame, kFrame].
+// Returns the encoder's input, [3, kFrame, kFrame]: the photograph scaled so that its longer side
+// fills the frame, normalised with the mean and standard deviation of SAM's training, with zeros to
+// the right or below.
 std::vector<float> EncoderInput(const Image& photo) {
   constexpr std::array<float, 3> kMean = {123.675F, 116.28F, 103.53F};
   constexpr std::array<float, 3> kDeviation = {58.395F, 57.12F, 57.375F};
@@ -70,6 +71,8 @@ std::vector<float> EncoderInput(const Image& photo) {
   return planes;
 }
 
+// Opens a session on a model file, changed by `edit` unless it is null. A file that is not the
+// expected model is FAILED_PRECONDITION.
 absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runtime,
                                                          const std::filesystem::path& file,
                                                          const OnnxSessionOptions& options,
@@ -86,6 +89,8 @@ absl::StatusOr<std::unique_ptr<OnnxSession>> OpenSession(const OnnxRuntime& runt
   return absl::FailedPreconditionError(session.status().message());
 }
 
+// The encoder runs once a photograph and its embedding is kept; the decoder runs for each batch of
+// prompts.
 class SamSegmenter : public PromptedSegmenter {
  public:
   SamSegmenter(const OnnxSession& encoder, const OnnxSession& decoder)
@@ -128,8 +133,8 @@ class SamSegmenter : public PromptedSegmenter {
         absl::StrCat("SAM: ", model, ": not the expected model: an output has another shape"));
   }
 
-  // In pixels of the frame, whose first pixel has its centre at 0. Without a box, one point that is
-  // not one ends the prompt.
+  // Appends a prompt in pixels of the frame, whose first pixel has its centre at 0. SAM expects a
+  // padding point at the end of a prompt without a box.
   void AppendPrompt(const SegmenterPrompt& prompt, std::vector<float>& points,
                     std::vector<float>& labels) const {
     const double scale = grid_.cells_per_pixel * kFrame / kExtent;
@@ -142,6 +147,7 @@ class SamSegmenter : public PromptedSegmenter {
     labels.push_back(kPadding);
   }
 
+  // Crops kExtent x kExtent masks to the grid: the rest shows the frame's padding.
   std::vector<float> WithoutPadding(std::span<const float> squares) const {
     std::vector<float> cells;
     cells.reserve(squares.size() / kExtent / kExtent * grid_.width * grid_.height);
@@ -156,8 +162,8 @@ class SamSegmenter : public PromptedSegmenter {
 
   const OnnxSession& encoder_;
   const OnnxSession& decoder_;
-  PromptAnswers grid_;  // without answers
-  OnnxTensor embedding_;
+  PromptAnswers grid_;    // grid of the photograph, without answers
+  OnnxTensor embedding_;  // [1, 256, 64, 64], the photograph's
 };
 
 }  // namespace
@@ -190,7 +196,8 @@ absl::StatusOr<std::unique_ptr<SamModel>> SamModel::Open(const std::filesystem::
     return absl::Status(runtime.status().code(), absl::StrCat("SAM: ", runtime.status().message()));
   }
   networks->runtime = *std::move(runtime);
-  // A session computes on the thread that calls it, and on one less than this of its own.
+  // A session computes on the thread that calls it and on per_session - 1 threads of its own, so
+  // that photographs_at_once callers and the pool make num_threads.
   const int per_session = std::max(1, options.num_threads - options.photographs_at_once + 1);
   std::error_code ignored;
   if (options.cuda_device && std::filesystem::exists(folder / kSamCudaProvider, ignored)) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -10,33 +12,48 @@
 
 namespace pepeseg {
 
+// Returns the number of photographs to segment at the same time on `num_threads` threads. A thread
+// for each takes less processor time than several that share one, but each takes memory.
+constexpr int SamPhotographsAtOnce(int num_threads) { return std::clamp(num_threads, 1, 4); }
+
+// Returns an upper estimate of the host memory that SAM takes on `num_threads` threads, bytes.
+// Measured: 591, 1006 and 1870 MiB for 1, 2 and 4 photographs at a time.
+constexpr int64_t SamHostBytes(int num_threads) {
+  return (int64_t{200} << 20) + (int64_t{430} << 20) * SamPhotographsAtOnce(num_threads);
+}
+
+// Time that the masks of a photograph of any size take with the default AutomaticMaskOptions,
+// seconds of one core (x86-64 with AVX-512): tests/bench/results/sam_masks.md.
+inline constexpr double kSamCoreSeconds = 12;
+
 struct SamOptions {
   int num_threads = 1;
-  // Photographs that segmenters of the model work on at the same time, at most `num_threads`. The
-  // thread of each computes, and the other threads help all of them.
+  // Photographs that the model's segmenters work on at the same time, at most `num_threads`. Each
+  // is computed on the thread that calls its segmenter; the remaining threads help all of them.
   int photographs_at_once = 1;
-  // Number of a GPU, which computes where the folder has ONNX Runtime's CUDA provider (sam_files.h)
-  // and that works. Absent: only the CPU computes.
+  // GPU that computes, if the folder has ONNX Runtime's CUDA provider (sam_files.h) and it works.
+  // Absent: only the CPU computes.
   std::optional<int> cuda_device = std::nullopt;
 };
 
-// The networks of a small SAM (TinyViT's encoder) from a folder that deploy/sam.sh has made.
+// The networks of a small SAM with TinyViT's encoder, from a folder that deploy/sam.sh has made.
 class SamModel {
  public:
-  // The errors of CheckSamFiles; FAILED_PRECONDITION also where the library does not load or the
-  // models are not the expected ones; RESOURCE_EXHAUSTED: out of memory.
+  // Verifies the files and loads the networks. Returns the errors of CheckSamFiles,
+  // FAILED_PRECONDITION when the library does not load or the models are not the expected ones, and
+  // RESOURCE_EXHAUSTED when out of memory. Where CUDA fails, the CPU computes: see processor().
   static absl::StatusOr<std::unique_ptr<SamModel>> Open(const std::filesystem::path& folder,
                                                         const SamOptions& options);
   ~SamModel();
 
-  // What computes: "the CPU" or "CUDA device 0". Where CUDA was tried, it says why it does not.
+  // Returns "the CPU", "CUDA device 0", or "the CPU, since CUDA failed: ..." with the reason.
   const std::string& processor() const;
 
-  // For the photographs of one thread. The model must outlive it.
+  // Returns a segmenter for the photographs of one thread. The model must outlive it.
   std::unique_ptr<PromptedSegmenter> MakeSegmenter() const;
 
-  // Any thread may call it: what the model's segmenters do, and what they are asked later, ends
-  // with CANCELLED.
+  // Makes all present and later calls to the model's segmenters return CANCELLED. Any thread may
+  // call it.
   void Interrupt() const;
 
  private:

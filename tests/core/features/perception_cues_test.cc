@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "core/priors/depth_edges.h"
+#include "core/priors/boundaries.h"
 
 namespace pepeseg {
 namespace {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
 
-// A wall at z = 4 with a box at z = 2 before its left half.
+// A wall at z = 4 with a box at z = 2 in front of its left half.
 bool IsBox(double x) { return x < 80; }
 View WallAndBox() {
   View view;
@@ -28,7 +28,8 @@ View WallAndBox() {
   }
   return view;
 }
-// Every `step` pixels.
+
+// Returns a point on the surface for every `step` pixels.
 std::vector<ScenePoint> Points(int step) {
   std::vector<ScenePoint> points;
   for (int y = 4; y < kHeight; y += step) {
@@ -41,20 +42,20 @@ std::vector<ScenePoint> Points(int step) {
   return points;
 }
 
-TEST(EmbeddedDepth, IsThePointsDepthUpToTheEdgesOfThePhotograph) {
+TEST(EmbeddedDepth, SpreadsThePointsDepthUpToBoundaries) {
   const std::vector<float> depth = EmbeddedDepth(WallAndBox(), Points(16));
   ASSERT_EQ(depth.size(), size_t{kWidth * kHeight});
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      if (std::abs(x - 80) < 8) continue;  // as wide as what boundaries are looked for in
+      if (std::abs(x - 80) < 8) continue;  // boundaries are blurred over this width
       ASSERT_NEAR(depth[y * kWidth + x], IsBox(x) ? 2 : 4, IsBox(x) ? 0.1 : 0.3) << x << ", " << y;
     }
   }
 }
 
-TEST(EmbeddedDepth, LeavesOutPointsBehindOthers) {
+TEST(EmbeddedDepth, IgnoresPointsBehindNearerOnes) {
   std::vector<ScenePoint> points = Points(8);
-  for (const ScenePoint& point : Points(16)) {  // the wall goes on behind the box
+  for (const ScenePoint& point : Points(16)) {  // the wall continues behind the box
     if (point.position.z() == 2.0f) points.push_back({2 * point.position, {}});
     if (point.position.z() == 2.0f) {
       points.push_back({2 * point.position + Eigen::Vector3f(0.1f, 0.1f, 0), {}});
@@ -66,7 +67,7 @@ TEST(EmbeddedDepth, LeavesOutPointsBehindOthers) {
   }
 }
 
-TEST(EmbeddedDepth, KnowsNothingWhereNoPointIsAndWhereThePhotographIsIgnored) {
+TEST(EmbeddedDepth, IsUnknownFarFromPointsAndWhereIgnored) {
   std::vector<ScenePoint> points;
   for (const ScenePoint& point : Points(8)) {
     if (point.position.z() == 2.0f) points.push_back(point);
@@ -80,20 +81,20 @@ TEST(EmbeddedDepth, KnowsNothingWhereNoPointIsAndWhereThePhotographIsIgnored) {
   EXPECT_TRUE(std::isnan(depth[60 * kWidth + 150]));
 }
 
-TEST(EmbeddedDepth, OfFewPointsThereIsNone) {
+TEST(EmbeddedDepth, IsEmptyWithTooFewPoints) {
   EXPECT_TRUE(EmbeddedDepth(WallAndBox(), Points(100)).empty());
   std::vector<ScenePoint> behind = Points(8);
   for (ScenePoint& point : behind) point.position.z() = -point.position.z();
   EXPECT_TRUE(EmbeddedDepth(WallAndBox(), behind).empty());
 }
 
-TEST(EmbeddedDepth, OrdersATexturedSceneAsItIs) {
+TEST(EmbeddedDepth, OrdersThePixelsOfATexturedScene) {
   const testing::SyntheticScene scene = testing::MakeSyntheticScene(
       {.num_views = 2, .width = 160, .height = 120, .depth = DepthPrior::Kind::kDepth});
   const View& view = scene.capture.views[1];
   const std::vector<float> depth = EmbeddedDepth(view, scene.capture.points);
   ASSERT_FALSE(depth.empty());
-  int64_t right = 0, all = 0;  // pairs of pixels
+  int64_t right = 0, all = 0;  // pairs of pixels whose depths differ
   for (size_t i = 0; i < depth.size(); i += 37) {
     for (size_t j = i + 41; j < depth.size(); j += 113) {
       const float difference = view.depth.values[j] - view.depth.values[i];
@@ -106,27 +107,27 @@ TEST(EmbeddedDepth, OrdersATexturedSceneAsItIs) {
   EXPECT_GT(static_cast<double>(right) / static_cast<double>(all), 0.93);
 }
 
-TEST(EmbedPriors, MakesWhatViewsThatAreTrainedOnLack) {
+TEST(EmbedPriors, FillsInWhatTrainingViewsLack) {
   testing::SyntheticScene scene =
       testing::MakeSyntheticScene({.num_views = 5, .held_out_every = 4, .with_masks = false});
   Capture& capture = scene.capture;
   capture.views[2].depth.values.assign(capture.views[2].photo.pixels.size() / 3, 0.5f);
-  int told = 0;
+  int reported = 0;
   EXPECT_OK(EmbedPriors({true, true}, 2, capture, [&](int done, int num_views) {
     EXPECT_EQ(num_views, 3);
-    told = done;
+    reported = done;
     return absl::OkStatus();
   }));
-  EXPECT_EQ(told, 3);
+  EXPECT_EQ(reported, 3);
   for (const View& view : capture.views) {
     EXPECT_EQ(view.masks.empty(), view.held_out) << view.name;
     EXPECT_EQ(HasDepthPrior(view), !view.held_out) << view.name;
   }
-  EXPECT_EQ(capture.views[2].depth.values[7], 0.5f);  // was given
+  EXPECT_EQ(capture.views[2].depth.values[7], 0.5f);  // kept: the view had a prior
   EXPECT_EQ(capture.views[1].depth.kind, DepthPrior::Kind::kDepth);
 }
 
-TEST(EmbedPriors, EndsWhereItIsToldTo) {
+TEST(EmbedPriors, EndsWithTheErrorOfItsProgress) {
   testing::SyntheticScene scene =
       testing::MakeSyntheticScene({.num_views = 6, .with_masks = false});
   const absl::Status status = EmbedPriors({true, false}, 1, scene.capture, [](int done, int) {
@@ -137,12 +138,12 @@ TEST(EmbedPriors, EndsWhereItIsToldTo) {
   EXPECT_FALSE(HasDepthPrior(scene.capture.views[1]));
 }
 
-TEST(EmbedPriors, AreTheSameForAnyNumberOfThreads) {
+TEST(EmbedPriors, DoesNotDependOnTheNumberOfThreads) {
   testing::SyntheticScene one = testing::MakeSyntheticScene({.num_views = 3, .with_masks = false});
   testing::SyntheticScene two = one;
-  const auto go_on = [](int, int) { return absl::OkStatus(); };
-  EXPECT_OK(EmbedPriors({true, true}, 1, one.capture, go_on));
-  EXPECT_OK(EmbedPriors({true, true}, 2, two.capture, go_on));
+  const auto proceed = [](int, int) { return absl::OkStatus(); };
+  EXPECT_OK(EmbedPriors({true, true}, 1, one.capture, proceed));
+  EXPECT_OK(EmbedPriors({true, true}, 2, two.capture, proceed));
   for (size_t i = 0; i < one.capture.views.size(); ++i) {
     EXPECT_EQ(one.capture.views[i].masks.pixel_patch, two.capture.views[i].masks.pixel_patch);
   }

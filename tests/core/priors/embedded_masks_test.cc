@@ -15,6 +15,7 @@ struct Rgb {
   uint8_t r, g, b;
 };
 
+// Returns a view whose photograph has `color` at each pixel.
 View Photographed(int width, int height, const std::function<Rgb(int x, int y)>& color) {
   View view;
   view.camera = {width, height, 100, 100, width / 2.0, height / 2.0};
@@ -28,7 +29,7 @@ View Photographed(int width, int height, const std::function<Rgb(int x, int y)>&
   return view;
 }
 
-// The best IoU of a mask with the pixels for which `inside` holds.
+// Returns the best IoU of any mask with the pixels for which `inside` is true.
 double BestIou(const MaskSet& masks, const std::function<bool(int x, int y)>& inside) {
   double best = 0;
   for (int k = 0; k < masks.num_masks; ++k) {
@@ -56,7 +57,7 @@ Rgb PartInObject(int x, int y) {
   return {60, 90, static_cast<uint8_t>(160 + noise)};
 }
 
-TEST(EmbeddedMasks, HaveAPartAndTheObjectAboutIt) {
+TEST(EmbeddedMasks, FindAPartAndTheObjectAroundIt) {
   const View view = Photographed(160, 120, PartInObject);
   const MaskSet masks = EmbeddedMasks(view).masks;
   EXPECT_GT(BestIou(masks, IsPart), 0.85);
@@ -65,7 +66,7 @@ TEST(EmbeddedMasks, HaveAPartAndTheObjectAboutIt) {
   EXPECT_EQ(masks.height, 120);
 }
 
-TEST(EmbeddedMasks, OfALargePhotographAreThoseOfItInSmall) {
+TEST(EmbeddedMasks, FindTheSameObjectsInALargePhotograph) {
   const View view =
       Photographed(1600, 1200, [](int x, int y) { return PartInObject(x / 10, y / 10); });
   const MaskSet masks = EmbeddedMasks(view).masks;
@@ -87,7 +88,7 @@ TEST(EmbeddedMasks, LeaveOutIgnoredPixels) {
   EXPECT_GT(BestIou(masks, [](int x, int y) { return IsObject(x, y) && x < 100; }), 0.85);
 }
 
-TEST(EmbeddedMasks, ADepthEdgeShowsWhatColourDoesNot) {
+TEST(EmbeddedMasks, FollowDepthEdgesWhereColourIsUniform) {
   View view = Photographed(160, 120, [](int x, int y) {
     return Rgb{120, static_cast<uint8_t>(110 + (x * 5 + y * 3) % 7), 100};
   });
@@ -98,21 +99,21 @@ TEST(EmbeddedMasks, ADepthEdgeShowsWhatColourDoesNot) {
   EXPECT_GT(BestIou(EmbeddedMasks(view).masks, IsObject), 0.85);
 }
 
-TEST(EmbeddedMasks, OfOneColourThereAreNone) {
+TEST(EmbeddedMasks, AreEmptyForAUniformPhotograph) {
   for (const auto& [width, height] : {std::pair{64, 48}, {1, 1}}) {
     const View view = Photographed(width, height, [](int, int) { return Rgb{9, 9, 9}; });
     EXPECT_TRUE(EmbeddedMasks(view).masks.empty());
   }
 }
 
-TEST(EmbeddedMasks, AreAtMostAsManyAsAskedFor) {
+TEST(EmbeddedMasks, KeepTheBestUpToTheLimit) {
   const View view = Photographed(160, 120, PartInObject);
   const EmbeddedMaskSet two = EmbeddedMasks(view, {.max_masks = 2});
   EXPECT_LE(two.masks.num_masks, 2);
   EXPECT_GT(BestIou(two.masks, IsObject), 0.9);  // the best first
 }
 
-TEST(EmbeddedMasks, HaveAQualityThatFalls) {
+TEST(EmbeddedMasks, AreSortedByQuality) {
   const EmbeddedMaskSet made = EmbeddedMasks(Photographed(160, 120, PartInObject));
   ASSERT_EQ(made.quality.size(), static_cast<size_t>(made.masks.num_masks));
   EXPECT_TRUE(std::is_sorted(made.quality.rbegin(), made.quality.rend()));
@@ -120,7 +121,7 @@ TEST(EmbeddedMasks, HaveAQualityThatFalls) {
   EXPECT_LE(made.quality.front(), 1);
 }
 
-TEST(EmbeddedMasks, CoverTheObjectsOfATexturedScene) {
+TEST(EmbeddedMasks, FindTheObjectsOfATexturedScene) {
   const testing::SyntheticScene scene =
       testing::MakeSyntheticScene({.num_views = 3, .width = 240, .height = 180});
   for (size_t i = 0; i < scene.capture.views.size(); ++i) {

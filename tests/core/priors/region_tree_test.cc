@@ -10,7 +10,8 @@ namespace {
 
 constexpr int kWidth = 30, kHeight = 20;
 
-// A ring of strength about the left half's middle, weaker than the line between the halves.
+// Two halves of different colour with a strong boundary between them, and a weaker ring around the
+// middle of the left half.
 PixelFeatures TwoHalves(std::vector<float>& strength) {
   strength.assign(kWidth * kHeight, 0.01f);
   std::vector<float> bin(kWidth * kHeight), other(kWidth * kHeight);
@@ -34,7 +35,7 @@ std::vector<std::vector<uint32_t>> LeafPixels(const RegionTree& tree) {
   return pixels;
 }
 
-TEST(RegionTree, IsATreeWhoseNodesHaveTheirChildrensPixels) {
+TEST(RegionTree, MakesEachNodeTheUnionOfItsChildren) {
   std::vector<float> strength;
   const RegionTree tree = BuildRegionTree(TwoHalves(strength));
   ASSERT_GT(tree.num_leaves, 2);
@@ -62,7 +63,7 @@ TEST(RegionTree, MergesAcrossTheStrongestBoundaryLast) {
   const auto leaves = LeafPixels(tree);
   const RegionTree::Node& root = tree.nodes.back();
   for (const int32_t child : root.children) {
-    std::set<bool> halves;  // the line itself may go either way
+    std::set<bool> halves;  // pixels of the boundary may belong to either half
     for (const uint32_t pixel : PixelsOf(tree, child, leaves)) {
       const int x = static_cast<int>(pixel) % kWidth;
       if (x != 15) halves.insert(x < 15);
@@ -73,7 +74,7 @@ TEST(RegionTree, MergesAcrossTheStrongestBoundaryLast) {
   }
 }
 
-TEST(RegionTree, AnImageWithoutABoundaryIsOneRegion) {
+TEST(RegionTree, HasOneRegionWithoutBoundaries) {
   const std::vector<float> strength(kWidth * kHeight, 0.0f);
   const RegionTree tree = BuildRegionTree(
       {kWidth, kHeight, strength, 0, {std::vector<float>(strength.size(), 1)}, {1}});

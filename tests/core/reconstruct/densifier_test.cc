@@ -31,7 +31,7 @@ TEST(Densifier, IsDueBetweenTheTwoShares) {
   EXPECT_EQ(resets, (std::vector<int>{200, 400}));
 }
 
-TEST(Densifier, FadesInPlaceOfResetsWithinABudget) {
+TEST(Densifier, FadesOpacitiesInsteadOfResetsWithABudget) {
   const auto backend = MakeCpuBackend(1);
   ReconstructOptions options = ShortRun();
   options.pixels_per_gaussian = 20;
@@ -59,7 +59,7 @@ TEST(Densifier, GrowsItsBudgetToAShareOfThePixels) {
   EXPECT_EQ(densifier.BudgetAt(499), 5000);
   options.max_gaussians = 3000;
   EXPECT_EQ(Densifier(*backend, options, scene).BudgetAt(499), 3000);
-  options.pixels_per_gaussian = 1000;  // fewer than there are: none goes, none comes
+  options.pixels_per_gaussian = 1000;  // a budget below the present number keeps it
   EXPECT_EQ(Densifier(*backend, options, scene).BudgetAt(499), 1000);
 }
 
@@ -102,7 +102,7 @@ TEST(Densifier, AppliesItsPlanToTheState) {
   EXPECT_EQ(num_old, 1);
 }
 
-TEST(Densifier, FailsWhenNothingIsLeft) {
+TEST(Densifier, FailsWhenNoGaussianIsLeft) {
   const auto backend = MakeCpuBackend(1);
   Gaussians faint = ThreeGaussians();
   for (float& logit : faint.Plane(kOpacityPlane)) logit = -9;

@@ -15,7 +15,7 @@ const Capture& WithPriors() {
   return capture;
 }
 
-TEST(DepthWeight, FollowsTheCaptureUnlessAskedFor) {
+TEST(DepthWeight, FollowsTheKindOfCaptureByDefault) {
   ReconstructOptions options;
   EXPECT_FLOAT_EQ(WithDepthWeight(options, WithPriors()).depth_weight, 0.05f);
   options.capture_kind = CaptureKind::kForwardFacing;
@@ -24,7 +24,7 @@ TEST(DepthWeight, FollowsTheCaptureUnlessAskedFor) {
   EXPECT_FLOAT_EQ(WithDepthWeight(options, WithPriors()).depth_weight, 0.3f);
 }
 
-TEST(DepthWeight, IsZeroWhereNoTrainingViewHasAPrior) {
+TEST(DepthWeight, IsZeroWithoutAPriorInATrainingView) {
   Capture capture = WithPriors();
   for (View& view : capture.views) {
     if (!view.held_out) view.depth.values.clear();
@@ -47,7 +47,7 @@ class DepthTermTest : public ::testing::Test {
   std::mt19937_64 random_;
 };
 
-TEST_F(DepthTermTest, MakesNoImagesWithoutAWeightOrAPrior) {
+TEST_F(DepthTermTest, HasNoImagesWithoutAWeightOrAPrior) {
   DepthTerm term(*backend_, options_, views_.max_pixels());
   EXPECT_TRUE(term.allocated());
   const TrainingView& view = views_.At(0, 1);
@@ -62,7 +62,7 @@ TEST_F(DepthTermTest, MakesNoImagesWithoutAWeightOrAPrior) {
   EXPECT_EQ(backend_->bytes_in_use(), bytes);
 }
 
-TEST_F(DepthTermTest, ImagesAreAsLargeAsTheView) {
+TEST_F(DepthTermTest, HasImagesOfTheViewsSize) {
   DepthTerm term(*backend_, options_, views_.max_pixels());
   const TrainingView& half = views_.At(0, 2);
   const DepthPlan plan = term.PlanFor(half, 0.05f, random_);
@@ -73,7 +73,7 @@ TEST_F(DepthTermTest, ImagesAreAsLargeAsTheView) {
   EXPECT_EQ(images.depth_grad.size, 24 * 18);
 }
 
-TEST_F(DepthTermTest, PatchesLieInsideAndVary) {
+TEST_F(DepthTermTest, DrawsDifferentPatchesInsideTheView) {
   options_.depth_local_form = DepthLocalForm::kPatch;
   const DepthTerm term(*backend_, options_, views_.max_pixels());
   int widest = 0, narrowest = 48;

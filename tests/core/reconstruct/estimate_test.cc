@@ -35,8 +35,8 @@ struct Case {
 
 class EstimateTest : public ::testing::TestWithParam<Case> {};
 
-// The peak, so that what density control takes for a moment counts.
-TEST_P(EstimateTest, BoundsATrainingFromAboveAndNotFarAbove) {
+// Compares with the peak, which includes the temporary memory of density control.
+TEST_P(EstimateTest, IsATightUpperBoundOfATraining) {
   const Case& c = GetParam();
   testing::SyntheticOptions scene;
   scene.width = c.width;
@@ -47,7 +47,7 @@ TEST_P(EstimateTest, BoundsATrainingFromAboveAndNotFarAbove) {
   options.densify_from = 0.1;
   options.densify_until = c.densify_until;
   options.densify_every = 20;
-  options.densify_gradient = 1e-6f;  // all there is room for
+  options.densify_gradient = 1e-6f;  // densifies up to max_gaussians
   options.sh_degree = c.sh_degree;
   options.coarse_until = c.coarse_until;
   options.max_gaussians = c.max_gaussians;

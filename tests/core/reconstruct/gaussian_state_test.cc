@@ -15,7 +15,7 @@ Gaussians Numbered(int64_t count) {
   return out;
 }
 
-// On the CPU a span of the host's is one of the backend's.
+// Returns a span of host memory, which the CPU backend can read.
 template <class T>
 DeviceSpan<const T> Span(const std::vector<T>& host) {
   return {host.data(), static_cast<int64_t>(host.size())};
@@ -28,14 +28,14 @@ void Fill(GaussianPlanes planes, float value) {
   }
 }
 
-TEST(GaussianState, GivesBackWhatItWasMadeOf) {
+TEST(GaussianState, DownloadsWhatWasUploaded) {
   const auto backend = MakeCpuBackend(1);
   const Gaussians initial = Numbered(5);
   const GaussianState state(*backend, initial);
   EXPECT_EQ(state.Download().planes, initial.planes);
 }
 
-TEST(GaussianState, RearrangeCarriesMomentsAndZeroesThoseOfNewRows) {
+TEST(GaussianState, KeepsMomentsExceptThoseOfNewGaussiansWhenRearranged) {
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(3));
   Fill(state.moment1(), 10);
@@ -64,7 +64,7 @@ TEST(GaussianState, RearrangeCarriesMomentsAndZeroesThoseOfNewRows) {
   }
 }
 
-TEST(GaussianState, GrowsPastItsSlack) {
+TEST(GaussianState, GrowsBeyondItsStride) {
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(3));
   const std::vector<int32_t> source(10'000, 1);
@@ -75,8 +75,8 @@ TEST(GaussianState, GrowsPastItsSlack) {
   EXPECT_EQ(after.Plane(NumPlanes(1) - 1)[9'999], Numbered(3).planes[3 * NumPlanes(1) - 2]);
 }
 
-// Rows 2 and 0 once more, with means and log scales counting from 500 in planes of 3.
-TEST(GaussianState, AppendsRowsWithShapesOfTheirOwn) {
+// Appends Gaussians 2 and 0 again, with means and log scales that count from 500 in planes of 3.
+TEST(GaussianState, AppendsCopiesWithNewMeansAndScales) {
   const int64_t count = 3;
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(count));
@@ -116,7 +116,7 @@ TEST(GaussianState, AppendsRowsWithShapesOfTheirOwn) {
   }
 }
 
-TEST(GaussianState, AppendsPastItsSlack) {
+TEST(GaussianState, AppendsBeyondItsStride) {
   const auto backend = MakeCpuBackend(1);
   const int64_t count = 1000;
   GaussianState state(*backend, Numbered(count));
@@ -139,7 +139,7 @@ TEST(GaussianState, AppendsPastItsSlack) {
   EXPECT_EQ(state.refinable()[1000], 0);
 }
 
-TEST(GaussianState, SetsMeansAndLogScalesAlone) {
+TEST(GaussianState, SetsOnlyMeansAndLogScales) {
   const auto backend = MakeCpuBackend(1);
   GaussianState state(*backend, Numbered(2));
   std::vector<float> planes(12);
@@ -154,7 +154,7 @@ TEST(GaussianState, SetsMeansAndLogScalesAlone) {
   }
 }
 
-TEST(GaussianState, FadeOpacityMultipliesIt) {
+TEST(GaussianState, MultipliesOpacitiesWhenFading) {
   const auto backend = MakeCpuBackend(1);
   Gaussians initial = Numbered(3);
   const float logits[] = {3, -9, 15};
@@ -168,8 +168,8 @@ TEST(GaussianState, FadeOpacityMultipliesIt) {
   }
 }
 
-// Beyond 17 an opacity is 1 in single precision, below -88 it is 0.
-TEST(GaussianState, FadeOpacityStaysFiniteWhereTheSigmoidEnds) {
+// In single precision an opacity is 1 from a logit of 17 on, and 0 below -88.
+TEST(GaussianState, KeepsFadedLogitsFiniteWhereTheSigmoidSaturates) {
   const auto backend = MakeCpuBackend(1);
   Gaussians initial = Numbered(5);
   const float logits[] = {30, 1e4f, -89, -200, -1e4f};
@@ -179,14 +179,14 @@ TEST(GaussianState, FadeOpacityStaysFiniteWhereTheSigmoidEnds) {
   EXPECT_EQ(state.Download().planes, initial.planes);
   state.FadeOpacity(0.5f);
   const Gaussians after = state.Download();
-  // Half of 1 is the logit 0; far out it falls by log 2.
+  // Half of opacity 1 is logit 0; a very negative logit falls by log 2.
   const double want[] = {0, 0, -89 - std::log(2), -200 - std::log(2), -1e4 - std::log(2)};
   for (int i = 0; i < 5; ++i) {
     EXPECT_NEAR(after.Plane(kOpacityPlane)[i], want[i], 1e-6 * std::abs(want[i]) + 1e-6) << i;
   }
 }
 
-TEST(GaussianState, LimitOpacityLowersAndForgets) {
+TEST(GaussianState, LimitsOpacitiesAndClearsTheirMoments) {
   const auto backend = MakeCpuBackend(1);
   Gaussians initial = Numbered(2);
   initial.Plane(kOpacityPlane)[0] = 3;

@@ -18,7 +18,7 @@ ScenePoint At(float x, float y, float z) {
 }
 
 TEST(InitialGaussians, AreAsWideAsTheMeanDistanceToThreeNeighbours) {
-  // From the first point: 1, 2, 4 away; the fifth is too far to count.
+  // The neighbours of the first point are 1, 2 and 4 away; the fifth point is not among the 3.
   const std::vector<ScenePoint> points = {At(0, 0, 0), At(1, 0, 0), At(0, 2, 0), At(0, 0, 4),
                                           At(9, 9, 9)};
   const Gaussians gaussians = InitialGaussians(points, 2, {-10, 10});
@@ -33,9 +33,9 @@ TEST(InitialGaussians, AreAsWideAsTheMeanDistanceToThreeNeighbours) {
   EXPECT_NEAR(gaussians.Plane(kShPlane + 1)[0] * kSh0 + 0.5, 0, 1e-6);  // green
 }
 
-TEST(InitialGaussians, KeepWithinTheBoundsEvenAloneOrTwice) {
+TEST(InitialGaussians, StayWithinTheBoundsForLoneAndDuplicatePoints) {
   const Gaussians alone = InitialGaussians({At(0, 0, 0)}, 0, {-3, 1});
-  // A hundredth of the reach, which is twice the largest size.
+  // A hundredth of the reach; the largest size is half of the reach.
   const float lone = 1 + std::log(0.02f);
   EXPECT_FLOAT_EQ(alone.Plane(kLogScalePlane)[0], lone);
   const Gaussians twice = InitialGaussians({At(1, 1, 1), At(1, 1, 1)}, 0, {-3, 1});
@@ -46,7 +46,7 @@ TEST(InitialGaussians, KeepWithinTheBoundsEvenAloneOrTwice) {
   EXPECT_FLOAT_EQ(far.Plane(kLogScalePlane)[0], 1);
 }
 
-TEST(StartingPoints, AreTheCapturesOwnWhereThereAreAny) {
+TEST(StartingPoints, AreTheCapturesPointsIfItHasAny) {
   const Capture capture = testing::MakeSyntheticScene().capture;
   ReconstructOptions options;
   std::mt19937_64 random(1);
@@ -57,7 +57,7 @@ TEST(StartingPoints, AreTheCapturesOwnWhereThereAreAny) {
   EXPECT_GT(thinned, 50u);
 }
 
-TEST(StartingPoints, AreDrawnInsideTheViewsWhereThereAreNone) {
+TEST(StartingPoints, AreRandomPointsInTheViewsOtherwise) {
   Capture capture = testing::MakeSyntheticScene().capture;
   capture.points.clear();
   ReconstructOptions options;

@@ -20,8 +20,8 @@ const Capture& Synthetic() {
   return capture;
 }
 
-// Coarse until step 30 (a quarter until 15), then refinement until 39, density control at 25, 50
-// and 75, an opacity reset at 40.
+// Options of a short run with every part: photographs at a quarter of their size until step 15, at
+// half until step 30, refinement until 39, density control at 25, 50 and 75, opacity reset at 40.
 ReconstructOptions Options() {
   ReconstructOptions options;
   options.num_steps = 90;
@@ -51,7 +51,7 @@ ReconstructCheckpoint CheckpointAt(int step) {
   return reconstructor->Save().value();
 }
 
-// Through a file, as another process would.
+// Writes the checkpoint to a file and reads it, as another process would.
 ReconstructCheckpoint WriteAndRead(const ReconstructCheckpoint& checkpoint) {
   const testing::TempFolder folder;
   const std::filesystem::path path = folder.path() / "checkpoint";
@@ -63,17 +63,17 @@ ReconstructCheckpoint WriteAndRead(const ReconstructCheckpoint& checkpoint) {
   return *std::move(read);
 }
 
-TEST(ReconstructCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
+TEST(ReconstructCheckpoint, ResumesToTheSameBytesAsAnUnbrokenRun) {
   const auto backend = MakeCpuBackend(2);
   const auto unbroken = Fresh(*backend);
   StepTo(*unbroken, 90);
   const Gaussians expected = unbroken->Result();
   EXPECT_GT(expected.count, 700);  // density control took part
-  // From the start, within both coarse phases and at their ends, around each kind of density
+  // Breaks at the start, inside and at the end of both coarse phases, around each kind of density
   // control, and at the end.
   for (const int step : {0, 7, 15, 16, 24, 25, 26, 30, 31, 38, 39, 40, 41, 75, 89, 90}) {
     const ReconstructCheckpoint checkpoint = WriteAndRead(CheckpointAt(step));
-    // Another number of threads, as another machine might have.
+    // Resumes with another number of threads, as on another machine.
     const auto other = MakeCpuBackend(1);
     ASSERT_OK_AND_ASSIGN(const auto resumed,
                          Reconstructor::Resume(*other, Synthetic(), Options(), checkpoint));
@@ -83,7 +83,7 @@ TEST(ReconstructCheckpoint, ResumedRunGivesTheBytesOfAnUnbrokenOne) {
   }
 }
 
-TEST(ReconstructCheckpoint, ReportsGoOnWhereTheyStopped) {
+TEST(ReconstructCheckpoint, ContinuesTheReports) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto resumed,
                        Reconstructor::Resume(*backend, Synthetic(), Options(), CheckpointAt(33)));
@@ -100,7 +100,7 @@ TEST(ReconstructCheckpoint, ReportsGoOnWhereTheyStopped) {
   EXPECT_EQ(report.num_refine_split, expected.num_refine_split);
 }
 
-TEST(ReconstructCheckpoint, SavingChangesNothing) {
+TEST(ReconstructCheckpoint, SavingDoesNotChangeTheRun) {
   const auto backend = MakeCpuBackend(2);
   const auto saved = Fresh(*backend);
   for (int step = 0; step < 60; ++step) {
@@ -112,7 +112,7 @@ TEST(ReconstructCheckpoint, SavingChangesNothing) {
   EXPECT_EQ(saved->Result().planes, untouched->Result().planes);
 }
 
-TEST(ReconstructCheckpoint, EverySectionIsNeededAndNoOtherTaken) {
+TEST(ReconstructCheckpoint, RequiresExactlyItsSections) {
   const ReconstructCheckpoint checkpoint = CheckpointAt(3);
   const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   std::set<std::string> names;
@@ -133,11 +133,11 @@ TEST(ReconstructCheckpoint, EverySectionIsNeededAndNoOtherTaken) {
   EXPECT_STATUS(ReconstructCheckpointOf(twice), absl::StatusCode::kDataLoss, "knows");
 }
 
-TEST(ReconstructCheckpoint, SectionsOfAnotherSizeAreRefused) {
+TEST(ReconstructCheckpoint, RefusesSectionsOfAnotherSize) {
   const ReconstructCheckpoint checkpoint = CheckpointAt(33);
   const std::vector<CheckpointSection> sections = SectionsOf(checkpoint);
   for (size_t i = 0; i < sections.size(); ++i) {
-    // Any string may be the engine's, and any number of views may be left: Resume looks at those.
+    // These two may have any size; Resume checks their content.
     if (sections[i].name == "random" || sections[i].name == "views_left") continue;
     for (const size_t cut : {1, 4}) {
       std::vector<CheckpointSection> shorter = sections;
@@ -149,7 +149,7 @@ TEST(ReconstructCheckpoint, SectionsOfAnotherSizeAreRefused) {
   }
 }
 
-TEST(ReconstructCheckpoint, NumbersThatAreNotFiniteAreRefused) {
+TEST(ReconstructCheckpoint, RefusesNumbersThatAreNotFinite) {
   const ReconstructCheckpoint good = CheckpointAt(3);
   EXPECT_OK(Validate(good));
   const auto backend = MakeCpuBackend(1);
@@ -168,7 +168,7 @@ TEST(ReconstructCheckpoint, NumbersThatAreNotFiniteAreRefused) {
   }
 }
 
-TEST(ReconstructCheckpoint, ResumeRefusesWhatIsOfAnotherRun) {
+TEST(ReconstructCheckpoint, RefusesToResumeAnotherRun) {
   const ReconstructCheckpoint good = CheckpointAt(60);
   const auto backend = MakeCpuBackend(1);
   const auto expect = [&](const ReconstructCheckpoint& checkpoint,

@@ -119,8 +119,8 @@ TEST(Reconstruct, LearnsWithoutPoints) {
   EXPECT_GT(Mean(scores).psnr, 21);  // 23.0 when this was written
 }
 
-// With L1 alone: SSIM's windows reach from pixels that count into ignored ones.
-TEST(Reconstruct, NeverLooksAtIgnoredPixelsOrHeldOutViews) {
+// Without SSIM, whose windows reach from other pixels into ignored ones.
+TEST(Reconstruct, DoesNotDependOnIgnoredPixelsOrHeldOutViews) {
   ReconstructOptions options = ShortRun(40);
   options.ssim_weight = 0;
   Capture capture = Synthetic();
@@ -159,7 +159,7 @@ DepthRun RunWithDepth(const Capture& capture, ReconstructOptions options, float 
   return run;
 }
 
-// The error of a run that the depth term pulls, against one that it hardly does.
+// Compares the depth error of a run with the depth loss and of one in which its weight is tiny.
 void ExpectPulls(DepthPrior::Kind kind, DepthLocalForm form) {
   ReconstructOptions options = ShortRun(200);
   options.depth_local_form = form;
@@ -170,21 +170,21 @@ void ExpectPulls(DepthPrior::Kind kind, DepthLocalForm form) {
   EXPECT_EQ(pulled.num_skipped, 0);
 }
 
-TEST(Reconstruct, IsPulledToADisparityInWindows) {
+TEST(Reconstruct, FollowsADisparityPriorInWindows) {
   ExpectPulls(DepthPrior::Kind::kDisparity, DepthLocalForm::kWindows);
 }
 
-TEST(Reconstruct, IsPulledToADepthInPatches) {
+TEST(Reconstruct, FollowsADepthPriorInPatches) {
   ExpectPulls(DepthPrior::Kind::kDepth, DepthLocalForm::kPatch);
 }
 
-TEST(Reconstruct, CountsViewsWhosePriorDisagrees) {
+TEST(Reconstruct, CountsViewsWithADisagreeingPrior) {
   Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
   for (View& view : capture.views) view.depth.kind = DepthPrior::Kind::kDepth;
   EXPECT_EQ(RunWithDepth(capture, ShortRun(12), 0.1f).num_skipped, 12);
 }
 
-TEST(Reconstruct, WithDepthGivesTheSameBytesForAnyThreadCount) {
+TEST(Reconstruct, GivesTheSameBytesForAnyThreadCountWithDepth) {
   ReconstructOptions options = ShortRun(60);
   options.coarse_until = 0.5;
   const Capture capture = WithDepth(DepthPrior::Kind::kDisparity);
@@ -211,7 +211,7 @@ std::vector<std::string> SkippedOf(const Capture& capture, const ReconstructOpti
   return lines;
 }
 
-TEST(Reconstructor, TellsWhichTermsItSkips) {
+TEST(Reconstructor, ReportsSkippedParts) {
   using Lines = std::vector<std::string>;
   ReconstructOptions options = ShortRun(30);
   EXPECT_EQ(SkippedOf(WithDepth(DepthPrior::Kind::kDisparity), options), Lines());
@@ -224,7 +224,7 @@ TEST(Reconstructor, TellsWhichTermsItSkips) {
             (Lines{"depth: depth_weight is 0", "refinement: refine_keep is NONE"}));
 }
 
-TEST(Reconstruct, WithoutADepthWeightAPriorChangesNothing) {
+TEST(Reconstruct, IgnoresPriorsWithoutADepthWeight) {
   ReconstructOptions options = ShortRun(30);
   options.depth_weight = 0;
   const auto backend = MakeCpuBackend(2);
@@ -239,7 +239,7 @@ TEST(Reconstruct, WithoutADepthWeightAPriorChangesNothing) {
   EXPECT_EQ(with.planes, without.planes);
 }
 
-TEST(Reconstruct, EndsWithTheCallbacksError) {
+TEST(Reconstruct, EndsWithTheErrorOfItsProgress) {
   const auto backend = MakeCpuBackend(1);
   int64_t num_calls = 0;
   const auto result = Reconstruct(*backend, Synthetic(), ShortRun(50), [&](const StepReport& r) {
@@ -250,7 +250,7 @@ TEST(Reconstruct, EndsWithTheCallbacksError) {
   EXPECT_EQ(num_calls, 7);
 }
 
-TEST(Reconstruct, RefusesWhatItCannotTrainOn) {
+TEST(Reconstruct, RefusesCapturesItCannotTrainOn) {
   const auto backend = MakeCpuBackend(1);
   ReconstructOptions bad;
   bad.num_steps = 0;

@@ -8,8 +8,8 @@
 namespace pepeseg {
 namespace {
 
-// Views from the origin along z, 100 x 40 pixels, 50 of them a scene unit at z = 2; the mask of
-// each but the last covers x < 60.
+// Returns views from the origin along z with 100 x 40 pixels, 50 a scene unit at z = 2. Each but
+// the last has a mask of x < 60.
 Capture FrontViews(int num_views) {
   Capture capture;
   BinaryMask left;
@@ -23,7 +23,7 @@ Capture FrontViews(int num_views) {
   return capture;
 }
 
-// Along x, 20 to 80 pixels.
+// Returns Gaussians that are long in x, from pixel 20 to 80.
 Gaussians Needles(int64_t count) {
   Gaussians out = Gaussians::Zero(count, 0);
   for (int64_t i = 0; i < count; ++i) {
@@ -76,7 +76,7 @@ TEST(Refiner, VisitsEachViewTwiceFromItsShareOn) {
   EXPECT_THAT(due, ::testing::ElementsAre(4000, 4001, 4002, 4003, 4004, 4005));
 }
 
-TEST(Refiner, TheWindowIsAShareOfTheRun) {
+TEST(Refiner, ScalesItsWindowWithTheRun) {
   ReconstructOptions options = WithKeep(RefineKeep::kShrink);
   const auto many = Fixture(options, 150).DueSteps();
   ASSERT_EQ(many.size(), 200u);
@@ -87,14 +87,14 @@ TEST(Refiner, TheWindowIsAShareOfTheRun) {
   EXPECT_EQ(few.front(), 400);
 }
 
-TEST(Refiner, TheWindowWaitsForPhotographsAtFullSize) {
+TEST(Refiner, DelaysItsWindowUntilPhotographsHaveFullSize) {
   ReconstructOptions options = WithKeep(RefineKeep::kShrink);
   options.num_steps = 3000;
   options.coarse_until = 0.4;
   EXPECT_EQ(Fixture(options, 150).DueSteps().front(), 1200);
 }
 
-TEST(Refiner, IsNeverDueWithoutMasksOrWhenItIsOff) {
+TEST(Refiner, IsNeverDueWithoutMasksOrWhenOff) {
   EXPECT_THAT(Fixture(WithKeep(RefineKeep::kShrink), 1).DueSteps(), ::testing::IsEmpty());
   EXPECT_THAT(Fixture(WithKeep(RefineKeep::kNone)).DueSteps(), ::testing::IsEmpty());
 }
@@ -114,7 +114,7 @@ TEST(Refiner, ShortensAShareOfTheGaussiansOfEachViewOnce) {
   }
 }
 
-TEST(Refiner, SplitAppendsThePartsOutside) {
+TEST(Refiner, AppendsTheOutsidePartsWhenSplitting) {
   ReconstructOptions options = WithKeep(RefineKeep::kSplit);
   options.refine_candidates = 0.2;
   Fixture it(options);
@@ -133,7 +133,7 @@ TEST(Refiner, SplitAppendsThePartsOutside) {
   }
 }
 
-TEST(Refiner, SplitKeepsToTheLimitOfGaussians) {
+TEST(Refiner, KeepsToTheLimitOfGaussiansWhenSplitting) {
   ReconstructOptions options = WithKeep(RefineKeep::kSplit);
   options.refine_candidates = 0.5;
   options.max_gaussians = 23;
@@ -146,7 +146,7 @@ TEST(Refiner, SplitKeepsToTheLimitOfGaussians) {
   EXPECT_EQ(it.refiner.counts().num_refined, 15);
 }
 
-TEST(Refiner, LeavesAloneWhatCameAfterTheWindowOpened) {
+TEST(Refiner, SkipsGaussiansAddedAfterTheWindowOpened) {
   ReconstructOptions options = WithKeep(RefineKeep::kShrink);
   options.refine_candidates = 1;
   Fixture it(options, 3, 4);
@@ -161,7 +161,7 @@ TEST(Refiner, LeavesAloneWhatCameAfterTheWindowOpened) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(after.Plane(kMeanPlane)[i] != 0, want[i]) << i;
 }
 
-TEST(Refiner, GivesItsMemoryBackWhenTheWindowEnds) {
+TEST(Refiner, FreesItsMemoryWhenTheWindowEnds) {
   Fixture it(WithKeep(RefineKeep::kShrink));
   const size_t before = it.backend->bytes_in_use();
   ASSERT_OK(it.Apply(0));
@@ -171,6 +171,33 @@ TEST(Refiner, GivesItsMemoryBackWhenTheWindowEnds) {
   EXPECT_LT(it.backend->bytes_in_use(), before);  // the masks too
   EXPECT_FALSE(it.refiner.Due(4005));
   EXPECT_EQ(it.refiner.counts().num_refined, 2);
+}
+
+TEST(ViewMasks, HoldsTheMaskCellsOfTheTrainingViews) {
+  Capture capture;
+  capture.views.resize(3);
+  capture.views[0].held_out = true;
+  const std::vector<BinaryMask> masks = {{{1, 1, 0, 0}}, {{0, 1, 1, 0}}};
+  capture.views[0].masks = capture.views[2].masks = BuildMaskSet(2, 2, masks);
+  const auto backend = MakeCpuBackend(1);
+  const ViewMasks view_masks(*backend, capture);
+  EXPECT_TRUE(view_masks.any());
+  EXPECT_TRUE(view_masks.allocated());
+  EXPECT_FALSE(view_masks.HasMasks(0));
+  ASSERT_TRUE(view_masks.HasMasks(1));
+  const PatchMap map = view_masks.At(1);
+  EXPECT_EQ(map.words, 1);
+  const uint64_t want[] = {0b01, 0b11, 0b10, 0};
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(map.patch_bits[map.pixel_patch[i]], want[i]);
+  EXPECT_EQ(map.mask_area[0], 2);
+  EXPECT_EQ(map.mask_area[1], 2);
+}
+
+TEST(ViewMasks, ReportsThatThereAreNone) {
+  Capture capture;
+  capture.views.resize(2);
+  const auto backend = MakeCpuBackend(1);
+  EXPECT_FALSE(ViewMasks(*backend, capture).any());
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What a scene does not need, left out while stage one trains on it.
+// Runs of stage one that skip what the scene does not need.
 #include "core/reconstruct/scene_needs.h"
 
 #include <cmath>
@@ -13,7 +13,7 @@
 namespace pepeseg {
 namespace {
 
-// Small: windows are of 500 steps.
+// Returns a capture with few views, so that windows have 500 steps, the fewest.
 Capture Small(std::optional<DepthPrior::Kind> depth = {}) {
   return testing::MakeSyntheticScene(
              {.num_views = 6, .width = 32, .height = 24, .num_points = 120, .depth = depth})
@@ -60,7 +60,7 @@ double HeldOutPsnr(const Capture& capture, const Trained& trained) {
   return Mean(ScoreHeldOut(*backend, capture, trained.gaussians).value()).psnr;
 }
 
-TEST(SceneNeeds, StepsBehindConvergenceAreLeftOutAndToldOf) {
+TEST(SceneNeeds, SkipsAndReportsStepsAfterConvergence) {
   const Capture capture = Small();
   ReconstructOptions options = RunOf(4000);
   const Trained all = Train(capture, options);
@@ -70,7 +70,7 @@ TEST(SceneNeeds, StepsBehindConvergenceAreLeftOutAndToldOf) {
   const Trained fewer = Train(capture, options);
   const SkippedTerm* steps = Find(fewer, "steps");
   ASSERT_NE(steps, nullptr);
-  EXPECT_GE(steps->step, 1000);  // not while Gaussians grow
+  EXPECT_GE(steps->step, 1000);  // not before density control ends
   EXPECT_EQ(steps->step % Convergence::Window(5), 0);
   EXPECT_EQ(steps->saved_steps, 4000 - 400 - steps->step);
   EXPECT_EQ(fewer.last.step, 4000 - steps->saved_steps);
@@ -78,7 +78,7 @@ TEST(SceneNeeds, StepsBehindConvergenceAreLeftOutAndToldOf) {
   EXPECT_GT(HeldOutPsnr(capture, fewer), HeldOutPsnr(capture, all) - 0.5);
 }
 
-TEST(SceneNeeds, AnUpsideDownDepthPriorIsLeftOut) {
+TEST(SceneNeeds, DropsAnUpsideDownDepthPrior) {
   Capture capture = Small(DepthPrior::Kind::kDisparity);
   ReconstructOptions options = RunOf(1500);
   options.min_depth_agreement = 0.5;
@@ -93,7 +93,7 @@ TEST(SceneNeeds, AnUpsideDownDepthPriorIsLeftOut) {
   EXPECT_TRUE(std::isnan(trained.last.depth_loss));
 }
 
-TEST(SceneNeeds, BandsThatAreWorthNothingAreNotStored) {
+TEST(SceneNeeds, PrunesShDegreesThatGainNothing) {
   const Capture capture = Small();
   ReconstructOptions options = RunOf(1600);
   options.min_band_gain = 100;
@@ -104,8 +104,8 @@ TEST(SceneNeeds, BandsThatAreWorthNothingAreNotStored) {
   EXPECT_EQ(Train(capture, options).gaussians.sh_degree, 3);
 }
 
-// All three decisions fall into the run.
-TEST(SceneNeeds, ARunThatGoesOnDecidesTheSame) {
+// All three kinds of skipping occur in the run.
+TEST(SceneNeeds, DecidesTheSameInAResumedRun) {
   Capture capture = Small(DepthPrior::Kind::kDisparity);
   for (View& view : capture.views) {
     for (float& value : view.depth.values) value = 1 - value;
@@ -129,6 +129,40 @@ TEST(SceneNeeds, ARunThatGoesOnDecidesTheSame) {
     while (!resumed->done()) ASSERT_OK(resumed->Step());
     EXPECT_EQ(resumed->Result().planes, unbroken.gaussians.planes) << "after " << broken_after;
   }
+}
+
+bool Window(DepthAgreement& agreement, int num_agreeing, int num_others) {
+  for (int i = 0; i < num_agreeing; ++i) agreement.Add(0.7);
+  for (int i = 0; i < num_others; ++i) agreement.Add(i % 2 == 0 ? 0.05 : -3.0);
+  return agreement.Failed();
+}
+
+TEST(DepthAgreement, FailsAfterTwoWindowsWithTooFewAgreements) {
+  DepthAgreement agreement(0.5);
+  EXPECT_FALSE(Window(agreement, 4, 6));
+  EXPECT_FALSE(Window(agreement, 5, 5));  // just enough
+  EXPECT_FALSE(Window(agreement, 4, 6));
+  EXPECT_TRUE(Window(agreement, 0, 10));
+}
+
+TEST(DepthAgreement, IgnoresWindowsWithoutComparisons) {
+  DepthAgreement agreement(0.5);
+  EXPECT_FALSE(Window(agreement, 0, 10));
+  EXPECT_FALSE(Window(agreement, 0, 0));
+  EXPECT_FALSE(Window(agreement, 0, 10));
+}
+
+TEST(DepthAgreement, NeverFailsWithAShareOfZero) {
+  DepthAgreement agreement(0);
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(Window(agreement, 0, 10));
+}
+
+TEST(DepthAgreement, ResumesFromItsState) {
+  DepthAgreement unbroken(0.5), resumed(0.5);
+  EXPECT_FALSE(Window(unbroken, 0, 10));
+  unbroken.Add(0);
+  resumed.Restore(unbroken.state());
+  EXPECT_TRUE(resumed.Failed());
 }
 
 }  // namespace

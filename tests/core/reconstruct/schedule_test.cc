@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace pepeseg {
 namespace {
 
-TEST(Schedule, MeanRateFallsLogLinearlyInSharesOfTheRun) {
+TEST(Schedule, LowersTheRateOfMeansLogLinearly) {
   for (const int num_steps : {200, 30000}) {
     ReconstructOptions options;
     options.num_steps = num_steps;
@@ -20,7 +22,7 @@ TEST(Schedule, MeanRateFallsLogLinearlyInSharesOfTheRun) {
   }
 }
 
-TEST(Schedule, MeansMoveByNoMoreThanAPixelAStep) {
+TEST(Schedule, CapsTheRateOfMeansAtAPixel) {
   ReconstructOptions options;
   options.num_steps = 1000;
   options.mean_learning_rate = 1e-2f;
@@ -31,7 +33,7 @@ TEST(Schedule, MeansMoveByNoMoreThanAPixelAStep) {
   EXPECT_NEAR(Schedule(options, 3.0, 0.04).RatesAt(0).mean, 3e-2, 1e-7);
 }
 
-TEST(Schedule, ShDegreeRisesToItsLimit) {
+TEST(Schedule, RaisesTheShDegreeToItsLimit) {
   ReconstructOptions options;
   options.num_steps = 3000;
   options.sh_degree = 2;
@@ -43,7 +45,7 @@ TEST(Schedule, ShDegreeRisesToItsLimit) {
   EXPECT_EQ(schedule.ShDegreeAt(2999), 2);
 }
 
-TEST(Schedule, DepthWeightFallsAlongAReversedSigmoid) {
+TEST(Schedule, LowersTheDepthWeightAlongAReversedSigmoid) {
   ReconstructOptions options;
   options.num_steps = 1000;
   options.depth_weight = 0.05f;
@@ -58,7 +60,7 @@ TEST(Schedule, DepthWeightFallsAlongAReversedSigmoid) {
   }
 }
 
-TEST(Schedule, ANegligibleDepthWeightIsNone) {
+TEST(Schedule, SetsNegligibleDepthWeightsToZero) {
   ReconstructOptions options;
   options.num_steps = 1000;
   options.depth_weight = 0.05f;
@@ -70,7 +72,7 @@ TEST(Schedule, ANegligibleDepthWeightIsNone) {
   EXPECT_EQ(Schedule(options, 1).DepthWeightAt(0), 0);
 }
 
-TEST(Schedule, PhotographsGrowFromAQuarterToFullSize) {
+TEST(Schedule, EnlargesPhotographsFromAQuarterToFullSize) {
   ReconstructOptions options;
   options.num_steps = 1000;
   EXPECT_EQ(Schedule(options, 1).ShrinkAt(0), 1);
@@ -81,6 +83,31 @@ TEST(Schedule, PhotographsGrowFromAQuarterToFullSize) {
   EXPECT_EQ(schedule.ShrinkAt(200), 2);
   EXPECT_EQ(schedule.ShrinkAt(399), 2);
   EXPECT_EQ(schedule.ShrinkAt(400), 1);
+}
+
+Capture ViewsWithFocals(const std::vector<double>& focals) {
+  Capture capture;
+  for (const double focal : focals) {
+    View& view = capture.views.emplace_back();
+    view.camera = {640, 480, focal, 0.5 * focal, 320, 240};
+    view.cam_from_world.translation = {0, 0, 5};
+  }
+  return capture;
+}
+
+TEST(PixelSpan, IsTheDepthOfThePointsOverTheFocalLength) {
+  const Capture capture = ViewsWithFocals({100, 1000, 1e5});
+  std::vector<ScenePoint> points;
+  // The last two are behind the cameras.
+  for (const float z : {-4, 5, 45, -6, -7}) points.push_back({Eigen::Vector3f(1, 2, z), {}});
+  EXPECT_NEAR(PixelSpan(capture, points), 10.0 / 1000, 1e-9);
+}
+
+TEST(PixelSpan, IsInfiniteWithoutPointsInFrontOfAView) {
+  const Capture capture = ViewsWithFocals({100});
+  EXPECT_TRUE(std::isinf(PixelSpan(capture, {})));
+  EXPECT_TRUE(std::isinf(PixelSpan(capture, {{Eigen::Vector3f(0, 0, -6), {}}})));
+  EXPECT_TRUE(std::isinf(PixelSpan(Capture(), {{Eigen::Vector3f(0, 0, 6), {}}})));
 }
 
 }  // namespace

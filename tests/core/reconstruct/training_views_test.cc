@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
+#include <vector>
 
 namespace pepeseg {
 namespace {
@@ -20,7 +22,7 @@ Capture OneView() {
   return capture;
 }
 
-TEST(TrainingViews, LeavesOutHeldOutViews) {
+TEST(TrainingViews, SkipsHeldOutViews) {
   const auto backend = MakeCpuBackend(1);
   const TrainingViews views(*backend, OneView(), {});
   EXPECT_EQ(views.size(), 1);
@@ -29,7 +31,7 @@ TEST(TrainingViews, LeavesOutHeldOutViews) {
   EXPECT_TRUE(views.At(0, 1).ignore.empty());
 }
 
-TEST(TrainingViews, ShrinksByTheMeanOfBlocksAndScalesTheCamera) {
+TEST(TrainingViews, ShrinksToTheMeansOfBlocksAndScalesTheCamera) {
   const auto backend = MakeCpuBackend(1);
   const TrainingViews views(*backend, OneView(), {.coarse = true});
   const TrainingView& half = views.At(0, 2);
@@ -57,7 +59,7 @@ TEST(TrainingViews, IgnoresABlockThatHoldsAnIgnoredPixel) {
   EXPECT_NE(views.At(0, 4).ignore.span()[1], 0);
 }
 
-TEST(TrainingViews, HoldDepthPriorsWhereAskedFor) {
+TEST(TrainingViews, HoldsDepthPriorsOnRequest) {
   Capture capture = OneView();
   capture.views[1].depth.kind = DepthPrior::Kind::kDepth;
   for (int i = 0; i < 72; ++i) {
@@ -81,6 +83,33 @@ TEST(TrainingViews, HoldDepthPriorsWhereAskedFor) {
   EXPECT_TRUE(TrainingViews(*backend, capture, {}).At(0, 1).prior.empty());
   for (float& value : capture.views[1].depth.values) value = std::nanf("");
   EXPECT_TRUE(TrainingViews(*backend, capture, {.with_depth = true}).At(0, 1).prior.empty());
+}
+
+TEST(ViewSampler, DrawsEachViewOnceARound) {
+  ViewSampler sampler(7);
+  std::mt19937_64 random(3);
+  std::vector<int> first_round;
+  for (int round = 0; round < 5; ++round) {
+    std::vector<int> shown(7);
+    for (int& view : shown) view = sampler.Next(random);
+    EXPECT_EQ(std::set<int>(shown.begin(), shown.end()), (std::set<int>{0, 1, 2, 3, 4, 5, 6}));
+    if (round == 0) first_round = shown;
+    if (round == 4) {
+      EXPECT_NE(shown, first_round);
+    }
+  }
+}
+
+TEST(ViewSampler, RepeatsWithTheSeed) {
+  ViewSampler a(20), b(20), c(20);
+  std::mt19937_64 random_a(1), random_b(1), random_c(2);
+  bool differs = false;
+  for (int i = 0; i < 60; ++i) {
+    const int view = a.Next(random_a);
+    EXPECT_EQ(view, b.Next(random_b));
+    differs = differs || view != c.Next(random_c);
+  }
+  EXPECT_TRUE(differs);
 }
 
 }  // namespace

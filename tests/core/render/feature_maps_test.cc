@@ -32,7 +32,7 @@ struct Maps {
   std::optional<FeatureMaps> maps;
 };
 
-TEST(FeatureMaps, RenderAViewOnce) {
+TEST(FeatureMaps, RenderEachViewOnce) {
   Maps m(10 * kMapBytes);
   EXPECT_OK(m.maps->Get(m.View(0)));
   EXPECT_OK(m.maps->Get(m.View(1)));
@@ -46,26 +46,26 @@ TEST(FeatureMaps, RenderAViewOnce) {
   EXPECT_EQ(m.maps->num_renders(), 3);
 }
 
-TEST(FeatureMaps, TheLeastRecentlyUsedGoes) {
+TEST(FeatureMaps, DropTheLeastRecentlyUsed) {
   Maps m(2 * kMapBytes);
   for (const int view : {0, 1, 0, 2}) EXPECT_OK(m.maps->Get(m.View(view)));
   EXPECT_EQ(m.maps->num_renders(), 3);
   EXPECT_EQ(m.maps->bytes(), 2 * kMapBytes);
   EXPECT_OK(m.maps->Get(m.View(0)));  // kept: used after 1
   EXPECT_EQ(m.maps->num_renders(), 3);
-  EXPECT_OK(m.maps->Get(m.View(1)));  // had gone
+  EXPECT_OK(m.maps->Get(m.View(1)));  // dropped
   EXPECT_EQ(m.maps->num_renders(), 4);
 }
 
-TEST(FeatureMaps, AMapOverTheLimitIsRefusedWithNeedAndHave) {
+TEST(FeatureMaps, RefuseAMapOverTheLimitWithNeedAndLimit) {
   Maps m(kMapBytes);
   EXPECT_OK(m.maps->Get(m.View(0)));
   ModelView wide = m.View(1);
   wide.camera.width += 1;
   EXPECT_STATUS(m.maps->Get(wide), absl::StatusCode::kResourceExhausted,
-                "97x72 pixels needs 446976 bytes, 442368 are there");
+                "97x72 pixels needs 446976 bytes, but the maps of a model may take 442368");
   EXPECT_EQ(m.maps->num_maps(), 1);
-  EXPECT_OK(m.maps->Get(m.View(0)));  // nothing had to go for it
+  EXPECT_OK(m.maps->Get(m.View(0)));  // nothing was dropped for it
   EXPECT_EQ(m.maps->num_renders(), 1);
   EXPECT_OK(m.maps->Get(m.View(1)));
   EXPECT_EQ(m.maps->bytes(), kMapBytes);

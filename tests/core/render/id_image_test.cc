@@ -14,7 +14,7 @@ struct Entry {
   float weight;
 };
 
-// Shows the same entries on all pixels.
+// Renders ids of a view in which all pixels show the same entries.
 absl::StatusOr<std::vector<int32_t>> Show(const std::vector<Entry>& entries,
                                           const std::vector<int32_t>& ids, int width = 1,
                                           int height = 1) {
@@ -35,7 +35,7 @@ absl::StatusOr<std::vector<int32_t>> Show(const std::vector<Entry>& entries,
   });
 }
 
-TEST(RenderIds, TheLargestSumOfWeightsWins) {
+TEST(RenderIds, ReturnsTheIdWithTheLargestSumOfWeights) {
   const std::vector<int32_t> ids = {4, 2, 2, 0};
   ASSERT_OK_AND_ASSIGN(const auto image, Show({{0, 0.35f}, {1, 0.2f}, {2, 0.2f}, {3, 0.2f}}, ids));
   EXPECT_EQ(image, std::vector<int32_t>{2});
@@ -45,7 +45,7 @@ TEST(RenderIds, TheLargestSumOfWeightsWins) {
   EXPECT_EQ(equal, std::vector<int32_t>{2});
 }
 
-TEST(RenderIds, NothingWinsWhereLittleIsSeenOrInNoSegment) {
+TEST(RenderIds, ReturnsZeroWithLittleWeightOrInNoSegment) {
   const std::vector<int32_t> ids = {4, 0};
   ASSERT_OK_AND_ASSIGN(const auto faint, Show({{0, 0.49f}}, ids));
   EXPECT_EQ(faint, std::vector<int32_t>{0});
@@ -55,7 +55,7 @@ TEST(RenderIds, NothingWinsWhereLittleIsSeenOrInNoSegment) {
   EXPECT_EQ(empty, std::vector<int32_t>{0});
 }
 
-TEST(RenderIds, LargeViewsComeInBands) {
+TEST(RenderIds, RendersLargeViewsInBands) {
   constexpr int kWidth = 900, kHeight = 700;
   ModelView view;
   view.camera.width = kWidth;

@@ -53,7 +53,7 @@ TEST_F(EstimateStagesTest, ListsTheStagesThatRun) {
   EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "features"));
 }
 
-TEST_F(EstimateStagesTest, LeavesOutFeaturesWithoutMasks) {
+TEST_F(EstimateStagesTest, OmitsFeaturesWithoutMasks) {
   dataset_.training.num_masked_views = 0;
   settings_.priors.masks = PriorMaker::kNone;
   EXPECT_THAT(Stages(), ElementsAre("prepare", "reconstruct"));
@@ -75,7 +75,7 @@ TEST_F(EstimateStagesTest, CountsSamNextToColmapAndInItsOwnStage) {
   EXPECT_THAT(Stages(), ElementsAre("prepare", "sfm", "reconstruct", "features"));
 }
 
-TEST_F(EstimateStagesTest, NeedsMoreForMoreGaussians) {
+TEST_F(EstimateStagesTest, NeedsMoreMemoryForMoreGaussians) {
   settings_.reconstruct.max_gaussians = 100'000;
   const StageNeed few = Need("reconstruct");
   settings_.reconstruct.max_gaussians = 1'000'000;

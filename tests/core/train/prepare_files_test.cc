@@ -74,7 +74,7 @@ struct ConvertHeicPhotographsTest : ::testing::Test {
   std::vector<DatasetFile> converted;
 };
 
-TEST_F(ConvertHeicPhotographsTest, PutsJpegsInPlaceOfHeicPhotographsOnly) {
+TEST_F(ConvertHeicPhotographsTest, ReplacesOnlyHeicPhotographsByJpegs) {
   ASSERT_OK(Convert(1));
   ASSERT_EQ(converted.size(), files.size());
   for (size_t i = 0; i < files.size(); ++i) {
@@ -100,7 +100,7 @@ TEST_F(ConvertHeicPhotographsTest, ReportsItsSteps) {
   EXPECT_TRUE(reported);
 }
 
-TEST_F(ConvertHeicPhotographsTest, TakesWhatAnEarlierRunHasConverted) {
+TEST_F(ConvertHeicPhotographsTest, ReusesWhatAnEarlierRunConverted) {
   ASSERT_OK(Convert(1));
   const std::vector<DatasetFile> first = converted;
   ASSERT_OK(Convert(3));
@@ -108,7 +108,7 @@ TEST_F(ConvertHeicPhotographsTest, TakesWhatAnEarlierRunHasConverted) {
   EXPECT_EQ(converted[1].path, first[1].path);
 }
 
-TEST_F(ConvertHeicPhotographsTest, ConvertsAgainWhatAnEarlierRunLeftDamaged) {
+TEST_F(ConvertHeicPhotographsTest, ConvertsAgainWhatAnEarlierRunDamaged) {
   ASSERT_OK(Convert(1));
   const std::vector<DatasetFile> first = converted;
   std::string bytes = Read(first[1].path);
@@ -134,7 +134,7 @@ TEST_F(ConvertHeicPhotographsTest, EndsWhenTheTrainingIsCancelled) {
   EXPECT_FALSE(observer.polling) << "a signal ends the process at once again";
 }
 
-TEST_F(ConvertHeicPhotographsTest, MakesNothingWithoutHeicPhotographs) {
+TEST_F(ConvertHeicPhotographsTest, DoesNothingWithoutHeicPhotographs) {
   files.erase(files.begin(), files.begin() + 2);
   ASSERT_OK(Convert(1));
   EXPECT_EQ(converted[0].path, files[0].path);

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 
 namespace pepeseg {
 namespace {
@@ -24,7 +24,7 @@ const PlannedStage& Find(const std::vector<PlannedStage>& stages, const std::str
   return stages.front();
 }
 
-TEST(PlanStages, LeavesOutWhatTheDatasetBrings) {
+TEST(PlanStages, OmitsStagesWhoseResultIsGiven) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
@@ -42,7 +42,7 @@ TEST(PlanStages, LeavesOutWhatTheDatasetBrings) {
   EXPECT_THAT(Names(PlanStages(facts, settings)), ElementsAre("prepare", "evaluate", "index"));
 }
 
-TEST(PlanStages, DoesNotKnowHowLongACommandTakes) {
+TEST(PlanStages, HasNoTimeForAPriorsCommand) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
@@ -53,7 +53,7 @@ TEST(PlanStages, DoesNotKnowHowLongACommandTakes) {
   EXPECT_TRUE(Find(PlanStages(facts, settings), "priors").seconds.has_value());
 }
 
-TEST(PlanStages, ExpectsSamToTakeItsTime) {
+TEST(PlanStages, AddsTheTimeOfSam) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
@@ -69,7 +69,7 @@ TEST(PlanStages, ExpectsSamToTakeItsTime) {
                    (embedded + 20 * kSamCoreSeconds) / 4);
 }
 
-TEST(PlanStages, ExpectsOnlyThePhotographsThatAreLeftToTakeSamsTime) {
+TEST(PlanStages, CountsOnlyPhotographsThatSamHasStillToSegment) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   facts.has_sam = true;
@@ -80,7 +80,7 @@ TEST(PlanStages, ExpectsOnlyThePhotographsThatAreLeftToTakeSamsTime) {
                    all - 13 * kSamCoreSeconds);
 }
 
-TEST(PlanStages, ExpectsCoarseStepsToCostLess) {
+TEST(PlanStages, ExpectsCoarseStepsToTakeLessTime) {
   TrainingFacts facts;
   facts.num_photographs = 20;
   TrainingSettings settings;
@@ -106,7 +106,7 @@ TEST(PlanStages, ExpectsMoreThreadsToTakeLessTimeOnCoresOnly) {
   EXPECT_DOUBLE_EQ(*Find(one, "features").seconds, *Find(eight, "features").seconds);
 }
 
-TEST(RunsPrograms, IsTrueForPosesAndForACommandThatIsWanted) {
+TEST(RunsPrograms, IsTrueForPosesAndForARequestedCommand) {
   TrainingFacts facts;
   PriorOptions priors;
   EXPECT_TRUE(RunsPrograms(facts, priors)) << "COLMAP estimates the poses";

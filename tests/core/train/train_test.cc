@@ -22,7 +22,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Pair;
 
-// Keeps what a training reports, and cancels it in a stage.
+// Records the reports of a training, and cancels it in a given stage.
 struct RecordingObserver final : TrainingObserver {
   absl::Status StartStage(const std::string& stage) override {
     stages.push_back(stage);
@@ -49,7 +49,7 @@ struct RecordingObserver final : TrainingObserver {
   std::vector<StageEnd> ends;
 };
 
-// Trains on the shipped scene, as a user of the library does: 80x60 pixels and few steps.
+// Trains on the scene in tests/data as a user of the library would: 80x60 pixels and few steps.
 class TrainTest : public ::testing::Test {
  protected:
   TrainTest() {
@@ -90,7 +90,7 @@ TEST_F(TrainTest, RunsTheStagesInOrderAndWritesTheModel) {
   ASSERT_OK_AND_ASSIGN(const Model stored, ReadModel(inputs_.folders.run));
   EXPECT_EQ(stored.gaussians.planes, trained.model.gaussians.planes);
   EXPECT_EQ(stored.field.features.size(),
-            trained.model.field.features.size());  // of half precision
+            trained.model.field.features.size());  // stored in half precision
   EXPECT_EQ(stored.facts.at("job"), "j1");
   EXPECT_GT(stored.metrics.at("psnr"), 5);
   for (const auto& entry : fs::directory_iterator(inputs_.folders.run)) {
@@ -119,7 +119,7 @@ TEST_F(TrainTest, StopsAtTheNextStepWhenCancelled) {
   EXPECT_FALSE(fs::exists(inputs_.folders.run / "manifest.json"));
 }
 
-TEST_F(TrainTest, TakesStageOneFromAnEarlierRun) {
+TEST_F(TrainTest, ReusesStageOneOfAnEarlierRun) {
   observer_.cancel_in = "features";
   EXPECT_STATUS(Run(), absl::StatusCode::kCancelled, "stage features");
   const std::string earlier = Gaussians(inputs_.folders.run / kReconstructFolder);
@@ -143,7 +143,7 @@ TEST_F(TrainTest, RefusesFilesThatDifferFromTheirDigests) {
   EXPECT_THAT(observer_.stages, ElementsAre("prepare"));
 }
 
-TEST_F(TrainTest, RefusesLpipsWeightsBeforeItReadsADataset) {
+TEST_F(TrainTest, RefusesLpipsWeightsBeforeReadingTheDataset) {
   inputs_.tools.lpips_weights = folder_ / "none.onnx";
   EXPECT_STATUS(Run(), absl::StatusCode::kNotFound, "none.onnx");
   EXPECT_TRUE(observer_.stages.empty());

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/digest.h"
-#include "core/priors/sam/sam_needs.h"
+#include "core/priors/sam/sam_segmenter.h"
 #include "server/services/dataset_size.h"
 #include "server/store/layout.h"
 #include "tests/server/running_server.h"

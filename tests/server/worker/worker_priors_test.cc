@@ -105,7 +105,8 @@ TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
   for (const v1::JobEvent& event : Events()) {
     told |= event.progress().stage() == "priors" && event.progress().step() == 13;
     if (event.term_skipped().term() == "depth") {
-      EXPECT_EQ(event.term_skipped().reason(), "depth priors are of the points it starts from");
+      EXPECT_EQ(event.term_skipped().reason(),
+                "the depth priors were made from the points that training starts from");
     }
   }
   EXPECT_TRUE(told);
@@ -203,7 +204,7 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
   const std::string script = absl::StrCat(kMakeMasks, "echo '[{' > $out/masks/000002.json");
   SetCommand(script);
   ExpectExit(Run(), WorkerExit::kSucceeded);
-  EXPECT_THAT(Warnings(), ElementsAre(AllOf(HasSubstr("made what cannot be used"),
+  EXPECT_THAT(Warnings(), ElementsAre(AllOf(HasSubstr("made files that cannot be used"),
                                             HasSubstr("masks/frame-000001.json")),
                                       AdvisesOtherMasks()));
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));

@@ -12,13 +12,13 @@
 
 #include "absl/status/status.h"
 
-// SegmentPhotograph with a network that knows a drawing instead of a photograph.
+// SegmentPhotograph with a stand-in for the network that answers from a drawing.
 namespace pepeseg {
 namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
 
-// Whether a pixel is in a thing.
+// Returns true inside a thing, for a position in pixels.
 using Thing = std::function<bool(double x, double y)>;
 Thing Disc(double x0, double y0, double radius) {
   return [=](double x, double y) { return std::hypot(x - x0, y - y0) < radius; };
@@ -29,12 +29,12 @@ Thing Rest(const Thing& whole, const Thing& part) {
 
 struct DrawnThing {
   Thing holds;
-  float iou = 0.95F;  // as the network estimates it
-  float logit = 8;    // inside; outside its negative
+  float iou = 0.95F;  // the estimate that the network returns
+  float logit = 8;    // inside the thing; -logit outside
 };
 
-// Answers a point with the things that hold it, in their order. Several points: with the things
-// that hold the positive ones and not the negative ones.
+// Answers a prompt of one point with the things that hold it, in their order, and a prompt of
+// several points with the hidden things that hold the positive ones and not the negative ones.
 class DrawingSegmenter : public PromptedSegmenter {
  public:
   explicit DrawingSegmenter(std::vector<DrawnThing> things, std::vector<DrawnThing> hidden = {})
@@ -89,11 +89,11 @@ View TestView() {
   return view;
 }
 
-absl::Status Go() { return absl::OkStatus(); }
+absl::Status Proceed() { return absl::OkStatus(); }
 
 AutomaticMasks Segment(DrawingSegmenter& segmenter, const AutomaticMaskOptions& options,
                        const MaskSet& embedded = {}, const View& view = TestView()) {
-  auto made = SegmentPhotograph(segmenter, view, embedded, options, Go);
+  auto made = SegmentPhotograph(segmenter, view, embedded, options, Proceed);
   EXPECT_TRUE(made.ok()) << made.status();
   return *std::move(made);
 }
@@ -130,7 +130,7 @@ AutomaticMaskOptions Grid(int points_per_side) {
   return options;
 }
 
-TEST(SegmentPhotograph, AsksAtEachPointOfTheGridInRuns) {
+TEST(SegmentPhotograph, PromptsAtEachPointOfTheGridInBatches) {
   DrawingSegmenter segmenter({});
   AutomaticMaskOptions options = Grid(5);
   options.prompts_per_run = 8;
@@ -152,7 +152,7 @@ TEST(SegmentPhotograph, KeepsEachThingOnce) {
   for (const Thing& thing : {kSmall, kBig, kFar}) EXPECT_GT(BestIou(masks, thing), 0.93);
 }
 
-// A ring has the box of its disc: both stay.
+// A ring and its disc have the same box, but are kept both.
 TEST(SegmentPhotograph, SuppressesByMasksAndNotByBoxes) {
   const Thing ring = Rest(kBig, Disc(32, 24, 14));
   DrawingSegmenter segmenter({{kBig}, {ring}, {Disc(32.5, 24, 18), 0.9F}});
@@ -161,7 +161,7 @@ TEST(SegmentPhotograph, SuppressesByMasksAndNotByBoxes) {
   EXPECT_GT(BestIou(masks, ring), 0.85);
 }
 
-TEST(SegmentPhotograph, TakesLessSureMasksOnlyWhereNoSureOneIs) {
+TEST(SegmentPhotograph, KeepsFillersOnlyWhereNoSureMaskIs) {
   DrawingSegmenter segmenter({{kBig}, {kSmall, 0.75F}, {kFar, 0.75F}});
   const MaskSet masks = Segment(segmenter, Grid(12)).masks;
   EXPECT_EQ(masks.num_masks, 2);
@@ -170,11 +170,11 @@ TEST(SegmentPhotograph, TakesLessSureMasksOnlyWhereNoSureOneIs) {
 }
 
 TEST(SegmentPhotograph, DropsUnstableMasks) {
-  DrawingSegmenter segmenter({{kBig, 0.95F, 0.5F}});  // logits under the offset
+  DrawingSegmenter segmenter({{kBig, 0.95F, 0.5F}});  // logits below stability_offset
   EXPECT_EQ(Segment(segmenter, Grid(8)).masks.num_masks, 0);
 }
 
-TEST(SegmentPhotograph, AsksForTheRestOfWhatHoldsAnother) {
+TEST(SegmentPhotograph, PromptsForTheRemainderOfAMaskThatHoldsAnother) {
   const Thing rest = Rest(kBig, kSmall);
   DrawingSegmenter segmenter({{kBig}, {kSmall}}, {{rest}});
   const AutomaticMasks made = Segment(segmenter, Grid(10));
@@ -187,12 +187,12 @@ TEST(SegmentPhotograph, AsksForTheRestOfWhatHoldsAnother) {
   EXPECT_EQ(Segment(segmenter, options).masks.num_masks, 2);
 }
 
-TEST(SegmentPhotograph, DropsAnAnswerThatIsNotTheRest) {
+TEST(SegmentPhotograph, DropsAnAnswerThatIsNotTheRemainder) {
   DrawingSegmenter segmenter({{kBig}, {kSmall}}, {{Rest(kFar, kSmall)}, {Disc(32, 40, 4)}});
   EXPECT_EQ(Segment(segmenter, Grid(10)).masks.num_masks, 2);
 }
 
-TEST(SegmentPhotograph, PassesOverPointsThatASmallSureMaskHolds) {
+TEST(SegmentPhotograph, SkipsPointsThatASmallSureMaskHolds) {
   DrawingSegmenter segmenter({{kBig}});
   AutomaticMaskOptions options = Grid(16);
   const int num_all = Segment(segmenter, options).num_prompts;
@@ -204,7 +204,7 @@ TEST(SegmentPhotograph, PassesOverPointsThatASmallSureMaskHolds) {
   EXPECT_EQ(made.masks.num_masks, 1);
 }
 
-TEST(SegmentPhotograph, AsksAtTheDeepestPointsOfEmbeddedMasks) {
+TEST(SegmentPhotograph, PromptsAtTheDeepestPointsOfEmbeddedMasks) {
   DrawingSegmenter segmenter({{kFar}});
   AutomaticMaskOptions options = Grid(0);
   options.region_points = true;
@@ -217,7 +217,7 @@ TEST(SegmentPhotograph, AsksAtTheDeepestPointsOfEmbeddedMasks) {
   EXPECT_EQ(Segment(segmenter, options, OneMask(kFar)).num_prompts, 0);
 }
 
-TEST(SegmentPhotograph, JoinsEmbeddedMasksThatAreNoDuplicates) {
+TEST(SegmentPhotograph, AddsEmbeddedMasksThatAreNotDuplicates) {
   DrawingSegmenter segmenter({{kBig}});
   AutomaticMaskOptions options = Grid(8);
   EXPECT_EQ(Segment(segmenter, options, OneMask(kFar)).masks.num_masks, 2);
@@ -232,7 +232,7 @@ TEST(SegmentPhotograph, LeavesOutIgnoredPixels) {
   view.ignore.assign(kWidth * kHeight, 0);
   for (int i = 0; i < kWidth * 24; ++i) view.ignore[i] = 1;
   const MaskSet masks = Segment(segmenter, Grid(8), OneMask(kFar), view).masks;
-  ASSERT_EQ(masks.num_masks, 1);  // of the embedded one nothing is left
+  ASSERT_EQ(masks.num_masks, 1);  // all of the embedded mask is ignored
   EXPECT_FALSE(masks.Covers(0, 32, 20));
   EXPECT_TRUE(masks.Covers(0, 32, 30));
 }
@@ -244,13 +244,43 @@ TEST(SegmentPhotograph, EndsWithTheErrorOfItsProgress) {
     return ++calls == 5 ? absl::CancelledError("stopped") : absl::OkStatus();
   });
   EXPECT_TRUE(absl::IsCancelled(made.status()));
-  EXPECT_EQ(segmenter.runs.size(), 3u);  // the first call comes before the photograph
+  EXPECT_EQ(segmenter.runs.size(), 3u);  // progress is called once before SetPhotograph
 }
 
-TEST(SegmentPhotograph, AnswersTheSameEachTime) {
+TEST(SegmentPhotograph, ReturnsTheSameMasksEachTime) {
   DrawingSegmenter segmenter({{kSmall}, {kBig}, {kFar}});
   const MaskSet first = Segment(segmenter, Grid(12)).masks;
   EXPECT_EQ(Segment(segmenter, Grid(12)).masks.pixel_patch, first.pixel_patch);
+}
+
+constexpr int kSetWidth = 8, kSetHeight = 4;  // of the masks that JoinMasks joins
+
+// Returns a mask of the columns [first, last).
+BinaryMask Columns(int first, int last) {
+  BinaryMask mask;
+  for (int i = 0; i < kSetWidth * kSetHeight; ++i) {
+    mask.pixels.push_back(i % kSetWidth >= first && i % kSetWidth < last ? 1 : 0);
+  }
+  return mask;
+}
+
+MaskSet Set(const std::vector<BinaryMask>& masks) {
+  return BuildMaskSet(kSetWidth, kSetHeight, masks);
+}
+
+TEST(JoinMasks, DropsNearDuplicatesOfEarlierMasks) {
+  const MaskSet joined = JoinMasks(Set({Columns(0, 5)}), Set({Columns(0, 6), Columns(2, 8)}), {},
+                                   /*duplicate_iou=*/0.8);
+  ASSERT_EQ(joined.num_masks, 2);
+  EXPECT_EQ(joined.Extract(0).pixels, Columns(0, 5).pixels);
+  EXPECT_EQ(joined.Extract(1).pixels, Columns(2, 8).pixels);
+}
+
+TEST(JoinMasks, LeavesIgnoredPixelsOut) {
+  const std::vector<uint8_t> ignore = Columns(4, 8).pixels;
+  const MaskSet joined = JoinMasks(Set({Columns(2, 6), Columns(5, 7)}), {}, ignore, 0.8);
+  ASSERT_EQ(joined.num_masks, 1);
+  EXPECT_EQ(joined.Extract(0).pixels, Columns(2, 4).pixels);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ std::string Node(const std::string& input, const std::string& output) {
   return ProtoBytes(1, ProtoBytes(1, input) + ProtoBytes(2, output) + ProtoBytes(4, "Relu"));
 }
 
-// in -> a -> b -> out, and a -> side; "weight" is an initializer.
+// Returns a model with the nodes in -> a -> b -> out and a -> side, and the initializer "weight".
 std::string Model() {
   const std::string graph = Node("in", "a") + Node("a", "b") + Node("a", "side") +
                             Node("b", "out") + ProtoBytes(5, ProtoBytes(8, "weight")) +
@@ -25,7 +25,7 @@ std::string Model() {
   return ProtoBytes(2, "maker") + ProtoBytes(7, graph);
 }
 
-TEST(EditOnnxGraph, MakesInnerTensorsOutputsAndDropsWhatTheyDoNotNeed) {
+TEST(EditOnnxGraph, MakesInnerTensorsOutputsAndDropsUnneededNodes) {
   const auto edited = EditOnnxGraph(Model(), {{}, {{"in", {1, -1}}}, {{"b", {-1}}}}, "m.onnx");
   ASSERT_TRUE(edited.ok()) << edited.status();
   EXPECT_THAT(*edited, HasSubstr("maker"));
@@ -35,7 +35,7 @@ TEST(EditOnnxGraph, MakesInnerTensorsOutputsAndDropsWhatTheyDoNotNeed) {
   EXPECT_THAT(*edited, Not(HasSubstr("out")));
 }
 
-TEST(EditOnnxGraph, RewiresWhatNodesRead) {
+TEST(EditOnnxGraph, RewiresTheInputsOfNodes) {
   const OnnxGraphEdit edit = {{{"b", "weight"}}, {{"in", {}}}, {{"out", {}}}};
   const auto edited = EditOnnxGraph(Model(), edit, "m.onnx");
   ASSERT_TRUE(edited.ok()) << edited.status();
@@ -54,7 +54,7 @@ TEST(EditOnnxGraph, NamesATensorWithoutSource) {
   }
 }
 
-TEST(EditOnnxGraph, RefusesAModelThatIsCutOffAnywhere) {
+TEST(EditOnnxGraph, RefusesATruncatedModel) {
   const std::string model = Model();
   const OnnxGraphEdit edit = {{}, {{"in", {}}}, {{"out", {}}}};
   ASSERT_TRUE(EditOnnxGraph(model, edit, "m.onnx").ok());

@@ -35,7 +35,7 @@ struct SamFilesTest : ::testing::Test {
   const std::filesystem::path sam;
 };
 
-TEST_F(SamFilesTest, AreWhatTheirDigestsSay) {
+TEST_F(SamFilesTest, MustMatchTheirDigests) {
   EXPECT_TRUE(CheckSamFiles(sam).ok()) << CheckSamFiles(sam);
   std::ofstream(sam / "encoder.onnx", std::ios::app) << "x";
   const absl::Status status = CheckSamFiles(sam);
@@ -45,7 +45,7 @@ TEST_F(SamFilesTest, AreWhatTheirDigestsSay) {
   EXPECT_EQ(Open(), status);
 }
 
-TEST_F(SamFilesTest, AreMissedByName) {
+TEST_F(SamFilesTest, AreNamedWhenTheyAreMissing) {
   std::filesystem::remove(sam / "sam.onnx");
   EXPECT_THAT(Text(CheckSamFiles(sam)), HasSubstr("sam.onnx"));
   std::ofstream(sam / "SHA256SUMS") << "00  encoder.onnx\n";
@@ -77,7 +77,7 @@ TEST_F(SamFilesTest, AreRefusedWhereTheModelIsAnother) {
   EXPECT_THAT(Text(Open()), HasSubstr("sam.onnx: not the expected model: it has no tensor /"));
 }
 
-TEST_F(SamFilesTest, SayWhereMemoryIsShort) {
+TEST_F(SamFilesTest, ReportThatMemoryRanOut) {
   ReplaceSamFile(sam, "encoder.onnx", "out of memory");
   EXPECT_TRUE(absl::IsResourceExhausted(Open())) << Open();
 }
@@ -96,8 +96,8 @@ double BestIou(const MaskSet& masks, const BinaryMask& thing) {
   return best;
 }
 
-// Left half red, right half blue, with a green square: the fake network tells colours apart, in
-// cells of 16 pixels of its frame, which is as large as this photograph.
+// A photograph with a red left half, a blue right half and a green square. The fake network
+// segments by colour, in cells of 16 pixels of its frame, which is as large as this photograph.
 TEST_F(SamFilesTest, SegmentThroughTheLibrarysInterface) {
   View view;
   constexpr int kWidth = 1024, kHeight = 640;
@@ -143,21 +143,21 @@ TEST_F(SamFilesTest, SegmentSeveralPhotographsAtTheSameTime) {
     return made.ok() ? made->masks : MaskSet();
   };
   const MaskSet alone[] = {segment(64), segment(128)};
-  MaskSet beside[2];
+  MaskSet together[2];
   {
-    const std::jthread other([&] { beside[0] = segment(64); });
-    beside[1] = segment(128);
+    const std::jthread other([&] { together[0] = segment(64); });
+    together[1] = segment(128);
   }
   for (int i = 0; i < 2; ++i) {
     EXPECT_GT(alone[i].num_masks, 0);
-    EXPECT_EQ(alone[i].mask_area, beside[i].mask_area);
-    EXPECT_EQ(alone[i].pixel_patch, beside[i].pixel_patch);
+    EXPECT_EQ(alone[i].mask_area, together[i].mask_area);
+    EXPECT_EQ(alone[i].pixel_patch, together[i].pixel_patch);
   }
   EXPECT_NE(alone[0].pixel_patch, alone[1].pixel_patch);
 }
 
-// No GPU computes here: a library in place of ONNX Runtime is asked for it.
-TEST_F(SamFilesTest, AskForCudaWhereItsProviderIs) {
+// No GPU is needed: the library in place of ONNX Runtime claims to have GPU 0.
+TEST_F(SamFilesTest, RequestCudaIfItsProviderIsInstalled) {
   const auto processor = [this](std::optional<int> device) {
     const auto model = SamModel::Open(sam, {.cuda_device = device});
     return model.ok() ? (*model)->processor() : model.status().ToString();
@@ -170,7 +170,7 @@ TEST_F(SamFilesTest, AskForCudaWhereItsProviderIs) {
                                   HasSubstr("encoder.onnx: there is no GPU 7")));
 }
 
-TEST_F(SamFilesTest, EndCallsThatAreInterrupted) {
+TEST_F(SamFilesTest, EndCallsOnInterrupt) {
   ReplaceSamFile(sam, "encoder.onnx", "endless");
   const auto model = SamModel::Open(sam, {});
   ASSERT_TRUE(model.ok()) << model.status();
@@ -184,7 +184,7 @@ TEST_F(SamFilesTest, EndCallsThatAreInterrupted) {
   EXPECT_TRUE(absl::IsCancelled(segmenter->SetPhotograph(Stripes(64))));
 }
 
-// With the files that deploy/sam.sh installs: `make sam-test`.
+// Needs the files that deploy/sam.sh installs: `make sam-test`.
 TEST(RealSam, FindsTheProductsOfTheShelf) {
   const char* folder = std::getenv("PEPESEG_SAM");
   if (folder == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
@@ -202,7 +202,7 @@ TEST(RealSam, FindsTheProductsOfTheShelf) {
       SegmentPhotograph(*segmenter, view, {}, options, [] { return absl::OkStatus(); });
   ASSERT_TRUE(made.ok()) << made.status();
   EXPECT_GE(made->masks.num_masks, 15);
-  // The masks that come with the scene are of the same network, by another program.
+  // The masks that come with the scene were made by the same network in another program.
   int num_found = 0, num_large = 0;
   for (int k = 0; k < view.masks.num_masks; ++k) {
     if (view.masks.mask_area[k] < 4000) continue;

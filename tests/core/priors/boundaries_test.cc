@@ -1,4 +1,4 @@
-#include "core/priors/depth_edges.h"
+#include "core/priors/boundaries.h"
 
 #include <gtest/gtest.h>
 
@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kWidth = 40, kHeight = 30;
 
+// A view with the depth prior `prior` and no photograph.
 View WithPrior(const std::function<float(int x, int y)>& prior) {
   View view;
   view.camera = {kWidth, kHeight, 40, 40, 20, 15};
@@ -19,7 +20,7 @@ View WithPrior(const std::function<float(int x, int y)>& prior) {
   return view;
 }
 
-TEST(DepthEdges, AreABandAboutAStep) {
+TEST(DepthEdges, MarkABandAroundAStep) {
   const std::vector<uint8_t> edges =
       DepthEdges(WithPrior([](int x, int) { return x < 20 ? 0.3f : 0.5f; }));
   for (int y = 0; y < kHeight; ++y) {
@@ -32,13 +33,13 @@ TEST(DepthEdges, AreABandAboutAStep) {
   }
 }
 
-TEST(DepthEdges, ASlopeHasNone) {
+TEST(DepthEdges, MarkNothingOnASlope) {
   const std::vector<uint8_t> edges =
       DepthEdges(WithPrior([](int x, int y) { return 0.01f * x + 0.005f * y; }));
   for (const uint8_t edge : edges) ASSERT_EQ(edge, 0);
 }
 
-TEST(DepthEdges, AreWhereNothingIsKnown) {
+TEST(DepthEdges, MarkUnknownPixels) {
   const std::vector<uint8_t> edges =
       DepthEdges(WithPrior([](int x, int y) { return x == 3 && y == 4 ? NAN : 0.0f; }));
   for (int i = 0; i < kWidth * kHeight; ++i) ASSERT_EQ(edges[i], i == 4 * kWidth + 3 ? 1 : 0);

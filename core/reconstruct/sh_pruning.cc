@@ -1,4 +1,4 @@
-#include "core/reconstruct/earned_bands.h"
+#include "core/reconstruct/sh_pruning.h"
 
 #include <algorithm>
 #include <array>
@@ -7,12 +7,12 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kMostViews = 16;
+constexpr int kMostViews = 16;  // most training views to render
 
 // Measures how well the training views are rendered with a limited SH degree.
-class BandMeter {
+class DegreeMeter {
  public:
-  BandMeter(Backend& backend, const TrainingViews& views, float near_plane)
+  DegreeMeter(Backend& backend, const TrainingViews& views, float near_plane)
       : backend_(backend),
         views_(views),
         near_plane_(near_plane),
@@ -69,11 +69,11 @@ class BandMeter {
 
 }  // namespace
 
-int EarnedShDegree(Backend& backend, const TrainingViews& views, float near_plane,
-                   GaussianState& state, double min_gain) {
+int SufficientShDegree(Backend& backend, const TrainingViews& views, float near_plane,
+                       GaussianState& state, double min_gain) {
   // Tries degrees from 0 on, so that the error need not fall from degree to degree. A NaN fails the
   // comparison and keeps all degrees.
-  BandMeter meter(backend, views, near_plane);
+  DegreeMeter meter(backend, views, near_plane);
   if (!meter.allocated()) return state.sh_degree();  // cannot measure: keep all degrees
   const double of_all = meter.MeanSquaredError(state.parameters(), state.sh_degree());
   const double most = of_all * std::pow(10, 0.1 * min_gain);  // the error min_gain dB below

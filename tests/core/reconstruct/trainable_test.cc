@@ -1,4 +1,4 @@
-#include "core/reconstruct/capture_kind.h"
+#include "core/reconstruct/trainable.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 namespace pepeseg {
 namespace {
 
-// Cameras turned about the vertical axis, from -half to half degrees; on an arc about a point at
-// the distance `radius` in front of them (0: all in one place).
+// Returns cameras turned about the vertical axis, from -half to half degrees, on an arc about a
+// point at the distance `radius` in front of them. 0: all at one place.
 Capture Arc(double half, int num_views, double radius) {
   Capture capture;
   for (int i = 0; i < num_views; ++i) {
@@ -31,17 +31,17 @@ TEST(ViewingSpread, IsTheRootMeanSquareAngle) {
   EXPECT_EQ(ViewingSpread({}), 0);
 }
 
-TEST(ViewingSpread, OfDirectionsThatCancelOutIsAHalfTurn) {
+TEST(ViewingSpread, Is180DegreesWhenDirectionsCancelOut) {
   EXPECT_EQ(ViewingSpread(Arc(90, 2, 0)), 180);
 }
 
-TEST(ViewingSpread, LeavesHeldOutViewsOut) {
+TEST(ViewingSpread, IgnoresHeldOutViews) {
   Capture capture = Arc(60, 3, 3);
   capture.views.front().held_out = capture.views.back().held_out = true;
   EXPECT_NEAR(ViewingSpread(capture), 0, 1e-6);
 }
 
-TEST(FindCaptureKind, TellsAnOrbitFromAForwardFacingCapture) {
+TEST(FindCaptureKind, DistinguishesOrbitsFromForwardFacingCaptures) {
   EXPECT_EQ(FindCaptureKind(Arc(180, 36, 3)), CaptureKind::kOrbit);
   EXPECT_EQ(FindCaptureKind(Arc(45, 12, 3)), CaptureKind::kOrbit);
   EXPECT_EQ(FindCaptureKind(Arc(30, 12, 3)), CaptureKind::kForwardFacing);
@@ -49,7 +49,7 @@ TEST(FindCaptureKind, TellsAnOrbitFromAForwardFacingCapture) {
   EXPECT_EQ(FindCaptureKind(Arc(0, 20, 3)), CaptureKind::kForwardFacing);
 }
 
-TEST(FindCaptureKind, DoesNotDependOnRollOrOnTheWorldsAxes) {
+TEST(FindCaptureKind, DoesNotDependOnRollOrTheWorldsAxes) {
   for (const double half : {20.0, 60.0}) {
     Capture capture = Arc(half, 9, 3);
     const CaptureKind kind = FindCaptureKind(capture);

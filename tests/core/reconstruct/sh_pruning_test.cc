@@ -1,4 +1,4 @@
-#include "core/reconstruct/earned_bands.h"
+#include "core/reconstruct/sh_pruning.h"
 
 #include "core/reconstruct/initial_gaussians.h"
 #include "core/reconstruct/reconstructor.h"
@@ -14,7 +14,7 @@ const Capture& Synthetic() {
   return capture;
 }
 
-// Trained for a while without any higher band, and stored with all.
+// Returns Gaussians trained with degree 0 and stored with all degrees, the higher ones 0.
 Gaussians Trained(Backend& backend) {
   ReconstructOptions options;
   options.num_steps = 150;
@@ -27,50 +27,52 @@ Gaussians Trained(Backend& backend) {
   return out;
 }
 
-class EarnedBandsTest : public ::testing::Test {
+class ShPruningTest : public ::testing::Test {
  protected:
-  int Earned(const Gaussians& gaussians, double min_gain) {
+  int Sufficient(const Gaussians& gaussians, double min_gain) {
     const TrainingViews views(*backend_, Synthetic(), {});
     GaussianState state(*backend_, gaussians);
-    return EarnedShDegree(*backend_, views, 0.02f, state, min_gain);
+    return SufficientShDegree(*backend_, views, 0.02f, state, min_gain);
   }
 
   const std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
   Gaussians gaussians_ = Trained(*backend_);
 };
 
-TEST_F(EarnedBandsTest, BandsOfZeroEarnNothing) { EXPECT_EQ(Earned(gaussians_, 0.1), 0); }
+TEST_F(ShPruningTest, RemovesDegreesWithoutCoefficients) {
+  EXPECT_EQ(Sufficient(gaussians_, 0.1), 0);
+}
 
-// A band that matters has been made by taking it off what was right.
-TEST_F(EarnedBandsTest, BandsUpToTheLastThatMattersStay) {
+// Makes a degree matter by moving part of the colour to it.
+TEST_F(ShPruningTest, KeepsDegreesUpToTheLastThatMatters) {
   constexpr int kRedOfDegreeTwo = kShPlane + 3 * 6;
   const float y20_at_pole = 0.63f;
   for (int64_t i = 0; i < gaussians_.count; ++i) {
     gaussians_.Plane(kRedOfDegreeTwo)[i] = 0.8f;
     gaussians_.Plane(kShPlane)[i] -= 0.8f * y20_at_pole / 0.282f;
   }
-  EXPECT_EQ(Earned(gaussians_, 0.1), 2);
+  EXPECT_EQ(Sufficient(gaussians_, 0.1), 2);
 }
 
-TEST_F(EarnedBandsTest, WhatIsAskedOfThemDecides) {
+TEST_F(ShPruningTest, DependsOnTheMinimumGain) {
   constexpr int kRedOfDegreeOne = kShPlane + 3 * 2;
   for (int64_t i = 0; i < gaussians_.count; ++i) {
     gaussians_.Plane(kRedOfDegreeOne)[i] = 0.3f;
     gaussians_.Plane(kShPlane)[i] -= 0.3f;
   }
-  const int wanted_little = Earned(gaussians_, 1e-6), wanted_much = Earned(gaussians_, 100);
-  EXPECT_EQ(wanted_much, 0);
-  EXPECT_EQ(wanted_little, 1);
+  const int small_gain = Sufficient(gaussians_, 1e-6), large_gain = Sufficient(gaussians_, 100);
+  EXPECT_EQ(large_gain, 0);
+  EXPECT_EQ(small_gain, 1);
 }
 
-TEST(GaussianStateBands, AreGoneFromAllThatIsReadAndStayGone) {
+TEST(GaussianStateShDegree, StayRemovedInDownloadsAndCheckpoints) {
   const auto backend = MakeCpuBackend(1);
   Gaussians all = Gaussians::Zero(3, 2);
   for (size_t i = 0; i < all.planes.size(); ++i) all.planes[i] = static_cast<float>(i);
   GaussianState state(*backend, all);
-  state.KeepBandsTo(3);
+  state.LimitShDegree(3);
   EXPECT_EQ(state.sh_degree(), 2);
-  state.KeepBandsTo(1);
+  state.LimitShDegree(1);
   const auto num_left = static_cast<std::ptrdiff_t>(3 * NumPlanes(1));
   const std::vector<float> left(all.planes.begin(), all.planes.begin() + num_left);
   EXPECT_EQ(state.Download().sh_degree, 1);
