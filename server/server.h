@@ -11,7 +11,7 @@
 #include "absl/time/time.h"
 #include "grpcpp/channel.h"
 #include "server/access/access_options.h"
-#include "server/jobs/launch_options.h"
+#include "server/jobs/launcher.h"
 #include "server/rpc/stream_registry.h"
 #include "server/store/quota.h"
 #include "server/worker_protocol/worker_options.h"

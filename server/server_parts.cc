@@ -99,7 +99,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
   if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
-  job_options.silence = absl::Seconds(options.launch.lease_seconds);
+  job_options.heartbeat_timeout = absl::Seconds(options.launch.lease_seconds);
   return job_options;
 }
 

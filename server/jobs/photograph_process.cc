@@ -21,7 +21,7 @@
 namespace pepeseg {
 namespace {
 
-// Short next to a child's run time, 0.1 s and more.
+// Interval of looking at the child, which runs for at least 0.1 s.
 constexpr absl::Duration kPoll = absl::Milliseconds(5);
 
 absl::Status NotWanted() { return absl::CancelledError("the photograph is no longer wanted"); }
@@ -30,7 +30,8 @@ absl::Status Undecodable(const PhotographTask& task, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat(task.name, ": does not decode: ", why));
 }
 
-// Waits until the worker has written an answer.
+// Waits until the worker has ended by itself. The caller destroys `worker`, which kills it, on an
+// error.
 absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
                   const PhotographTask& task, absl::FunctionRef<bool()> wanted) {
   const absl::Time deadline = absl::Now() + process.time_limit;
@@ -50,6 +51,7 @@ absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
   return absl::InternalError(absl::StrCat(task.name, ": the decoder ", end->description));
 }
 
+// Parses the answer, and returns its picture or its error.
 absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
   std::string head(kPhotographHeaderBytes, '\0');
   if (!file.ReadAt(0, head)) return absl::InternalError("the decoder wrote no answer");

@@ -49,13 +49,13 @@ absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
 
 absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
   ASSIGN_OR_RETURN(JobRow row, loop_->store().RequestCancel(job));
-  if (row.cancel_requested) loop_->WishCancel(row.id);
+  if (row.cancel_requested) loop_->RequestCancel(row.id);
   return row;
 }
 
-void Supervisor::StopClaiming() { loop_->WishClaims(false); }
+void Supervisor::StopClaiming() { loop_->SetClaiming(false); }
 
-void Supervisor::ResumeClaiming() { loop_->WishClaims(true); }
+void Supervisor::ResumeClaiming() { loop_->SetClaiming(true); }
 
 void Supervisor::Stop(absl::Time deadline) { loop_->StopThread(deadline); }
 
@@ -64,7 +64,7 @@ EventLogReader Supervisor::ReadEvents(const std::string& job, int64_t after_sequ
 }
 
 absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job) const {
-  if (std::optional<Newest> running = loop_->FindRunning(job)) return *running;
+  if (std::optional<Newest> running = loop_->feed().FindNewest(job)) return *running;
   Newest newest;
   EventLogReader reader = ReadEvents(job, 0);
   while (true) {
@@ -78,16 +78,16 @@ absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job
 }
 
 std::optional<Supervisor::Newest> Supervisor::FindRunning(const std::string& job) const {
-  return loop_->FindRunning(job);
+  return loop_->feed().FindNewest(job);
 }
 
 absl::Status Supervisor::FindObstacle(const std::string& job, bool queued) const {
-  return loop_->FindObstacle(job, queued);
+  return loop_->feed().FindObstacle(job, queued);
 }
 
 std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,
                                                         std::function<void()> changed) {
-  return loop_->watches().Add(job, std::move(changed));
+  return loop_->feed().AddWatch(job, std::move(changed));
 }
 
 }  // namespace pepeseg

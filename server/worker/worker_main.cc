@@ -33,7 +33,7 @@
 #include "server/worker/worker_job.h"
 #include "server/worker/worker_photograph.h"
 #include "server/worker_protocol/job_environment.h"
-#include "server/worker_protocol/pulse.h"
+#include "server/worker_protocol/heartbeat.h"
 
 namespace pepeseg {
 namespace {
@@ -227,7 +227,7 @@ WorkerExit Run(const Arguments& arguments) {
     spdlog::error("{}", ready.ToString());
     return WorkerExit::kBadSpec;
   }
-  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
+  const WorkerHeartbeat heartbeat(folder.heartbeat(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   return RunJob(folder, *spec, log);

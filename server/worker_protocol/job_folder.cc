@@ -182,7 +182,7 @@ std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
   return attempt(fence) / "checkpoints";
 }
 
-std::filesystem::path JobFolder::pulse(int64_t fence) const {
+std::filesystem::path JobFolder::heartbeat(int64_t fence) const {
   return work() / absl::StrCat("pulse-", fence);
 }
 

@@ -15,7 +15,7 @@
 //   spec-FENCE.json      what to do
 //   events.log           events before the first attempt; events-FENCE.log and
 //                        events-FENCE-end.log: before and after the worker's (event_log.h)
-//   lease-FENCE          touched while the server holds the job (pulse.h)
+//   lease-FENCE          touched while the server holds the job (heartbeat.h)
 //   worker.log           the worker's standard output and error, opened by the launcher
 //   slurm.sh             the script that Slurm runs
 //   attempt-FENCE/       the model of an attempt, moved out of the worker's reach
@@ -96,7 +96,7 @@ class JobFolder {
 
   // Below work/.
   std::filesystem::path work() const;
-  std::filesystem::path pulse(int64_t fence) const;
+  std::filesystem::path heartbeat(int64_t fence) const;
   std::filesystem::path sfm_log() const { return work() / "sfm.log"; }
   std::filesystem::path temporary() const { return work() / "tmp"; }
   std::filesystem::path attempt(int64_t fence) const;

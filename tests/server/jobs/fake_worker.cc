@@ -14,7 +14,7 @@
 #include "core/base/digest.h"
 #include "server/worker_protocol/event_log.h"
 #include "server/worker_protocol/job_folder.h"
-#include "server/worker_protocol/pulse.h"
+#include "server/worker_protocol/heartbeat.h"
 
 namespace pepeseg {
 namespace {
@@ -128,7 +128,7 @@ int Run(const std::string& path) {
   const auto spec = folder.ReadSpec(folder.NewestFence());
   auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0, EventPart::kWorker);
   if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
-  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
+  const WorkerHeartbeat heartbeat(folder.heartbeat(spec->fence), folder.lease(spec->fence),
                           std::chrono::seconds(spec->lease_seconds),
                           [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");

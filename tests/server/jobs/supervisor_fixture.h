@@ -36,7 +36,7 @@ class SupervisorTest : public ::testing::Test {
       return "/blobs/" + file.sha256;
     };
     options.cancel_grace = absl::Milliseconds(300);
-    options.silence = absl::Seconds(3);
+    options.heartbeat_timeout = absl::Seconds(3);
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_TRUE(supervisor.ok()) << supervisor.status();
     supervisor_ = std::move(supervisor).value();

@@ -20,15 +20,15 @@ namespace pepeseg {
 bool Touch(const std::filesystem::path& path);
 
 // Watches the time of one file. Not thread safe.
-class PulseWatch {
+class HeartbeatWatch {
  public:
-  explicit PulseWatch(std::filesystem::path path) : path_(std::move(path)) {}
+  explicit HeartbeatWatch(std::filesystem::path path) : path_(std::move(path)) {}
 
   // From now on the time that a missing file stays missing counts, too.
   void Expect();
   // Looks at the file, and returns how long ago it was last seen to change; 0 while it is missing
   // and Expect was not called.
-  std::chrono::steady_clock::duration Silence();
+  std::chrono::steady_clock::duration SinceChange();
 
  private:
   std::filesystem::path path_;
@@ -37,25 +37,25 @@ class PulseWatch {
   std::chrono::steady_clock::time_point change_{};
 };
 
-// The worker's side. A thread of its own touches `pulse` every second (with a short lease, more
+// The worker's side. A thread of its own touches `heartbeat` every second (with a short lease, more
 // often) until the object is destroyed. With a lease, that thread calls `lost` once `lease` was not
 // touched for 0.7 of `length`: the rest allows for the delay between the holder's renewal in the
 // database and its touch of this file.
-class WorkerPulse {
+class WorkerHeartbeat {
  public:
-  WorkerPulse(const std::filesystem::path& pulse, const std::filesystem::path& lease,
+  WorkerHeartbeat(const std::filesystem::path& heartbeat, const std::filesystem::path& lease,
               std::chrono::seconds length, std::function<void()> lost);
-  ~WorkerPulse();
-  WorkerPulse(const WorkerPulse&) = delete;
-  WorkerPulse& operator=(const WorkerPulse&) = delete;
+  ~WorkerHeartbeat();
+  WorkerHeartbeat(const WorkerHeartbeat&) = delete;
+  WorkerHeartbeat& operator=(const WorkerHeartbeat&) = delete;
 
  private:
   void Run();
 
-  const std::filesystem::path pulse_;
+  const std::filesystem::path heartbeat_;
   const std::chrono::seconds length_;  // of the lease; 0: no lease
   const std::function<void()> lost_;
-  PulseWatch lease_;
+  HeartbeatWatch lease_;
   std::mutex mutex_;
   std::condition_variable stop_;
   bool stopping_ = false;

@@ -1,4 +1,4 @@
-#include "server/worker_protocol/pulse.h"
+#include "server/worker_protocol/heartbeat.h"
 
 #include <gtest/gtest.h>
 
@@ -13,43 +13,43 @@ namespace {
 
 using std::chrono::milliseconds;
 
-TEST(PulseWatch, SilenceIsFromTheLastChange) {
+TEST(HeartbeatWatch, SilenceIsFromTheLastChange) {
   const testing::TempFolder folder;
-  PulseWatch watch(folder / "pulse");
-  EXPECT_EQ(watch.Silence(), milliseconds(0));
+  HeartbeatWatch watch(folder / "pulse");
+  EXPECT_EQ(watch.SinceChange(), milliseconds(0));
   absl::SleepFor(absl::Milliseconds(30));
-  EXPECT_EQ(watch.Silence(), milliseconds(0));  // not there: nothing is said
+  EXPECT_EQ(watch.SinceChange(), milliseconds(0));  // not there: nothing is said
   ASSERT_TRUE(Touch(folder / "pulse"));
-  watch.Silence();
+  watch.SinceChange();
   absl::SleepFor(absl::Milliseconds(50));
-  EXPECT_GE(watch.Silence(), milliseconds(50));
+  EXPECT_GE(watch.SinceChange(), milliseconds(50));
   ASSERT_TRUE(Touch(folder / "pulse"));
-  EXPECT_LT(watch.Silence(), milliseconds(50));
+  EXPECT_LT(watch.SinceChange(), milliseconds(50));
 }
 
-TEST(PulseWatch, FolderThatIsGoneCannotBeTouched) { EXPECT_FALSE(Touch("/nowhere/at/all")); }
+TEST(HeartbeatWatch, FolderThatIsGoneCannotBeTouched) { EXPECT_FALSE(Touch("/nowhere/at/all")); }
 
-TEST(WorkerPulse, BeatsUntilItIsDestroyed) {
+TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
   const testing::TempFolder folder;
-  PulseWatch watch(folder / "pulse");
+  HeartbeatWatch watch(folder / "pulse");
   {
-    const WorkerPulse pulse(folder / "pulse", folder / "lease", std::chrono::seconds(1),
+    const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
                             [] { FAIL() << "the lease is not there, so it is not over"; });
     absl::SleepFor(absl::Milliseconds(300));
     EXPECT_TRUE(std::filesystem::exists(folder / "pulse"));
-    EXPECT_LT(watch.Silence(), milliseconds(200));
+    EXPECT_LT(watch.SinceChange(), milliseconds(200));
   }
-  watch.Silence();
+  watch.SinceChange();
   absl::SleepFor(absl::Milliseconds(200));
-  EXPECT_GE(watch.Silence(), milliseconds(200));
+  EXPECT_GE(watch.SinceChange(), milliseconds(200));
 }
 
-TEST(WorkerPulse, TellsALeaseThatIsNotProlongedBeforeItIsOver) {
+TEST(WorkerHeartbeat, TellsALeaseThatIsNotProlongedBeforeItIsOver) {
   const testing::TempFolder folder;
   ASSERT_TRUE(Touch(folder / "lease"));
   std::atomic<bool> lost = false;
   const absl::Time start = absl::Now();
-  const WorkerPulse pulse(folder / "pulse", folder / "lease", std::chrono::seconds(1),
+  const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
                           [&] { lost = true; });
   while (absl::Now() - start < absl::Milliseconds(500)) {
     ASSERT_TRUE(Touch(folder / "lease"));
