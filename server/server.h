@@ -14,7 +14,7 @@
 #include "server/jobs/launcher.h"
 #include "server/rpc/stream_registry.h"
 #include "server/store/quota.h"
-#include "server/worker_protocol/worker_options.h"
+#include "server/worker_protocol/job_spec.h"
 
 namespace pepeseg {
 

@@ -15,7 +15,7 @@
 #include "server/jobs/launcher.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
-#include "server/worker_protocol/worker_options.h"
+#include "server/worker_protocol/job_spec.h"
 
 namespace pepeseg {
 

@@ -36,10 +36,12 @@ std::chrono::steady_clock::duration HeartbeatWatch::SinceChange() {
   return seen_ ? now - change_ : std::chrono::steady_clock::duration::zero();
 }
 
-WorkerHeartbeat::WorkerHeartbeat(const std::filesystem::path& heartbeat, const std::filesystem::path& lease,
-                         std::chrono::seconds length, std::function<void()> lost)
+WorkerHeartbeat::WorkerHeartbeat(const std::filesystem::path& heartbeat,
+                                 const std::filesystem::path& lease, std::chrono::seconds length,
+                                 std::function<void()> lost)
     : heartbeat_(heartbeat), length_(length), lost_(std::move(lost)), lease_(lease) {
-  // The new thread inherits a mask that blocks all signals: the training's thread handles them.
+  // The new thread inherits this mask, so that the kernel delivers SIGTERM to the thread that
+  // trains.
   sigset_t all;
   sigset_t before;
   sigfillset(&all);

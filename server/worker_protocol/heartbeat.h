@@ -11,12 +11,13 @@
 #include <thread>
 
 // Heartbeats. A worker and the holder of its lease each touch a file in the job's folder at regular
-// intervals, and watch the other's. Only changes of the file's time count, measured by the
-// watcher's steady clock: the machines' clocks need not agree, and a machine that was suspended has
-// missed nothing.
+// intervals, and watch the file of the other. A watcher only notes that the file's time has
+// changed, and measures the time since then by its own steady clock. So the clocks of the machines
+// need not agree, and the time during which a machine was suspended does not count.
 namespace pepeseg {
 
-// Creates `path` if needed and sets its time to now. False: that failed.
+// Sets the modification time of `path` to now, and creates the file if it is missing. Returns false
+// if that failed.
 bool Touch(const std::filesystem::path& path);
 
 // Watches the time of one file. Not thread safe.
@@ -24,27 +25,28 @@ class HeartbeatWatch {
  public:
   explicit HeartbeatWatch(std::filesystem::path path) : path_(std::move(path)) {}
 
-  // From now on the time that a missing file stays missing counts, too.
+  // Starts the clock now, even if the file is missing.
   void Expect();
-  // Looks at the file, and returns how long ago it was last seen to change; 0 while it is missing
-  // and Expect was not called.
+  // Looks at the file, and returns the time since its last change was seen. Returns 0 if the file
+  // has not existed yet and Expect() was not called.
   std::chrono::steady_clock::duration SinceChange();
 
  private:
   std::filesystem::path path_;
-  bool seen_ = false;
-  timespec newest_{};
-  std::chrono::steady_clock::time_point change_{};
+  bool seen_ = false;                               // change_ is set
+  timespec newest_{};                               // modification time at the last look
+  std::chrono::steady_clock::time_point change_{};  // when the last change was seen
 };
 
-// The worker's side. A thread of its own touches `heartbeat` every second (with a short lease, more
-// often) until the object is destroyed. With a lease, that thread calls `lost` once `lease` was not
-// touched for 0.7 of `length`: the rest allows for the delay between the holder's renewal in the
-// database and its touch of this file.
+// The worker's side. A thread touches the file `heartbeat` every second, or every twentieth of
+// `length` if that is shorter, until the object is destroyed. The same thread calls `lost` when the
+// file `lease` has not been touched for 0.7 of `length`, and again at each further beat. The other
+// 0.3 allow for the delay between the holder's renewal in the database and its touch of the file.
+// A `length` of 0 stands for no lease: `lost` is never called.
 class WorkerHeartbeat {
  public:
   WorkerHeartbeat(const std::filesystem::path& heartbeat, const std::filesystem::path& lease,
-              std::chrono::seconds length, std::function<void()> lost);
+                  std::chrono::seconds length, std::function<void()> lost);
   ~WorkerHeartbeat();
   WorkerHeartbeat(const WorkerHeartbeat&) = delete;
   WorkerHeartbeat& operator=(const WorkerHeartbeat&) = delete;
@@ -53,7 +55,7 @@ class WorkerHeartbeat {
   void Run();
 
   const std::filesystem::path heartbeat_;
-  const std::chrono::seconds length_;  // of the lease; 0: no lease
+  const std::chrono::seconds length_;  // lease duration; 0: no lease
   const std::function<void()> lost_;
   HeartbeatWatch lease_;
   std::mutex mutex_;
