@@ -58,12 +58,12 @@ absl::Status JobObserver::EndStage(const StageEnd& end) {
 
 void JobObserver::Warn(const std::string& message) {
   spdlog::warn("{}", message);
-  progress_.Warn(message).IgnoreError();  // the worker's log has it
+  progress_.Warn(message).IgnoreError();  // the worker's log has it anyway
 }
 
 void JobObserver::Log(const std::string& message) { spdlog::info("{}", message); }
 
-// Warns where the masks may be poor, and says how to get better ones.
+// Warns if the masks of that source may be poor, and says how to get better ones.
 void JobObserver::MadeMasks(const std::string& source) {
   for (const std::string& advice : AdviceOnModel({{"masks", source}})) Warn(advice);
 }

@@ -13,8 +13,8 @@
 
 #include "core/base/digest.h"
 #include "server/worker_protocol/event_log.h"
-#include "server/worker_protocol/job_folder.h"
 #include "server/worker_protocol/heartbeat.h"
+#include "server/worker_protocol/job_folder.h"
 
 namespace pepeseg {
 namespace {
@@ -129,8 +129,8 @@ int Run(const std::string& path) {
   auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0, EventPart::kWorker);
   if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
   const WorkerHeartbeat heartbeat(folder.heartbeat(spec->fence), folder.lease(spec->fence),
-                          std::chrono::seconds(spec->lease_seconds),
-                          [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
+                                  std::chrono::seconds(spec->lease_seconds),
+                                  [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
   event.mutable_stage_started()->set_stage("reconstruct");

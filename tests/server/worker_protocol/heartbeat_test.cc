@@ -34,7 +34,7 @@ TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
   HeartbeatWatch watch(folder / "pulse");
   {
     const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
-                            [] { FAIL() << "the lease is not there, so it is not over"; });
+                                    [] { FAIL() << "the lease is not there, so it is not over"; });
     absl::SleepFor(absl::Milliseconds(300));
     EXPECT_TRUE(std::filesystem::exists(folder / "pulse"));
     EXPECT_LT(watch.SinceChange(), milliseconds(200));
@@ -50,7 +50,7 @@ TEST(WorkerHeartbeat, TellsALeaseThatIsNotProlongedBeforeItIsOver) {
   std::atomic<bool> lost = false;
   const absl::Time start = absl::Now();
   const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
-                          [&] { lost = true; });
+                                  [&] { lost = true; });
   while (absl::Now() - start < absl::Milliseconds(500)) {
     ASSERT_TRUE(Touch(folder / "lease"));
     absl::SleepFor(absl::Milliseconds(20));

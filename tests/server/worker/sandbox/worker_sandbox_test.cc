@@ -31,7 +31,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/worker/sandbox/sanitizers.h"
+#include "server/worker/sandbox/worker_limits.h"
 #include "server/worker_protocol/landlock_version.h"
 #include "tests/server/jobs/listening_socket.h"
 #include "tests/testing/temp_folder.h"
