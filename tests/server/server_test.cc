@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "server/listen_rules.h"
 #include "tests/server/health_check.h"
 #include "tests/server/running_server.h"
 
