@@ -87,40 +87,40 @@ class BadInputTest : public ::testing::Test {
   std::vector<ClientFile> files_;
 };
 
-TEST_F(BadInputTest, TruncatedJpeg) {
+TEST_F(BadInputTest, RefusesATruncatedJpeg) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes.resize(bytes.size() / 2);
   ExpectBadFile(kPhoto);
 }
 
-TEST_F(BadInputTest, PosesThatDeclareABillionImages) {
+TEST_F(BadInputTest, RefusesPosesThatDeclareABillionImages) {
   const uint64_t count = 1'000'000'000;
   std::memcpy(FileOf(files_, kPoses).bytes.data(), &count, sizeof(count));
   ExpectBadFile(kPoses);
 }
 
-TEST_F(BadInputTest, NanPose) {
+TEST_F(BadInputTest, RefusesAPoseWithNan) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   // Behind the number of images (u64) and the first one's id (u32): its quaternion.
   std::memcpy(FileOf(files_, kPoses).bytes.data() + 12, &nan, sizeof(nan));
   ExpectBadFile(kPoses);
 }
 
-TEST_F(BadInputTest, MaskOfAnotherSize) {
+TEST_F(BadInputTest, RefusesAMaskOfAnotherSize) {
   ClientFile& mask = FileOf(files_, "masks/frame-000003.json");
   mask.path = "masks/frame-000003.png";
   mask.bytes = testing::BlackPng(320, 240, 8);
   ExpectBadFile("masks/frame-000003.png");
 }
 
-TEST_F(BadInputTest, DepthMapThatClaimsABillionPixels) {
+TEST_F(BadInputTest, RefusesADepthMapThatClaimsABillionPixels) {
   ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
   depth.path = "depth/frame-000003.pfm";
   depth.bytes = "Pf\n40000 30000\n-1\n" + std::string(4000, '\0');
   ExpectBadFile("depth/frame-000003.pfm");
 }
 
-TEST_F(BadInputTest, DepthMapThatIsNotFinite) {
+TEST_F(BadInputTest, RefusesADepthMapThatIsNotFinite) {
   ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
   depth.path = "depth/frame-000003.pfm";
   // All bits set: not a number.
@@ -128,7 +128,7 @@ TEST_F(BadInputTest, DepthMapThatIsNotFinite) {
   ExpectBadFile("depth/frame-000003.pfm");
 }
 
-TEST_F(BadInputTest, GaussiansThatAreACloudOfPoints) {
+TEST_F(BadInputTest, RefusesAPointCloudAsGaussians) {
   files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
                     "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\n"
                     "property float y\nproperty float z\nend_header\n" +
@@ -136,7 +136,7 @@ TEST_F(BadInputTest, GaussiansThatAreACloudOfPoints) {
   ExpectBadFile("gaussians.ply: has no property");
 }
 
-TEST_F(BadInputTest, GaussiansThatClaimABillion) {
+TEST_F(BadInputTest, RefusesGaussiansThatClaimABillion) {
   files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
                     "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
                     "property float x\nend_header\n" +
@@ -144,24 +144,24 @@ TEST_F(BadInputTest, GaussiansThatClaimABillion) {
   ExpectBadFile("gaussians.ply: declares 1000000000 vertices");
 }
 
-TEST_F(BadInputTest, HugeOneBitPng) {
+TEST_F(BadInputTest, RefusesAHugeOneBitPng) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes = testing::BlackPng(32000, 32000, 1);
   EXPECT_LT(bytes.size(), 200'000u);  // small to send, 1 G pixels to decode
   ExpectBadFile(kPhoto);
 }
 
-TEST_F(BadInputTest, NameThatClimbsOutOfItsFolder) {
+TEST_F(BadInputTest, RefusesANameThatEscapesTheFolder) {
   FileOf(files_, kPhoto).path = "../../x";
   ExpectUploadRefused("../../x");
 }
 
-TEST_F(BadInputTest, EmptyFolder) {
+TEST_F(BadInputTest, RefusesAnEmptyFolder) {
   files_.clear();
   ExpectUploadRefused("files");
 }
 
-TEST_F(BadInputTest, FolderWithoutPhotographs) {
+TEST_F(BadInputTest, RefusesAFolderWithoutPhotographs) {
   std::erase_if(files_, [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; });
   const v1::Job job = Train(files_);
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
@@ -170,7 +170,7 @@ TEST_F(BadInputTest, FolderWithoutPhotographs) {
   ExpectServing();
 }
 
-TEST_F(BadInputTest, UploadCutInTheMiddle) {
+TEST_F(BadInputTest, SurvivesAnUploadThatIsCutOff) {
   const auto is_photo = [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; };
   std::stable_partition(files_.begin(), files_.end(), is_photo);
   ASSERT_OK_AND_ASSIGN(const v1::Upload upload, client_.CreateUpload("shelf", files_));

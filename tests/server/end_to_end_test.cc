@@ -116,7 +116,7 @@ void ExpectScores(const v1::JobEvent::StageEnded& evaluate, const std::vector<v1
   for (const v1::View& view : views) EXPECT_EQ(view.has_scores(), view.held_out()) << view.view();
 }
 
-TEST_F(EndToEndTest, FromPhotographsToASegment) {
+TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
   ExpectWholeStory(events);
@@ -154,7 +154,7 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
               HasSubstr("element vertex " + std::to_string(model.num_gaussians()) + "\n"));
 }
 
-TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
+TEST_F(EndToEndTest, UsesUploadedGaussiansInsteadOfStageOne) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
   ASSERT_OK_AND_ASSIGN(const std::string ply, client_->Export("scenes/shelf/models/1"));
@@ -177,7 +177,7 @@ TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
   EXPECT_TRUE(again == ply);
 }
 
-TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
+TEST_F(EndToEndTest, MeasuresLpipsIfThereAreWeights) {
   server_->Terminate();
   Restart({"--lpips-weights=" PEPESEG_TEST_DATA "/lpips/tiny.onnx"});
   v1::TrainingOptions options = QuickOptions();
@@ -196,7 +196,7 @@ TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
   EXPECT_EQ(model.metrics().at("lpips"), evaluate.metrics().at("lpips"));
 }
 
-TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
+TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndAdaptsToItsPace) {
   const std::string dataset = UploadShelf("shelf");
   v1::TrainingOptions options = QuickOptions();
   options.mutable_reconstruct()->set_max_gaussians(20'000);
@@ -223,7 +223,7 @@ TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
 }
 
 // Each time before there was anything to save.
-TEST_F(EndToEndTest, WorkerThatIsKilledThreeTimesFailsItsJobAndTheNextOneRuns) {
+TEST_F(EndToEndTest, FailsAJobWhoseWorkerIsKilledThreeTimesAndRunsTheNext) {
   const std::string dataset = UploadShelf("shelf");
   const std::string job = Train("shelf", dataset, EndlessOptions());
   ASSERT_OK(client_->WaitForStep(job));
@@ -269,7 +269,7 @@ TEST_F(EndToEndTest, SigtermQueuesTheJobForTheNextServer) {
   EXPECT_EQ(ended.state(), v1::JOB_STATE_SUCCEEDED) << ended.error().message();
 }
 
-TEST_F(EndToEndTest, KilledServerTakesItsWorkerAlongAndItsJobRunsAgain) {
+TEST_F(EndToEndTest, KillsTheWorkerOfAKilledServerAndRunsTheJobAgain) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK(client_->WaitForStep(job));
   server_->Kill();

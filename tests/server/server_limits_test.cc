@@ -13,7 +13,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(ServerHealth, IsToldForEachService) {
+TEST(ServerHealth, IsReportedForEachService) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const auto channel = ConnectTo(running.server->port());
   EXPECT_EQ(CheckHealth(channel, ""), 1);
@@ -34,7 +34,7 @@ grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const st
   return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
 }
 
-TEST(ServerLimits, HoldOnTheSocket) {
+TEST(ServerLimits, ApplyToTheSocket) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const int port = running.server->port();
   const std::string large(size_t{9} << 20, 'x');
@@ -74,7 +74,7 @@ TEST(ServerHealth, FollowsTheDatabase) {
 }
 
 // Calls go on over a new connection, and a stream on the old one for as long again.
-TEST(ServerLimits, ConnectionsAgeWithoutHarm) {
+TEST(ServerLimits, EndOldConnectionsWithoutFailedCalls) {
   ServerOptions options;
   options.max_connection_age = absl::Seconds(2);
   RunningServer running(PEPESEG_FAKE_WORKER, options);

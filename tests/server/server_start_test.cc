@@ -18,7 +18,7 @@ ServerOptions OptionsIn(const testing::TempFolder& folder) {
   return options;
 }
 
-TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
+TEST(ServerStart, RefusesToServeOtherMachinesUnlessInsecure) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.listen = "0.0.0.0:0";
@@ -29,7 +29,7 @@ TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
+TEST(ServerStart, RefusesAMissingWorkerAndADataDirectoryInUse) {
   const testing::TempFolder folder;
   ServerOptions options;
   options.data = folder.path();
@@ -45,7 +45,7 @@ TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
+TEST(ServerStart, RefusesADeviceThatIsNotAvailable) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.device = "cuda:1000";
@@ -54,7 +54,7 @@ TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
   EXPECT_NE(refused.status().message().find("device cuda:1000: "), std::string::npos);
 }
 
-TEST(ServerStart, RefusesWeightsThatAreNone) {
+TEST(ServerStart, RefusesAFileThatIsNotWeights) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.workers.lpips_weights = folder / "lpips.onnx";
@@ -67,7 +67,7 @@ TEST(ServerStart, RefusesWeightsThatAreNone) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
+TEST(ServerStart, RefusesAPriorsCommandThatIsNotAProgram) {
   const testing::TempFolder folder;
   ServerOptions options;
   options.data = folder.path();
@@ -81,7 +81,7 @@ TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
   }
 }
 
-TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
+TEST(ServerStart, RefusesADamagedSamFolderThatIsNamed) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.workers.sam = folder / "sam";
@@ -95,7 +95,7 @@ TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
 }
 
 // The default folder holds nothing up.
-TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
+TEST(ServerStart, UsesSamInADefaultFolderIfItIsIntact) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.default_sam = {folder / "none", folder / "sam"};
@@ -107,7 +107,7 @@ TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesATakenPort) {
+TEST(ServerStart, RefusesAPortInUse) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;
   ServerOptions options = running.options;
@@ -121,7 +121,7 @@ TEST(ServerStart, RefusesATakenPort) {
   EXPECT_EQ(message.find('\n'), std::string::npos);
 }
 
-TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
+TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeBound) {
   const RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
@@ -135,7 +135,7 @@ TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
       << refused.status();
 }
 
-TEST(ServerStart, MakesItsDataDirectoryForItsOwnerOnly) {
+TEST(ServerStart, CreatesTheDataDirectoryForItsOwnerOnly) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.data = folder / "share" / "pepeseg";

@@ -20,7 +20,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(IsLoopback, KnowsWhatStaysOnTheMachine) {
+TEST(IsLoopback, AcceptsOnlyAddressesOfThisMachine) {
   for (const char* near : {"127.0.0.1:0", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/x"}) {
     EXPECT_TRUE(IsLoopback(near)) << near;
   }
@@ -38,7 +38,7 @@ grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const st
   return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
 }
 
-TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
+TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
@@ -118,7 +118,7 @@ struct Program {
   bool ended = false;
 };
 
-TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
+TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder);
   ASSERT_GT(program.port, 0);
@@ -232,7 +232,7 @@ Output RunShell(const std::string& line) {
   return output;
 }
 
-TEST(ServerProgram, SaysInOneLineThatItsPortIsTaken) {
+TEST(ServerProgram, ReportsAPortInUseInOneLine) {
   const testing::TempFolder folder;
   const Program first(folder);
   ASSERT_GT(first.port, 0);
@@ -262,7 +262,7 @@ TEST(ServerProgram, ServesWithoutArguments) {
             std::filesystem::perms::owner_all);
 }
 
-TEST(ServerProgram, KeepsItsDataInTheHomeWithoutXdgDataHome) {
+TEST(ServerProgram, StoresDataInHomeWithoutXdgDataHome) {
   const Output help = RunShell("XDG_DATA_HOME=relative HOME=/home/anna " PEPESEG_SERVER " --help");
   EXPECT_NE(help.text.find("/home/anna/.local/share/pepeseg"), std::string::npos) << help.text;
   const Output homeless = RunShell("env -u XDG_DATA_HOME -u HOME " PEPESEG_SERVER);

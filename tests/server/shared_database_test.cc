@@ -69,7 +69,7 @@ class SharedDatabaseTest : public ::testing::Test {
 };
 
 // The stopped server wakes up when its job is another's, and its worker has ended long before.
-TEST_F(SharedDatabaseTest, JobOfAStoppedServerIsFinishedByTheOtherAlone) {
+TEST_F(SharedDatabaseTest, FinishesTheJobOfAStoppedServerOnTheOther) {
   const auto first = Serve("-a");
   ServiceClient a(first->channel());
   const std::string job = Train(a, "hang once");
@@ -93,7 +93,7 @@ TEST_F(SharedDatabaseTest, JobOfAStoppedServerIsFinishedByTheOtherAlone) {
   EXPECT_EQ(testing::FindProcess((folder_ / "data" / job).string()), 0);  // no worker is left
 }
 
-TEST_F(SharedDatabaseTest, KilledServersJobsGoOnAtOnceWhereItIsKnownToBeGone) {
+TEST_F(SharedDatabaseTest, ResumesJobsOfAServerKnownToBeGoneAtOnce) {
   auto first = Serve("-a");
   const std::string job = [&] {
     ServiceClient a(first->channel());
@@ -108,7 +108,7 @@ TEST_F(SharedDatabaseTest, KilledServersJobsGoOnAtOnceWhereItIsKnownToBeGone) {
   EXPECT_EQ(FenceOf(job), 2);
 }
 
-TEST_F(SharedDatabaseTest, CancelReachesAJobOfTheOtherServer) {
+TEST_F(SharedDatabaseTest, CancelsAJobOfTheOtherServer) {
   const auto first = Serve("-a");
   ServiceClient a(first->channel());
   const std::string job = Train(a, "hang");
@@ -125,7 +125,7 @@ TEST_F(SharedDatabaseTest, CancelReachesAJobOfTheOtherServer) {
 }
 
 // No job is lost, and none is run twice: a database that recovers slowly is back within the leases.
-TEST_F(SharedDatabaseTest, DatabaseThatIsKilledComesBackToAllJobs) {
+TEST_F(SharedDatabaseTest, KeepsAllJobsWhenTheDatabaseIsKilled) {
   const auto first = Serve("-a", 60);
   const auto second = Serve("-b", 60);
   ServiceClient a(first->channel());
@@ -145,7 +145,7 @@ TEST_F(SharedDatabaseTest, DatabaseThatIsKilledComesBackToAllJobs) {
   }
 }
 
-TEST_F(SharedDatabaseTest, DirectoryIsNotSharedWithAServerOfItsOwnDatabase) {
+TEST_F(SharedDatabaseTest, RefusesAServerWithAnotherDatabaseOnTheDirectory) {
   const auto first = Serve("-a");
   PepesegdProcess alone(folder_ / "data",
                         testing::PepesegdOptions{{}, {}, PEPESEG_FAKE_WORKER, "-alone", true});

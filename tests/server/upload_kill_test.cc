@@ -42,7 +42,7 @@ int64_t CommittedBytes(const v1::Upload& upload) {
   return upload.partial_files().empty() ? 0 : upload.partial_files(0).committed_bytes();
 }
 
-TEST(UploadKill, GoesOnWithLessThan33MiBSentAgain) {
+TEST(UploadKill, ResumesWithLessThan33MiBSentAgain) {
   const testing::TempFolder folder;
   const ClientFile file{"videos/walk.mp4", v1::FILE_KIND_VIDEO, ManyBytes(100 * kMiB)};
   auto server = std::make_unique<PepesegdProcess>(folder / "data");
@@ -110,7 +110,7 @@ void ExpectStored(const std::filesystem::path& data, const v1::Upload& upload,
   }
 }
 
-TEST(UploadKill, KeepsWhatWasAnsweredOfFilesCommittedInGroups) {
+TEST(UploadKill, KeepsAcknowledgedFilesOfAGroup) {
   const testing::TempFolder folder;
   const std::filesystem::path data = folder / "data";
   const std::vector<ClientFile> first = TinyFiles("a", 300), second = TinyFiles("b", 3000);

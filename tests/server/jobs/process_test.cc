@@ -46,7 +46,7 @@ class WorkerProcessTest : public ::testing::Test {
   std::filesystem::path log_;
 };
 
-TEST_F(WorkerProcessTest, TellsHowItEnded) {
+TEST_F(WorkerProcessTest, ReportsHowItEnded) {
   EXPECT_EQ(Run("exit 7").exit_code, 7);
   EXPECT_EQ(Run("exit 7").description, "exited with code 7");
   EXPECT_EQ(Run("kill -9 $$").signal, SIGKILL);
@@ -81,7 +81,7 @@ TEST_F(WorkerProcessTest, HasItsOwnGroupAndDefaultSignals) {
   process->Signal(SIGTERM);  // reaped: goes to nobody
 }
 
-TEST_F(WorkerProcessTest, DiesWithItsObject) {
+TEST_F(WorkerProcessTest, IsKilledWithItsObject) {
   auto process = Shell("while true; do sleep 0.01; done");
   const pid_t pid = process->pid();
   EXPECT_FALSE(process->Poll().has_value());
@@ -90,20 +90,20 @@ TEST_F(WorkerProcessTest, DiesWithItsObject) {
   EXPECT_EQ(errno, ESRCH);
 }
 
-TEST_F(WorkerProcessTest, TailOfALogBeginsWithALine) {
+TEST_F(WorkerProcessTest, TailOfALogStartsAtALine) {
   Run("echo first line; echo second line");
   EXPECT_EQ(ReadFileTail(log_, 15), "second line\n");
   EXPECT_EQ(ReadFileTail(log_, 100), "first line\nsecond line\n");
   EXPECT_EQ(ReadFileTail(folder_ / "none", 100), "");
 }
 
-TEST_F(WorkerProcessTest, NamesAProgramThatIsNotThere) {
+TEST_F(WorkerProcessTest, NamesAMissingProgram) {
   const auto status = WorkerProcess::Launch({"/nowhere/at/all", {}, log_}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(std::string(status.message()), HasSubstr("/nowhere/at/all"));
 }
 
-TEST_F(WorkerProcessTest, LauncherPassesNoSecretsOn) {
+TEST_F(WorkerProcessTest, DoesNotPassSecretsOn) {
   for (const char* name : {"PEPESEG_KEY", "PGPASSWORD", "PGPASSFILE", "AWS_SECRET_ACCESS_KEY",
                            "SLURM_JWT", "OPERATORS_OWN", "CUDA_VISIBLE_DEVICES"}) {
     setenv(name, "value", 1);

@@ -59,7 +59,7 @@ const std::vector<PlannedStage> kPlan = {{.name = "prepare", .seconds = 2},
                                          {.name = "features", .seconds = 60},
                                          {.name = "index", .seconds = 1}};
 
-TEST(JobEta, IsExactWhereTheJobRunsAsPlanned) {
+TEST(JobEta, IsExactIfTheJobRunsAsPlanned) {
   JobEta eta;
   eta.Plan(kPlan);
   const auto moments = RunStages(eta, {{"prepare", 0, 2},
@@ -89,7 +89,7 @@ TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
   }
 }
 
-TEST(JobEta, DoesNotJumpWhereStagesTakeOtherThanExpected) {
+TEST(JobEta, DoesNotJumpWhenStagesDeviateFromThePlan) {
   JobEta eta;
   eta.Plan(kPlan);  // features take four times their share
   const auto moments = RunStages(eta, {{"prepare", 0, 2},
@@ -139,7 +139,7 @@ TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
   EXPECT_NEAR(*eta.StageSecondsLeft(), 0, 1e-6);
 }
 
-TEST(JobEta, WeighsStepsByWhatTheyCost) {
+TEST(JobEta, WeighsStepsByTheirCost) {
   JobEta eta;
   // Half of the steps on shrunk photographs, at a tenth of the cost.
   eta.Plan({{.name = "reconstruct", .seconds = 110, .pieces = {{1000, 0.01}, {1000, 0.1}}}});
@@ -152,7 +152,7 @@ TEST(JobEta, WeighsStepsByWhatTheyCost) {
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(50, 1e-6)));
 }
 
-TEST(JobEta, TakesThePaceOfThisAttemptOnly) {
+TEST(JobEta, UsesThePaceOfThisAttemptOnly) {
   JobEta eta;
   eta.Plan(kPlan);
   eta.StartStage("reconstruct", 0);
@@ -160,7 +160,7 @@ TEST(JobEta, TakesThePaceOfThisAttemptOnly) {
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(90, 1e-6)));
 }
 
-TEST(JobEta, IsUnknownBeforeAPaceAndBeforeAStageOfUnknownLength) {
+TEST(JobEta, IsUnknownWithoutAPaceOrBeforeAStageOfUnknownLength) {
   JobEta eta;
   eta.Plan({{.name = "sfm", .seconds = 10}, {.name = "priors"}, {.name = "index", .seconds = 5}});
   EXPECT_EQ(eta.SecondsLeft(0), std::nullopt);

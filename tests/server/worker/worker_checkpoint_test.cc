@@ -100,7 +100,7 @@ class WorkerCheckpointTest : public WorkerTest {
   }
 };
 
-TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
+TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKill) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -113,7 +113,7 @@ TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
-TEST_F(WorkerCheckpointTest, KilledInStageTwoNextAttemptEndsWithTheSameBytes) {
+TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKillInStageTwo) {
   spec_.options.mutable_reconstruct()->set_num_steps(40);
   spec_.options.mutable_features()->set_num_steps(400);
   const std::string unbroken = Unbroken("features.bin");
@@ -129,7 +129,7 @@ TEST_F(WorkerCheckpointTest, KilledInStageTwoNextAttemptEndsWithTheSameBytes) {
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
-TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
+TEST_F(WorkerCheckpointTest, LosesNoStepAfterAStop) {
   spec_.checkpoint_steps = 1'000'000;  // none but that of the stop
   const std::string unbroken = Unbroken();
   const auto worker = Launch(getpid());
@@ -147,7 +147,7 @@ TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
   EXPECT_EQ(FirstStepOf(2), StepOf(paths[0]));
 }
 
-TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
+TEST_F(WorkerCheckpointTest, FallsBackFromADamagedCheckpointToTheOneBefore) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -160,7 +160,7 @@ TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
   EXPECT_THAT(warnings[0], HasSubstr("truncated"));
 }
 
-TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
+TEST_F(WorkerCheckpointTest, StartsFromStepZeroWithoutAGoodCheckpoint) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -175,7 +175,7 @@ TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
   EXPECT_EQ(Warnings().size(), paths.size());
 }
 
-TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
+TEST_F(WorkerCheckpointTest, DoesNotResumeFromOtherOptionsOrFiles) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
   ASSERT_EQ(spec_.files[0].kind, spec_.files[1].kind);
@@ -187,7 +187,7 @@ TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
   EXPECT_THAT(Warnings(), ::testing::Each(HasSubstr("other files or options")));
 }
 
-TEST_F(WorkerCheckpointTest, NanIsNeverTrainedOn) {
+TEST_F(WorkerCheckpointTest, DoesNotResumeFromNan) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {

@@ -91,7 +91,7 @@ class WorkerPriorsTest : public WorkerTest {
   }
 };
 
-TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
+TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
                                               Pair("depth", "embedded")));
@@ -111,7 +111,7 @@ TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
   EXPECT_TRUE(told);
 }
 
-TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
+TEST_F(WorkerPriorsTest, MakesNoneIfTheOptionsExcludeThem) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_NONE);
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -122,7 +122,7 @@ TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
   EXPECT_TRUE(model->field.features.empty());  // it can be rendered, not segmented
 }
 
-TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
+TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   Image ramp{64, 48, 1, {}};
   for (int i = 0; i < 64 * 48; ++i) ramp.pixels.push_back(static_cast<uint8_t>(i % 64 * 4));
   std::ofstream(Shared("ramp.png"), std::ios::binary) << EncodePng(ramp).value_or("");
@@ -153,7 +153,7 @@ TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
 }
 
-TEST_F(WorkerPriorsTest, MakesOnlyWhatIsAskedFor) {
+TEST_F(WorkerPriorsTest, MakesOnlyWhatIsRequested) {
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
   SetCommand(absl::StrCat("echo $want > ", Shared("want"), "\n", kMakeMasks));
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -165,7 +165,7 @@ TEST_F(WorkerPriorsTest, MakesOnlyWhatIsAskedFor) {
   EXPECT_EQ(NumRuns(), 1);
 }
 
-TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
+TEST_F(WorkerPriorsTest, WarnsOfAFailureWithTheEndOfItsLog) {
   SetCommand("echo weights are missing >&2; exit 3");
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(),
@@ -175,7 +175,7 @@ TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
-TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
+TEST_F(WorkerPriorsTest, FailsTheJobIfRequiredPriorsFail) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
   SetCommand("echo weights are missing; kill -9 $$");
   ExpectExit(Run(), WorkerExit::kFailed);
@@ -184,7 +184,7 @@ TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
               AllOf(HasSubstr("killed by signal 9"), HasSubstr("weights are missing")));
 }
 
-TEST_F(WorkerPriorsTest, NothingMadeIsAFailure) {
+TEST_F(WorkerPriorsTest, TreatsNoOutputAsAFailure) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
   // Links are not followed, and names of its own are not looked at.
   SetCommand("mkdir $out/masks; ln -s /etc/hostname $out/masks/000001.json; : > $out/masks/a.json");
@@ -192,14 +192,14 @@ TEST_F(WorkerPriorsTest, NothingMadeIsAFailure) {
   EXPECT_THAT(std::string(Error().message()), HasSubstr("wrote no masks,depth"));
 }
 
-TEST_F(WorkerPriorsTest, WithoutACommandADemandForOneFails) {
+TEST_F(WorkerPriorsTest, FailsIfACommandIsRequiredAndMissing) {
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_EQ(Error().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(Error().message()), HasSubstr("--priors-command"));
 }
 
-TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
+TEST_F(WorkerPriorsTest, NamesABrokenMaskAndUsesNone) {
   const std::string script = absl::StrCat(kMakeMasks, "echo '[{' > $out/masks/000002.json");
   SetCommand(script);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -209,14 +209,14 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
-TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {
+TEST_F(WorkerPriorsTest, StopsTheCommandAtItsTimeLimit) {
   SetCommand("sleep 600");
   spec_.worker.priors_seconds = 1;
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
 }
 
-TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
+TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenOnCancel) {
   SetCommand(absl::StrCat("trap '' TERM; sleep 600 & echo $! > ", Shared("child"), "; wait"));
   const auto worker = Launch(getpid());
   AwaitFile("child");
@@ -236,7 +236,7 @@ TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
   EXPECT_FALSE(runs());
 }
 
-TEST_F(WorkerPriorsTest, AFurtherAttemptTakesWhatWasMade) {
+TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
   SetCommand(kMakeMasks);
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());

@@ -100,19 +100,19 @@ TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
 }
 
-TEST_F(WorkerSamTest, JoinsItsMasksWithEmbeddedOnesWhereAsked) {
+TEST_F(WorkerSamTest, AddsItsMasksToEmbeddedOnesIfRequested) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
 }
 
-TEST_F(WorkerSamTest, IsMissedWhereItWasAskedFor) {
+TEST_F(WorkerSamTest, FallsBackIfItIsRequestedAndMissing) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM);
   spec_.worker.sam.clear();
   ExpectEmbeddedBecause("this server no longer has it");
 }
 
-TEST_F(WorkerSamTest, IsNotAskedWhereEmbeddedMasksAre) {
+TEST_F(WorkerSamTest, IsNotUsedIfEmbeddedMasksAreRequested) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
@@ -144,7 +144,7 @@ TEST_F(WorkerSamTest, FallsBackWhereMemoryIsShort) {
   ExpectEmbeddedBecause("out of memory: it needs about ");
 }
 
-TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
+TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
   for (int i = 0; i < 6000 && NumSegmentingSteps() == 0; ++i) {
@@ -222,7 +222,7 @@ TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
 
 // The first photograph gets no pose, so that the second is held out in its place, and the ninth,
 // which would have been, is trained on.
-TEST_F(WorkerSamWithoutPosesTest, SegmentsWhatIsTrainedOnInPlaceOfAPhotographThatIsLeftOut) {
+TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutPose) {
   AddPlace(1, 7);
   AddPlace(9, 1);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -258,7 +258,7 @@ TEST_F(WorkerSamWithoutPosesTest, StopsBothWithinASecond) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(1));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
+TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
   AddPlace(6, 1);
   UseEndlessColmap();
   const auto first = Launch(getpid());
@@ -286,7 +286,7 @@ TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
 }
 
 // With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
-TEST_F(WorkerSamTest, RunsTheRealOne) {
+TEST_F(WorkerSamTest, RunsTheRealModel) {
   const char* real = std::getenv("PEPESEG_SAM");
   if (real == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
   spec_.worker.sam = real;

@@ -56,7 +56,7 @@ TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
   EXPECT_TRUE(std::filesystem::exists(job_.sfm_log()));
 }
 
-TEST_F(WorkerSfmTest, TakesPosesThatAnEarlierAttemptFound) {
+TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   AddPlace(6, 1);
   // As a server leaves it that stops during the stage after.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
@@ -110,7 +110,7 @@ TEST_F(WorkerSfmTest, RefusesOnePhotographAHundredTimes) {
   ExpectRefused("100 photographs, of which only 1 is different");
 }
 
-TEST_F(WorkerSfmTest, SaysThatColmapIsMissing) {
+TEST_F(WorkerSfmTest, ReportsThatColmapIsMissing) {
   AddPlace(3, 1);
   spec_.worker.colmap = PathOf("nowhere");
   ExpectRefused("or upload poses");
@@ -123,7 +123,7 @@ TEST_F(WorkerSfmTest, RefusesPointsWithoutTheirPoses) {
   ExpectBadFile("points.ply");
 }
 
-TEST_F(WorkerSfmTest, NamesAPhotographThatIsNone) {
+TEST_F(WorkerSfmTest, NamesAFileThatIsNotAPhotograph) {
   AddPlace(3, 1);
   Replace("images/1.jpg", "GIF89a no photograph");
   ExpectBadFile("images/1.jpg");

@@ -75,13 +75,13 @@ TEST_F(EventLogTest, NumbersEventsAcrossWriters) {
   EXPECT_THAT(ReadAll(/*after=*/2), ElementsAre("3:c"));
 }
 
-TEST_F(EventLogTest, GivesEventsTheirTime) {
+TEST_F(EventLogTest, SetsTheTimeOfEvents) {
   Append({"a"});
   EventLogReader reader(path_);
   EXPECT_NEAR(reader.Read()->at(0).time().seconds(), time(nullptr), 60);
 }
 
-TEST_F(EventLogTest, ReaderFollowsTheWriter) {
+TEST_F(EventLogTest, ReadsWhileTheWriterAppends) {
   EventLogReader reader(path_);
   EXPECT_TRUE(reader.Read()->empty());  // not there yet
   auto writer = EventLogWriter::Open(path_);
@@ -94,7 +94,7 @@ TEST_F(EventLogTest, ReaderFollowsTheWriter) {
   EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("3:c"));
 }
 
-TEST_F(EventLogTest, TornTailIsNotThereYetAndIsCutByTheNextWriter) {
+TEST_F(EventLogTest, IgnoresATornTailAndCutsItWhenReopened) {
   Append({"a", "b"});
   const auto whole = std::filesystem::file_size(path_);
   Append({"torn"});
@@ -107,7 +107,7 @@ TEST_F(EventLogTest, TornTailIsNotThereYetAndIsCutByTheNextWriter) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b", "3:c"));
 }
 
-TEST_F(EventLogTest, FlippedByteIsToldAfterWhatIsBeforeIt) {
+TEST_F(EventLogTest, ReportsAFlippedByteAfterTheEventsBeforeIt) {
   Append({"a"});
   const auto first = static_cast<int64_t>(std::filesystem::file_size(path_));
   Append({"b", "c"});
@@ -121,7 +121,7 @@ TEST_F(EventLogTest, FlippedByteIsToldAfterWhatIsBeforeIt) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:d"));
 }
 
-TEST_F(EventLogTest, AbsurdLengthAllocatesNothing) {
+TEST_F(EventLogTest, AllocatesNothingForAnAbsurdLength) {
   Append({"a"});
   Flip(3);  // the highest byte of the length: 256 MiB
   EventLogReader reader(path_);
@@ -138,7 +138,7 @@ class AttemptLogTest : public EventLogTest {
   }
 };
 
-TEST_F(AttemptLogTest, NumbersGoOnFromAttemptToAttempt) {
+TEST_F(AttemptLogTest, ContinuesNumbersAcrossAttempts) {
   Append({"queued"});
   ASSERT_TRUE(Open(1)->Append(Warning("first")).ok());
   ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second never wrote
@@ -147,7 +147,7 @@ TEST_F(AttemptLogTest, NumbersGoOnFromAttemptToAttempt) {
   EXPECT_THAT(ReadAll(2), ElementsAre("3:third", "4:third again"));
 }
 
-TEST_F(AttemptLogTest, WhatAnAttemptWritesAfterItLostItsClaimIsReadByNobody) {
+TEST_F(AttemptLogTest, IgnoresEventsWrittenAfterALostClaim) {
   const auto stale = Open(1);
   ASSERT_TRUE(stale->Append(Warning("mine")).ok());
   const auto next = Open(2);
@@ -159,7 +159,7 @@ TEST_F(AttemptLogTest, WhatAnAttemptWritesAfterItLostItsClaimIsReadByNobody) {
   EXPECT_EQ(Open(3)->last_sequence(), 2);
 }
 
-TEST_F(AttemptLogTest, ReaderGoesOnToTheNextAttempt) {
+TEST_F(AttemptLogTest, ReadsOnInTheNextAttempt) {
   EventLogReader reader(path_);
   ASSERT_TRUE(Open(1)->Append(Warning("a")).ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -169,7 +169,7 @@ TEST_F(AttemptLogTest, ReaderGoesOnToTheNextAttempt) {
   EXPECT_EQ(reader.fence(), 2);
 }
 
-TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
+TEST_F(AttemptLogTest, ReadsOnInTheNextAttemptAfterABrokenRecord) {
   Append({"a", "b"});
   Flip(static_cast<int64_t>(std::filesystem::file_size(path_)) - 1);
   EventLogReader alone(path_);
@@ -180,7 +180,7 @@ TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
 }
 
 // A folder stands in for a file on a bad disk: it opens, and its bytes cannot be had.
-TEST_F(AttemptLogTest, WhatCannotBeReadIsNeitherPassedNorCut) {
+TEST_F(AttemptLogTest, NeitherSkipsNorCutsWhatCannotBeRead) {
   Append({"a"});
   const std::filesystem::path bad = folder_.path() / "events-1.log";
   std::filesystem::create_directory(bad);
@@ -194,7 +194,7 @@ TEST_F(AttemptLogTest, WhatCannotBeReadIsNeitherPassedNorCut) {
 }
 
 // A machine that died while a file was begun.
-TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
+TEST_F(AttemptLogTest, IgnoresAFileWithoutItsFirstRecord) {
   Append({"a"});
   std::ofstream(folder_.path() / "events-1.log") << "torn";
   EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
@@ -232,7 +232,7 @@ class WorkerEventsTest : public EventLogTest {
   const std::filesystem::path work_log_ = folder_ / "work/events-1.log";
 };
 
-TEST_F(WorkerEventsTest, StandBetweenThoseOfTheServer) {
+TEST_F(WorkerEventsTest, AreReadBetweenThoseOfTheServer) {
   Append({"queued"});
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   EXPECT_TRUE(Warn(1, EventPart::kWorker, "works").ok());
@@ -246,7 +246,7 @@ TEST_F(WorkerEventsTest, StandBetweenThoseOfTheServer) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "events-1-end.log"));
 }
 
-TEST_F(WorkerEventsTest, ReaderFollowsThemFromPartToPart) {
+TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EventLogReader reader(path_);
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "a").ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -261,7 +261,7 @@ TEST_F(WorkerEventsTest, ReaderFollowsThemFromPartToPart) {
 }
 
 // The server once opened that file to append to it, and cut it off at a length of its choice.
-TEST_F(WorkerEventsTest, LinksInTheirPlaceAreNeitherFollowedNorWrittenThrough) {
+TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
   const std::filesystem::path victim = folder_ / "audit.log";
   for (const bool fifo : {false, true}) {
     for (const char* name : {"events-1.log", "events-1-end.log", "events.log"}) {
@@ -284,7 +284,7 @@ TEST_F(WorkerEventsTest, LinksInTheirPlaceAreNeitherFollowedNorWrittenThrough) {
 }
 
 // Nor does the server write through a link where it keeps its own.
-TEST_F(WorkerEventsTest, TheServersOwnFilesAreNoLinks) {
+TEST_F(WorkerEventsTest, RefuseLinksInPlaceOfTheServersFiles) {
   const std::filesystem::path victim = folder_ / "audit.log";
   std::ofstream(victim) << "who did what";
   std::filesystem::create_symlink(victim, folder_ / "events-1.log");
@@ -292,7 +292,7 @@ TEST_F(WorkerEventsTest, TheServersOwnFilesAreNoLinks) {
   EXPECT_EQ(std::filesystem::file_size(victim), 12u);
 }
 
-TEST_F(WorkerEventsTest, ReportNoStateOfTheJob) {
+TEST_F(WorkerEventsTest, CannotReportTheJobsState) {
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   v1::JobEvent done;
   done.mutable_state_changed()->set_state(v1::JOB_STATE_SUCCEEDED);
@@ -304,7 +304,7 @@ TEST_F(WorkerEventsTest, ReportNoStateOfTheJob) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:works", "3:ended"));
 }
 
-TEST_F(WorkerEventsTest, UseUpNoNumbers) {
+TEST_F(WorkerEventsTest, CannotUseUpTheNumbers) {
   const int64_t last = (int64_t{1} << 62) - 1;
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   ForgeFirst(last);
@@ -319,7 +319,7 @@ TEST_F(WorkerEventsTest, UseUpNoNumbers) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
 }
 
-TEST_F(WorkerEventsTest, HaveTextsThatClientsMayGet) {
+TEST_F(WorkerEventsTest, HaveTextsCleanedForClients) {
   EXPECT_TRUE(Warn(1, EventPart::kWorker, "\x1b[2Jno /srv/data/jobs/j1/work/x").ok());
   EXPECT_TRUE(Warn(1, EventPart::kWorker, std::string(100'000, 'y')).ok());
   EventLogReader reader(path_);

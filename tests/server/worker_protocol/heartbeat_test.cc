@@ -13,7 +13,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-TEST(HeartbeatWatch, SilenceIsFromTheLastChange) {
+TEST(HeartbeatWatch, MeasuresTimeSinceTheLastChange) {
   const testing::TempFolder folder;
   HeartbeatWatch watch(folder / "pulse");
   EXPECT_EQ(watch.SinceChange(), milliseconds(0));
@@ -27,7 +27,7 @@ TEST(HeartbeatWatch, SilenceIsFromTheLastChange) {
   EXPECT_LT(watch.SinceChange(), milliseconds(50));
 }
 
-TEST(HeartbeatWatch, FolderThatIsGoneCannotBeTouched) { EXPECT_FALSE(Touch("/nowhere/at/all")); }
+TEST(HeartbeatWatch, CannotTouchAFileInAMissingFolder) { EXPECT_FALSE(Touch("/nowhere/at/all")); }
 
 TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
   const testing::TempFolder folder;
@@ -44,7 +44,7 @@ TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
   EXPECT_GE(watch.SinceChange(), milliseconds(200));
 }
 
-TEST(WorkerHeartbeat, TellsALeaseThatIsNotProlongedBeforeItIsOver) {
+TEST(WorkerHeartbeat, ReportsALostLeaseBeforeItExpires) {
   const testing::TempFolder folder;
   ASSERT_TRUE(Touch(folder / "lease"));
   std::atomic<bool> lost = false;
@@ -62,7 +62,7 @@ TEST(WorkerHeartbeat, TellsALeaseThatIsNotProlongedBeforeItIsOver) {
   EXPECT_GE(absl::Now() - last, absl::Milliseconds(600));
 }
 
-TEST(HolderName, IsOfAProcessThatLives) {
+TEST(HolderName, NamesALivingProcess) {
   const std::string name = HolderName();
   EXPECT_EQ(name, HolderName());
   EXPECT_FALSE(IsKnownGone(name));

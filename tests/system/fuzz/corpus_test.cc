@@ -60,7 +60,7 @@ class FuzzCorpus : public ::testing::TestWithParam<std::string> {
   std::vector<std::string> files_;
 };
 
-TEST_P(FuzzCorpus, IsReadWithoutHarm) {
+TEST_P(FuzzCorpus, IsReadWithoutCrashing) {
   ASSERT_FALSE(files_.empty());
   target_({});
   for (const std::string& bytes : files_) {
@@ -71,7 +71,7 @@ TEST_P(FuzzCorpus, IsReadWithoutHarm) {
 }
 
 // The same seed and number of seconds or more meet the same inputs again.
-TEST_P(FuzzCorpus, ChangedAtRandomIsReadWithoutHarm) {
+TEST_P(FuzzCorpus, IsReadWithoutCrashingAfterRandomChanges) {
   ASSERT_FALSE(files_.empty());
   const int seed = Setting("PEPESEG_FUZZ_SEED", static_cast<int>(std::random_device()() >> 1));
   std::fprintf(stderr, "PEPESEG_FUZZ_SEED=%d\n", seed);
@@ -84,7 +84,7 @@ TEST_P(FuzzCorpus, ChangedAtRandomIsReadWithoutHarm) {
   std::fprintf(stderr, "%d inputs\n", num_inputs);
 }
 
-TEST(FuzzTargets, HaveACorpusEach) {
+TEST(FuzzTargets, EachHaveACorpus) {
   EXPECT_GE(Targets().size(), 20u);
   for (const auto& entry : fs::directory_iterator(PEPESEG_FUZZ_CORPUS)) {
     EXPECT_TRUE(Targets().contains(entry.path().filename().string())) << entry.path();

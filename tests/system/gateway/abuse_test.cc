@@ -71,7 +71,7 @@ class AbuseOfGateway : public GatewayTest {
   int64_t gateway_before_ = 0, server_before_ = 0;
 };
 
-TEST_F(AbuseOfGateway, ConnectionsThatSpeakABytePerTickAreEnded) {
+TEST_F(AbuseOfGateway, EndsConnectionsThatSendAByteAtATime) {
   std::vector<std::unique_ptr<Connection>> silent, slow;
   for (int i = 0; i < 200; ++i) {
     silent.push_back(std::make_unique<Connection>(fleet().gateway_port()));
@@ -88,7 +88,7 @@ TEST_F(AbuseOfGateway, ConnectionsThatSpeakABytePerTickAreEnded) {
   })) << "they had five seconds to say something";
 }
 
-TEST_F(AbuseOfGateway, StreamsThatAreResetAtOnce) {
+TEST_F(AbuseOfGateway, SurvivesStreamsThatAreResetAtOnce) {
   const auto connection = Open();
   uint32_t stream = 1;
   for (; stream < 40'000; stream += 2) {
@@ -101,7 +101,7 @@ TEST_F(AbuseOfGateway, StreamsThatAreResetAtOnce) {
   ExpectServing("rapid reset");
 }
 
-TEST_F(AbuseOfGateway, HeadersWithoutEnd) {
+TEST_F(AbuseOfGateway, SurvivesEndlessHeaders) {
   const auto connection = Open();
   std::string block;
   while (block.size() < 16'000) {
@@ -114,7 +114,7 @@ TEST_F(AbuseOfGateway, HeadersWithoutEnd) {
   ExpectServing("headers without end");
 }
 
-TEST_F(AbuseOfGateway, PingsAndSettingsWithoutEnd) {
+TEST_F(AbuseOfGateway, SurvivesEndlessPingsAndSettings) {
   for (const bool ping : {true, false}) {
     const auto connection = Open();
     const std::string frame =
@@ -127,7 +127,7 @@ TEST_F(AbuseOfGateway, PingsAndSettingsWithoutEnd) {
   }
 }
 
-TEST_F(AbuseOfGateway, NoHttpAtAll) {
+TEST_F(AbuseOfGateway, SurvivesBytesThatAreNotHttp) {
   for (const std::string& bytes :
        {std::string("GET / HTTP/1.1\r\nHost: a\r\n\r\n"), std::string(100'000, '\xff'),
         std::string(kPreface) + std::string(100'000, '\xff'),
@@ -139,7 +139,7 @@ TEST_F(AbuseOfGateway, NoHttpAtAll) {
 }
 
 // 100 calls whose message never comes: the server does not hear of them.
-TEST_F(AbuseOfGateway, CallsThatNeverEndAreAnswered) {
+TEST_F(AbuseOfGateway, AnswersCallsThatNeverEnd) {
   const size_t before = fleet().LogSize();
   const auto connection = Open();
   const std::string headers =

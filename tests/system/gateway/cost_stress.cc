@@ -87,7 +87,7 @@ double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::stri
   return static_cast<double>(num_chunks << 20) / absl::ToDoubleSeconds(absl::Now() - start);
 }
 
-TEST_F(OneServer, TakesUploadsThroughTheGatewayHardlySlower) {
+TEST_F(OneServer, UploadsThroughTheGatewayHardlySlower) {
   const auto num_chunks = static_cast<int64_t>(FromEnvironment("PEPESEG_GATEWAY_MIB", 1024));
   const std::string key = DirectKey();
   std::vector<double> direct, through;
@@ -105,7 +105,7 @@ TEST_F(OneServer, TakesUploadsThroughTheGatewayHardlySlower) {
   EXPECT_GE(through[1], 0.7 * direct[1]);
 }
 
-TEST_F(OneServer, AnswersThroughTheGatewayHardlyLater) {
+TEST_F(OneServer, AnswersThroughTheGatewayHardlySlower) {
   ServiceClient client(fleet.Connect(Token()));
   ASSERT_OK(client.CreateScene("s0"));
   ASSERT_OK_AND_ASSIGN(const std::string dataset,

@@ -117,7 +117,7 @@ TEST_F(LoadedFleet, RestartsOneByOneWithoutAFailedCall) {
   EXPECT_EQ(report.num_failed, 0);
 }
 
-TEST_F(LoadedFleet, LosesOnlyAKilledServersScenesToOthers) {
+TEST_F(LoadedFleet, MovesOnlyTheScenesOfAKilledServer) {
   MakeScenes();
   const auto load = StartLoad();
   const auto before = ServersOf(fleet.ReadLog());
@@ -169,7 +169,7 @@ struct FourServers : LoadedFleet {
   }
 };
 
-TEST_F(FourServers, OfWhichTheFourthTakesItsShareOnly) {
+TEST_F(FourServers, MoveOnlyAShareOfScenesToTheFourth) {
   fleet.RestartGateway(3);
   const auto three = Place();
   fleet.RestartGateway(4);

@@ -47,7 +47,7 @@ grpc::Status Ask(const std::shared_ptr<grpc::Channel>& channel, const std::strin
   return status;
 }
 
-TEST_F(GatewayTest, JwtIsWhatItsClaimsSay) {
+TEST_F(GatewayTest, GrantsWhatTheClaimsOfAJwtSay) {
   EXPECT_EQ(TextOf(CreateScene(Token("read write"), "mine")), "OK: ");
   EXPECT_EQ(TextOf(GetScene(Token("openid read"), "mine")), "OK: ");
   EXPECT_EQ(ReasonOf(CreateScene(Token("read"), "other")), "MISSING_SCOPE");
@@ -61,14 +61,14 @@ TEST_F(GatewayTest, JwtIsWhatItsClaimsSay) {
   EXPECT_THAT(fleet().ReadAudit(), HasSubstr(R"("subject":"ann@example.org","project":"lab")"));
 }
 
-TEST_F(GatewayTest, KeyGoesThroughToTheServer) {
+TEST_F(GatewayTest, PassesAKeyToTheServer) {
   const std::string reader = fleet().MakeKey("lab", {v1::SCOPE_READ});
   EXPECT_EQ(TextOf(List(reader)), "OK: ");
   EXPECT_EQ(ReasonOf(CreateScene(reader, "by-key")), "MISSING_SCOPE");
   EXPECT_EQ(ReasonOf(List("pk_" + std::string(43, 'a'))), "BAD_KEY");
 }
 
-TEST_F(GatewayTest, OnlyTheGatewaySaysWhoCalls) {
+TEST_F(GatewayTest, RemovesIdentityHeadersOfClients) {
   const Metadata claims = {{"x-pepeseg-project", "other"},
                            {"x-pepeseg-scopes", "read"},
                            {"x-pepeseg-subject", "eve"},
@@ -85,7 +85,7 @@ TEST_F(GatewayTest, OnlyTheGatewaySaysWhoCalls) {
   EXPECT_EQ(TextOf(List(fleet().ConnectDirectly(0, ""), right)), "OK: ");
 }
 
-TEST_F(GatewayTest, TokensThatSayNothingValidAreRefusedInWords) {
+TEST_F(GatewayTest, RefusesInvalidClaimsWithAReason) {
   struct Case {
     const char* claim;
     nlohmann::json value;  // null: without it
@@ -122,7 +122,7 @@ TEST_F(GatewayTest, TokensThatSayNothingValidAreRefusedInWords) {
   }
 }
 
-TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
+TEST_F(GatewayTest, RefusesUnsignedTokens) {
   const std::string payload = TokenIssuer::Claims("lab", "read").dump();
   const auto with = [&](const char* header, const std::string& signature) {
     return TokenIssuer::Assemble(header, payload, signature);
@@ -155,7 +155,7 @@ TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
 }
 
 // The gateway keeps in mind which tokens were signed, not that they were valid.
-TEST_F(GatewayTest, TokenThatIsKnownIsStillChecked) {
+TEST_F(GatewayTest, ChecksAKnownTokenAgain) {
   constexpr char kHeader[] = R"({"alg":"RS256"})";
   auto claims = TokenIssuer::Claims("lab", "read");
   claims["exp"] = absl::ToUnixSeconds(absl::Now()) + 3;
@@ -171,7 +171,7 @@ TEST_F(GatewayTest, TokenThatIsKnownIsStillChecked) {
 }
 
 // What HAProxy 2.6 leaves of a wrong signature ended connections of whoever came next.
-TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
+TEST_F(GatewayTest, KeepsConnectionsDespiteForgedTokens) {
   const std::string forged = TokenIssuer().Sign(TokenIssuer::Claims("lab", "read"));
   const auto forger = fleet().Connect(forged);
   const auto by_next_key =
@@ -190,7 +190,7 @@ TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
   }
 }
 
-TEST_F(GatewayTest, CallsOverTheWindowsLimitAreRefusedUntilItHasPassed) {
+TEST_F(GatewayTest, RefusesCallsOverTheLimitUntilTheWindowEnds) {
   const std::string key = fleet().MakeKey("lab", {v1::SCOPE_READ});
   const std::map<std::string, int> answers = ListAtOnce(key, 101);
   ASSERT_EQ(answers.size(), 2u);
@@ -202,13 +202,13 @@ TEST_F(GatewayTest, CallsOverTheWindowsLimitAreRefusedUntilItHasPassed) {
   EXPECT_EQ(TextOf(List(key)), "OK: ");
 }
 
-TEST_F(GatewayTest, HeadersHaveALimit) {
+TEST_F(GatewayTest, LimitsHeaders) {
   EXPECT_THAT(TextOf(List(Token(), {{"x-more", std::string(9 << 10, 'x')}})),
               AllOf(StartsWith("RESOURCE_EXHAUSTED: "), HasSubstr("8192 bytes")));
   EXPECT_EQ(TextOf(List(Token(), {{"x-more", std::string(6 << 10, 'x')}})), "OK: ");
 }
 
-TEST_F(GatewayTest, OperatorsCallsAndReflectionAreNotThere) {
+TEST_F(GatewayTest, HidesAdminServiceAndReflection) {
   const auto channel = fleet().Connect(fleet().MakeKey("lab", {v1::SCOPE_OPERATE}));
   for (const char* path : {"/pepeseg.v1.AdminService/GetStatus", "/pepeseg.v1.AdminService/Drain",
                            "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
@@ -219,7 +219,7 @@ TEST_F(GatewayTest, OperatorsCallsAndReflectionAreNotThere) {
   EXPECT_TRUE(Ask(fleet().Connect(""), "/grpc.health.v1.Health/Check").ok());
 }
 
-TEST_F(GatewayTest, LogHasALineACallAndNoSecret) {
+TEST_F(GatewayTest, LogsALinePerCallWithoutSecrets) {
   const size_t before = fleet().LogSize();
   const std::string token = Token();
   EXPECT_TRUE(List(token, {{"x-scene", "shelf"}, {"x-request-id", "mine-1"}}).ok());
@@ -240,7 +240,7 @@ TEST_F(GatewayTest, LogHasALineACallAndNoSecret) {
 }
 
 // The last one: it leaves the server new.
-TEST_F(GatewayTest, WithoutAServerItSaysSo) {
+TEST_F(GatewayTest, ReportsThatThereIsNoServer) {
   fleet().KillServer(0);
   const auto start = absl::Now();
   EXPECT_THAT(TextOf(List(Token())), StartsWith("UNAVAILABLE: no server answers the gateway"));

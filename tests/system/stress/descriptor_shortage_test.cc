@@ -97,7 +97,7 @@ TEST(DescriptorLimit, IsRaisedToTheHardLimit) {
 }
 
 // Lowers the hard limit of this process for good; 2,048 are enough for the tests after it.
-TEST(DescriptorLimit, IsWarnedOfWhenEvenTheHardLimitIsLow) {
+TEST(DescriptorLimit, WarnsOfALowHardLimit) {
   rlimit own{};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &own), 0);
   const rlim_t limit = std::min<rlim_t>(2048, own.rlim_max);
@@ -121,7 +121,7 @@ TEST_F(DescriptorShortage, ServesNewClientsAfterABurstOfMuteConnections) {
   EXPECT_TRUE(absl::StrContains(server.Log(), "new connections refused")) << server.Log();
 }
 
-TEST_F(DescriptorShortage, HangsUpOnConnectionsThatStayMute) {
+TEST_F(DescriptorShortage, ClosesMuteConnections) {
   LimitDescriptors(kFewDescriptors);
   const MuteConnections mute(port, kNumMute);
   // The limit for a handshake is 10 s.
@@ -140,7 +140,7 @@ TEST_F(ProbedServer, ReachesItselfWhileClientsAreRefused) {
   EXPECT_FALSE(absl::StrContains(server.Log(), "self-probe")) << server.Log();
 }
 
-TEST_F(ProbedServer, EndsForARestartThatItsJobsSurvive) {
+TEST_F(ProbedServer, ExitsForARestartThatJobsSurvive) {
   const auto dataset = client.Upload("before", {{"hang", v1::FILE_KIND_IMAGE, "bytes"}});
   ASSERT_OK(dataset);
   const auto job = client.Train("before", *dataset, {});

@@ -75,7 +75,7 @@ Model MakeModel() {
   return model;
 }
 
-TEST_F(FlippedBitsTest, OfAModel) {
+TEST_F(FlippedBitsTest, AreDetectedInAModel) {
   const fs::path model = folder_ / "model";
   fs::create_directories(model);
   ASSERT_OK(WriteModel(model, MakeModel()));
@@ -97,7 +97,7 @@ TEST_F(FlippedBitsTest, OfAModel) {
   for (const fs::path& file : files) FlipEach(file, read);
 }
 
-TEST_F(FlippedBitsTest, OfACheckpoint) {
+TEST_F(FlippedBitsTest, AreDetectedInACheckpoint) {
   const fs::path path = folder_ / "reconstruct-000000100.ckpt";
   const std::vector<CheckpointSection> sections = {{"gaussians", 1, "some bytes"},
                                                    {"moments", 2, "and others"}};
@@ -113,7 +113,7 @@ TEST_F(FlippedBitsTest, OfACheckpoint) {
   });
 }
 
-TEST_F(FlippedBitsTest, OfASelection) {
+TEST_F(FlippedBitsTest, AreDetectedInASelection) {
   GaussianSet set;
   for (int i = 0; i < 1000; ++i) set.member.push_back(i % 3 == 0 ? 1 : 0);
   const fs::path path = folder_ / "1";
@@ -128,7 +128,7 @@ TEST_F(FlippedBitsTest, OfASelection) {
 }
 
 // What stands before the flip is told, and nothing else.
-TEST_F(FlippedBitsTest, OfAnEventLog) {
+TEST_F(FlippedBitsTest, AreDetectedInAnEventLog) {
   const fs::path path = folder_ / "events.log";
   std::vector<std::string> written;
   {

@@ -186,14 +186,14 @@ class FlippedDatabase : public ::testing::Test {
   const testing::TempFolder folder_;
 };
 
-TEST_F(FlippedDatabase, IsRefusedAsFarAsSqliteSeesIt) {
+TEST_F(FlippedDatabase, IsRefusedIfSqliteDetectsIt) {
   const FlipReport report = FlipBits({{"", Bytes("whole.db")}}, "");
   EXPECT_GT(report.refused, report.sum() / 20);
   EXPECT_LT(report.unnoticed, report.sum() / 5);
 }
 
 // The log that a killed server leaves: what it has answered last stands there only.
-TEST_F(FlippedDatabase, LogIsRefusedAsFarAsItIsSeen) {
+TEST_F(FlippedDatabase, IsRefusedIfItsLogIsDamaged) {
   const auto store = Store::Open("sqlite:" + (folder_ / "whole.db").string());
   ASSERT_OK(store);
   for (int i = 0; i < 4; ++i) Fill(**store, absl::StrCat("late-", i));
@@ -203,7 +203,7 @@ TEST_F(FlippedDatabase, LogIsRefusedAsFarAsItIsSeen) {
   EXPECT_GT(report.refused, report.sum() * 9 / 10);
 }
 
-TEST_F(FlippedDatabase, IsToldByName) {
+TEST_F(FlippedDatabase, IsReportedByName) {
   std::string bytes = Bytes("whole.db");
   bytes[5] = static_cast<char>(bytes[5] ^ 1);
   std::ofstream(folder_ / "whole.db", std::ios::binary) << bytes;

@@ -79,7 +79,7 @@ class FlippedInputs : public WorkerTest {
   int num_blobs_ = 0;
 };
 
-TEST_F(FlippedInputs, OfEveryKindEndTheJobBeforeItDecodesAnything) {
+TEST_F(FlippedInputs, OfEveryKindFailTheJobBeforeItDecodesAnything) {
   std::map<int, const JobSpecFile*> by_kind;
   for (const JobSpecFile& file : spec_.files) by_kind.emplace(file.kind, &file);
   std::set<int> all;
@@ -131,7 +131,7 @@ class FlippedUploads : public ::testing::Test {
   testing::ServiceClient client_{server_.channel()};
 };
 
-TEST_F(FlippedUploads, MakeNoModelUntilTheSameFilesAreUploadedAgain) {
+TEST_F(FlippedUploads, GiveNoModelUntilTheSameFilesAreUploadedAgain) {
   const std::vector<testing::ClientFile> files =
       testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf");
   ASSERT_OK(client_.CreateScene("shelf"));

@@ -59,7 +59,7 @@ class Http2AbuseTest : public ::testing::Test {
   int64_t rss_before_ = 0;
 };
 
-TEST_F(Http2AbuseTest, ConnectionsThatSpeakABytePerTick) {
+TEST_F(Http2AbuseTest, SurvivesConnectionsThatSendAByteAtATime) {
   std::vector<std::unique_ptr<Connection>> connections;
   for (int i = 0; i < 400; ++i) connections.push_back(std::make_unique<Connection>(port_));
   for (size_t k = 0; k < sizeof(kPreface) - 2; ++k) {
@@ -71,7 +71,7 @@ TEST_F(Http2AbuseTest, ConnectionsThatSpeakABytePerTick) {
 
 // Debian's gRPC takes as many calls as are reset: what bounds them is how fast they are answered,
 // so the memory of those on their way is told here, and given back (README.md: behind a gateway).
-TEST_F(Http2AbuseTest, StreamsThatAreResetAtOnce) {
+TEST_F(Http2AbuseTest, SurvivesStreamsThatAreResetAtOnce) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
   uint32_t stream = 1;
@@ -85,7 +85,7 @@ TEST_F(Http2AbuseTest, StreamsThatAreResetAtOnce) {
   ExpectServing("rapid reset");
 }
 
-TEST_F(Http2AbuseTest, HeadersWithoutEnd) {
+TEST_F(Http2AbuseTest, SurvivesEndlessHeaders) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
   std::string block;
@@ -97,7 +97,7 @@ TEST_F(Http2AbuseTest, HeadersWithoutEnd) {
   ExpectServing("64 MB of headers");
 }
 
-TEST_F(Http2AbuseTest, PingsAndSettingsWithoutEnd) {
+TEST_F(Http2AbuseTest, SurvivesEndlessPingsAndSettings) {
   for (const bool ping : {true, false}) {
     Connection connection(port_);
     connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
@@ -111,7 +111,7 @@ TEST_F(Http2AbuseTest, PingsAndSettingsWithoutEnd) {
   }
 }
 
-TEST_F(Http2AbuseTest, NoHttpAtAll) {
+TEST_F(Http2AbuseTest, SurvivesBytesThatAreNotHttp) {
   for (const std::string& bytes :
        {std::string("GET / HTTP/1.1\r\nHost: a\r\n\r\n"), std::string(100'000, '\xff'),
         std::string(kPreface) + std::string(100'000, '\xff'),

@@ -72,7 +72,7 @@ TEST(KillServer, AtAnyDurableCallLeavesACleanState) {
   EXPECT_GE(report.num_killed, report.num_tried * 9 / 10);
 }
 
-TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
+TEST(FullDisk, FailsWithAReasonAndRecoversWhenThereIsSpace) {
   const FaultReport report = FillDiskAtEveryCall(FullStress() ? 1 : 67);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
@@ -85,7 +85,7 @@ TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
 }
 
 // Of what a server reads, each call in turn.
-TEST(ReadError, IsToldAndHarmsNothing) {
+TEST(ReadError, IsReportedAndDamagesNothing) {
   const FaultReport report = FailEveryRead(FullStress() ? 1 : 37);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());

@@ -92,7 +92,7 @@ class KillWorkerTest : public ::testing::Test {
   ServiceClient client_;
 };
 
-TEST_F(KillWorkerTest, TrainingGoesOnToTheSameBytes) {
+TEST_F(KillWorkerTest, ResumesTrainingToTheSameBytes) {
   const int wanted = testing::FullStress() ? 50 : 3;
   const std::string unbroken = ModelBytes(Train("unbroken"));
   ASSERT_FALSE(unbroken.empty());

@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
+TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   const WatchersReport report = RunWatchers(server, 800, absl::Seconds(4));
   RecordProperty("p99_without_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_without)));
@@ -37,7 +37,7 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
   EXPECT_LT(report.p99_with, 2 * report.p99_without + absl::Milliseconds(20));
 }
 
-TEST(Load, OverloadIsRefusedFastAndTheRestAnswered) {
+TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   OverloadReport report;
   // The peak is of some seconds and what is answered of the next ones: a machine that something

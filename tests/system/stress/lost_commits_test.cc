@@ -104,7 +104,7 @@ class LostCommits : public ::testing::Test {
   CommitCutter cutter_{database_.socket()};
 };
 
-TEST_F(LostCommits, BeforeTheDatabaseGotThem) {
+TEST_F(LostCommits, AreHandledBeforeTheDatabaseGotThem) {
   const CommitReport report = CutEach(CommitCutter::Cut::kBefore);
   EXPECT_TRUE(report.broken.empty());
   EXPECT_GE(report.num_commits, 20);
@@ -112,7 +112,7 @@ TEST_F(LostCommits, BeforeTheDatabaseGotThem) {
   EXPECT_GE(report.num_cut, report.num_tried * 7 / 10);
 }
 
-TEST_F(LostCommits, AfterTheDatabaseHasDoneThem) {
+TEST_F(LostCommits, AreHandledAfterTheDatabaseAppliedThem) {
   const CommitReport report = CutEach(CommitCutter::Cut::kAfter);
   EXPECT_TRUE(report.broken.empty());
   EXPECT_GE(report.num_cut, report.num_tried * 7 / 10);

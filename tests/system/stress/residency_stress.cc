@@ -10,7 +10,7 @@ namespace {
 
 int seconds = 600;
 
-TEST(ResidencyStress, NeverOverBudgetAndAlwaysRight) {
+TEST(ResidencyStress, StaysWithinTheBudgetAndAnswersCorrectly) {
   pepeseg::ResidencyStressSettings settings;
   settings.worker = PEPESEG_MODEL_WORKER;
   settings.duration = absl::Seconds(seconds);

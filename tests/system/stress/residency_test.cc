@@ -6,7 +6,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Residency, MoreModelsThanFitAnswerRightAndStayInTheBudget) {
+TEST(Residency, AnswersCorrectlyWithinTheBudgetWithMoreModelsThanFit) {
   ResidencyStressSettings settings;
   settings.worker = PEPESEG_MODEL_WORKER;
   settings.num_models = 6;

@@ -81,7 +81,7 @@ class SlurmTest : public ::testing::Test {
   std::string url_;
 };
 
-TEST_F(SlurmTest, JobOfAKilledNodeIsFinishedElsewhereFromItsCheckpoint) {
+TEST_F(SlurmTest, ResumesTheJobOfAKilledNodeOnAnother) {
   const auto server = Serve("");
   ServiceClient client(server->channel());
   const std::string job = Train(client, 2500);
@@ -117,7 +117,7 @@ TEST_F(SlurmTest, JobOutlivesItsServer) {
   EXPECT_EQ(RowOf(job).fence, 1);  // one attempt, followed by two servers
 }
 
-TEST_F(SlurmTest, CancelReachesTheNode) {
+TEST_F(SlurmTest, CancelsAJobOnItsNode) {
   const auto server = Serve("");
   ServiceClient client(server->channel());
   const std::string job = Train(client, 100'000);

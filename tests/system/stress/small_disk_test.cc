@@ -86,7 +86,7 @@ absl::Status LiveOn(int kib) {
   return met;
 }
 
-TEST(SmallDisk, TellsThatItIsFullAndGoesOnWhenThereIsSpace) {
+TEST(SmallDisk, ReportsThatItIsFullAndRecoversWhenThereIsSpace) {
   if (geteuid() != 0 || unshare(CLONE_NEWNS) != 0) GTEST_SKIP() << "needs root, to mount a disk";
   ASSERT_EQ(mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr), 0);
   std::map<absl::StatusCode, int> met;

@@ -164,7 +164,7 @@ class UnreadableFiles : public ::testing::Test {
   std::string dataset_;
 };
 
-TEST_F(UnreadableFiles, AreToldToWhoNeedsThem) {
+TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
   const std::map<std::string, std::string> kinds = FindKinds();
   const std::optional<Answers> healthy = Serve({});
   ASSERT_TRUE(healthy.has_value());

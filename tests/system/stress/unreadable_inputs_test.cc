@@ -65,7 +65,7 @@ class UnreadableInputs : public WorkerTest {
 };
 
 // One call of read.
-TEST_F(UnreadableInputs, EachReadInTurn) {
+TEST_F(UnreadableInputs, FailTheJobAtEachRead) {
   const std::vector<std::string> reads = TraceReads();
   const auto whole = Train({});
   ASSERT_TRUE(whole.ok()) << whole.status();
@@ -88,7 +88,7 @@ TEST_F(UnreadableInputs, EachReadInTurn) {
 }
 
 // A file of each kind, for good.
-TEST_F(UnreadableInputs, EachKindOfFileIsNamed) {
+TEST_F(UnreadableInputs, AreNamedForEachKindOfFile) {
   std::map<int, const JobSpecFile*> by_kind;
   for (const JobSpecFile& file : spec_.files) by_kind.emplace(file.kind, &file);
   ASSERT_GE(by_kind.size(), 4u);

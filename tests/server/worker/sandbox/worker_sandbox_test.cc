@@ -33,7 +33,7 @@
 #include "absl/strings/str_format.h"
 #include "server/worker/sandbox/worker_limits.h"
 #include "server/worker_protocol/landlock_version.h"
-#include "tests/server/jobs/listening_socket.h"
+#include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -188,7 +188,7 @@ TEST_F(WorkerSandboxTest, ListensLocallyOnlyForCuda) {
   ExpectRefused([] { return socket(AF_UNIX, SOCK_STREAM, 0); });
 }
 
-TEST_F(WorkerSandboxTest, RunsProgramsOnlyWhenTheJobDoes) {
+TEST_F(WorkerSandboxTest, RunsProgramsOnlyIfTheJobNeedsThem) {
   ExpectRefused([] { return execl("/bin/true", "true", nullptr); });
   if (!kSanitized) ExpectRefused([] { return fork(); });
   needs_.has_device = true;
@@ -280,7 +280,7 @@ TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
 }
 
 // The server reads what is in the job's folder, as itself.
-TEST_F(WorkerSandboxTest, MakesNothingButFilesAndFolders) {
+TEST_F(WorkerSandboxTest, CreatesOnlyFilesAndFolders) {
   const std::string secret = folder_ / "audit.log", mine = folder_ / "job/old";
   ForEachKind([&] {
     for (const std::string& target : {secret, mine}) {
@@ -294,7 +294,7 @@ TEST_F(WorkerSandboxTest, MakesNothingButFilesAndFolders) {
   });
 }
 
-TEST_F(WorkerSandboxTest, ExecutesNothingOfItsOwn) {
+TEST_F(WorkerSandboxTest, ExecutesNoFileThatItWrote) {
   if (!HasLandlock()) GTEST_SKIP() << "the kernel has no Landlock";
   needs_.runs_programs = true;
   std::filesystem::copy_file("/bin/true", folder_ / "job/true");
@@ -308,7 +308,7 @@ TEST_F(WorkerSandboxTest, ExecutesNothingOfItsOwn) {
   ExpectAllowed([&] { return run("true"); });
 }
 
-TEST(LandlockVersions, OldKernelsAreReportedWithWhatTheyLack) {
+TEST(LandlockVersions, ReportWhatOldKernelsLack) {
   EXPECT_THAT(MissingFromSandbox(0), ::testing::HasSubstr("files are not limited"));
   EXPECT_THAT(MissingFromSandbox(1), ::testing::HasSubstr("files are not limited"));
   EXPECT_THAT(MissingFromSandbox(kLandlockRefer), ::testing::HasSubstr("signals"));
@@ -331,7 +331,7 @@ TEST_F(WorkerSandboxTest, GetsNoPrivilegesAndNoNamespaces) {
   }
 }
 
-TEST_F(WorkerSandboxTest, KeepsItsLimits) {
+TEST_F(WorkerSandboxTest, CannotChangeItsLimits) {
   const rlimit more{RLIM_INFINITY, RLIM_INFINITY};
   rlimit now{};
   ExpectAllowed([&] { return getrlimit(RLIMIT_DATA, &now); });
@@ -341,7 +341,7 @@ TEST_F(WorkerSandboxTest, KeepsItsLimits) {
   ExpectRefused([&] { return prlimit(parent, RLIMIT_DATA, nullptr, &now); });
 }
 
-TEST_F(WorkerSandboxTest, TypesIntoNoTerminal) {
+TEST_F(WorkerSandboxTest, CannotTypeIntoATerminal) {
   char typed = 'x';
   for (const unsigned long high : {0UL, 1UL << 32}) {
     ExpectRefused([&] { return syscall(SYS_ioctl, 0, high | TIOCSTI, &typed); });
@@ -352,7 +352,7 @@ TEST_F(WorkerSandboxTest, TypesIntoNoTerminal) {
   ExpectRefused([&] { return syscall(SYS_ioctl, -1, TCGETS, &settings); }, EBADF);
 }
 
-TEST_F(WorkerSandboxTest, DiesOfWhatOnlyAnAttackDoes) {
+TEST_F(WorkerSandboxTest, IsKilledByCallsOfAttacks) {
   for (const bool more : {false, true}) {
     needs_.runs_programs = needs_.has_device = more;
     if (!kSanitized) ExpectKilled([] { return ptrace(PTRACE_TRACEME, 0, nullptr, nullptr); });

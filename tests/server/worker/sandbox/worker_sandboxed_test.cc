@@ -10,7 +10,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "server/worker_protocol/landlock_version.h"
-#include "tests/server/jobs/listening_socket.h"
+#include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/server/worker/worker_fixture.h"
 
 namespace pepeseg {
@@ -99,7 +99,7 @@ class WorkerSandboxedTest : public WorkerTest {
   const testing::ListeningSocket tcp_;
 };
 
-TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
+TEST_F(WorkerSandboxedTest, TrainsInAFilterThatItCannotRemove) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto worker = Launch(getpid());
   std::string status;
@@ -117,7 +117,7 @@ TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
 }
 
 // A worker of Slurm's is given the way to the database; what decodes uploads has never had it.
-TEST_F(WorkerSandboxedTest, OfSlurmForgetsTheDatabaseBeforeItReadsUploads) {
+TEST_F(WorkerSandboxedTest, DropsTheDatabaseUrlOfSlurmBeforeItReadsUploads) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   setenv("PEPESEG_SLURM_DATABASE", "postgresql:host=nowhere password=secret", 1);
   setenv("PGPASSWORD", "secret", 1);
@@ -141,7 +141,7 @@ TEST_F(WorkerSandboxedTest, OfSlurmForgetsTheDatabaseBeforeItReadsUploads) {
   WaitFor(*worker);
 }
 
-TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
+TEST_F(WorkerSandboxedTest, LimitsItsProgramsToTheJob) {
   if (LandlockVersion() < kLandlockScopes) GTEST_SKIP() << "needs Linux 6.12";
   UseProbe();
   Run();
@@ -152,7 +152,7 @@ TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
 }
 
 // So the probe's attempts are such as go well where nothing refuses them.
-TEST_F(WorkerSandboxedTest, WithoutItTheProgramDoesAsItLikes) {
+TEST_F(WorkerSandboxedTest, DoesNotLimitProgramsIfItIsOff) {
   UseProbe();
   spec_.worker.sandbox = false;
   Run();

@@ -244,7 +244,7 @@ class DoubleFeatures {
 class DoubleFeatureRuns : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, DoubleFeatureRuns, CpuAndCuda(), BackendName);
 
-TEST_P(DoubleFeatureRuns, StageTwoStaysWithItself) {
+TEST_P(DoubleFeatureRuns, AgreeWithFloatInStageTwo) {
   std::vector<Batch> batches;
   for (uint64_t seed = 1; seed <= kNumBatches; ++seed) batches.push_back(RandomBatch(seed));
   SingleFeatures single(*backend_);

@@ -147,7 +147,7 @@ double RmsDifference(const std::vector<float>& a, const std::vector<double>& b) 
   return std::sqrt(squares / static_cast<double>(a.size()));
 }
 
-TEST_P(DoubleRuns, StageOneStaysWithItself) {
+TEST_P(DoubleRuns, AgreeWithFloatInStageOne) {
   const Capture capture =
       TinyCapture({.num_views = 4, .side = kSide, .held_out_every = 0, .num_points = 40});
   const HostGaussians start = StartOf(capture);

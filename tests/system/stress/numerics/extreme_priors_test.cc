@@ -46,7 +46,7 @@ INSTANTIATE_TEST_SUITE_P(Backends, ExtremePriors, CpuAndCuda(), BackendName);
 
 constexpr double kMayCost = 1;  // dB; measured: at most 0.6
 
-TEST_P(ExtremePriors, WrongOnesCostLittle) {
+TEST_P(ExtremePriors, CostLittleIfWrong) {
   const double with = Learn("exact", [](DepthPrior&) {}).psnr;
   const auto none = Learn("none", [](DepthPrior& prior) { prior.values.clear(); });
   EXPECT_GT(with, none.psnr - kMayCost);
@@ -68,7 +68,7 @@ TEST_P(ExtremePriors, WrongOnesCostLittle) {
   EXPECT_EQ(unknown.psnr, none.psnr);  // as if there were none
 }
 
-TEST_P(ExtremePriors, NoiseAndFewKnownPixelsGiveNumbers) {
+TEST_P(ExtremePriors, GiveFiniteNumbersWithNoiseAndFewKnownPixels) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<float> uniform(0, 1);
   Learn("noise", [&](DepthPrior& prior) {

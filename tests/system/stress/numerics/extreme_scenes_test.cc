@@ -60,7 +60,7 @@ Capture FarFromZero(Capture capture, bool relative) {
   return capture;
 }
 
-TEST_P(ExtremeScenes, FarFromZeroIsLearntRelativeToAnOrigin) {
+TEST_P(ExtremeScenes, FarFromZeroTrainRelativeToAnOrigin) {
   const double near = Learn("at zero", TinyCapture());
   EXPECT_LT(Learn("ten millions away", FarFromZero(TinyCapture(), false)), near - 3);
   EXPECT_GT(Learn("relative to the origin", FarFromZero(TinyCapture(), true)), near - 1);
@@ -80,7 +80,7 @@ Capture SeenFromAfar(Capture capture, double focal) {
 
 // From far enough all rays of a view are parallel: what is in focus at 1,000 is so at 100,000.
 // Against a near view some accuracy goes, as parallel rays tell less of depth.
-TEST_P(ExtremeScenes, LongLensesFromAfarChangeLittle) {
+TEST_P(ExtremeScenes, LongFocalLengthsFromAfarChangeLittle) {
   const double near = Learn("focal 35", TinyCapture());
   const double parallel = Learn("focal 1e3", SeenFromAfar(TinyCapture(), 1e3));
   EXPECT_GT(parallel, near - 3);
@@ -90,7 +90,7 @@ TEST_P(ExtremeScenes, LongLensesFromAfarChangeLittle) {
 
 // The same places, other lenses: at 10 most of the picture is guessed, at 1e5 a view sees a
 // thousandth of a ball.
-TEST_P(ExtremeScenes, AnyFocalLengthGivesNumbers) {
+TEST_P(ExtremeScenes, AnyFocalLengthGivesFiniteNumbers) {
   for (const double focal : {10.0, 1e3, 1e5}) {
     Capture capture = TinyCapture();
     for (View& view : capture.views) view.camera.fx = view.camera.fy = focal;
@@ -117,7 +117,7 @@ float LargestMove(const StageOneRun& run, const Capture& capture) {
 }
 
 // Its centre alone tells no size of the scene: the means must move all the same.
-TEST_P(ExtremeScenes, OneViewIsLearnt) {
+TEST_P(ExtremeScenes, OneViewTrains) {
   Capture capture = TinyCapture();
   capture.views = {capture.views[1]};
   ASSERT_OK_AND_ASSIGN(const StageOneRun run,
@@ -127,7 +127,7 @@ TEST_P(ExtremeScenes, OneViewIsLearnt) {
 }
 
 // A camera on a tripod that turns a little from view to view.
-TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
+TEST_P(ExtremeScenes, CoincidentCamerasTrain) {
   Capture capture = TinyCapture();
   const View first = capture.views[1];
   const Eigen::Vector3d eye = first.cam_from_world.Inverse().translation;
@@ -139,7 +139,7 @@ TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
   Learn("one place", capture);
 }
 
-TEST_P(ExtremeScenes, TenThousandViewsAreLearnt) {
+TEST_P(ExtremeScenes, TenThousandViewsTrain) {
   const int num_views = FullStress() ? 10'000 : 1'000;
   Capture capture = TinyCapture({.num_views = num_views, .side = 16, .held_out_every = 8});
   Learn("many views", capture, FullStress() ? 10'000 : 400);

@@ -61,7 +61,7 @@ void ExpectNoDrift(const std::vector<double>& losses) {
             MeanOfLast(grown, 0.1) + 0.05 * std::abs(MeanOfLast(grown, 0.1)));
 }
 
-TEST_P(LongRuns, StageOneBudgeted) {
+TEST_P(LongRuns, TrainStageOneWithABudget) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.min_band_gain = 0;  // all bands to the end
   ASSERT_OK_AND_ASSIGN(
@@ -72,7 +72,7 @@ TEST_P(LongRuns, StageOneBudgeted) {
   EXPECT_EQ(run.most_steps, NumSteps());
 }
 
-TEST_P(LongRuns, StageOneWithResets) {
+TEST_P(LongRuns, TrainStageOneWithResets) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.pixels_per_gaussian = 0;
   options.opacity_reset_every = std::max(100, NumSteps() / 30);
@@ -83,7 +83,7 @@ TEST_P(LongRuns, StageOneWithResets) {
 
 // Density control to the very end, and no Gaussian is pruned: opacities fade without end where the
 // photographs do not hold them.
-TEST_P(LongRuns, StageOneThatNeverPrunes) {
+TEST_P(LongRuns, TrainStageOneWithoutPruning) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.prune_opacity = 0;
   options.densify_until = 1;
@@ -94,7 +94,7 @@ TEST_P(LongRuns, StageOneThatNeverPrunes) {
 }
 
 // Without decay nothing holds an opacity from becoming 1.
-TEST_P(LongRuns, StageOneWithoutDecay) {
+TEST_P(LongRuns, TrainStageOneWithoutDecay) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.opacity_decay = 1;
   options.opacity_learning_rate = 1;
@@ -103,7 +103,7 @@ TEST_P(LongRuns, StageOneWithoutDecay) {
   ExpectRun(*backend_, "no decay", run);
 }
 
-TEST_P(LongRuns, StageTwo) {
+TEST_P(LongRuns, TrainStageTwo) {
   const Capture capture = TinyCapture({.depth = DepthPrior::Kind::kDisparity});
   ReconstructOptions geometry = TinyReconstruct(300);
   ASSERT_OK_AND_ASSIGN(const StageOneRun frozen, RunStageOne(*MakeCpu(), capture, geometry));

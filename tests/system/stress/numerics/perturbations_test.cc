@@ -144,7 +144,7 @@ class Perturbations : public BackendTest {
 INSTANTIATE_TEST_SUITE_P(Backends, Perturbations, CpuAndCuda(), BackendName);
 
 // A pixel is 0.02 radians here, a degree 0.9 pixels.
-TEST_P(Perturbations, OfPosesCostByTheirSize) {
+TEST_P(Perturbations, OfPosesCostQualityByTheirSize) {
   const Accuracy small = LearnFromPoses(0.1, 0.001);
   if (FullStress()) LearnFromPoses(0.3, 0.003);
   if (FullStress()) LearnFromPoses(1, 0.01);
@@ -159,7 +159,7 @@ TEST_P(Perturbations, OfPriorsCostLittle) {
   EXPECT_GT(LearnFromPriors(1).psnr, truth_.psnr - 1);
 }
 
-TEST_P(Perturbations, OfMasksCostNoColour) {
+TEST_P(Perturbations, OfMasksDoNotChangeColour) {
   EXPECT_GT(LearnFromMovedMasks(1).psnr, truth_.psnr - 0.7);
   if (FullStress()) LearnFromMovedMasks(2);
   if (FullStress()) LearnFromMovedMasks(4);

@@ -50,7 +50,7 @@ Bytes Train(Backend& backend) {
   return bytes;
 }
 
-TEST(SameBytes, OnTheCpuForAnyNumberOfThreads) {
+TEST(SameBytes, ResultOnTheCpuWithAnyNumberOfThreads) {
   const Bytes want = Train(*MakeCpuBackend(1));
   ASSERT_FALSE(want.features.empty());
   for (const int num_threads : {1, 2, 3}) {
@@ -61,7 +61,7 @@ TEST(SameBytes, OnTheCpuForAnyNumberOfThreads) {
 class SameBytesOnADevice : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, SameBytesOnADevice, CpuAndCuda(), BackendName);
 
-TEST_P(SameBytesOnADevice, FromRunToRun) {
+TEST_P(SameBytesOnADevice, ResultFromEachRun) {
   const Bytes want = Train(*backend_);
   ASSERT_FALSE(want.features.empty());
   double farthest = 0;
