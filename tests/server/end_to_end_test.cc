@@ -1,4 +1,4 @@
-// The server program and its worker, over a socket: what a newcomer does.
+// The server program and its worker over a socket, used as a new user does.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/types.h>
@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 using testing::PepesegdProcess;
 using testing::ServiceClient;
 
-// A quarter of the size and few steps: the way that a full training takes, in seconds.
+// A quarter of the size and few steps: all stages of a training, in seconds.
 v1::TrainingOptions QuickOptions() {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(0.25);
@@ -48,7 +48,7 @@ class EndToEndTest : public ::testing::Test {
     client_ = std::make_unique<ServiceClient>(server_->channel());
   }
 
-  // The name of the shelf as a dataset of the scene.
+  // Uploads the shelf, and returns the name of the dataset.
   std::string UploadShelf(const std::string& scene) {
     EXPECT_OK(client_->CreateScene(scene));
     const auto dataset =
@@ -96,7 +96,7 @@ const v1::JobEvent::StageEnded& EndOf(const std::string& stage,
   return v1::JobEvent::StageEnded::default_instance();
 }
 
-// Of the views that are held out, by name: their scores are told one by one.
+// Checks that the events have the scores of each held-out view by name.
 void ExpectScores(const v1::JobEvent::StageEnded& evaluate, const std::vector<v1::View>& views) {
   ASSERT_EQ(evaluate.views_size(), 2);
   EXPECT_EQ(evaluate.views(0).view(), "frame-000000.jpg");
@@ -209,7 +209,7 @@ TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndAdaptsToItsPace) {
             std::max(before.stages(1).device_bytes(), before.stages(2).device_bytes()));
   EXPECT_LE(model.metrics().at("num_gaussians"), 20'000);
 
-  options.mutable_reconstruct()->set_num_steps(300);  // twice as many
+  options.mutable_reconstruct()->set_num_steps(300);  // twice as many as before
   ASSERT_OK_AND_ASSIGN(const auto after, client_->Estimate("scenes/shelf", dataset, options));
   const auto seconds = [](const google::protobuf::Duration& duration) {
     return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
@@ -217,12 +217,12 @@ TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndAdaptsToItsPace) {
   EXPECT_NEAR(seconds(after.stages(1).duration()), 2 * model.metrics().at("seconds_reconstruct"),
               1e-3);
   EXPECT_NEAR(seconds(after.stages(2).duration()), model.metrics().at("seconds_features"), 1e-3);
-  options.mutable_import()->set_image_scale(0.5);  // of that nothing was measured
+  options.mutable_import()->set_image_scale(0.5);  // no training at this scale was measured
   ASSERT_OK_AND_ASSIGN(const auto other, client_->Estimate("scenes/shelf", dataset, options));
   for (const auto& stage : other.stages()) EXPECT_FALSE(stage.has_duration()) << stage.stage();
 }
 
-// Each time before there was anything to save.
+// The worker is killed each time before it has anything to save.
 TEST_F(EndToEndTest, FailsAJobWhoseWorkerIsKilledThreeTimesAndRunsTheNext) {
   const std::string dataset = UploadShelf("shelf");
   const std::string job = Train("shelf", dataset, EndlessOptions());
@@ -250,7 +250,7 @@ TEST_F(EndToEndTest, CancelsARunningJobWithinASecond) {
   const absl::Time start = absl::Now();
   ASSERT_OK(client_->CancelJob(job));
   ASSERT_OK_AND_ASSIGN(const v1::Job ended, client_->WaitForJob(job));
-  // A second, and as much again for a machine that is busy with other tests.
+  // One second, and another for a machine that is busy with other tests.
   EXPECT_LT(absl::Now() - start, absl::Seconds(2));
   EXPECT_EQ(ended.state(), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(WorkerOf(job), 0);

@@ -1,4 +1,4 @@
-// What keeps a server from starting.
+// Options with which a server does not start.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -94,7 +94,7 @@ TEST(ServerStart, RefusesADamagedSamFolderThatIsNamed) {
   EXPECT_NE(refused.status().message().find("sam.onnx: its SHA-256 is "), std::string::npos);
 }
 
-// The default folder holds nothing up.
+// A damaged default folder does not keep the server from starting.
 TEST(ServerStart, UsesSamInADefaultFolderIfItIsIntact) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
@@ -129,7 +129,7 @@ TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeBound) {
   EXPECT_NE(Server::Start(options).status().message().find("--metrics 127."), std::string::npos);
   options.metrics.clear();
   options.insecure = true;
-  options.listen = "192.0.2.1:0";  // RFC 5737: nobody's
+  options.listen = "192.0.2.1:0";  // reserved by RFC 5737: no machine has it
   const auto refused = Server::Start(options);
   EXPECT_NE(refused.status().message().find("not an address of this machine"), std::string::npos)
       << refused.status();

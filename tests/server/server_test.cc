@@ -78,7 +78,7 @@ TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
       << resumed.DebugString();
 }
 
-// The program itself, until its port file is there.
+// Runs the program, and waits for its port file.
 struct Program {
   explicit Program(const testing::TempFolder& folder,
                    const std::string& worker = PEPESEG_FAKE_WORKER,
@@ -163,7 +163,8 @@ v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string
   return job;
 }
 
-// NOT_SERVING, a while in which it still answers, streams end, what is under way is answered, exit.
+// The order: NOT_SERVING, a time in which calls are still answered, the end of streams, answers to
+// the calls in progress, exit.
 TEST(ServerProgram, StopsInOrderOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder, PEPESEG_MODEL_WORKER, {"--drain-seconds=2", "--grace=20"});
@@ -188,7 +189,7 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
 
   kill(program.pid, SIGTERM);
   while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
-  // The first question loads the model: it is under way when the streams end.
+  // The first query loads the model, so it is still in progress when the streams end.
   v1::ProposeScalesRequest question;
   question.set_model("scenes/shelf/models/live");
   question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
@@ -205,7 +206,7 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
     num_answered += last.ok() ? 1 : 0;
   } while (last.ok());
   EXPECT_GT(num_answered, 0);
-  // Never cut off in the middle: refused, or the connection is gone.
+  // No call is cut off in the middle: it is refused, or the connection is closed.
   EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
   while (watcher->Read(&event)) {
   }
@@ -222,7 +223,7 @@ struct Output {
   std::string text;  // standard output and error
 };
 
-// Through the shell.
+// Runs a command in the shell.
 Output RunShell(const std::string& line) {
   Output output;
   FILE* pipe = popen((line + " 2>&1").c_str(), "r");
@@ -246,7 +247,7 @@ TEST(ServerProgram, ReportsAPortInUseInOneLine) {
   }
 }
 
-// Where another test's server, or a person's, has the port, it says so.
+// If another server on this machine has the default port, the program must report that.
 TEST(ServerProgram, ServesWithoutArguments) {
   const testing::TempFolder folder;
   const Output output = RunShell("XDG_DATA_HOME=" + folder.path().string() +

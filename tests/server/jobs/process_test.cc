@@ -60,7 +60,8 @@ TEST_F(WorkerProcessTest, AppendsBothOutputsToTheLog) {
 }
 
 TEST_F(WorkerProcessTest, InheritsNoDescriptor) {
-  // Not CLOEXEC, as a careless library would open it; and at a number that no shell uses itself.
+  // Without CLOEXEC, as a careless library opens files, and with a number that no shell uses
+  // itself.
   const int opened = open("/dev/null", O_RDONLY);
   const int secret = fcntl(opened, F_DUPFD, 50);
   ASSERT_GE(secret, 50);
@@ -78,7 +79,7 @@ TEST_F(WorkerProcessTest, HasItsOwnGroupAndDefaultSignals) {
   EXPECT_EQ(getpgid(process->pid()), process->pid());
   process->Signal(SIGTERM);
   EXPECT_EQ(WaitFor(*process).signal, SIGTERM);
-  process->Signal(SIGTERM);  // reaped: goes to nobody
+  process->Signal(SIGTERM);  // it is reaped: no process gets the signal
 }
 
 TEST_F(WorkerProcessTest, IsKilledWithItsObject) {

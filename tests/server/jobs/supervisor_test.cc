@@ -46,7 +46,7 @@ TEST_F(SupervisorTest, LogsAllEventsOfAJob) {
   EXPECT_EQ(newest->progress->step(), 3);
 }
 
-// What a worker leaves is read as itself, or not at all.
+// The server reads regular files of a worker, and nothing else.
 class TakenOverWorker : public SupervisorTest {
  protected:
   TakenOverWorker() { std::ofstream(folder_ / "victim") << "kept"; }
@@ -125,7 +125,7 @@ TEST_F(SupervisorTest, TreatsAnExitWithoutAResultAsACrash) {
   EXPECT_THAT(lie.error_message, HasSubstr("exited with code 0"));
 }
 
-// The worker's process: the child of this one whose command line has the job's folder.
+// Returns the worker's process: the child of this one whose command line has the job's folder.
 pid_t FindWorker(const std::string& folder) {
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     std::ifstream file(entry.path() / "cmdline");
@@ -137,7 +137,7 @@ pid_t FindWorker(const std::string& folder) {
   return 0;
 }
 
-// Twice with nothing saved: that is too often here.
+// Two crashes without progress are the limit here.
 TEST_F(SupervisorTest, FailsAJobWhoseWorkerIsKilledRepeatedlyAndRunsTheNext) {
   const std::string job = Submit("hang");
   const std::string next = Submit("succeed");
@@ -178,7 +178,7 @@ TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
 TEST_F(SupervisorTest, KillsAWorkerThatIgnoresTheCancel) {
   const std::string job = Submit("deaf");
   WaitForStage(job);
-  absl::SleepFor(absl::Milliseconds(50));  // for the worker to become deaf
+  absl::SleepFor(absl::Milliseconds(50));  // until the worker ignores SIGTERM
   ASSERT_TRUE(supervisor_->Cancel(job).ok());
   EXPECT_EQ(WaitForEnd(job).state, JobState::kCancelled);
 }
@@ -222,13 +222,13 @@ TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   ASSERT_TRUE(store_->RequeueJob(job, 1, {AttemptEnd::kServerEnded, false, {}}).ok());
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-  Restart();  // the second of two attempts is over
+  Restart();  // ends the second of two attempts
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("server ended during each of 2"));
 }
 
-// Three servers end during an attempt each, and then the worker crashes once.
+// Three servers end during one attempt each, and then the worker crashes once.
 TEST_F(SupervisorTest, DoesNotCountEndsOfTheServerAsCrashes) {
   supervisor_->StopClaiming();
   const std::string job = Submit("crash at 4");
@@ -280,7 +280,7 @@ TEST_F(SupervisorTest, RestartsACrashedWorker) {
   EXPECT_TRUE(warned);
 }
 
-// Two crashes with something saved each, where two without are too many.
+// Two crashes after progress; two without would be the limit.
 TEST_F(SupervisorTest, DoesNotCountACrashAfterProgress) {
   const JobRow end = WaitForEnd(Submit("save and crash twice"));
   EXPECT_EQ(end.state, JobState::kSucceeded);

@@ -1,5 +1,5 @@
-// Starts and ends of jobs that cannot be written for a while: they are tried again with pauses, and
-// lose nothing.
+// Starts and ends of jobs that cannot be written for a while. The supervisor tries them again with
+// pauses, and loses nothing.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <spdlog/sinks/ostream_sink.h>
@@ -77,7 +77,7 @@ TEST_F(UnwrittenStates, ReportsAnEndAndWritesItLater) {
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
   EXPECT_EQ(EventsOf(job).back().state_changed().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/false).ok());
-  // After 1, 2 and 4 s.
+  // It is tried again after 1, 2 and 4 s.
   EXPECT_LE(CountLines("writing its end"), 4);
 }
 

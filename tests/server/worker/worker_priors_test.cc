@@ -10,7 +10,7 @@
 #include "core/scene/capture.h"
 #include "tests/server/worker/worker_fixture.h"
 
-// The stage "priors": a program in place of the operator's.
+// The stage "priors" with a priors command.
 namespace pepeseg {
 namespace {
 
@@ -22,13 +22,13 @@ using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
-// The warning that follows when the built-in masks are used.
+// Matches the warning about built-in masks.
 auto AdvisesOtherMasks() {
   return AllOf(HasSubstr("segments may be poor"), HasSubstr("pepeseg-priors"),
                HasSubstr("--priors-command"));
 }
 
-// Writes the upper half of each photograph as its mask.
+// A script that writes the upper half of each photograph as its mask.
 constexpr char kMakeMasks[] = R"(
 mkdir -p "$out/masks"
 n=0
@@ -54,7 +54,7 @@ class WorkerPriorsTest : public WorkerTest {
     std::filesystem::create_directories(Shared(""));
   }
 
-  // A shell script, with `photos`, `out` and `want` set from its arguments.
+  // Uses a shell script as priors command. Its arguments are in `photos`, `out` and `want`.
   void SetCommand(const std::string& script) {
     const std::filesystem::path path = folder_.path() / "make_priors";
     std::ofstream(path) << "#!/bin/sh\n"
@@ -65,7 +65,7 @@ class WorkerPriorsTest : public WorkerTest {
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
     spec_.worker.priors_command = path.string();
   }
-  // What the script may read and write.
+  // Returns a path that the script may read and write.
   std::string Shared(const std::string& name) { return (job_.work() / "shared" / name).string(); }
   std::string Text(const std::string& name) {
     return ReadFile(Shared(name), name, 1 << 20).value_or("");
@@ -186,7 +186,7 @@ TEST_F(WorkerPriorsTest, FailsTheJobIfRequiredPriorsFail) {
 
 TEST_F(WorkerPriorsTest, TreatsNoOutputAsAFailure) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
-  // Links are not followed, and names of its own are not looked at.
+  // Links are not followed, and files with unknown names are ignored.
   SetCommand("mkdir $out/masks; ln -s /etc/hostname $out/masks/000001.json; : > $out/masks/a.json");
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_THAT(std::string(Error().message()), HasSubstr("wrote no masks,depth"));
@@ -226,7 +226,7 @@ TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenOnCancel) {
   EXPECT_LT(absl::Now() - before, absl::Seconds(1));
   EXPECT_EQ(Error().code(), absl::StatusCode::kCancelled);
   const pid_t child = std::stoi(Text("child"));
-  // Whoever inherits it may still have to reap it.
+  // Until its new parent reaps it, it is still in the process table.
   const auto runs = [child] {
     std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
     std::string id, name, state;

@@ -16,7 +16,7 @@ class WorkerProgressTest : public ::testing::Test {
   WorkerProgressTest()
       : path_(folder_.path() / "events.log"), log_(EventLogWriter::Open(path_).value()) {}
 
-  // Ten steps of PSNR 1, 2, ... 10 dB.
+  // Reports ten steps with a PSNR of 1, 2, ... 10 dB.
   std::vector<v1::JobProgress> TakeTenSteps(WorkerProgress::Clock::duration interval) {
     WorkerProgress progress(*log_, interval);
     EXPECT_TRUE(progress.StartStage("reconstruct").ok());
@@ -185,7 +185,7 @@ TEST_F(WorkerProgressTest, AveragesPsnrSinceTheLastReport) {
   const auto told = TakeTenSteps(std::chrono::hours(1));
   ASSERT_EQ(told.size(), 2u);
   EXPECT_DOUBLE_EQ(told[0].psnr(), 1);
-  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // of 2, 3, ... 10
+  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // the mean of 2, 3, ... 10
 }
 
 TEST_F(WorkerProgressTest, OmitsWhatWasNotMeasured) {

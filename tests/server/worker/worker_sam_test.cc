@@ -7,7 +7,7 @@
 #include "tests/server/worker/worker_sfm_fixture.h"
 #include "tests/testing/fake_sam.h"
 
-// The stage "priors" with SAM, through a library in place of ONNX Runtime.
+// The stage "priors" with SAM, by a fake of ONNX Runtime.
 namespace pepeseg {
 namespace {
 
@@ -153,12 +153,12 @@ TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   first->Signal(SIGTERM);
   const WorkerEnd end = WaitFor(*first);
   EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
-  // The first view is held out, and the next two are segmented at the same time.
+  // The first view is held out; the next two are segmented in parallel.
   const bool has_second = std::filesystem::exists(MasksOf("000002"));
   const auto kept = MasksOf(has_second ? "000002" : "000003");
   ASSERT_TRUE(std::filesystem::exists(kept));
   const auto written = std::filesystem::last_write_time(kept);
-  // A damaged file is made again.
+  // Masks in a damaged file are made again.
   std::ofstream(MasksOf("000015")) << "[{";
 
   const int before = NumSegmentingSteps();
@@ -178,10 +178,10 @@ TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
               HasSubstr("were segmented by an earlier attempt"));
 }
 
-// Photographs whose poses COLMAP, or a program in its place, is to find.
+// Photographs without poses, which COLMAP or a fake of it estimates.
 class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
  protected:
-  // `commands`: of a shell, run for each of COLMAP's commands.
+  // `commands`: shell commands that run for each of COLMAP's commands.
   void UseColmap(const std::string& commands) {
     spec_.worker.colmap = PathOf("colmap");
     std::ofstream(spec_.worker.colmap)
@@ -200,7 +200,7 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsPhotographsWhileColmapRuns) {
   UseColmap(WaitingFor(MasksOf("000002")) + "; exit 1");
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_TRUE(std::filesystem::exists(MasksOf("000002")));
-  // It would be held out.
+  // That photograph would be held out.
   EXPECT_FALSE(std::filesystem::exists(MasksOf("000001")));
 }
 
@@ -220,8 +220,8 @@ TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
   EXPECT_GE(model->metrics.at("num_masks"), 5);
 }
 
-// The first photograph gets no pose, so that the second is held out in its place, and the ninth,
-// which would have been, is trained on.
+// The first photograph gets no pose, so the second is held out in its place. The ninth would have
+// been held out and is a training view now.
 TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutPose) {
   AddPlace(1, 7);
   AddPlace(9, 1);
@@ -285,7 +285,7 @@ TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
                                          HasSubstr("continues with the built-in masks."))));
 }
 
-// With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
+// Uses the files that deploy/sam.sh installs, in the sandbox. `make sam-test` runs it.
 TEST_F(WorkerSamTest, RunsTheRealModel) {
   const char* real = std::getenv("PEPESEG_SAM");
   if (real == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
-// Runs: it may still be there for whoever has to reap it.
+// Returns whether the process runs. One that has ended may still wait to be reaped.
 bool IsThere(pid_t pid) {
   std::ifstream stat(absl::StrCat("/proc/", pid, "/stat"));
   std::string word, state;
@@ -58,7 +58,7 @@ TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
 
 TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   AddPlace(6, 1);
-  // As a server leaves it that stops during the stage after.
+  // The state that an attempt leaves which was stopped during the next stage.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
   for (int i = 0; i < 12000 && !HasBegun(Events(), "reconstruct"); ++i) {

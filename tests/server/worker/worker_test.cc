@@ -81,7 +81,7 @@ TEST_F(WorkerTest, ResumesAfterStageOneWithTheSameBytes) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   const auto unbroken = ReadFile(job_.attempt(1) / "gaussians.ply", "first", 1 << 30);
   ASSERT_TRUE(unbroken.ok()) << unbroken.status();
-  // As a server that stopped during stage two would have left it.
+  // The state that an attempt leaves which was stopped during stage two.
   const auto model = ReadModel(job_.attempt(1));
   ASSERT_TRUE(model.ok()) << model.status();
   std::filesystem::remove_all(job_.attempt(1));
@@ -144,7 +144,7 @@ TEST_F(WorkerTest, ReportsALackOfMemory) {
   GTEST_SKIP() << "sanitizers map more memory than any limit leaves";
 #endif
   spec_.memory_limit = int64_t{400} << 20;
-  // The photographs fit; so many Gaussians do not.
+  // The photographs fit in memory; this number of Gaussians does not.
   std::erase_if(spec_.files, [](const JobSpecFile& file) {
     return file.name.find("points3D") != std::string::npos;
   });
@@ -172,7 +172,7 @@ TEST_F(WorkerTest, RefusesABrokenSpec) {
         {PEPESEG_WORKER, {absl::StrCat("--job=", job_.path().string())}, job_.worker_log()});
     return WaitFor(**worker);
   };
-  ExpectExit(launch(), WorkerExit::kBadSpec);  // none
+  ExpectExit(launch(), WorkerExit::kBadSpec);  // there is no spec
   std::ofstream(job_.path() / "spec-1.json") << R"({"job": 3})";
   ExpectExit(launch(), WorkerExit::kBadSpec);
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 2000), HasSubstr("spec-1.json"));

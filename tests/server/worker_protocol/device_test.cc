@@ -9,7 +9,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// The reason why this build, on this machine, has no CUDA; empty: it has.
+// Returns the reason why this build has no CUDA on this machine. Empty: it has.
 std::string CudaError() {
   std::string error;
   MakeCudaBackend({}, &error);

@@ -30,7 +30,7 @@ class EventLogTest : public ::testing::Test {
     }
   }
 
-  // "1:first" and so on.
+  // Returns the events as "1:first" and so on.
   static std::vector<std::string> Told(const std::vector<v1::JobEvent>& events) {
     std::vector<std::string> told;
     told.reserve(events.size());
@@ -83,7 +83,7 @@ TEST_F(EventLogTest, SetsTheTimeOfEvents) {
 
 TEST_F(EventLogTest, ReadsWhileTheWriterAppends) {
   EventLogReader reader(path_);
-  EXPECT_TRUE(reader.Read()->empty());  // not there yet
+  EXPECT_TRUE(reader.Read()->empty());  // the file does not exist yet
   auto writer = EventLogWriter::Open(path_);
   ASSERT_TRUE((*writer)->Append(Warning("a")).ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -128,7 +128,7 @@ TEST_F(EventLogTest, AllocatesNothingForAnAbsurdLength) {
   EXPECT_EQ(reader.Read().status().code(), absl::StatusCode::kDataLoss);
 }
 
-// Attempts: each goes on where the one before it was when it took over.
+// Each attempt continues where the one before it was when the attempt took over.
 class AttemptLogTest : public EventLogTest {
  protected:
   std::unique_ptr<EventLogWriter> Open(int64_t fence) {
@@ -141,7 +141,7 @@ class AttemptLogTest : public EventLogTest {
 TEST_F(AttemptLogTest, ContinuesNumbersAcrossAttempts) {
   Append({"queued"});
   ASSERT_TRUE(Open(1)->Append(Warning("first")).ok());
-  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second never wrote
+  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second wrote nothing
   ASSERT_TRUE(Open(3)->Append(Warning("third again")).ok());
   EXPECT_THAT(ReadAll(), ElementsAre("1:queued", "2:first", "3:third", "4:third again"));
   EXPECT_THAT(ReadAll(2), ElementsAre("3:third", "4:third again"));
@@ -179,7 +179,7 @@ TEST_F(AttemptLogTest, ReadsOnInTheNextAttemptAfterABrokenRecord) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
 }
 
-// A folder stands in for a file on a bad disk: it opens, and its bytes cannot be had.
+// A folder in place of a file acts like a file on a bad disk: it opens, but cannot be read.
 TEST_F(AttemptLogTest, NeitherSkipsNorCutsWhatCannotBeRead) {
   Append({"a"});
   const std::filesystem::path bad = folder_.path() / "events-1.log";
@@ -193,7 +193,7 @@ TEST_F(AttemptLogTest, NeitherSkipsNorCutsWhatCannotBeRead) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
-// A machine that died while a file was begun.
+// The machine died right after the file was created.
 TEST_F(AttemptLogTest, IgnoresAFileWithoutItsFirstRecord) {
   Append({"a"});
   std::ofstream(folder_.path() / "events-1.log") << "torn";
@@ -202,7 +202,7 @@ TEST_F(AttemptLogTest, IgnoresAFileWithoutItsFirstRecord) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
-// The part of an attempt that its worker writes, whatever code has taken the worker over.
+// The part of an attempt that its worker writes, even if other code has taken over the worker.
 class WorkerEventsTest : public EventLogTest {
  protected:
   WorkerEventsTest() { std::filesystem::create_directories(folder_ / "work"); }
@@ -211,7 +211,7 @@ class WorkerEventsTest : public EventLogTest {
     auto writer = EventLogWriter::Open(path_, fence, part);
     return writer.ok() ? (*writer)->Append(Warning(message)) : writer.status();
   }
-  // A record in the worker's file, as it likes.
+  // Appends any record to the worker's file.
   void Forge(v1::JobEvent event) {
     const std::string payload = event.SerializeAsString();
     const uint32_t header[2] = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
@@ -260,7 +260,8 @@ TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
 }
 
-// The server once opened that file to append to it, and cut it off at a length of its choice.
+// In an earlier version the server opened that file to append to it, and a worker could make it
+// truncate any file.
 TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
   const std::filesystem::path victim = folder_ / "audit.log";
   for (const bool fifo : {false, true}) {
@@ -283,7 +284,7 @@ TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
   }
 }
 
-// Nor does the server write through a link where it keeps its own.
+// The server does not write through a link in place of its own files, either.
 TEST_F(WorkerEventsTest, RefuseLinksInPlaceOfTheServersFiles) {
   const std::filesystem::path victim = folder_ / "audit.log";
   std::ofstream(victim) << "who did what";

@@ -18,7 +18,7 @@ TEST(HeartbeatWatch, MeasuresTimeSinceTheLastChange) {
   HeartbeatWatch watch(folder / "pulse");
   EXPECT_EQ(watch.SinceChange(), milliseconds(0));
   absl::SleepFor(absl::Milliseconds(30));
-  EXPECT_EQ(watch.SinceChange(), milliseconds(0));  // not there: nothing is said
+  EXPECT_EQ(watch.SinceChange(), milliseconds(0));  // the file has never existed
   ASSERT_TRUE(Touch(folder / "pulse"));
   watch.SinceChange();
   absl::SleepFor(absl::Milliseconds(50));
@@ -66,7 +66,7 @@ TEST(HolderName, NamesALivingProcess) {
   const std::string name = HolderName();
   EXPECT_EQ(name, HolderName());
   EXPECT_FALSE(IsKnownGone(name));
-  EXPECT_TRUE(IsKnownGone(name + "1"));  // the number was another process's before
+  EXPECT_TRUE(IsKnownGone(name + "1"));  // an earlier process had this id
   EXPECT_FALSE(IsKnownGone("another-boot/pid:[1]/1/2"));
   EXPECT_FALSE(IsKnownGone(""));
   EXPECT_FALSE(IsKnownGone("server"));

@@ -139,7 +139,7 @@ TEST_F(ModelOfAWorker, IsMovedOutOfItsReach) {
   EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);
   EXPECT_TRUE(std::filesystem::exists(job_.model(1) / "gaussians.ply"));
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
-  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // by the next server, after a crash of this one
+  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // the next server calls it again after a crash
   EXPECT_TRUE(CheckModelFolder(folder_.path(), "attempt-1").ok());
   EXPECT_EQ(job_.TakeModel(2).status().code(), absl::StatusCode::kNotFound);
 }
@@ -161,7 +161,7 @@ TEST_F(ModelOfAWorker, IsRefusedAsALink) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "elsewhere/gaussians.ply"));
 }
 
-// Made by a server of before models were looked at.
+// Such a model may be from a version that did not check models when it took them.
 TEST_F(ModelOfAWorker, IsNotLoadedWithALinkInIt) {
   std::filesystem::create_directories(folder_ / "jobs/j1/attempt-1");
   EXPECT_TRUE(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").ok());

@@ -1,5 +1,5 @@
-// What a worker could be made to do by a file that it decodes: each tried in a process of its own
-// that has entered the sandbox.
+// What code in a file that a worker decodes could try. Each attempt runs in its own process, which
+// has entered the sandbox.
 #include "server/worker/sandbox/worker_sandbox.h"
 
 #include <arpa/inet.h>
@@ -41,7 +41,7 @@ namespace {
 
 constexpr int kNotEntered = 255;
 
-// 0: the call went well; else its errno.
+// Returns 0 if the call succeeded, else its errno.
 int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
 bool HasLandlock() { return LandlockVersion() >= kLandlockRefer; }
@@ -59,7 +59,8 @@ class WorkerSandboxTest : public ::testing::Test {
     }
   }
 
-  // How a process ends that enters the sandbox and does `act`, as waitpid tells it.
+  // Runs `act` in a process that has entered the sandbox, and returns the process's status as
+  // waitpid reports it.
   int Try(const std::function<int()>& act) {
     const pid_t pid = fork();
     if (pid == 0) {
@@ -146,7 +147,7 @@ TEST_F(WorkerSandboxTest, HasNoNetwork) {
   });
 }
 
-// Not the admin listener's either.
+// That includes the admin listener's.
 TEST_F(WorkerSandboxTest, ReachesNoLocalSocket) {
   const std::filesystem::path path = folder_ / "job/admin";
   const testing::ListeningSocket server(path);
@@ -159,7 +160,7 @@ TEST_F(WorkerSandboxTest, ReachesNoLocalSocket) {
   close(made_before);
 }
 
-// A datagram's socket sends to any name without connecting.
+// A datagram socket could send to any name without connecting.
 TEST_F(WorkerSandboxTest, MakesPairsOfConnectedSocketsOnly) {
   int ends[2];
   ForEachKind([&] {
@@ -264,7 +265,8 @@ TEST_F(WorkerSandboxTest, WritesOnlyBelowItsFolder) {
   });
 }
 
-// Which truncates all the same, and older kernels' Landlock does not see it.
+// O_TRUNC truncates a file that is opened for reading, too, and Landlock of older kernels does not
+// cover it.
 TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
   ForEachKind([&] {
     for (const char* name : {"blobs/mine", "job/old"}) {
@@ -279,7 +281,7 @@ TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
   });
 }
 
-// The server reads what is in the job's folder, as itself.
+// The server reads the job's folder with its own rights, so a link there could lead it elsewhere.
 TEST_F(WorkerSandboxTest, CreatesOnlyFilesAndFolders) {
   const std::string secret = folder_ / "audit.log", mine = folder_ / "job/old";
   ForEachKind([&] {
@@ -346,7 +348,7 @@ TEST_F(WorkerSandboxTest, CannotTypeIntoATerminal) {
   for (const unsigned long high : {0UL, 1UL << 32}) {
     ExpectRefused([&] { return syscall(SYS_ioctl, 0, high | TIOCSTI, &typed); });
   }
-  // Any other request reaches the device.
+  // Every other request reaches the device.
   ExpectRefused([] { return syscall(SYS_ioctl, -1, 0xc0384601UL, nullptr); }, EBADF);
   termios settings{};
   ExpectRefused([&] { return syscall(SYS_ioctl, -1, TCGETS, &settings); }, EBADF);
