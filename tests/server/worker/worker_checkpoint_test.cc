@@ -43,8 +43,8 @@ class WorkerCheckpointTest : public WorkerTest {
     const int64_t seconds = std::exchange(spec_.checkpoint_seconds, 0);
     const auto worker = Launch(getpid());
     spec_.checkpoint_seconds = seconds;
-    // With this priority the test's process wakes before the worker continues, even on a busy
-    // machine. Threads that the worker starts later inherit its priority.
+    // With the worker at the lowest priority, this process wakes before the worker continues, even
+    // on a busy machine. Threads that the worker starts later inherit the priority.
     EXPECT_EQ(setpriority(PRIO_PROCESS, static_cast<id_t>(worker->pid()), 19), 0);
     for (int i = 0; i < 60000; ++i) {
       const Paths paths = Checkpoints(stage);

@@ -1,5 +1,5 @@
-// What tests/system/stress/http2_abuse_test.cc sends to the server, sent to the gateway before it:
-// both stay alive, others are answered meanwhile, and memory stays bounded.
+// Sends to the gateway what tests/system/stress/http2_abuse_test.cc sends to the server. Gateway
+// and server stay alive, other clients are answered meanwhile, and memory stays bounded.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -44,13 +44,13 @@ class AbuseOfGateway : public GatewayTest {
     connection->Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
     return connection;
   }
-  // For ten seconds at most.
+  // Waits up to ten seconds.
   static bool Await(absl::FunctionRef<bool()> is_so) {
     const absl::Time deadline = absl::Now() + absl::Seconds(10);
     while (!is_so() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(200));
     return is_so();
   }
-  // A connection that was there before, and a new one.
+  // Calls over a connection that existed before, and over a new one.
   void ExpectServing(const char* what) {
     const absl::Time start = absl::Now();
     EXPECT_EQ(TextOf(List(bystander_)), "OK: ") << what;
@@ -138,7 +138,7 @@ TEST_F(AbuseOfGateway, SurvivesBytesThatAreNotHttp) {
   ExpectServing("garbage");
 }
 
-// 100 calls whose message never comes: the server does not hear of them.
+// 100 calls whose message never comes. They do not reach the server.
 TEST_F(AbuseOfGateway, AnswersCallsThatNeverEnd) {
   const size_t before = fleet().LogSize();
   const auto connection = Open();

@@ -1,4 +1,4 @@
-// What the gateway lets through, and what it says where it does not.
+// Calls that the gateway passes on, and its answers to those that it refuses.
 #include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 
@@ -29,7 +29,7 @@ std::string ReasonOf(const grpc::Status& status) {
   return detail.reason();
 }
 
-// A call of any method, without a message.
+// Calls any method, without a message.
 grpc::Status Ask(const std::shared_ptr<grpc::Channel>& channel, const std::string& path) {
   grpc::GenericStub stub(channel);
   const grpc::Slice nothing("");
@@ -73,12 +73,12 @@ TEST_F(GatewayTest, RemovesIdentityHeadersOfClients) {
                            {"x-pepeseg-scopes", "read"},
                            {"x-pepeseg-subject", "eve"},
                            {"x-pepeseg-anything", "x"}};
-  // They are gone before the server sees them: it would refuse them beside a key.
+  // The gateway removes them. The server would refuse them next to a key.
   EXPECT_EQ(TextOf(List(fleet().MakeKey("lab", {v1::SCOPE_READ}), claims)), "OK: ");
   EXPECT_EQ(TextOf(List(Token(), claims)), "OK: ");
   EXPECT_THAT(TextOf(List("", claims)), StartsWith("UNAUTHENTICATED: the gateway asks for"));
   EXPECT_THAT(fleet().ReadAudit(), Not(HasSubstr("eve")));
-  // Past the gateway: by a certificate that is good, and none of the gateway's.
+  // Directly to the server, with a valid certificate that is not the gateway's.
   const Metadata right(claims.begin(), claims.begin() + 3);
   const auto past = fleet().ConnectDirectly(0, "", fleet().clients.Issue("client"));
   EXPECT_EQ(ReasonOf(List(past, right)), "NOT_A_GATEWAY");
@@ -88,7 +88,7 @@ TEST_F(GatewayTest, RemovesIdentityHeadersOfClients) {
 TEST_F(GatewayTest, RefusesInvalidClaimsWithAReason) {
   struct Case {
     const char* claim;
-    nlohmann::json value;  // null: without it
+    nlohmann::json value;  // null: the claim is missing
     const char* answer;
   };
   const int64_t now = absl::ToUnixSeconds(absl::Now());
@@ -154,7 +154,7 @@ TEST_F(GatewayTest, RefusesUnsignedTokens) {
   EXPECT_THAT(TextOf(List("", twice)), StartsWith("UNAUTHENTICATED: the call has more than one"));
 }
 
-// The gateway keeps in mind which tokens were signed, not that they were valid.
+// The gateway caches that a token's signature is good, not that the token is valid.
 TEST_F(GatewayTest, ChecksAKnownTokenAgain) {
   constexpr char kHeader[] = R"({"alg":"RS256"})";
   auto claims = TokenIssuer::Claims("lab", "read");
@@ -170,7 +170,7 @@ TEST_F(GatewayTest, ChecksAKnownTokenAgain) {
   EXPECT_THAT(TextOf(List(token)), StartsWith("UNAUTHENTICATED: the token has expired"));
 }
 
-// What HAProxy 2.6 leaves of a wrong signature ended connections of whoever came next.
+// In HAProxy 2.6 the error of a wrong signature ended the connection of the next client.
 TEST_F(GatewayTest, KeepsConnectionsDespiteForgedTokens) {
   const std::string forged = TokenIssuer().Sign(TokenIssuer::Claims("lab", "read"));
   const auto forger = fleet().Connect(forged);
@@ -185,7 +185,7 @@ TEST_F(GatewayTest, KeepsConnectionsDespiteForgedTokens) {
   }
   for (int round = 0; round < 12; ++round) {
     EXPECT_EQ(List(forger).error_code(), grpc::UNAUTHENTICATED);
-    EXPECT_EQ(TextOf(List(by_next_key)), "OK: ");  // does not fit the first key
+    EXPECT_EQ(TextOf(List(by_next_key)), "OK: ");  // not signed by the first key
     for (const auto& other : others) EXPECT_EQ(TextOf(List(other)), "OK: ") << round;
   }
 }
@@ -239,7 +239,7 @@ TEST_F(GatewayTest, LogsALinePerCallWithoutSecrets) {
   EXPECT_THAT(fleet().Metrics(), HasSubstr("haproxy_frontend_http_requests_total{proxy=\"grpc\"}"));
 }
 
-// The last one: it leaves the server new.
+// Must be the last test, since it restarts the server.
 TEST_F(GatewayTest, ReportsThatThereIsNoServer) {
   fleet().KillServer(0);
   const auto start = absl::Now();

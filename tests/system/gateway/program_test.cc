@@ -1,4 +1,4 @@
-// What the real client says of a gateway, and of a proxy that is none.
+// Messages of the real client about errors of the gateway, and of another proxy.
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
@@ -23,7 +23,7 @@ struct Ran {
 
 class ProgramAtGateway : public GatewayTest {
  protected:
-  // `pepeseg` with the token in a file, as a user has it; "": with none.
+  // Runs `pepeseg` with the token in a file, as a user does. "": without a token.
   static Ran Run(const std::string& token, const std::string& verb) {
     std::string arguments = absl::StrCat("--server https://localhost:", fleet().gateway_port(),
                                          " --ca ", (fleet().folder / "authority.pem").string());
@@ -93,17 +93,17 @@ TEST_F(ProgramAtGateway, ReportsTheRateLimit) {
 
 TEST_F(ProgramAtGateway, ReportsHeadersThatAreTooLarge) {
   auto claims = TokenIssuer::Claims("lab", "read");
-  claims["groups"] = std::string(9 << 10, 'x');  // as some issuers make them
+  claims["groups"] = std::string(9 << 10, 'x');  // as large as those of some issuers
   const Ran ran = Run(fleet().issuer.Sign(claims), "scenes");
   EXPECT_EQ(ran.exit_code, 9);
   EXPECT_THAT(ran.output, AllOf(HasSubstr("headers"), HasSubstr("8192 bytes")));
 }
 
-// On a port each: what proxies of HTTP/2 answer that know nothing of gRPC, and a server of HTTP/1.
+// Serves, each on its own port, the answers of HTTP/2 proxies without gRPC and of an HTTP/1 server.
 class ProgramAtAProxy : public ProgramAtGateway {
  protected:
   struct Proxy {
-    std::string rule;  // of HAProxy
+    std::string rule;  // HAProxy's configuration
     std::string protocol = "proto h2";
     int port = FreePort();
   };

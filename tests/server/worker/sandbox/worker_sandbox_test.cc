@@ -198,7 +198,7 @@ TEST_F(WorkerSandboxTest, RunsProgramsOnlyIfTheJobNeedsThem) {
   ExpectAllowed([this] { return Exec(); });
 }
 
-// Bytes through the filter of its child too.
+// A program that the worker starts has the filter, too.
 TEST_F(WorkerSandboxTest, IsInheritedByPrograms) {
   needs_.runs_programs = true;
   const std::string script =
