@@ -1,5 +1,5 @@
-// Bytes that no gRPC client sends, to the server program's own port: it stays alive, answers others
-// meanwhile, and its memory stays bounded.
+// Sends bytes that no gRPC client sends to the server program's port. The server stays alive,
+// answers other clients meanwhile, and its memory stays bounded.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -40,7 +40,7 @@ class Http2AbuseTest : public ::testing::Test {
     return pages * sysconf(_SC_PAGESIZE);
   }
 
-  // That others are served meanwhile, and at what cost.
+  // Checks that other clients are served meanwhile, and prints the cost.
   void ExpectServing(const char* what) {
     const absl::Time start = absl::Now();
     EXPECT_TRUE(absl::IsNotFound(client_.GetJob("jobs/j1").status()));
@@ -69,8 +69,9 @@ TEST_F(Http2AbuseTest, SurvivesConnectionsThatSendAByteAtATime) {
   ExpectServing("400 slow connections");
 }
 
-// Debian's gRPC takes as many calls as are reset: what bounds them is how fast they are answered,
-// so the memory of those on their way is told here, and given back (README.md: behind a gateway).
+// Debian's gRPC does not limit calls that are reset; only the speed of answering bounds their
+// number. So their memory is printed and not bounded here, and must be freed afterwards (README.md:
+// use a gateway).
 TEST_F(Http2AbuseTest, SurvivesStreamsThatAreResetAtOnce) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));

@@ -1,4 +1,4 @@
-// The short form of tests/system/stress/residency_stress.cc.
+// A short run of tests/system/stress/residency_stress.cc.
 #include "tests/system/stress/residency.h"
 
 #include <gtest/gtest.h>

@@ -90,7 +90,7 @@ TEST_F(SlurmTest, ResumesTheJobOfAKilledNodeOnAnother) {
       return found.stage() == "reconstruct" && found.progress().step() > step;
     };
   };
-  WaitFor(client, job, past(1200));  // a checkpoint is taken at 1,000
+  WaitFor(client, job, past(1200));  // step 1,000 writes a checkpoint
   const std::string node = cluster_->NodeOf("pepeseg-" + job.substr(5));
   ASSERT_NE(node, "");
   cluster_->KillNode(node);
