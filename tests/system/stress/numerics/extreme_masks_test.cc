@@ -8,7 +8,7 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// None, one and a thousand masks a view, masks that say the same, and masks of everything.
+// No mask, one, or a thousand per view; duplicates; masks that cover everything.
 
 namespace pepeseg::testing {
 namespace {
@@ -37,7 +37,7 @@ class ExtremeMasks : public BackendTest {
     return capture;
   }
 
-  // Stage one with refinement, and stage two.
+  // Runs stage one with refinement, and stage two.
   void Learn(const char* what, const Capture& capture) {
     ReconstructOptions options = TinyReconstruct(NumSteps());
     options.refine_length = 0.2;

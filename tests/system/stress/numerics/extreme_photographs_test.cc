@@ -9,7 +9,7 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// Photographs and starting points that leave next to nothing to learn.
+// Photographs and initial points from which almost nothing can be learned.
 
 namespace pepeseg::testing {
 namespace {
@@ -37,8 +37,8 @@ Capture Painted(uint8_t value) {
   return capture;
 }
 
-// Before a black background nothing need be seen: once all has faded the stage says so.
-TEST_P(ExtremePhotographs, AllBlackTrainsToAnEmptyModel) {
+// In front of a black background no Gaussian is needed. Once all have faded, the stage reports it.
+TEST_P(ExtremePhotographs, AllBlackFadesUntilNoGaussianIsLeft) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.prune_opacity = 0;
   Learn("black", Painted(0), options);
@@ -48,7 +48,7 @@ TEST_P(ExtremePhotographs, AllBlackTrainsToAnEmptyModel) {
 }
 TEST_P(ExtremePhotographs, AllWhiteTrains) { Learn("white", Painted(255)); }
 
-// From different places: no scene looks so.
+// The same photograph from different positions, which no scene gives.
 TEST_P(ExtremePhotographs, IdenticalOnesGiveFiniteNumbers) {
   Capture capture = TinyCapture();
   for (View& view : capture.views) view.photo = capture.views[0].photo;
@@ -84,7 +84,7 @@ TEST_P(ExtremePhotographs, OneGaussianTrains) {
   EXPECT_LT(MeanOfLast(run.losses, 0.1), run.losses.front() - 0.05);
 }
 
-// All on one spot: the distance to the nearest neighbour is 0.
+// All points are at one position: the distance to the nearest neighbour is 0.
 TEST_P(ExtremePhotographs, CoincidentPointsTrain) {
   Capture capture = TinyCapture();
   for (ScenePoint& point : capture.points) point.position = capture.points[0].position;
