@@ -80,6 +80,7 @@ void AddStateFlags(CLI::App& app, ServerOptions& server) {
   CLI::Option* data = app.add_option("--data", server.data,
                                      "Data directory; created if it is missing, for its owner "
                                      "only. Default: pepeseg in XDG_DATA_HOME or ~/.local/share");
+  // Without a home there is no default, so the flag is required.
   server.data.empty() ? data->required() : data->capture_default_str();
   app.add_option("--database", server.database,
                  "sqlite:PATH or postgresql:CONNINFO. Default: SQLite in the data directory. "

@@ -34,6 +34,7 @@ struct OpenDatabase {
   std::unique_ptr<AuditLog> audit;
 };
 
+// Opens the database that the flags name.
 absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
   OpenDatabase opened;
   const bool shared = server.database.starts_with("postgresql:");
@@ -61,6 +62,8 @@ AuditEntry EntryOf(const std::string& verb, const KeyRow& key) {
   return entry;
 }
 
+// Creates a key. The secret goes to standard output and everything else to standard error, so that
+// a script can capture the secret.
 absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
   ASSIGN_OR_RETURN(NewKey key, MakeKey());
   key.row.project = flags.project;
@@ -87,6 +90,7 @@ std::string StateOf(const KeyRow& key) {
                       absl::FormatTime("%Y-%m-%d", key.expire_time, absl::UTCTimeZone()));
 }
 
+// Prints all keys page by page.
 absl::Status List(const ServerOptions& server) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   PageRequest page{1000, ""};

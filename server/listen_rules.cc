@@ -104,8 +104,8 @@ absl::Status CheckListeners(const ServerOptions& options) {
     if (!options.access.require_keys) {
       return absl::FailedPreconditionError(
           absl::StrCat("listening on ", listen,
-                       " would let everybody do everything: use a loopback address, "
-                       "--require-keys, or --insecure if whoever gets that far is trusted"));
+                       " would let anybody make any call: use a loopback address, "
+                       "--require-keys, or --insecure if the network is trusted"));
     }
   }
   return absl::OkStatus();

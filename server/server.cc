@@ -94,14 +94,21 @@ struct Server::Parts {
   std::unique_ptr<SelfProbe> self_probe;
   absl::Duration drain;
 
-  absl::Status OpenAccess(const ServerOptions& options);
+  // Called once each, in this order (OpenAccess by OpenStorage). Start() destroys the parts at the
+  // first error. Locks the data directory, and opens the database and the stored files.
   absl::Status OpenStorage(const ServerOptions& options);
+  // Opens certificates, the audit log and keys.
+  absl::Status OpenAccess(const ServerOptions& options);
+  // Opens the device, and makes the cache of models.
   absl::Status OpenCompute(const ServerOptions& options);
+  // Starts the supervisor, which may start workers at once.
   absl::Status StartJobs(const ServerOptions& options);
-  ServiceContext Context(const ServerOptions& options);
+  // Makes the services, and opens the listeners of operators: admin calls and metrics.
   absl::Status MakeServices(const ServerOptions& options);
+  // Opens the listener of clients. From then on calls are answered.
   absl::Status Listen(const ServerOptions& options);
   void StartSelfProbe(const ServerOptions& options);
+  ServiceContext Context(const ServerOptions& options);
 };
 
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
@@ -204,6 +211,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
+  // Both are global settings of gRPC, and count for servers that are built afterwards.
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -221,6 +229,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   if (server == nullptr) {
     return absl::UnavailableError(absl::StrCat("cannot serve on ", options.listen));
   }
+  // The listener was bound above, but no connection is accepted before the services can answer.
   acceptor->Start();
   health->Start([service = server->GetHealthCheckService()](const std::string& name, bool serving) {
     name.empty() ? service->SetServingStatus(serving) : service->SetServingStatus(name, serving);

@@ -67,6 +67,7 @@ absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
 
 }  // namespace
 
+// O_NONBLOCK: opening a FIFO in place of the file must not block.
 absl::StatusOr<OpenFile> OpenFile::ForReading(const std::filesystem::path& path,
                                               const std::string& name) {
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
@@ -74,6 +75,7 @@ absl::StatusOr<OpenFile> OpenFile::ForReading(const std::filesystem::path& path,
   return OpenFile(descriptor);
 }
 
+// Not O_TMPFILE, which some file systems do not support.
 absl::StatusOr<OpenFile> OpenFile::Unnamed(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
@@ -111,6 +113,7 @@ absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const std::filesystem::path& blob,
                                               absl::FunctionRef<bool()> wanted) {
   if (!wanted()) return NotWanted();
+  // The worker inherits both files as standard input and output, so its sandbox needs no paths.
   ASSIGN_OR_RETURN(const OpenFile input, OpenFile::ForReading(blob, task.name));
   ASSIGN_OR_RETURN(OpenFile output, OpenFile::Unnamed(process.scratch));
   WorkerCommand command;

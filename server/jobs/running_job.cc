@@ -177,7 +177,7 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
     absl::StrAppend(&text, " at step ", progress_->step(), " of ", progress_->num_steps());
   }
   if (timed_out_) {
-    absl::StrAppend(&text, ", because it gave no sign for ",
+    absl::StrAppend(&text, ", because it gave no heartbeat for ",
                     absl::FormatDuration(context_.options.heartbeat_timeout));
   } else if (end.signal == SIGKILL) {
     absl::StrAppend(

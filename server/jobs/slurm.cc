@@ -40,8 +40,8 @@ constexpr std::chrono::seconds kPollInterval{2};
 constexpr int kMaxMissed = 3;
 
 // Runs one of Slurm's programs and returns its output, by lines. UNAVAILABLE: it failed.
-absl::StatusOr<std::vector<std::string>> Ask(const std::string& name,
-                                             std::vector<std::string> arguments) {
+absl::StatusOr<std::vector<std::string>> RunSlurm(const std::string& name,
+                                                  std::vector<std::string> arguments) {
   ASSIGN_OR_RETURN(const std::filesystem::path program, FindProgram(name));
   ChildCommand command;
   command.program = program;
@@ -124,7 +124,7 @@ class SlurmQueue {
     while (!stop_.wait_for(lock, kPollInterval, [this] { return stopping_; })) {
       if (entries_.empty()) continue;
       lock.unlock();
-      const auto lines = Ask("squeue", {"--noheader", "--states=all", "--format=%i %T"});
+      const auto lines = RunSlurm("squeue", {"--noheader", "--states=all", "--format=%i %T"});
       if (!lines.ok()) spdlog::error("{}", lines.status().ToString());
       lock.lock();
       if (lines.ok()) Take(*lines);
@@ -182,7 +182,7 @@ class SlurmWorker final : public LaunchedWorker {
  private:
   void Cancel(std::vector<std::string> arguments) const {
     arguments.push_back(absl::StrCat(number_));
-    const auto answer = Ask("scancel", std::move(arguments));
+    const auto answer = RunSlurm("scancel", std::move(arguments));
     if (!answer.ok()) spdlog::error("slurm:{}: {}", number_, answer.status().ToString());
   }
 
@@ -212,7 +212,8 @@ class SlurmLauncher final : public Launcher {
     if (error) return FileError(script, "protect", error.value());
     std::vector<std::string> arguments = Flags(command);
     arguments.push_back(script.string());
-    ASSIGN_OR_RETURN(const std::vector<std::string> answer, Ask("sbatch", std::move(arguments)));
+    ASSIGN_OR_RETURN(const std::vector<std::string> answer,
+                     RunSlurm("sbatch", std::move(arguments)));
     int64_t number = 0;  // "17" or "17;cluster"
     if (answer.empty() ||
         !absl::SimpleAtoi(std::vector<std::string>(absl::StrSplit(answer.back(), ';'))[0],

@@ -9,6 +9,8 @@
 
 namespace pepeseg {
 
+// Checkpoints of a stage are for its own options only, so that a change of stage two's options does
+// not discard those of stage one.
 JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
     : stop_(job.stop),
       progress_(job.log),
@@ -36,7 +38,7 @@ absl::Status JobObserver::Step(const StepReport& report) { return progress_.Step
 absl::Status JobObserver::SkipPart(const SkippedTerm& skipped) {
   spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, skipped.step,
                skipped.term, skipped.reason, skipped.saved_steps);
-  return progress_.SkipTerm(skipped);
+  return progress_.SkipPart(skipped);
 }
 
 // Logs how the stage ended, and writes the event.

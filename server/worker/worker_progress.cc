@@ -64,7 +64,7 @@ absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metri
 }
 
 // Estimates the time that the skipped steps would have taken at the pace of the stage so far.
-absl::Status WorkerProgress::SkipTerm(const SkippedTerm& skipped) {
+absl::Status WorkerProgress::SkipPart(const SkippedTerm& skipped) {
   v1::JobEvent event;
   v1::JobEvent::TermSkipped& part = *event.mutable_term_skipped();
   part.set_stage(stage_);

@@ -40,7 +40,7 @@ class WorkerProgress {
   absl::Status EndStage(const std::map<std::string, double>& metrics,
                         v1::JobEvent::StageEnded end = {});
   // Reports a part of the running stage that is skipped.
-  absl::Status SkipTerm(const SkippedTerm& skipped);
+  absl::Status SkipPart(const SkippedTerm& skipped);
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;

@@ -144,7 +144,8 @@ absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   const std::string payload = event.SerializeAsString();
   const RecordHeader header = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
   if (payload.size() > kMaxPayload) {
-    return absl::InvalidArgumentError(absl::StrCat("event of ", payload.size(), " bytes"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("an event of ", payload.size(), " bytes exceeds the limit of ", kMaxPayload));
   }
   std::memcpy(record.data(), &header, sizeof(header));
   record += payload;

@@ -11,6 +11,7 @@
 namespace pepeseg {
 
 bool Touch(const std::filesystem::path& path) {
+  // The file usually exists: one call, and no descriptor, which may be short.
   if (utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0) return true;
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
   if (descriptor < 0) return false;
@@ -61,6 +62,7 @@ WorkerHeartbeat::~WorkerHeartbeat() {
 
 void WorkerHeartbeat::Run() {
   using std::chrono::milliseconds;
+  // At least fourteen looks at the lease's file before it counts as lost.
   milliseconds period(1000);
   if (length_.count() > 0) period = std::min(period, milliseconds(length_) / 20);
   std::unique_lock lock(mutex_);

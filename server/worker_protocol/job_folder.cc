@@ -85,6 +85,7 @@ absl::Status JobFolder::Make() const {
 bool JobFolder::HasSaved(int64_t fence) const {
   const absl::StatusOr<BeneathFolder> work = BeneathFolder::Open(this->work());
   if (!work.ok()) return false;
+  // A stage's result counts once its manifest exists, which is written last.
   for (const char* stage : {"frames", "poses", "reconstruct"}) {
     if (work->HasFile(AttemptName(fence) / std::filesystem::path(stage) / kManifestName)) {
       return true;
@@ -120,7 +121,7 @@ absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
     RETURN_IF_ERROR(SyncFolder(this->work()));
     RETURN_IF_ERROR(SyncFolder(path_));
   }
-  // Checked only after the move: a worker could still change what is in its own folder.
+  // Checks the folder after the move: before it, a process of the worker could still change it.
   const absl::StatusOr<BeneathFolder> taken = folder.OpenFolder(name);
   absl::StatusOr<int64_t> num_bytes = taken.ok() ? taken->CheckPlain() : taken.status();
   if (absl::IsFailedPrecondition(num_bytes.status())) {
@@ -131,6 +132,7 @@ absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
   return num_bytes;
 }
 
+// Only a worker that is started by hand needs it: the supervisor names the fence.
 int64_t JobFolder::NewestFence() const {
   int64_t newest = 0;
   std::error_code error;

@@ -58,9 +58,9 @@ class Filter {
     Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_OPTIMIZE, 2));
     if (error_ == 0) Keep(seccomp_load(context_));
     if (error_ == 0) return absl::OkStatus();
-    return absl::InternalError(
-        absl::StrCat("sandbox: seccomp", where_, ": ", std::generic_category().message(error_),
-                     "; where it cannot be had, pepesegd --sandbox=off runs jobs without any"));
+    return absl::InternalError(absl::StrCat(
+        "sandbox: seccomp", where_, ": ", std::generic_category().message(error_),
+        "; if this machine has no seccomp, pepesegd --sandbox=off runs jobs without a sandbox"));
   }
 
  private:

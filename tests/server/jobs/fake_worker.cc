@@ -96,7 +96,7 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   }
   if (act == "fail") {
     JobResult result;
-    result.status = absl::InvalidArgumentError("images/bad.jpg: it is no photograph");
+    result.status = absl::InvalidArgumentError("images/bad.jpg: it is not a photograph");
     return End(folder, fence, WorkerExit::kFailed, result);
   }
   if (act == "verify" || act == "claim damage") return Verify(act, folder, fence);

@@ -101,7 +101,7 @@ TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
   const JobRow end = WaitForEnd(Submit("fail"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_EQ(end.error_code, static_cast<int>(absl::StatusCode::kInvalidArgument));
-  EXPECT_EQ(end.error_message, "images/bad.jpg: it is no photograph");
+  EXPECT_EQ(end.error_message, "images/bad.jpg: it is not a photograph");
   const auto events = EventsOf(end.id);
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().state_changed().error().message(), end.error_message);
@@ -292,7 +292,7 @@ TEST_F(SupervisorTest, KillsASuspendedWorkerAndRestartsIt) {
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
-  EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no sign"));
+  EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no heartbeat"));
 }
 
 TEST(Supervisor, RefusesToStartWithoutItsWorker) {

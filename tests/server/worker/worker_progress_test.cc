@@ -125,7 +125,7 @@ TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
 TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
   WorkerProgress progress(*log_);
   ASSERT_TRUE(progress.StartStage("features").ok());
-  ASSERT_TRUE(progress.SkipTerm({"perception", "no training view has a depth prior"}).ok());
+  ASSERT_TRUE(progress.SkipPart({"perception", "no training view has a depth prior"}).ok());
   EventLogReader reader(path_);
   const auto events = reader.Read();
   ASSERT_EQ(events->size(), 2u);
@@ -141,7 +141,7 @@ TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
   progress.ResumeAt(1000);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const double before = progress.seconds_in_stage();
-  ASSERT_TRUE(progress.SkipTerm({"steps", "the loss has stopped falling", 1100, 300}).ok());
+  ASSERT_TRUE(progress.SkipPart({"steps", "the loss has stopped falling", 1100, 300}).ok());
   const double after = progress.seconds_in_stage();
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());

@@ -15,15 +15,15 @@ using std::chrono::milliseconds;
 
 TEST(HeartbeatWatch, MeasuresTimeSinceTheLastChange) {
   const testing::TempFolder folder;
-  HeartbeatWatch watch(folder / "pulse");
+  HeartbeatWatch watch(folder / "heartbeat");
   EXPECT_EQ(watch.SinceChange(), milliseconds(0));
   absl::SleepFor(absl::Milliseconds(30));
   EXPECT_EQ(watch.SinceChange(), milliseconds(0));  // the file has never existed
-  ASSERT_TRUE(Touch(folder / "pulse"));
+  ASSERT_TRUE(Touch(folder / "heartbeat"));
   watch.SinceChange();
   absl::SleepFor(absl::Milliseconds(50));
   EXPECT_GE(watch.SinceChange(), milliseconds(50));
-  ASSERT_TRUE(Touch(folder / "pulse"));
+  ASSERT_TRUE(Touch(folder / "heartbeat"));
   EXPECT_LT(watch.SinceChange(), milliseconds(50));
 }
 
@@ -31,12 +31,12 @@ TEST(HeartbeatWatch, CannotTouchAFileInAMissingFolder) { EXPECT_FALSE(Touch("/no
 
 TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
   const testing::TempFolder folder;
-  HeartbeatWatch watch(folder / "pulse");
+  HeartbeatWatch watch(folder / "heartbeat");
   {
-    const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
+    const WorkerHeartbeat heartbeat(folder / "heartbeat", folder / "lease", std::chrono::seconds(1),
                                     [] { FAIL() << "the lease is not there, so it is not over"; });
     absl::SleepFor(absl::Milliseconds(300));
-    EXPECT_TRUE(std::filesystem::exists(folder / "pulse"));
+    EXPECT_TRUE(std::filesystem::exists(folder / "heartbeat"));
     EXPECT_LT(watch.SinceChange(), milliseconds(200));
   }
   watch.SinceChange();
@@ -49,7 +49,7 @@ TEST(WorkerHeartbeat, ReportsALostLeaseBeforeItExpires) {
   ASSERT_TRUE(Touch(folder / "lease"));
   std::atomic<bool> lost = false;
   const absl::Time start = absl::Now();
-  const WorkerHeartbeat heartbeat(folder / "pulse", folder / "lease", std::chrono::seconds(1),
+  const WorkerHeartbeat heartbeat(folder / "heartbeat", folder / "lease", std::chrono::seconds(1),
                                   [&] { lost = true; });
   while (absl::Now() - start < absl::Milliseconds(500)) {
     ASSERT_TRUE(Touch(folder / "lease"));
