@@ -119,27 +119,27 @@ TEST_F(WorkerSamTest, IsNotUsedIfEmbeddedMasksAreRequested) {
   EXPECT_EQ(NumSegmentingSteps(), 0);
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheLibraryDoesNotLoad) {
+TEST_F(WorkerSamTest, FallsBackIfTheLibraryDoesNotLoad) {
   ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
   ExpectEmbeddedBecause("does not load");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheModelIsTruncated) {
+TEST_F(WorkerSamTest, FallsBackIfTheModelIsTruncated) {
   ReplaceSamFile(sam_, "sam.onnx", testing::FakeDecoder().substr(0, 20));
   ExpectEmbeddedBecause("sam.onnx: not an ONNX model, or cut off");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereADigestDiffers) {
+TEST_F(WorkerSamTest, FallsBackIfADigestDiffers) {
   std::ofstream(sam_ / "encoder.onnx", std::ios::app) << "x";
   ExpectEmbeddedBecause("encoder.onnx: its SHA-256 is ");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheFolderIsGone) {
+TEST_F(WorkerSamTest, FallsBackIfTheFolderIsGone) {
   std::filesystem::remove_all(sam_);
   ExpectEmbeddedBecause("does not exist");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereMemoryIsShort) {
+TEST_F(WorkerSamTest, FallsBackIfMemoryIsShort) {
   ReplaceSamFile(sam_, "encoder.onnx", "out of memory");
   ExpectEmbeddedBecause("out of memory: it needs about ");
 }
@@ -237,7 +237,7 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutP
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceWhereColmapFails) {
+TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceIfColmapFails) {
   AddPlace(4, 1);
   ReplaceSamFile(sam_, "encoder.onnx", "endless");
   UseColmap("sleep 1; exit 1");
@@ -276,7 +276,7 @@ TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
               HasSubstr("5 photographs were segmented by an earlier attempt"));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
+TEST_F(WorkerSamWithoutPosesTest, FallsBackIfTheLibraryDoesNotLoad) {
   AddPlace(6, 1);
   ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
   ExpectExit(Run(), WorkerExit::kSucceeded);
