@@ -2,20 +2,11 @@
 
 #include "core/scene/capture.h"
 #include "core/scene/gaussians.h"
-#include "core/scene/model.h"
 
 namespace pepeseg::testing {
 
 // Returns a nearly opaque round Gaussian of standard deviation `size` at each point of a capture:
 // geometry that is good enough to segment, without stage one.
 Gaussians PointGaussians(const Capture& capture, float size);
-
-// Returns a model of two opaque blobs, left and right, in front of the camera of its only view,
-// "front", of size x size pixels. Their features are zeros, for the caller to set.
-Model FrontBlobs(int size);
-
-// Returns the same model with features: the blobs are two objects at small scales, one at large
-// ones.
-Model PairOfBlobs(int size);
 
 }  // namespace pepeseg::testing

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/testing/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -8,7 +8,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluate/metrics.h"
 #include "core/prompt/choose_granularity.h"
-#include "tests/testing/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "core/query/segmenter.h"
-#include "tests/testing/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

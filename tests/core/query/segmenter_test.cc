@@ -7,6 +7,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/prompt/resolve_prompt.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/point_gaussians.h"
 #include "tests/testing/status_testing.h"
 

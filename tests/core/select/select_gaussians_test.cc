@@ -9,7 +9,7 @@
 #include "core/evaluate/metrics.h"
 #include "core/prompt/resolve_prompt.h"
 #include "tests/core/query/trained_scene.h"
-#include "tests/testing/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {

@@ -3,12 +3,12 @@
 #include "tests/system/fuzz/fuzz_message.h"
 #include "tests/system/fuzz/small_model.h"
 
-// A request that is accepted is answered, or refused with a reason for this model.
+// A question that is taken is answered, or refused by the model with a reason.
 PEPESEG_FUZZ_MESSAGE(segment_request, pepeseg::v1::SegmentRequest) {
   static pepeseg::fuzz::SmallModel small;
   const auto question = pepeseg::ReadQuestion(small.context(), small.resident(), message);
   if (!question.ok()) return;
-  // The limits of answers, which are not tested here, would refuse large free cameras.
+  // Free cameras of any size are for the answer's limits to refuse.
   if (question->prompt.view.camera.width > 64 || question->prompt.view.camera.height > 64) return;
   const pepeseg::Segmenter& segmenter = *small.resident().segmenter;
   const auto query = pepeseg::ResolvePrompt(segmenter, question->prompt, question->granularity);

@@ -4,7 +4,7 @@
 
 #include "core/formats/rle.h"
 #include "tests/system/fuzz/fuzz_target.h"
-#include "tests/testing/point_gaussians.h"
+#include "tests/testing/front_blobs.h"
 
 namespace pepeseg::fuzz {
 namespace {

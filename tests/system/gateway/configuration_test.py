@@ -18,9 +18,9 @@ SOURCE = pathlib.Path(sys.argv[1])
 GATEWAY = SOURCE / 'deploy/gateway'
 HAPROXY = (GATEWAY / 'haproxy.cfg').read_text()
 ENVOY = yaml.safe_load((GATEWAY / 'envoy.yaml').read_text())
-# Streaming methods: the gateway cannot repeat what was sent.
+# Of which the gateway has not kept what was said.
 CONVERSATIONS = {'/pepeseg.v1.SegmentationService/SegmentStream'}
-# Unary methods that may take an hour.
+# Unary, and may take an hour.
 LONG = {'/pepeseg.v1.SegmentationService/Evaluate'}
 failures = []
 
@@ -66,7 +66,7 @@ def check_haproxy(methods):
             continue
         expect(matches(is_stream, path) == streams, f'{path}: is_stream')
         expect((path in with_timeout) == (streams or path in LONG), f'{path}: timeout')
-        # A method that changes something must not be repeated.
+        # What changes something must not be done twice.
         again = scope == 'READ' and path not in CONVERSATIONS
         expect(matches(is_read, path) == again, f'{path}: made again by the gateway')
     expect(not with_timeout - methods.keys(), f'no such method: {with_timeout - methods.keys()}')

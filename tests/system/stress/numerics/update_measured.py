@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Writes measured.inc from logs of stress_numerics_test.
 
-    update_measured.py LOG...    logs of short and full runs, CPU and CUDA; later logs win
+    update_measured.py LOG...    short and full forms, CPU and CUDA; later logs win
 
-A value that no log has stays as it is.
+A row that no log measured in some form keeps the value that it has.
 """
 
 import pathlib
