@@ -14,11 +14,12 @@ namespace pepeseg {
 namespace {
 
 constexpr absl::string_view kUnix = "unix:";
-constexpr int kNumThreads = 2;  // a model's load takes one for long
+constexpr int kNumThreads = 2;  // loading a model occupies one of them for seconds
 constexpr size_t kMaxQueuedAdminCalls = 100;
-// Requests are small; the list of what is in memory, or of what runs, may be long.
+// Maximum size of a message. Requests are small, but lists of models or jobs may be long.
 constexpr int kMaxAdminRequestBytes = 4 << 20;
 
+// Returns a copy of the context whose calls run on `pool`.
 ServiceContext OnPool(ServiceContext context, WorkerPool* pool) {
   context.pool = pool;
   return context;

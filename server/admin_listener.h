@@ -15,37 +15,40 @@
 
 namespace pepeseg {
 
-// AdminService on an address of its own, apart from the other services: who may reach them may not
-// reach this. It has threads of its own, so that operators get through when the others are busy.
-// Context, operations and metrics must outlive it.
+// Serves AdminService on its own address, so that a network may reach the other services and not
+// this one. It has its own threads, so that operators get answers when the other pools are full.
+// The context's objects, operations and metrics must outlive it.
 class AdminListener {
  public:
   struct Listener {
-    std::string address;  // HOST:PORT, port 0: a free one; or unix:PATH, a LocalSocket
+    std::string address;  // HOST:PORT (port 0: a free one) or unix:PATH, a LocalSocket
     std::shared_ptr<grpc::ServerCredentials> credentials;
   };
-  // UNAVAILABLE: the address is taken. FAILED_PRECONDITION: as LocalSocket::Listen.
+  // Starts to listen and serve. UNAVAILABLE: the address is in use. FAILED_PRECONDITION: as
+  // LocalSocket::Listen.
   static absl::StatusOr<std::unique_ptr<AdminListener>> Start(const Listener& where,
                                                               const ServiceContext& context,
                                                               Operations& operations,
                                                               RpcMetrics& metrics);
 
-  int port() const { return acceptor_ == nullptr ? 0 : acceptor_->port(); }  // 0 for a unix socket
+  // Returns the port; 0 for a unix socket.
+  int port() const { return acceptor_ == nullptr ? 0 : acceptor_->port(); }
   std::shared_ptr<grpc::Channel> InProcessChannel();
 
-  // Calls under way get until `deadline`. Blocks; once.
+  // Stops listening, and cancels calls that still run at `deadline`. Blocks. Call it once.
   void Shutdown(absl::Time deadline);
 
  private:
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
   AdminListener(const ServiceContext& context, Operations& operations);
+  // Hands the connections of socket_ to gRPC.
   void ServeSocket(std::unique_ptr<Acceptor> acceptor);
 
   std::unique_ptr<WorkerPool> pool_;
   AdminServiceRpc service_;
   std::unique_ptr<ConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;
-  std::unique_ptr<LocalSocket> socket_;  // where it is one
+  std::unique_ptr<LocalSocket> socket_;  // of unix:PATH; then acceptor_ is null, and vice versa
 };
 
 }  // namespace pepeseg

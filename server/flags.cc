@@ -9,17 +9,18 @@
 namespace pepeseg {
 namespace {
 
-// The worker stands beside the server unless a flag says otherwise.
+// Returns the path of pepeseg-worker in the folder of this program.
 std::filesystem::path DefaultWorker() {
   std::error_code error;
   const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
   return error ? "pepeseg-worker" : self.parent_path() / "pepeseg-worker";
 }
 
-// As the XDG base directory specification says; empty: there is neither that variable nor a home.
+// Returns the data directory by the XDG base directory specification. Empty: neither XDG_DATA_HOME
+// nor HOME is an absolute path.
 std::filesystem::path DefaultData() {
   const char* data_home = std::getenv("XDG_DATA_HOME");
-  // The specification has relative paths ignored.
+  // The specification says to ignore a relative path.
   if (data_home != nullptr && data_home[0] == '/') {
     return std::filesystem::path(data_home) / "pepeseg";
   }
@@ -28,7 +29,8 @@ std::filesystem::path DefaultData() {
   return std::filesystem::path(home) / ".local" / "share" / "pepeseg";
 }
 
-// Where deploy/sam.sh puts SAM without a FOLDER, and where images and packages have it.
+// Returns the folders in which SAM is looked for: where deploy/sam.sh installs it by default, and
+// where container images and packages have it.
 std::vector<std::filesystem::path> DefaultSam() {
   std::vector<std::filesystem::path> folders = {"/usr/share/pepeseg/sam"};
   const std::filesystem::path data = DefaultData();
@@ -42,46 +44,50 @@ void AddListenerFlags(CLI::App& app, ServerOptions& server) {
       ->capture_default_str();
   app.add_option("--admin", server.admin,
                  "HOST:PORT or unix:PATH of the admin service, which loads, unloads and pins "
-                 "models; without it there is none");
+                 "models; without this flag it is not served");
   app.add_flag("--insecure", server.insecure, "Listen beyond this machine without encryption");
   app.add_flag("--reflection", server.reflection, "Serve gRPC reflection");
   app.add_option_function<int>(
          "--self-probe-seconds",
          [&server](int seconds) { server.self_probe = absl::Seconds(seconds); },
-         "How often the server asks itself for its health over a new connection; after three "
+         "Interval at which the server checks its own health over a new connection; after three "
          "failures in a row it ends with exit code 1, to be restarted; 0: never")
       ->check(CLI::Range(0, 3600))
       ->default_str("5");
   app.add_option("--metrics", server.metrics,
-                 "HOST:PORT where Prometheus reads metrics, over plain HTTP; without it nowhere");
+                 "HOST:PORT where Prometheus reads metrics, over plain HTTP; without this flag "
+                 "they are not served");
 }
 
 void AddAccessFlags(CLI::App& app, AccessOptions& access) {
   app.add_option("--tls-certificate", access.tls_certificate,
                  "PEM chain of the server; read again when it changes")
       ->type_name("FILE");
-  app.add_option("--tls-key", access.tls_key, "Its private key, PEM")->type_name("FILE");
+  app.add_option("--tls-key", access.tls_key, "Private key of the certificate, PEM")
+      ->type_name("FILE");
   app.add_option("--tls-client-ca", access.tls_client_ca,
                  "PEM bundle: clients must have a certificate that one of these has signed")
       ->type_name("FILE");
   app.add_flag("--require-keys", access.require_keys, "Calls must carry an API key");
   app.add_option("--trusted-gateway", access.trusted_gateway,
-                 "Name in the client's certificate of a gateway: it says who calls, by metadata "
-                 "x-pepeseg-... and without a key; needs --tls-client-ca and --require-keys")
+                 "Name in the client certificate of a gateway, which states the caller in metadata "
+                 "x-pepeseg-... instead of a key; needs --tls-client-ca and --require-keys")
       ->type_name("NAME");
 }
 
 void AddStateFlags(CLI::App& app, ServerOptions& server) {
   server.data = DefaultData();
   CLI::Option* data = app.add_option("--data", server.data,
-                                     "Data directory; made when it is not there, for its owner "
-                                     "only. Without it pepeseg in XDG_DATA_HOME or ~/.local/share");
+                                     "Data directory; created if it is missing, for its owner "
+                                     "only. Default: pepeseg in XDG_DATA_HOME or ~/.local/share");
+  // Without a home there is no default, so the flag is required.
   server.data.empty() ? data->required() : data->capture_default_str();
   app.add_option("--database", server.database,
-                 "sqlite:PATH or postgresql:CONNINFO; without it SQLite in the data directory. "
-                 "Servers that share a PostgreSQL database share the data directory, too");
+                 "sqlite:PATH or postgresql:CONNINFO. Default: SQLite in the data directory. "
+                 "Servers that share a PostgreSQL database must share the data directory, too");
   app.add_option("--lease-seconds", server.launch.lease_seconds,
-                 "After so long without a sign of a server its jobs go to another")
+                 "Lease duration: a server that does not renew its leases for this long loses its "
+                 "jobs to another")
       ->check(CLI::Range(2, 3600))
       ->capture_default_str();
 }
@@ -96,27 +102,32 @@ void AddQuotaFlags(CLI::App& app, Quota& quota) {
         ->capture_default_str();
   };
   add_bytes("--quota-stored-bytes", quota.stored_bytes,
-            "What a project keeps on the disk: uploaded files, models, selections; 0: no limit");
-  add("--quota-open-uploads", quota.open_uploads, "Its uploads that are not sealed; 0: no limit");
-  add("--quota-queued-jobs", quota.queued_jobs, "Its jobs in the queue; 0: no limit");
-  add("--quota-running-jobs", quota.running_jobs, "Its jobs that run at a time; 0: no limit");
-  add("--quota-queries", quota.queries_per_second, "Its questions a second; 0: no limit");
-  add_bytes("--quota-resident-bytes", quota.resident_bytes, "Its models in memory; 0: no limit");
+            "Maximum bytes that a project stores: uploaded files, models, selections; 0: no limit");
+  add("--quota-open-uploads", quota.open_uploads,
+      "Maximum number of a project's uploads that are not sealed; 0: no limit");
+  add("--quota-queued-jobs", quota.queued_jobs,
+      "Maximum number of a project's jobs in the queue; 0: no limit");
+  add("--quota-running-jobs", quota.running_jobs,
+      "Maximum number of a project's running jobs; 0: no limit");
+  add("--quota-queries", quota.queries_per_second,
+      "Maximum number of a project's queries per second; 0: no limit");
+  add_bytes("--quota-resident-bytes", quota.resident_bytes,
+            "Maximum bytes of a project's models in memory; 0: no limit");
 }
 
 void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   server.worker = DefaultWorker();
   app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
   app.add_option("--device", server.device,
-                 "auto, cpu, cuda or cuda:N; auto: CUDA where there is a device, else the CPU")
+                 "auto, cpu, cuda or cuda:N; auto: CUDA if there is a device, else the CPU")
       ->capture_default_str();
   app.add_option("--lpips-weights", server.workers.lpips_weights,
-                 "ONNX file of LPIPS, exported as README.md says: held-out views are scored by it")
+                 "ONNX file of LPIPS, exported as in README.md, which scores held-out views")
       ->type_name("FILE");
   app.add_option(
          "--priors-command", server.workers.priors_command,
-         "Program that makes masks and depth maps for datasets that have none, as README.md "
-         "says; a name without '/' is looked for in PATH")
+         "Program that makes masks and depth maps for datasets that have none (README.md); a name "
+         "without '/' is looked up in PATH")
       ->type_name("PROGRAM");
   server.default_sam = DefaultSam();
   app.add_option_function<std::string>(
@@ -125,15 +136,17 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
            server.default_sam.clear();
            server.workers.sam = folder == "off" ? "" : folder;
          },
-         "Folder of a small SAM that deploy/sam.sh has installed, which makes masks for datasets "
-         "that have none; off: none is used. Without it sam in the default data directory, or "
-         "/usr/share/pepeseg/sam, where there is one")
+         "Folder of a SAM that deploy/sam.sh has installed, which makes masks for datasets that "
+         "have "
+         "none; off: SAM is not used. Default: sam in the default data directory, or "
+         "/usr/share/pepeseg/sam, if there is one")
       ->type_name("FOLDER");
-  app.add_option("--priors-seconds", server.workers.priors_seconds, "Its time limit for one job")
+  app.add_option("--priors-seconds", server.workers.priors_seconds,
+                 "Time limit of the priors command for one job")
       ->check(CLI::Range(1, 7 * 24 * 3600))
       ->capture_default_str();
   app.add_option("--colmap", server.workers.colmap,
-                 "The COLMAP program, which estimates the poses of photographs that come without")
+                 "The COLMAP program, which estimates the poses of photographs that have none")
       ->type_name("PROGRAM")
       ->capture_default_str();
   const std::map<std::string, bool> on_off = {{"on", true}, {"off", false}};
@@ -141,7 +154,7 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
          "--sandbox", server.workers.sandbox,
          "on: workers, which read what clients upload, have no network, read only their job's "
          "files and the system's libraries, and write only below their job's folder; off: for a "
-         "machine where that hinders them")
+         "machine where workers fail with it")
       ->transform(CLI::CheckedTransformer(on_off))
       ->type_name("on|off");
   app.add_option("--sandbox-read", server.workers.sandbox_reads,
@@ -151,41 +164,41 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
       ->type_name("PATH");
   app.add_option("--pass-environment", server.workers.pass_environment,
                  "Variable of the server's environment that workers and the programs that they run "
-                 "get besides PATH, CUDA_... and their like. May be given several times")
+                 "get in addition to PATH, CUDA_... and similar ones. May be given several times")
       ->type_name("NAME");
   const std::map<std::string, LaunchOptions::Launcher> launchers = {
       {"process", LaunchOptions::Launcher::kProcess}, {"slurm", LaunchOptions::Launcher::kSlurm}};
   app.add_option("--launcher", server.launch.launcher,
-                 "process: jobs run on this machine; slurm: where Slurm puts them")
+                 "process: jobs run on this machine; slurm: on nodes of a Slurm cluster")
       ->transform(CLI::CheckedTransformer(launchers, CLI::ignore_case));
   app.add_option("--checkpoint-seconds", server.launch.checkpoint_seconds,
-                 "How often a job saves what it has, at least")
+                 "Maximum time between two checkpoints of a job")
       ->check(CLI::Range(1, 3600))
       ->capture_default_str();
   app.add_option("--slurm-partition", server.launch.slurm_partition,
-                 "Of the jobs; without it Slurm's default");
-  app.add_option("--slurm-gres", server.launch.slurm_gres, "Of the jobs, as gpu:1");
+                 "Slurm partition of the jobs. Default: Slurm's");
+  app.add_option("--slurm-gres", server.launch.slurm_gres,
+                 "Generic resources of each Slurm job, such as gpu:1");
   app.add_option("--slurm-device", server.launch.slurm_device,
-                 "Of the nodes, as --device says it; without it the server's");
+                 "Device of the nodes, as in --device. Default: the server's");
 }
 
 void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
-  app.add_option("--threads", server.num_threads,
-                 "Threads of a job on the CPU; 0: as many as there are cores")
+  app.add_option("--threads", server.num_threads, "CPU threads of a job; 0: one per core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--device-memory", server.device_memory,
-                 "What a training may take of the device; 0: what is free of it now. On the CPU no "
-                 "more than the workers' share, which is what --model-memory and the server leave")
+                 "Maximum device memory of a training; 0: what is free at the start. On the CPU at "
+                 "most a worker's limit: what --model-memory and the server's reserve leave")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--model-memory", server.model_bytes,
-                 "Budget for models in the host's memory; 0: half of what the machine or the "
-                 "container has. What it and a reserve of the server leave is a worker's limit")
+                 "Budget for models in host memory; 0: half of the memory of the machine or "
+                 "container. What it and the server's reserve leave is a worker's limit")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
   app.add_option("--device-model-memory", server.model_device_bytes,
-                 "The same of the device, where it has its own; 0: half of the device's")
+                 "Budget for models in the memory of a device that has its own; 0: half of it")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();
 }
@@ -193,8 +206,8 @@ void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
 void AddDrainFlag(CLI::App& app, ServerOptions& server) {
   app.add_option_function<int>(
          "--drain-seconds", [&server](int seconds) { server.drain = absl::Seconds(seconds); },
-         "From SIGTERM, how long health says NOT_SERVING before calls are turned away: time for a "
-         "gateway to see it; --grace counts from then")
+         "Time from SIGTERM, during which health reports NOT_SERVING, until calls are refused, so "
+         "that a gateway can see it; --grace counts from then")
       ->check(CLI::Range(0, 3600))
       ->default_str("0");
 }
@@ -208,19 +221,21 @@ void AddFlags(CLI::App& app, Flags& flags) {
   AddQuotaFlags(app, flags.server.quota);
   AddWorkerFlags(app, flags.server);
   AddMemoryFlags(app, flags.server);
-  app.add_option("--port-file", flags.port_file, "Where to write the port, once it serves");
+  app.add_option("--port-file", flags.port_file,
+                 "File to which the port is written once the server listens");
   app.add_option(
          "--grace", flags.grace_seconds,
-         "Seconds from SIGTERM until the process has ended; calls are cut off a tenth of that "
-         "earlier, at most 1 s. --drain-seconds come on top")
+         "Maximum seconds from SIGTERM to the end of the process, in addition to --drain-seconds. "
+         "Calls are cut off a tenth of it earlier, at most 1 s")
       ->check(CLI::Range(0, 3600))
       ->capture_default_str();
   AddDrainFlag(app, flags.server);
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, err, critical or off")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "err", "critical", "off"}))
       ->capture_default_str();
-  app.add_option("--log-format", flags.server.workers.log_format,
-                 "Of the server's and the workers' lines: text, or json: an object a line")
+  app.add_option(
+         "--log-format", flags.server.workers.log_format,
+         "Format of the server's and the workers' logs: text, or json (one object per line)")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
 }
@@ -236,7 +251,7 @@ void MakePathsAbsolute(Flags& flags) {
   for (std::string& path : server.workers.sandbox_reads) {
     path = std::filesystem::absolute(path).string();
   }
-  // A name without a slash is looked for in PATH.
+  // A name without a slash is looked up in PATH.
   if (server.workers.colmap.find('/') != std::string::npos) {
     server.workers.colmap = std::filesystem::absolute(server.workers.colmap).string();
   }

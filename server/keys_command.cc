@@ -23,17 +23,18 @@ struct NewKeyFlags {
   std::string project;
   std::string scopes;
   std::string name;
-  int expires_days = 0;  // 0: never
+  int expires_days = 0;  // days until the key expires; 0: never
 };
 
-// The database, and what it stands in. The lock is only for a directory that nobody serves: a
-// running server holds it, and SQLite lets a second process write beside it.
+// The database and the audit log. `lock` is held only if no server runs on the data directory. A
+// running server holds it; SQLite lets a second process write at the same time.
 struct OpenDatabase {
   std::unique_ptr<DirectoryLock> lock;
   std::unique_ptr<Store> store;
   std::unique_ptr<AuditLog> audit;
 };
 
+// Opens the database that the flags name.
 absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
   OpenDatabase opened;
   const bool shared = server.database.starts_with("postgresql:");
@@ -51,6 +52,7 @@ absl::StatusOr<OpenDatabase> Open(const ServerOptions& server) {
   return opened;
 }
 
+// Returns the audit log's entry of a change to a key.
 AuditEntry EntryOf(const std::string& verb, const KeyRow& key) {
   AuditEntry entry;
   entry.peer = "command line";
@@ -60,6 +62,8 @@ AuditEntry EntryOf(const std::string& verb, const KeyRow& key) {
   return entry;
 }
 
+// Creates a key. The secret goes to standard output and everything else to standard error, so that
+// a script can capture the secret.
 absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
   ASSIGN_OR_RETURN(NewKey key, MakeKey());
   key.row.project = flags.project;
@@ -77,6 +81,7 @@ absl::Status Create(const ServerOptions& server, const NewKeyFlags& flags) {
   return absl::OkStatus();
 }
 
+// Returns whether the key is valid, until when, or why not.
 std::string StateOf(const KeyRow& key) {
   if (IsRevoked(key)) return "revoked";
   if (IsExpired(key, absl::Now())) return "expired";
@@ -85,6 +90,7 @@ std::string StateOf(const KeyRow& key) {
                       absl::FormatTime("%Y-%m-%d", key.expire_time, absl::UTCTimeZone()));
 }
 
+// Prints all keys page by page.
 absl::Status List(const ServerOptions& server) {
   ASSIGN_OR_RETURN(const OpenDatabase database, Open(server));
   PageRequest page{1000, ""};
@@ -104,7 +110,7 @@ absl::Status Revoke(const ServerOptions& server, const std::string& name) {
   ASSIGN_OR_RETURN(const KeyRow key,
                    database.store->RevokeKey(std::string(absl::StripPrefix(name, "keys/"))));
   database.audit->Write(EntryOf("revoke", key));
-  absl::PrintF("keys/%s of project %s opens nothing any more\n", key.id, key.project);
+  absl::PrintF("keys/%s of project %s is revoked\n", key.id, key.project);
   return absl::OkStatus();
 }
 
@@ -113,16 +119,23 @@ void AddCreate(CLI::App& keys, const ServerOptions& server,
   constexpr int kMaxDays = 100 * 365;
   constexpr size_t kMaxNameBytes = 256;
   const auto flags = std::make_shared<NewKeyFlags>();
-  CLI::App* create = keys.add_subcommand("create", "Make a key and print its secret, once");
+  CLI::App* create = keys.add_subcommand("create", "Create a key and print its secret, once");
   create->fallthrough();
-  create->add_option("--project", flags->project, "Whose scenes it opens; made when it is new")
+  create
+      ->add_option("--project", flags->project,
+                   "Project whose scenes the key gives access to; created if it is new")
       ->required();
-  create->add_option("--scopes", flags->scopes, "Of read, write, train, operate; with ','")
+  create
+      ->add_option("--scopes", flags->scopes,
+                   "Scopes of the key, separated by ',': read, write, train, operate")
       ->required();
-  create->add_option("--name", flags->name, "For people")->check([](const std::string& name) {
-    return name.size() <= kMaxNameBytes ? "" : "over 256 bytes";
-  });
-  create->add_option("--expires-days", flags->expires_days, "Without it the key does not expire")
+  create->add_option("--name", flags->name, "Name of the key, shown by list")
+      ->check([](const std::string& name) {
+        return name.size() <= kMaxNameBytes ? "" : "over 256 bytes";
+      });
+  create
+      ->add_option("--expires-days", flags->expires_days,
+                   "Days until the key expires; without it the key does not expire")
       ->check(CLI::Range(1, kMaxDays));
   create->callback([flags, &server, &command] {
     command = [flags, &server] { return Create(server, *flags); };
@@ -133,17 +146,17 @@ void AddCreate(CLI::App& keys, const ServerOptions& server,
 
 void AddKeysCommand(CLI::App& app, const ServerOptions& server,
                     std::function<absl::Status()>& command) {
-  CLI::App* keys = app.add_subcommand("keys", "Make, list and revoke API keys, then end");
-  keys->fallthrough();  // to --data and --database
+  CLI::App* keys = app.add_subcommand("keys", "Create, list or revoke API keys, and exit");
+  keys->fallthrough();  // so that --data and --database may follow the command
   keys->require_subcommand(1);
   AddCreate(*keys, server, command);
-  CLI::App* list = keys->add_subcommand("list", "All keys, without their secrets");
+  CLI::App* list = keys->add_subcommand("list", "List all keys, without their secrets");
   list->fallthrough();
   list->callback([&server, &command] { command = [&server] { return List(server); }; });
-  CLI::App* revoke = keys->add_subcommand("revoke", "From now on the key opens nothing");
+  CLI::App* revoke = keys->add_subcommand("revoke", "Revoke a key");
   revoke->fallthrough();
   const auto name = std::make_shared<std::string>();
-  revoke->add_option("KEY", *name, "Its name, as list prints it")->required();
+  revoke->add_option("KEY", *name, "Name of the key, as list prints it")->required();
   revoke->callback(
       [name, &server, &command] { command = [name, &server] { return Revoke(server, *name); }; });
 }

@@ -11,9 +11,10 @@ class App;
 
 namespace pepeseg {
 
-// `pepesegd keys create`, `keys list` and `keys revoke`: straight in the database, so that a first
-// key can be made before a server demands one, and while another process serves. Parsing one of
-// them sets `command`, which prints to standard output what there is to tell.
+// Adds the commands `pepesegd keys create`, `keys list` and `keys revoke`. They work on the
+// database itself, so that the first key can be made before the server requires one, and also while
+// a server runs. Parsing one of them sets `command`, which runs it and prints its result to
+// standard output. `server` and `command` must outlive `app`.
 void AddKeysCommand(CLI::App& app, const ServerOptions& server,
                     std::function<absl::Status()>& command);
 

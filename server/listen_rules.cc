@@ -15,12 +15,13 @@
 namespace pepeseg {
 namespace {
 
+// Returns the likely cause of a failed bind, and the remedy.
 std::string BindFault(const std::string& host, int error) {
   switch (error) {
     case EADDRINUSE:
       return absl::StrCat(
           "the port is in use, most likely by another pepesegd: stop that one, or choose another "
-          "port, as ",
+          "port, such as ",
           host, ":0 for any that is free");
     case EACCES:
       return "ports below 1024 are for privileged programs: choose another port";
@@ -31,7 +32,7 @@ std::string BindFault(const std::string& host, int error) {
   }
 }
 
-// 0, or the errno of binding a socket as gRPC does.
+// Binds a socket as gRPC does, and closes it. Returns 0, or the errno.
 int TryBind(const addrinfo& address) {
   const int descriptor = socket(address.ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (descriptor < 0) return errno;
@@ -42,7 +43,7 @@ int TryBind(const addrinfo& address) {
   return error;
 }
 
-// gRPC would report the same in lines of its own that name its source files.
+// Checks one address. `flag` is named in the message.
 absl::Status CheckAddressFree(const char* flag, const std::string& listen) {
   const size_t colon = listen.rfind(':');
   if (colon == std::string::npos || listen.find('/') != std::string::npos ||
@@ -74,7 +75,7 @@ bool IsLoopback(const std::string& listen) {
   if (colon == std::string::npos) return false;
   const std::string host = listen.substr(0, colon);
   if (host == "localhost" || host == "[::1]") return true;
-  // All of 127.0.0.0/8, but no name that only begins so.
+  // All of 127.0.0.0/8, but not a host name that begins with "127.".
   return host.rfind("127.", 0) == 0 && host.find_first_not_of("0123456789.") == std::string::npos;
 }
 
@@ -103,8 +104,8 @@ absl::Status CheckListeners(const ServerOptions& options) {
     if (!options.access.require_keys) {
       return absl::FailedPreconditionError(
           absl::StrCat("listening on ", listen,
-                       " would let everybody do everything: use a loopback address, "
-                       "--require-keys, or --insecure if whoever gets that far is trusted"));
+                       " would let anybody make any call: use a loopback address, "
+                       "--require-keys, or --insecure if the network is trusted"));
     }
   }
   return absl::OkStatus();

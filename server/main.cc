@@ -1,4 +1,7 @@
-// pepesegd: the server.
+// pepesegd: the server, and the commands `pepesegd keys`.
+//
+// The main thread starts the server, waits for SIGTERM or SIGINT, and shuts it down. All other
+// threads are the server's, but for one that ends the process if the shutdown hangs.
 #include <pthread.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -24,7 +27,8 @@
 
 namespace {
 
-// Before there is any thread, so that all of them leave the signals to WaitForStop.
+// Blocks SIGTERM and SIGINT, and returns them for sigwait. Called before there is any other thread:
+// each inherits the mask, so that only sigwait takes the signals. Ignores SIGPIPE.
 sigset_t BlockStopSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -35,11 +39,11 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
-// Each connection and each open file takes a descriptor; shells and service managers start
-// programs with a soft limit of 1,024.
+// Raises the soft limit on open files to the hard limit: each connection and each open file takes a
+// descriptor, and shells and service managers start programs with a soft limit of 1,024.
 void RaiseDescriptorLimit() {
-  constexpr rlim_t kFew = 8192;
-  // More are of no use, and programs that this one starts may walk through all that are possible.
+  constexpr rlim_t kFew = 8192;  // warns below it
+  // More are of no use, and a child process may close every possible descriptor one by one.
   constexpr rlim_t kMost = rlim_t{1} << 20;
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -57,29 +61,31 @@ void RaiseDescriptorLimit() {
       limit.rlim_cur, kFew);
 }
 
-// Ends the process at `deadline` if it still runs, whatever its threads do. Running jobs survive
-// that as they survive a kill.
+// Ends the process at `deadline` with EXIT_FAILURE if it still runs, even if threads hang. Running
+// jobs survive this as they survive a kill.
 void EndProcessAt(absl::Time deadline) {
   std::thread([deadline] {
     absl::SleepFor(deadline - absl::Now());
     spdlog::critical("not stopped in time: something is stuck; the process ends without it");
     std::_Exit(EXIT_FAILURE);
   }).detach();
-  // For a log that is stuck too: the signal's default action ends the process.
+  // In case that thread hangs in the log: SIGALRM's default action ends the process.
   constexpr absl::Duration kToWriteLog = absl::Seconds(2);  // alarm() counts whole seconds
   const absl::Duration left = deadline + kToWriteLog - absl::Now();
   alarm(static_cast<unsigned int>(std::max<int64_t>(1, absl::ToInt64Seconds(left))));
 }
 
-// Within `within` of now the server, or at least the process, has ended.
+// Shuts the server down within `within`, or ends the process.
 void Stop(pepeseg::Server& server, absl::Duration within) {
   constexpr absl::Duration kMostToClose = absl::Seconds(1);
   const absl::Time start = absl::Now();
   EndProcessAt(start + std::max(within, kMostToClose));
-  // Some of it is left for what follows the last call: closing the database and the log.
+  // The last tenth, at most 1 s, is for what follows the last call: closing the database and the
+  // log.
   server.Shutdown(start + within - std::min(kMostToClose, within / 10));
 }
 
+// Serves until a stop signal, and returns the exit code.
 int Serve(pepeseg::Flags flags, const sigset_t& stop_signals) {
   std::atomic<bool> unreachable = false;
   flags.server.on_unreachable = [&unreachable] {
@@ -119,6 +125,7 @@ int Serve(pepeseg::Flags flags, const sigset_t& stop_signals) {
   return EXIT_FAILURE;
 }
 
+// Runs a command that takes the place of serving, and returns the exit code.
 int RunCommand(const std::function<absl::Status()>& command) {
   const absl::Status status = command();
   if (status.ok()) return EXIT_SUCCESS;
@@ -128,12 +135,12 @@ int RunCommand(const std::function<absl::Status()>& command) {
 
 }  // namespace
 
-// What is thrown before it serves may end it.  NOLINTNEXTLINE(bugprone-exception-escape)
+// An exception before it serves may end the process.  NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   pepeseg::Flags flags;
   CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");
   pepeseg::AddFlags(app, flags);
-  std::function<absl::Status()> command;  // in place of serving
+  std::function<absl::Status()> command;  // set by `pepesegd keys`: runs instead of the server
   pepeseg::AddKeysCommand(app, flags.server, command);
   CLI11_PARSE(app, argc, argv);
   pepeseg::ConfigureLog(*pepeseg::LogFormatOf(flags.server.workers.log_format));

@@ -26,7 +26,6 @@
 #include "server/rpc/connection_acceptor.h"
 #include "server/rpc/listener_limits.h"
 #include "server/rpc/listener_probe.h"
-#include "server/server_health.h"
 #include "server/server_metrics.h"
 #include "server/server_parts.h"
 #include "server/services/dataset_service.h"
@@ -40,23 +39,24 @@ namespace pepeseg {
 namespace {
 
 constexpr int kMaxRequestBytes = 8 << 20;
+// Threads and queues of the pools; README.md says what runs on each.
 constexpr int kNumIoThreads = 4;
 constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
 constexpr int kNumPhotographProcesses = 2;
 constexpr size_t kMaxQueuedCalls = 1000;
-constexpr size_t kMaxQueuedUploads = 64;  // calls, each with up to 8 MiB; parts of streams besides
+constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of streams do not count
 constexpr size_t kMaxQueuedQueries = 100;
-constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request, up to 8 MiB
+constexpr size_t kMaxQueuedEvaluations = 8;  // each holds its request of up to 8 MiB
 constexpr size_t kMaxQueuedPhotographs = 500;
 constexpr absl::Duration kTick = absl::Seconds(2);
-// For idle clients to see that the server goes.
+// Time for idle clients to see that the server closes their connections.
 constexpr absl::Duration kGoAway = absl::Milliseconds(200);
 
 }  // namespace
 
-// In the order of dependence: what comes later goes first.
+// The parts of a server, each after those that it uses: members are destroyed in reverse order.
 struct Server::Parts {
   std::unique_ptr<DirectoryLock> lock;
   std::unique_ptr<Store> store;
@@ -68,12 +68,12 @@ struct Server::Parts {
   std::unique_ptr<BlobStore> blobs;
   std::unique_ptr<BlobChecker> checker;
   std::unique_ptr<Collector> collector;
-  Device device;              // of queries; a worker opens its own by the same id
+  Device device;              // computes queries; a worker opens its own by the same id
   int64_t device_memory = 0;  // see ServiceContext
   MapCounts map_counts;
   std::unique_ptr<ModelCache> models;
   ServerMetrics metrics;
-  std::filesystem::path sam;  // its folder; empty: none
+  std::filesystem::path sam;  // folder of SAM's files; empty: none
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
   WorkerPool pool{kNumIoThreads, kMaxQueuedCalls};
@@ -94,14 +94,21 @@ struct Server::Parts {
   std::unique_ptr<SelfProbe> self_probe;
   absl::Duration drain;
 
-  absl::Status OpenAccess(const ServerOptions& options);
+  // Called once each, in this order (OpenAccess by OpenStorage). Start() destroys the parts at the
+  // first error. Locks the data directory, and opens the database and the stored files.
   absl::Status OpenStorage(const ServerOptions& options);
+  // Opens certificates, the audit log and keys.
+  absl::Status OpenAccess(const ServerOptions& options);
+  // Opens the device, and makes the cache of models.
   absl::Status OpenCompute(const ServerOptions& options);
+  // Starts the supervisor, which may start workers at once.
   absl::Status StartJobs(const ServerOptions& options);
-  ServiceContext Context(const ServerOptions& options);
+  // Makes the services, and opens the listeners of operators: admin calls and metrics.
   absl::Status MakeServices(const ServerOptions& options);
+  // Opens the listener of clients. From then on calls are answered.
   absl::Status Listen(const ServerOptions& options);
   void StartSelfProbe(const ServerOptions& options);
+  ServiceContext Context(const ServerOptions& options);
 };
 
 absl::Status Server::Parts::OpenAccess(const ServerOptions& options) {
@@ -130,7 +137,7 @@ absl::Status Server::Parts::OpenStorage(const ServerOptions& options) {
 }
 
 absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
-  // Only to refuse them now rather than in the first job.
+  // Weights that cannot be read are refused now, and not by the first job.
   if (const std::filesystem::path& weights = options.workers.lpips_weights; !weights.empty()) {
     RETURN_IF_ERROR(Lpips::Open(weights).status());
   }
@@ -204,6 +211,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
+  // Both are global settings of gRPC, and count for servers that are built afterwards.
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -221,6 +229,7 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   if (server == nullptr) {
     return absl::UnavailableError(absl::StrCat("cannot serve on ", options.listen));
   }
+  // The listener was bound above, but no connection is accepted before the services can answer.
   acceptor->Start();
   health->Start([service = server->GetHealthCheckService()](const std::string& name, bool serving) {
     name.empty() ? service->SetServingStatus(serving) : service->SetServingStatus(name, serving);
@@ -282,14 +291,14 @@ void Server::Shutdown(absl::Time deadline) {
   if (parts_->server == nullptr) return;
   parts_->self_probe.reset();
   parts_->health->SetDraining(true);
-  // What comes meanwhile is answered: a gateway has not seen it yet.
+  // Calls are still answered for `drain`: a gateway may not have seen NOT_SERVING yet.
   const absl::Duration left = std::max(deadline - absl::Now(), absl::ZeroDuration());
   absl::SleepFor(std::min(parts_->drain, left));
   parts_->operations->SetDraining(true);
   parts_->streams->EndAll(DrainingError());
   parts_->supervisor->Stop(deadline);
-  // gRPC would wait out the deadline for a client that keeps an idle connection and does not look
-  // at it.
+  // Waits for calls here, and gives gRPC a short deadline below: it would wait until its deadline
+  // for a client that keeps an idle connection and does not read from it.
   while (parts_->metrics.rpc().num_named_in_flight() > 0 && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(5));
   }
@@ -299,7 +308,7 @@ void Server::Shutdown(absl::Time deadline) {
   if (parts_->admin != nullptr) parts_->admin->Shutdown(deadline);
   parts_->metrics.Stop();
   parts_->health->Stop();
-  // No call is left, so none of these tasks has anything to answer.
+  // No call is left, so no task in the pools has anything to answer.
   parts_->pool.Stop();
   parts_->upload_pool.Stop();
   parts_->query_pool.Stop();

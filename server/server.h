@@ -11,79 +11,80 @@
 #include "absl/time/time.h"
 #include "grpcpp/channel.h"
 #include "server/access/access_options.h"
-#include "server/jobs/launch_options.h"
+#include "server/jobs/launcher.h"
 #include "server/rpc/stream_registry.h"
 #include "server/store/quota.h"
-#include "server/worker_protocol/worker_options.h"
+#include "server/worker_protocol/job_spec.h"
 
 namespace pepeseg {
 
 struct ServerOptions {
-  std::string listen = "127.0.0.1:0";  // HOST:PORT, port 0: a free one; or unix:PATH
-  // Where AdminService listens, in the same form; empty: it is not served.
+  std::string listen = "127.0.0.1:0";  // HOST:PORT (port 0: a free one) or unix:PATH
+  // Address of AdminService, in the same form; empty: it is not served.
   std::string admin;
-  bool insecure = false;    // listens beyond this machine, without encryption
-  bool reflection = false;  // tells anybody what methods there are
-  // Made when it is not there. With SQLite for one server at a time; servers that share a
-  // PostgreSQL database share the directory, too.
+  bool insecure = false;    // allows listeners beyond this machine without encryption or keys
+  bool reflection = false;  // serves gRPC reflection, which lists all methods to anybody
+  // Data directory, created if it is missing. With SQLite for one server at a time; servers that
+  // share a PostgreSQL database must share the directory, too.
   std::filesystem::path data;
-  std::string database;  // Store::Open's; empty: sqlite:DATA/pepeseg.db
-  AccessOptions access;  // TLS and keys, of both listeners
-  Quota quota;           // of a project that has none of its own
+  std::string database;  // URL as Store::Open takes it; empty: sqlite:DATA/pepeseg.db
+  AccessOptions access;  // TLS and keys of both listeners
+  Quota quota;           // quotas of a project that has none of its own
   StreamLimits streams;
   LaunchOptions launch;  // how workers are started
-  // HOST:PORT where Prometheus reads metrics, without encryption; empty: nowhere.
+  // HOST:PORT where Prometheus reads metrics, without encryption; empty: they are not served.
   std::string metrics;
   absl::Duration max_connection_age = absl::Hours(1);  // see ListenerLimits
-  // When it stops, health says so for so long before it turns anybody away.
+  // Time during which a stopping server reports NOT_SERVING before it refuses calls.
   absl::Duration drain = absl::ZeroDuration();
-  // How often the server asks itself for its health over a new connection to `listen`. 0: never.
+  // Interval at which the server checks its health over a new connection to `listen`. 0: never.
   absl::Duration self_probe = absl::Seconds(5);
-  // Called once, on a thread of the server, after the self-probe has failed three times in a row:
-  // no new client gets an answer any more, so the process should call Shutdown and be restarted. It
-  // must not call Shutdown itself. Health says NOT_SERVING by then.
+  // Called once, on a thread of the server, after the self-probe has failed three times in a row.
+  // New clients then get no answer, so the process should call Shutdown and be restarted. Must not
+  // call Shutdown itself. Health reports NOT_SERVING by then. May be empty.
   std::function<void()> on_unreachable;
   std::filesystem::path worker;  // the pepeseg-worker program
-  WorkerOptions workers;         // what the job specs say to workers
-  // Folders of SAM's files (core/priors/sam/sam_files.h). `workers.sam`, where it is given, must be
-  // good; else the first of these that has any is used if it is good.
+  WorkerOptions workers;         // copied into each job's spec
+  // Folders in which SAM's files are looked for (core/priors/sam/sam_files.h) if `workers.sam` is
+  // empty: the first that has any is used if they are good. Those in `workers.sam` must be good.
   std::vector<std::filesystem::path> default_sam;
-  std::string device = "auto";  // of jobs and queries, see OpenDevice
-  int num_threads = 0;          // of a job and of a query; 0: as many as the machine has
-  // Of the device, for a training, bytes; 0: what is free of it when the server starts. On a device
-  // that is the host no more than WorkerMemory (server_parts.h).
+  std::string device = "auto";  // device of jobs and queries, as OpenDevice takes it
+  int num_threads = 0;          // CPU threads of a job and of a query; 0: one per core
+  // Maximum device memory of a training, bytes. 0: what is free when the server starts. At most
+  // WorkerMemory() (server_parts.h) on a device whose memory is the host's.
   int64_t device_memory = 0;
-  // Budgets of models in memory, bytes; 0: half of what the machine or the control group has, and
-  // of the device's. On a device that is the host there is only the first.
+  // Budgets of models in host and device memory, bytes. 0: half of the memory of the machine or
+  // control group, and of the device. On a device whose memory is the host's, only the first
+  // counts.
   int64_t model_bytes = 0, model_device_bytes = 0;
 };
 
-// Whether HOST:PORT or unix:PATH can be reached from this machine only.
-bool IsLoopback(const std::string& listen);
-
-// Everything that serves: store, supervisor, models, services, listener.
+// A running server: store, supervisor, models, services, listeners.
 class Server {
  public:
-  // FAILED_PRECONDITION: a listener beyond this machine without TLS or without keys, and without
-  // `insecure`; certificates that cannot be read or do not fit (the file is named); a data
-  // directory that another server uses, a worker or priors command that is no program, a device
-  // that cannot be had, files of SAM that are missing or differ from their digests.
-  // INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
+  // Starts a server that answers calls when this returns.
+  // FAILED_PRECONDITION: a listener would be reachable from other machines without TLS or keys, and
+  // `insecure` is not set; certificates cannot be read or do not match (the message names the
+  // file); another server uses the data directory; the worker or the priors command is not a
+  // program; the device is not available; files of SAM are missing or differ from their digests.
+  // UNAVAILABLE: an address cannot be bound. INVALID_ARGUMENT, NOT_FOUND: see Lpips::Open.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options);
-  // Shutdown without grace, unless it was called.
+  // Calls Shutdown() with a deadline that has passed.
   ~Server();
 
-  int port() const;        // 0 for a unix socket
-  int admin_port() const;  // likewise, and where there is none
+  // Return the ports of the listeners; 0: a unix socket, or no such listener.
+  int port() const;
+  int admin_port() const;
   int metrics_port() const;
-  // To the services without a socket.
+  // Return a channel to the services, and to AdminService (null if it is not served), without a
+  // socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
-  // To AdminService; null where it is not served.
   std::shared_ptr<grpc::Channel> InProcessAdminChannel();
 
-  // Health says NOT_SERVING; ServerOptions::drain later, or at `deadline` if that is sooner,
-  // streams end with UNAVAILABLE, running jobs are stopped and queued for the next start, calls
-  // under way get until `deadline`. Blocks; once.
+  // Stops the server. Health reports NOT_SERVING at once. After ServerOptions::drain, or at
+  // `deadline` if that is sooner, new calls are refused, streams end with UNAVAILABLE, and running
+  // jobs are stopped and queued for the next start. Calls in progress have until `deadline`.
+  // Blocks. Does nothing when called again.
   void Shutdown(absl::Time deadline);
 
  private:

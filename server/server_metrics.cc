@@ -1,20 +1,174 @@
 #include "server/server_metrics.h"
 
+#include <prometheus/collectable.h>
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
-#include "server/server_gauges.h"
+#include "server/observe/process_use.h"
+#include "server/observe/sample.h"
 
 namespace pepeseg {
 namespace {
 
+// Returns the names of all services, with the admin service.
 std::vector<std::string> MeasuredServices() {
   std::vector<std::string> names = ServiceNames();
   names.emplace_back(v1::AdminService::service_full_name());
   return names;
+}
+
+template <typename Number>
+double Value(Number number) {
+  return static_cast<double>(number);
+}
+
+// The values that a server reads at the moment when Prometheus asks for them, so that nothing has
+// to keep them up to date. Collect() blocks on the store.
+class ServerGauges final : public prometheus::Collectable {
+ public:
+  explicit ServerGauges(const Operations& operations) : operations_(operations) {}
+
+  std::vector<prometheus::MetricFamily> Collect() const override;
+
+ private:
+  void AddServer(Samples& samples) const;
+  void AddPools(Samples& samples) const;
+  void AddRows(Samples& samples) const;
+  void AddModels(Samples& samples) const;
+  void AddProcess(Samples& samples) const;
+
+  const Operations& operations_;
+};
+
+std::vector<prometheus::MetricFamily> ServerGauges::Collect() const {
+  std::vector<prometheus::MetricFamily> families;
+  Samples samples(families);
+  AddServer(samples);
+  AddPools(samples);
+  AddRows(samples);
+  AddModels(samples);
+  AddProcess(samples);
+  return families;
+}
+
+void ServerGauges::AddServer(Samples& samples) const {
+  const ServiceContext& context = operations_.context();
+  samples.Gauge("pepeseg_build_info", "Version and device of the server; always 1.");
+  samples.Add(1, {{"version", Operations::version()}, {"device", context.backend->name()}});
+  samples.Gauge("pepeseg_draining", "1 while the server refuses new work.");
+  samples.Add(operations_.health().draining() ? 1 : 0);
+  samples.Gauge("pepeseg_service_healthy", "1 while health reports SERVING.");
+  for (const auto& [service, serving] : operations_.health().serving()) {
+    samples.Add(serving ? 1 : 0, {{"service", service.empty() ? "server" : service}});
+  }
+  samples.Gauge("pepeseg_streams_open", "Streaming calls in progress.");
+  samples.Add(Value(context.streams->size()));
+  samples.Gauge("pepeseg_streams_limit", "Maximum number of open streams.");
+  samples.Add(Value(context.streams->limits().max_streams));
+  samples.Counter("pepeseg_streams_refused_total", "Streams refused: too many, or draining.");
+  samples.Add(Value(context.streams->num_refused()));
+  samples.Gauge("pepeseg_disk_free_bytes", "Free bytes of the data directory's file system.");
+  samples.Add(Value(DiskFreeBytes(context.data_folder)));
+}
+
+void ServerGauges::AddPools(Samples& samples) const {
+  const ServiceContext& context = operations_.context();
+  const std::array<std::pair<const char*, WorkerPool::Use>, 4> pools = {
+      {{"io", context.pool->use()},
+       {"upload", context.upload_pool->use()},
+       {"query", context.query_pool->use()},
+       {"evaluation", context.evaluation_pool->use()}}};
+  const auto add = [&](auto value) {
+    for (const auto& [name, use] : pools) samples.Add(Value(value(use)), {{"pool", name}});
+  };
+  using Use = WorkerPool::Use;
+  samples.Gauge("pepeseg_pool_threads", "Threads of the pool.");
+  add([](const Use& use) { return use.num_threads; });
+  samples.Gauge("pepeseg_pool_busy_threads", "Threads of the pool that run a task.");
+  add([](const Use& use) { return use.num_busy; });
+  samples.Gauge("pepeseg_pool_queued_calls", "Calls that wait for a thread.");
+  add([](const Use& use) { return use.num_queued; });
+  samples.Gauge("pepeseg_pool_queue_limit_calls",
+                "Maximum number of calls that wait for a thread.");
+  add([](const Use& use) { return use.max_queued; });
+  samples.Counter("pepeseg_pool_refused_calls_total", "Calls refused because the queue was full.");
+  add([](const Use& use) { return use.num_refused; });
+}
+
+void ServerGauges::AddRows(Samples& samples) const {
+  // If the database does not answer, the families stay empty.
+  const auto counts = operations_.context().store->CountAll();
+  samples.Gauge("pepeseg_jobs", "Jobs in the database, of all servers on it.");
+  if (counts.ok()) {
+    constexpr std::array kStates = {
+        std::pair{JobState::kQueued, "queued"}, std::pair{JobState::kRunning, "running"},
+        std::pair{JobState::kSucceeded, "succeeded"}, std::pair{JobState::kFailed, "failed"},
+        std::pair{JobState::kCancelled, "cancelled"}};
+    for (const auto& [state, name] : kStates) {
+      const auto found = counts->jobs.find(state);
+      samples.Add(found == counts->jobs.end() ? 0 : Value(found->second), {{"state", name}});
+    }
+  }
+  samples.Gauge("pepeseg_scenes", "Scenes in the database.");
+  if (counts.ok()) samples.Add(Value(counts->num_scenes));
+  samples.Gauge("pepeseg_models", "Models in the database.");
+  if (counts.ok()) samples.Add(Value(counts->num_models));
+}
+
+void ServerGauges::AddModels(Samples& samples) const {
+  const ServiceContext& context = operations_.context();
+  const ModelCache& models = *context.models;
+  int64_t num_models = 0;
+  models.Visit([&](const ModelCache::Info&, const Segmenter&) { ++num_models; });
+  const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+  const bool two = !models.budget().one_memory();
+  samples.Gauge("pepeseg_resident_models", "Models in memory.");
+  samples.Add(Value(num_models));
+  samples.Gauge("pepeseg_resident_reserved_bytes", "Memory reserved for models, bytes.");
+  samples.Add(Value(used.host), {{"memory", "host"}});
+  if (two) samples.Add(Value(used.device), {{"memory", "device"}});
+  samples.Gauge("pepeseg_resident_limit_bytes",
+                "Maximum of the memory reserved for models, bytes.");
+  samples.Add(Value(limit.host), {{"memory", "host"}});
+  if (two) samples.Add(Value(limit.device), {{"memory", "device"}});
+  samples.Gauge("pepeseg_device_used_bytes",
+                "Device memory allocated by models and queries, bytes.");
+  samples.Add(Value(context.backend->bytes_in_use()));
+  const ModelCache::Counts counts = models.counts();
+  samples.Counter("pepeseg_model_loads_total", "Models loaded into memory.");
+  samples.Add(Value(counts.num_loads));
+  samples.Counter("pepeseg_model_evictions_total", "Models evicted to make room.");
+  samples.Add(Value(counts.num_evictions));
+  samples.Counter("pepeseg_feature_map_hits_total", "Feature maps of views found in the cache.");
+  samples.Add(Value(context.map_counts->num_hits.load()));
+  samples.Counter("pepeseg_feature_map_renders_total", "Feature maps that had to be rendered.");
+  samples.Add(Value(context.map_counts->num_renders.load()));
+}
+
+void ServerGauges::AddProcess(Samples& samples) const {
+  const ProcessUse use = MeasureProcess();
+  samples.Gauge("pepeseg_process_resident_bytes", "Resident memory of the server, bytes.");
+  samples.Add(Value(use.resident_bytes));
+  samples.Gauge("pepeseg_process_open_descriptors", "Open file descriptors of the server.");
+  samples.Add(use.num_descriptors);
+  samples.Gauge("pepeseg_process_max_descriptors", "Maximum number of open file descriptors.");
+  samples.Add(Value(use.max_descriptors));
+  samples.Gauge("pepeseg_process_threads", "Threads of the server.");
+  samples.Add(use.num_threads);
+  samples.Counter("pepeseg_process_cpu_seconds_total", "CPU time that the server has used.");
+  samples.Add(absl::ToDoubleSeconds(use.cpu_time));
+  samples.Gauge("pepeseg_process_start_time_seconds",
+                "Start time of the server, seconds since 1970.");
+  samples.Add(absl::ToDoubleSeconds(operations_.start_time() - absl::UnixEpoch()));
 }
 
 }  // namespace

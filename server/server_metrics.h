@@ -12,7 +12,8 @@
 
 namespace pepeseg {
 
-// Everything that a server measures of itself, and where it can be read.
+// The metrics of a server, and the listener where Prometheus reads them. Those of rpc() and jobs()
+// are counted as calls and jobs proceed; all others are read when Prometheus asks.
 class ServerMetrics {
  public:
   ServerMetrics();
@@ -20,10 +21,12 @@ class ServerMetrics {
   RpcMetrics& rpc() { return *rpc_; }
   JobMetrics& jobs() { return *jobs_; }
 
-  // Errors as Exposition::Start. `operations` must outlive this, or Stop().
+  // Serves all metrics on HOST:PORT. `operations` must live until Stop() or the end of this object.
+  // Errors as Exposition::Start.
   absl::Status Expose(const std::string& listen, const Operations& operations);
-  // Nobody reads any more when it returns.
+  // Closes the listener. Blocks until scrapes in progress have finished.
   void Stop() { exposition_.reset(); }
+  // Returns the listener's port; 0: there is no listener.
   int port() const { return exposition_ == nullptr ? 0 : exposition_->port(); }
 
  private:
@@ -33,7 +36,8 @@ class ServerMetrics {
   std::unique_ptr<Exposition> exposition_;
 };
 
-// As "pepeseg.v1.SceneService"; the admin service is not among them.
+// Returns the full names of the services, such as "pepeseg.v1.SceneService", without the admin
+// service.
 const std::vector<std::string>& ServiceNames();
 
 }  // namespace pepeseg

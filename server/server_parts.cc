@@ -4,23 +4,32 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
 #include "core/base/status_macros.h"
 #include "core/priors/sam/sam_files.h"
 #include "kernels/host_memory.h"
+#include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/job_service.grpc.pb.h"
+#include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/jobs/holder_name.h"
 #include "server/listen_rules.h"
+#include "server/observe/health_probes.h"
+#include "server/server_metrics.h"
 #include "server/store/layout.h"
 
 namespace pepeseg {
 namespace {
 
-// The server's calls, uploads and queries, besides its models.
+// Memory that the server keeps for requests, uploads and queries, bytes.
 constexpr int64_t kServerReserve = int64_t{1} << 30;
 
+// Returns the budget of models in host memory, bytes.
 int64_t HostModelBytes(const ServerOptions& options) {
   return options.model_bytes > 0 ? options.model_bytes : HostMemory().total_bytes / 2;
 }
@@ -39,7 +48,7 @@ absl::Status CheckOptions(const ServerOptions& options) {
   RETURN_IF_ERROR(CheckAddressesFree(options));
   if (access(options.worker.c_str(), X_OK) != 0) {
     return absl::FailedPreconditionError(
-        absl::StrCat("worker: ", options.worker.string(), " is no program"));
+        absl::StrCat("worker: ", options.worker.string(), " is not a program"));
   }
   return absl::OkStatus();
 }
@@ -82,7 +91,7 @@ int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_conc
 
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
   const std::string url = DatabaseUrl(options);
-  // Whoever has a SQLite database has it for itself, and so its jobs.
+  // A SQLite database has one server, which holds all jobs without a lease.
   if (!IsShared(options)) return Store::Open(url);
   return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
 }
@@ -99,7 +108,7 @@ SupervisorOptions JobOptions(const ServerOptions& options, const Device& device)
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
   if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
-  job_options.silence = absl::Seconds(options.launch.lease_seconds);
+  job_options.heartbeat_timeout = absl::Seconds(options.launch.lease_seconds);
   return job_options;
 }
 
@@ -126,6 +135,22 @@ std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend
   if (limit.device <= 0) limit.device = memory.total_bytes / 2;
   return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
                                       [&backend] { backend.ReleaseFreed(); });
+}
+
+std::unique_ptr<HealthMonitor> MakeHealthMonitor(const ServiceContext& context) {
+  std::vector<std::string> services = ServiceNames();
+  services.emplace_back("");
+  std::vector<HealthMonitor::Probe> probes;
+  probes.push_back({"database", [store = context.store] { return store->Ping(); }, services});
+  probes.push_back(
+      {"data directory",
+       [folder = context.data_folder] { return ProbeDisk(folder, kMinDiskFreeBytes); },
+       {v1::DatasetService::service_full_name(), v1::JobService::service_full_name()}});
+  probes.push_back({"device",
+                    [backend = context.backend] { return ProbeDevice(*backend); },
+                    {v1::SegmentationService::service_full_name(), ""},
+                    /*blocks=*/false});
+  return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));
 }
 
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -7,40 +8,56 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/jobs/supervisor.h"
+#include "server/observe/health_monitor.h"
 #include "server/rpc/service_context.h"
 #include "server/server.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/device.h"
 
-// What a server's options mean for its parts.
+// Makes the parts of a server from its options.
 namespace pepeseg {
 
+// Checks what can be checked before anything is opened: listeners, their addresses, the worker
+// program. FAILED_PRECONDITION, UNAVAILABLE: see listen_rules.h. FAILED_PRECONDITION:
+// options.worker is not a program.
 absl::Status CheckOptions(const ServerOptions& options);
 
-// Other servers may use the database and the data directory, too.
+// Returns whether other servers may use the database and the data directory at the same time.
 bool IsShared(const ServerOptions& options);
+// Opens the database. Errors as Store::Open.
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options);
 
+// Logs the device, and how much of its memory a training may take.
 void LogDevice(const Device& device, int64_t device_memory);
+// Makes an empty cache of models with the budgets of the options. `backend` must outlive it.
 std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend);
+// Makes the health of a server: all services need the database; DatasetService and JobService also
+// need free disk space; SegmentationService also needs the device. The server as a whole, "", needs
+// the database and the device, so that a full disk does not stop queries.
+std::unique_ptr<HealthMonitor> MakeHealthMonitor(const ServiceContext& context);
 
-// Host memory that a worker on this machine may take, bytes: of `host_bytes`, which the machine or
-// the control group has, what is not the server's. The server's are `model_bytes`, its budget for
-// models, and a reserve for its calls. At least a quarter, so that large budgets stop no training.
+// Returns the host memory, in bytes, that a worker on this machine may take: `host_bytes`, the
+// memory of the machine or control group, less `model_bytes`, the server's budget for models, and
+// less a reserve for its requests. At least a quarter of `host_bytes`, so that a large budget stops
+// no training.
 int64_t WorkerMemory(int64_t host_bytes, int64_t model_bytes);
-// The same by the options; 0 where workers run on other machines.
+// Returns the same for the options; 0 where workers run on other machines.
 int64_t WorkerMemory(const ServerOptions& options);
-// Memory of the device that a training may take, bytes; of the host's no more than a worker may.
+// Returns the device memory, in bytes, that a training may take. On a device whose memory is the
+// host's, at most WorkerMemory().
 int64_t TrainingMemory(const ServerOptions& options, const Backend& backend);
 
-// Without file_path, check_files and on_event; `workers` as the flags say, so that the priors
-// command and SAM are still to be found.
+// Returns the supervisor's options, without file_path, check_files and on_event. `workers` is as
+// the flags say: the caller replaces priors_command and sam by what FindPriorsCommand and FindSam
+// return.
 SupervisorOptions JobOptions(const ServerOptions& options, const Device& device);
-// Of the program, as FindProgram takes it; empty: there is none.
+// Returns the path of the priors command, which FindProgram looks up; empty if `name` is.
+// FAILED_PRECONDITION: there is no such program.
 absl::StatusOr<std::filesystem::path> FindPriorsCommand(const std::string& name);
-// The folder of SAM that workers get; empty: none. Logs which. FAILED_PRECONDITION, NOT_FOUND: the
-// one that is named is not good, see CheckSamFiles.
+// Returns the folder of SAM for workers and logs it; empty: none. FAILED_PRECONDITION, NOT_FOUND:
+// the folder that the options name is not good, see CheckSamFiles.
 absl::StatusOr<std::filesystem::path> FindSam(const ServerOptions& options);
+// Returns the number of CPU cores, at least 1.
 int NumCores();
 
 }  // namespace pepeseg

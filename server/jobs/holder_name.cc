@@ -15,7 +15,8 @@
 namespace pepeseg {
 namespace {
 
-// Identifies the set of processes that see each other's ids; empty: unknown.
+// Returns an id of the processes that see each other's process ids: machine and process namespace.
+// Empty: unknown.
 std::string ProcessSpace() {
   std::string boot;
   std::ifstream("/proc/sys/kernel/random/boot_id") >> boot;
@@ -25,14 +26,14 @@ std::string ProcessSpace() {
   return absl::StrCat(boot, "/", names.string());
 }
 
-// Start time of a process, clock ticks since boot; empty: there is no such process.
+// Returns the start time of a process in clock ticks since boot. Empty: there is no such process.
 std::string StartTime(int64_t pid) {
   std::ifstream file(absl::StrCat("/proc/", pid, "/stat"));
   std::string text;
   std::getline(file, text);
-  const size_t name_end = text.rfind(')');  // a name may hold anything before it
+  const size_t name_end = text.rfind(')');  // the name may have spaces and parentheses, too
   if (name_end == std::string::npos) return "";
-  constexpr size_t kStartTime = 20;  // of the fields after the name, counted from one
+  constexpr size_t kStartTime = 20;  // number of the field among those after the name, from 1
   const std::vector<std::string> fields =
       absl::StrSplit(text.substr(name_end + 1), ' ', absl::SkipEmpty());
   return fields.size() < kStartTime ? "" : fields[kStartTime - 1];

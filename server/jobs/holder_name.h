@@ -4,12 +4,14 @@
 
 namespace pepeseg {
 
-// The name of this process in a shared database: boot of its machine, process namespace, process id
-// and start time. No two processes that live at the same time have the same name.
+// Returns the name under which this process holds jobs in a shared database: its machine's boot id,
+// process namespace, process id and start time. No two processes that live at the same time have
+// the same name, and a new process with an old process id has another name.
 std::string HolderName();
 
-// Whether the process of that name is known to have ended. False for processes that cannot be seen
-// from here, such as those of another machine or container.
+// Returns whether the process with that name is known to have ended. False for a process that
+// cannot be seen from here, such as one on another machine or in another container: its lease
+// decides.
 bool IsKnownGone(const std::string& holder);
 
 }  // namespace pepeseg

@@ -1,11 +1,13 @@
 #include "server/jobs/job_events.h"
 
+#include <spdlog/spdlog.h>
+
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "pepeseg/v1/job_service.pb.h"
 #include "server/store/scene_key.h"
 #include "server/worker_protocol/event_log.h"
 
@@ -13,7 +15,7 @@ namespace pepeseg {
 namespace {
 
 v1::JobState ToProto(JobState state) {
-  // The two enums count alike, the proto's from 1.
+  // Both enums have the same order; the proto's starts at 1.
   return static_cast<v1::JobState>(static_cast<int>(state) + 1);
 }
 static_assert(v1::JOB_STATE_QUEUED == static_cast<int>(JobState::kQueued) + 1);
@@ -28,6 +30,23 @@ absl::Status AppendEvent(const JobFolder& folder, const JobRow& job, EventPart p
 }
 
 }  // namespace
+
+absl::StatusOr<v1::JobState> ReadNewestState(const JobFolder& folder) {
+  v1::JobState newest = v1::JOB_STATE_UNSPECIFIED;
+  EventLogReader log(folder.events());
+  while (true) {
+    const absl::StatusOr<std::vector<v1::JobEvent>> events = log.Read();
+    if (absl::IsDataLoss(events.status())) {
+      spdlog::error("jobs/{}: {}", folder.path().filename().string(), events.status().ToString());
+      return newest;
+    }
+    RETURN_IF_ERROR(events.status());
+    if (events->empty()) return newest;
+    for (const v1::JobEvent& event : *events) {
+      if (event.has_state_changed()) newest = event.state_changed().state();
+    }
+  }
+}
 
 absl::Status AppendWarning(const JobFolder& folder, const JobRow& job, const std::string& message) {
   v1::JobEvent event;

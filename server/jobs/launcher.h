@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -7,67 +8,102 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/jobs/launch_options.h"
+#include "absl/time/time.h"
 
 namespace pepeseg {
+
+// How a server starts the workers of its jobs, and how it paces their attempts.
+struct LaunchOptions {
+  enum class Launcher { kProcess, kSlurm };
+  Launcher launcher = Launcher::kProcess;
+  std::string slurm_partition;  // partition of the jobs; empty: Slurm's default
+  std::string slurm_gres;       // generic resources of each job, such as "gpu:1"; empty: none
+  std::string slurm_device;     // device of the nodes, as OpenDevice takes it; empty: the server's
+  // The database's URL, as Store::Open takes it. Workers that Slurm restarts take their next fence
+  // there.
+  std::string database;
+  // Lease duration. A server that fails to renew within it loses its jobs to the next claimant.
+  int lease_seconds = 30;
+  // Pauses before the next attempt of a job after the first, second, third ... crash in a row that
+  // made no progress; the last pause repeats. A crash after progress gets the first. Not empty.
+  std::vector<absl::Duration> crash_pauses = {absl::Seconds(1), absl::Seconds(10),
+                                              absl::Seconds(60)};
+  // Longest time between two checkpoints of a job, seconds.
+  int checkpoint_seconds = 60;
+};
 
 // How a worker ended.
 struct WorkerEnd {
   enum class Kind {
     kExited,   // by itself, with `exit_code`
     kKilled,   // by a signal, a limit of the cluster, or with its machine
-    kUnknown,  // it is gone, and the launcher does not know how; its result says, if there is one
+    kUnknown,  // it is gone, and the launcher does not know how: its result, if there is one, says
   };
   Kind kind = Kind::kExited;
   int exit_code = 0;
-  int signal = 0;           // that killed it; 0: none, or unknown
-  std::string description;  // "was killed by signal 9 (Killed)"
+  int signal = 0;           // the signal that killed it; 0: none, or unknown
+  std::string description;  // predicate of a message, such as "was killed by signal 9 (Killed)"
 };
 
-// A worker, wherever it runs. Not thread safe. The launcher says whether the worker survives the
-// object.
+// A worker, on this machine or another. Not thread safe. Whether the worker ends with this object
+// depends on the launcher.
 class LaunchedWorker {
  public:
   virtual ~LaunchedWorker() = default;
 
-  // By which another server finds it after this one has ended; empty: it ends with this server.
+  // Returns the id by which another server can Attach() to it after this one has ended. Empty: the
+  // worker ends with this server.
   virtual std::string launch() const = 0;
-  // How it ended; none: it still runs, or waits to run. Does not block.
+  // Returns how it ended; nothing while it runs, or waits to run. Does not block.
   virtual std::optional<WorkerEnd> Poll() = 0;
   // Sends SIGTERM: the worker saves a checkpoint and ends.
   virtual void Stop() = 0;
+  // Ends it at once. Poll() reports the end later.
   virtual void Kill() = 0;
 };
 
-// Resources that a worker needs, by the estimate of its job. 0: the launcher's default.
+// Resources that a worker needs, by the estimate of its job. In each field 0 is the launcher's
+// default.
 struct WorkerNeeds {
   int num_threads = 0;
-  int64_t memory_bytes = 0;  // of the host
-  int64_t seconds = 0;       // at most
+  int64_t memory_bytes = 0;  // host memory
+  int64_t seconds = 0;       // maximum run time
 };
 
 struct WorkerCommand {
   std::filesystem::path program;
   std::vector<std::string> arguments;
-  std::filesystem::path log;                  // standard output and error are appended to it
-  std::vector<std::string> environment = {};  // "NAME=VALUE", in place of this process's
-  bool inherits_environment = true;           // false: `environment` is all that it gets
-  // Names of variables of this process that a Launcher passes on, besides JobEnvironment's.
+  std::filesystem::path log;  // standard output and error are appended to it
+  // Variables as "NAME=VALUE". They override those of this process.
+  std::vector<std::string> environment = {};
+  bool inherits_environment = true;  // whether it also gets the other variables of this process
+  // Names of variables of this process that a Launcher passes on in addition to JobEnvironment's.
   std::vector<std::string> pass_environment = {};
-  std::string job = {};  // its id, for those who look at a cluster's queue
+  std::string job = {};  // the job's id, for logs and the cluster's queue
   WorkerNeeds needs = {};
 };
 
+// Starts workers. Used by the supervisor's thread only.
 class Launcher {
  public:
   virtual ~Launcher() = default;
+  // Starts a worker, or queues it at the cluster.
   virtual absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) = 0;
-  // Finds a worker that another server has launched, by its launch(). NOT_FOUND: another kind of
-  // launcher launched it.
+  // Follows a worker that another server has launched, by its launch(). NOT_FOUND: another kind of
+  // launcher has launched it.
   virtual absl::StatusOr<std::unique_ptr<LaunchedWorker>> Attach(const std::string& launch) = 0;
 };
 
-// Workers as children of this process, killed with it.
+// Returns a launcher whose workers are children of this process and are killed with it
+// (process.cc).
 std::unique_ptr<Launcher> MakeProcessLauncher();
+
+// Returns a launcher whose workers are batch jobs of a Slurm cluster (slurm.cc). It runs sbatch,
+// squeue and scancel, found in PATH. The workers outlive this process. When a node is lost, or has
+// to run another job, Slurm restarts its worker. launch() is "slurm:NUMBER".
+//
+// Launch, Stop and Kill wait up to 10 s for Slurm's answer. A thread of the launcher asks for the
+// state of all jobs every two seconds.
+std::unique_ptr<Launcher> MakeSlurmLauncher(const LaunchOptions& options);
 
 }  // namespace pepeseg

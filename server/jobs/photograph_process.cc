@@ -21,7 +21,7 @@
 namespace pepeseg {
 namespace {
 
-// Short next to a child's run time, 0.1 s and more.
+// Interval of looking at the child, which runs for at least 0.1 s.
 constexpr absl::Duration kPoll = absl::Milliseconds(5);
 
 absl::Status NotWanted() { return absl::CancelledError("the photograph is no longer wanted"); }
@@ -30,7 +30,8 @@ absl::Status Undecodable(const PhotographTask& task, absl::string_view why) {
   return absl::InvalidArgumentError(absl::StrCat(task.name, ": does not decode: ", why));
 }
 
-// Waits until the worker has written an answer.
+// Waits until the worker has ended by itself. The caller destroys `worker`, which kills it, on an
+// error.
 absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
                   const PhotographTask& task, absl::FunctionRef<bool()> wanted) {
   const absl::Time deadline = absl::Now() + process.time_limit;
@@ -50,6 +51,7 @@ absl::Status Wait(WorkerProcess& worker, const PhotographProcess& process,
   return absl::InternalError(absl::StrCat(task.name, ": the decoder ", end->description));
 }
 
+// Parses the answer, and returns its picture or its error.
 absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
   std::string head(kPhotographHeaderBytes, '\0');
   if (!file.ReadAt(0, head)) return absl::InternalError("the decoder wrote no answer");
@@ -65,6 +67,7 @@ absl::StatusOr<PhotographPicture> ReadAnswer(OpenFile file) {
 
 }  // namespace
 
+// O_NONBLOCK: opening a FIFO in place of the file must not block.
 absl::StatusOr<OpenFile> OpenFile::ForReading(const std::filesystem::path& path,
                                               const std::string& name) {
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
@@ -72,6 +75,7 @@ absl::StatusOr<OpenFile> OpenFile::ForReading(const std::filesystem::path& path,
   return OpenFile(descriptor);
 }
 
+// Not O_TMPFILE, which some file systems do not support.
 absl::StatusOr<OpenFile> OpenFile::Unnamed(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
@@ -109,6 +113,7 @@ absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const std::filesystem::path& blob,
                                               absl::FunctionRef<bool()> wanted) {
   if (!wanted()) return NotWanted();
+  // The worker inherits both files as standard input and output, so its sandbox needs no paths.
   ASSIGN_OR_RETURN(const OpenFile input, OpenFile::ForReading(blob, task.name));
   ASSIGN_OR_RETURN(OpenFile output, OpenFile::Unnamed(process.scratch));
   WorkerCommand command;

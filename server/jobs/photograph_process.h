@@ -15,8 +15,8 @@ namespace pepeseg {
 // An open file; the destructor closes it.
 class OpenFile {
  public:
-  // Opens a file for reading, but not through a link. Errors call it `name`. NOT_FOUND: no such
-  // file.
+  // Opens a file for reading. Refuses a symbolic link. Errors name it `name`. NOT_FOUND: there is
+  // no such file.
   static absl::StatusOr<OpenFile> ForReading(const std::filesystem::path& path,
                                              const std::string& name);
   // Makes a file without a name on the file system of `folder`, which is created if it is missing.
@@ -31,9 +31,10 @@ class OpenFile {
   ~OpenFile();
 
   int descriptor() const { return descriptor_; }
-  // Bytes; negative: unknown.
+  // Returns the size in bytes; negative: unknown.
   int64_t size() const;
-  // Fills `bytes` from `offset` on. False: the file ends before, or cannot be read.
+  // Fills all of `bytes` from `offset` on. Returns false if the file ends before, or cannot be
+  // read.
   bool ReadAt(int64_t offset, std::string& bytes) const;
 
  private:
@@ -44,22 +45,24 @@ class OpenFile {
 // A JPEG on disk, so that sending it to a slow client takes no memory.
 struct PhotographPicture {
   OpenFile file;
-  int64_t offset = 0;  // of the JPEG in the file
+  int64_t offset = 0;  // first byte of the JPEG in the file
   int64_t num_bytes = 0;
   int width = 0, height = 0;  // pixels
 };
 
+// How to start the worker that decodes a photograph.
 struct PhotographProcess {
   std::filesystem::path worker;  // the pepeseg-worker program
   bool sandbox = true;
-  std::filesystem::path scratch;  // folder for the answer, an unnamed file
+  std::filesystem::path scratch;  // folder of the answer, an unnamed file
   absl::Duration time_limit = absl::Minutes(1);
 };
 
-// Starts a worker that decodes the image file `blob`, and waits for it. Kills the worker as soon as
-// `wanted` returns false (CANCELLED), and after the time limit (INVALID_ARGUMENT, as for a file
-// that crashes the worker). Otherwise returns the worker's error: DATA_LOSS for a file that fails
-// its checksum, INVALID_ARGUMENT for one that does not decode. NOT_FOUND: no such file.
+// Starts a worker that decodes the image file `blob`, waits for it, and returns the JPEG that it
+// made. Blocks; polls `wanted` meanwhile.
+// CANCELLED: `wanted` returned false, upon which the worker is killed.
+// INVALID_ARGUMENT: the file does not decode, crashes the worker, or takes more than the time
+// limit. DATA_LOSS: the file fails its checksum. NOT_FOUND: there is no such file.
 absl::StatusOr<PhotographPicture> MakePicture(const PhotographProcess& process,
                                               const PhotographTask& task,
                                               const std::filesystem::path& blob,

@@ -1,3 +1,5 @@
+// Workers as child processes, by posix_spawn: a fork of the server would copy its page tables, and
+// could meet locks that other threads hold.
 #include "server/jobs/process.h"
 
 #include <fcntl.h>
@@ -88,7 +90,7 @@ absl::StatusOr<std::unique_ptr<WorkerProcess>> WorkerProcess::Launch(const Worke
   Isolate(settings, command.log, files);
   std::vector<std::string> words = {command.program.string()};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
-  // Of several variables with one name, the first counts.
+  // getenv() finds the first of several variables with one name, so `environment` comes first.
   std::vector<std::string> variables = command.environment;
   for (char** variable = environ; command.inherits_environment && *variable != nullptr;
        ++variable) {
@@ -122,7 +124,7 @@ std::optional<WorkerEnd> WorkerProcess::Poll() {
 }
 
 void WorkerProcess::Signal(int signal) const {
-  // After it was reaped, its process id may belong to another process.
+  // Once it is reaped, its process id may belong to another process.
   if (!end_) kill(pid_, signal);
 }
 

@@ -12,19 +12,20 @@
 
 namespace pepeseg {
 
-// Descriptors of the caller that become a child's standard input and output. Negative: an empty
-// input, and the log.
+// Descriptors of the caller that become a child's standard input and output. A negative `input` is
+// an empty input; a negative `output` is the log.
 struct StandardFiles {
   int input = -1;
   int output = -1;
 };
 
-// A child process, reaped by this object alone. A worker has the kernel kill it when the thread
-// that launched it ends: launch it from a thread that lives as long as the workers.
+// A child process. Only this object may wait for it. A worker asks the kernel to kill it when the
+// thread that launched it ends, so the launching thread must live as long as its workers.
 class WorkerProcess final : public LaunchedWorker {
  public:
-  // The child gets only the descriptors of its log, input and output, default signal actions, and a
-  // process group of its own (a terminal's Ctrl-C is for the server). `command.needs` is ignored.
+  // Starts a process. It inherits no descriptors but its log, input and output, has default signal
+  // actions, and a process group of its own, so that Ctrl-C at a terminal reaches the server only.
+  // Ignores `command.needs`.
   static absl::StatusOr<std::unique_ptr<WorkerProcess>> Launch(const WorkerCommand& command,
                                                                const StandardFiles& files = {});
   // Kills the process if it still runs.
@@ -36,6 +37,7 @@ class WorkerProcess final : public LaunchedWorker {
   std::optional<WorkerEnd> Poll() override;
   void Stop() override { Signal(SIGTERM); }
   void Kill() override { Signal(SIGKILL); }
+  // Sends a signal, unless the process has been reaped.
   void Signal(int signal) const;
   pid_t pid() const { return pid_; }
 

@@ -18,13 +18,15 @@
 namespace pepeseg {
 namespace {
 
-// Of the worker's log, in an error message: those stay under 4 KB.
+// Bytes of the worker's log that go into an error message, which stays under 4 KB.
 constexpr size_t kLogTail = 1500;
 
-// A limit of the worker broke: asking for less may help, trying again does not.
+// Whether the worker exceeded its limit of CPU time or file size. A smaller job may stay below it,
+// but another attempt of the same job does not.
 bool BrokeLimit(const WorkerEnd& end) { return end.signal == SIGXCPU || end.signal == SIGXFSZ; }
 
-// Whether the server lacks space or descriptors: that says nothing about the job.
+// Whether the server itself lacks disk space or descriptors. That is not the job's fault: its end
+// is written later.
 bool IsShortage(const absl::Status& status) {
   return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
 }
@@ -36,13 +38,13 @@ RunningJob::RunningJob(const Context& context, JobRow job, JobFolder folder)
       job_(std::move(job)),
       folder_(std::move(folder)),
       log_(folder_.events()),
-      pulse_(folder_.pulse(job_.fence)) {}
+      heartbeat_(folder_.heartbeat(job_.fence)) {}
 
 absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& context,
                                                               const JobRow& job) {
   const JobFolder folder(context.options.data_folder / "jobs" / job.id);
   auto running = std::unique_ptr<RunningJob>(new RunningJob(context, job, folder));
-  // First the part that reads the database: a start that fails there has written no event.
+  // WriteSpec reads the database, so it comes first: if it fails, no event has been written.
   RETURN_IF_ERROR(running->WriteSpec());
   RETURN_IF_ERROR(AppendState(folder, job));
   running->FollowLog();
@@ -50,7 +52,7 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Context& con
   running->stage_.clear();
   running->progress_.reset();
   Touch(folder.lease(job.fence));
-  running->pulse_.Expect();
+  running->heartbeat_.Expect();
   ASSIGN_OR_RETURN(running->worker_, context.launcher.Launch(running->Command()));
   if (const std::string launch = running->worker_->launch(); !launch.empty()) {
     running->job_.launch = launch;
@@ -83,7 +85,7 @@ absl::Status RunningJob::WriteSpec() const {
   spec.checkpoint_seconds = context_.options.launch.checkpoint_seconds;
   spec.traceparent = job_.traceparent;
   spec.worker = context_.options.workers;
-  // A worker on a cluster is followed by the next holder, and need not end with this one.
+  // A worker on a cluster outlives this server: the next holder follows it.
   const bool ends_with_holder =
       context_.options.launch.launcher == LaunchOptions::Launcher::kProcess;
   const absl::Duration lease = context_.store.holder().lease;
@@ -127,27 +129,27 @@ bool RunningJob::FollowLog() {
     if (follows_live_ && context_.options.on_event) context_.options.on_event(job_.id, event);
   }
   if (stage_ == job_.stage || worker_ == nullptr) return true;
-  const absl::Status noted = context_.store.SetJobStage(job_.id, job_.fence, stage_);
-  if (noted.ok()) job_.stage = stage_;
+  const absl::Status recorded = context_.store.SetJobStage(job_.id, job_.fence, stage_);
+  if (recorded.ok()) job_.stage = stage_;
   return true;
 }
 
 void RunningJob::Held(const JobRow& row) {
   if (row.fence != job_.fence) {
     spdlog::info("jobs/{}: {} was started again, as attempt {}", job_.id, job_.launch, row.fence);
-    pulse_ = PulseWatch(folder_.pulse(row.fence));
+    heartbeat_ = HeartbeatWatch(folder_.heartbeat(row.fence));
   }
   job_ = row;
   Touch(folder_.lease(job_.fence));
 }
 
-void RunningJob::KillIfSilent() {
-  // A cluster watches its workers itself.
-  if (silent_ || asked_for_check_ || !worker_->launch().empty()) return;
-  if (absl::FromChrono(pulse_.Silence()) < context_.options.silence) return;
+void RunningJob::KillIfTimedOut() {
+  // On a cluster, Slurm watches the workers.
+  if (timed_out_ || check_started_ || !worker_->launch().empty()) return;
+  if (absl::FromChrono(heartbeat_.SinceChange()) < context_.options.heartbeat_timeout) return;
   spdlog::warn("jobs/{}: attempt {} gave no sign for {}: killed", job_.id, job_.fence,
-               absl::FormatDuration(context_.options.silence));
-  silent_ = true;
+               absl::FormatDuration(context_.options.heartbeat_timeout));
+  timed_out_ = true;
   worker_->Kill();
 }
 
@@ -174,11 +176,12 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
   if (progress_ && progress_->stage() == stage_) {
     absl::StrAppend(&text, " at step ", progress_->step(), " of ", progress_->num_steps());
   }
-  if (silent_) {
-    absl::StrAppend(&text, ", because it gave no sign for ",
-                    absl::FormatDuration(context_.options.silence));
+  if (timed_out_) {
+    absl::StrAppend(&text, ", because it gave no heartbeat for ",
+                    absl::FormatDuration(context_.options.heartbeat_timeout));
   } else if (end.signal == SIGKILL) {
-    absl::StrAppend(&text, "; nobody here did it: an operator, or the kernel out of memory");
+    absl::StrAppend(
+        &text, "; the server did not kill it: an operator did, or the kernel for lack of memory");
   }
   const std::string tail = ReadFileTail(folder_.worker_log(), kLogTail);
   if (!tail.empty()) absl::StrAppend(&text, "; its log ends with: ", tail);
@@ -187,18 +190,19 @@ std::string RunningJob::DescribeCrash(const WorkerEnd& end) const {
 
 bool RunningJob::Ended() {
   if (!worker_->Poll().has_value()) return false;
-  if (!asked_for_check_) {
-    asked_for_check_ = true;
-    const absl::Status asked = AskForCheck();
-    if (!asked.ok()) spdlog::error("jobs/{}: damaged files: {}", job_.id, asked.ToString());
+  if (!check_started_) {
+    check_started_ = true;
+    const absl::Status started = StartCheck();
+    if (!started.ok()) spdlog::error("jobs/{}: damaged files: {}", job_.id, started.ToString());
   }
   return !num_damaged_.valid() ||
          num_damaged_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
-// A worker decodes files from strangers, so its report is not trusted: the server itself reads the
-// files that the worker names, if they are the job's, before any is set aside.
-absl::Status RunningJob::AskForCheck() {
+// Starts the check of the files that the worker reports as damaged. A worker decodes files from
+// strangers, so its report is not trusted: the server reads those of the job's files again before
+// it sets any aside.
+absl::Status RunningJob::StartCheck() {
   const absl::StatusOr<JobResult> result = folder_.ReadResult(job_.fence);
   if (!result.ok() || !absl::IsDataLoss(result->status) || result->damaged.empty()) {
     return absl::OkStatus();
@@ -220,14 +224,16 @@ absl::Status RunningJob::OutcomeOfCheck(const JobResult& result) const {
       "again");
 }
 
+// A result counts only if it agrees with the exit code. A worker that ended in another way, or that
+// wrote no result, has crashed.
 absl::Status RunningJob::ReadOutcome(JobResult* result, absl::Status* outcome) {
   const WorkerEnd end = *worker_->Poll();
-  const bool told = end.kind == WorkerEnd::Kind::kUnknown ||
-                    (end.kind == WorkerEnd::Kind::kExited &&
-                     end.exit_code != static_cast<int>(WorkerExit::kBadSpec));
+  const bool has_result = end.kind == WorkerEnd::Kind::kUnknown ||
+                          (end.kind == WorkerEnd::Kind::kExited &&
+                           end.exit_code != static_cast<int>(WorkerExit::kBadSpec));
   const absl::StatusOr<JobResult> read = folder_.ReadResult(job_.fence);
   if (IsShortage(read.status())) return read.status();
-  if (told && read.ok() &&
+  if (has_result && read.ok() &&
       (end.kind == WorkerEnd::Kind::kUnknown || read->status.ok() == (end.exit_code == 0))) {
     *result = *read;
     if (!result->status.ok()) {
@@ -255,13 +261,15 @@ absl::Status RunningJob::TakeModel(JobResult& result) const {
   return absl::OkStatus();
 }
 
+// Returns whether a crashed job gets another attempt: its worker lost the lease or made progress,
+// or fewer than `max_crashes` attempts in a row have crashed without progress.
 bool RunningJob::MayTryAgain() const {
   if (!crashed_) return false;
   return lease_lost_ || folder_.HasSaved(job_.fence) ||
          job_.crashes + 1 < context_.options.max_crashes;
 }
 
-// Describes the attempt of a job that is tried again. A stop on request, or a lost lease, does not
+// Describes the attempt of a job that is queued again. A stop on request, or a lost lease, does not
 // count as a crash.
 EndedAttempt RunningJob::DescribeAttempt() const {
   EndedAttempt attempt;
@@ -300,6 +308,7 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
   return absl::OkStatus();
 }
 
+// Removes what nothing needs after the job's end: checkpoints, frames, masks of SAM.
 void RunningJob::RemoveLeftovers() const {
   const bool has_model = job_.state == JobState::kSucceeded;
   folder_.RemoveWorkingFiles(has_model ? folder_.model(job_.fence).filename().string() : "");
@@ -312,7 +321,8 @@ absl::Status RunningJob::Finish(bool requeue) {
   RETURN_IF_ERROR(ReadOutcome(&result, &outcome));
   if (absl::Status written = WriteOutcome(outcome, result, requeue); !written.ok()) {
     if (!absl::IsAborted(written)) return written;
-    // The commit may have happened although its answer was lost.
+    // ABORTED also comes when the outcome was written before, and only the database's answer was
+    // lost: then the job has this fence and is no longer RUNNING.
     ASSIGN_OR_RETURN(const JobRow row, context_.store.GetJob(job_.id));
     if (row.fence != job_.fence || row.state == JobState::kRunning) return written;
     job_ = row;
@@ -330,11 +340,11 @@ absl::Status RunningJob::Finish(bool requeue) {
     RETURN_IF_ERROR(AppendWarning(folder_, job_, warning));
   }
   std::error_code error;
-  // Once the store has the end of its job, a scene can be deleted, and this folder with it.
+  // Once the store has the job's end, its scene can be deleted, and this folder with it.
   if (!std::filesystem::exists(folder_.path(), error)) return absl::OkStatus();
-  absl::Status told = AppendState(folder_, job_);
+  absl::Status written = AppendState(folder_, job_);
   FollowLog();
-  return told;
+  return written;
 }
 
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <future>
 #include <memory>
 #include <optional>
@@ -8,20 +9,44 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "server/jobs/launcher.h"
-#include "server/jobs/retry_pause.h"
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_folder.h"
-#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 
-// One attempt of a job: its worker, what its log has reported so far, and how it ends. Belongs to
-// the supervisor's thread.
+// The pause between tries of an operation that keeps failing: 1 s after the first failure, doubled
+// by each further one, at most 10 s. Not thread safe.
+class RetryPause {
+ public:
+  void Fail() {
+    ++num_failures_;
+    last_failure_ = absl::Now();
+    length_ = std::clamp(2 * length_, absl::Seconds(1), absl::Seconds(10));
+  }
+  void Succeed() { *this = RetryPause(); }
+
+  // Returns the number of failures in a row.
+  int num_failures() const { return num_failures_; }
+  // Returns whether the next try is due. `longest` limits the pause.
+  bool Over(absl::Duration longest = absl::InfiniteDuration()) const {
+    return absl::Now() >= last_failure_ + std::min(length_, longest);
+  }
+
+ private:
+  int num_failures_ = 0;
+  absl::Duration length_ = absl::ZeroDuration();
+  absl::Time last_failure_ = absl::InfinitePast();
+};
+
+// One attempt of a job: its worker, what its log has reported so far, and how it ends. Used by the
+// supervisor's thread only.
 class RunningJob {
  public:
   struct Context {
@@ -29,7 +54,8 @@ class RunningJob {
     const SupervisorOptions& options;
     Launcher& launcher;
   };
-  // Writes the spec and launches the worker. On an error the job is still RUNNING in the store.
+  // Writes the spec of a claimed job and launches its worker. On an error the job is still RUNNING
+  // in the store.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Context& context,
                                                            const JobRow& job);
   // Follows the worker that job.launch names, which another server has launched.
@@ -40,14 +66,14 @@ class RunningJob {
   const std::optional<v1::JobProgress>& progress() const { return progress_; }
   int64_t sequence() const { return sequence_; }
 
-  // Reads new events, and records a new stage in the store. True: there were events.
+  // Reads new events, and records a new stage in the store. Returns whether there were events.
   bool FollowLog();
 
-  // Called with the store's record of a job that this server holds: renews the worker's lease file.
-  // A worker that its launcher has restarted has taken another fence.
+  // Takes the store's newest record of the job, which this server still holds, and touches the
+  // worker's lease file. The record has another fence where Slurm has restarted the worker.
   void Held(const JobRow& row);
-  // Kills a worker whose heartbeat has timed out: it hangs, or is suspended.
-  void KillIfSilent();
+  // Kills a worker on this machine whose heartbeat has timed out: it hangs, or is suspended.
+  void KillIfTimedOut();
 
   // Stops the worker at the first call; kills it at the first call after the shortest grace of all
   // calls has passed.
@@ -56,14 +82,16 @@ class RunningJob {
   // server; writes nothing.
   void Abandon();
 
-  // Whether the worker has ended, and the damaged files that it reports have been checked.
+  // Returns whether the worker has ended, and the files that it reports as damaged are checked. The
+  // first call after its end starts that check.
   bool Ended();
-  // Writes the outcome of a worker that has ended: first the store, then the log's last event.
-  // `requeue`: a worker that Terminate() has ended puts its job back into the queue. So does a
-  // crash, after a pause, unless it is the max_crashes-th in a row without progress. After an error
-  // it can be called again.
+  // Writes the outcome of a worker that has ended: first to the store, then as the log's last
+  // event. A job whose worker crashed is queued again, with a pause, unless it was the
+  // `max_crashes`-th crash in a row without progress. `requeue`: a job that Terminate() has stopped
+  // is queued again, too, instead of CANCELLED. May be called again after an error. ABORTED:
+  // another server has taken the job over.
   absl::Status Finish(bool requeue);
-  // The pause between calls of Finish() that fail.
+  // Returns the pause between calls of Finish() that fail.
   RetryPause& end_pause() { return end_pause_; }
 
  private:
@@ -77,7 +105,7 @@ class RunningJob {
   bool MayTryAgain() const;
   std::string DescribeCrash(const WorkerEnd& end) const;
   EndedAttempt DescribeAttempt() const;
-  absl::Status AskForCheck();
+  absl::Status StartCheck();
   absl::Status OutcomeOfCheck(const JobResult& result) const;
   absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);
   absl::Status CommitModel(const JobResult& result);
@@ -87,18 +115,19 @@ class RunningJob {
   JobRow job_;
   JobFolder folder_;
   EventLogReader log_;
-  PulseWatch pulse_;
+  HeartbeatWatch heartbeat_;
   std::unique_ptr<LaunchedWorker> worker_;
   std::string stage_;
   std::optional<v1::JobProgress> progress_;
   bool follows_live_ = false;  // events already in the log at the start are not forwarded
   int64_t sequence_ = 0;
   bool terminated_ = false;
-  bool crashed_ = false;  // it was killed, or ended without a result
-  bool silent_ = false;
-  bool lease_lost_ = false;
-  bool asked_for_check_ = false;
-  std::shared_future<int> num_damaged_;  // of the files that the worker has found damaged
+  bool crashed_ = false;     // the worker was killed, or ended without a result
+  bool timed_out_ = false;   // KillIfTimedOut() has killed the worker
+  bool lease_lost_ = false;  // the worker ended because its lease was not renewed
+  bool check_started_ = false;
+  // Number of files that the worker reported as damaged and that are; not valid: it reported none.
+  std::shared_future<int> num_damaged_;
   RetryPause end_pause_;
   absl::Time kill_at_ = absl::InfiniteFuture();
 };

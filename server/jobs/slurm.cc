@@ -1,4 +1,8 @@
-#include "server/jobs/slurm.h"
+// The Slurm launcher: MakeSlurmLauncher of launcher.h.
+//
+// One thread asks squeue for all jobs, so that the load on Slurm does not grow with their number;
+// SlurmWorker::Poll reads what it found. The submitted script sets the variables that are not
+// exported from this process, and then execs the worker.
 
 #include <spdlog/spdlog.h>
 
@@ -22,20 +26,22 @@
 #include "core/base/child_process.h"
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
+#include "server/jobs/launcher.h"
 #include "server/worker_protocol/job_environment.h"
 
 namespace pepeseg {
 namespace {
 
 constexpr char kLaunchPrefix[] = "slurm:";
+// Time limit of one of Slurm's programs.
 constexpr absl::Duration kAnswerLimit = absl::Seconds(10);
 constexpr std::chrono::seconds kPollInterval{2};
 // A job is over once Slurm has not listed it this many times in a row.
 constexpr int kMaxMissed = 3;
 
-// Runs one of Slurm's programs and returns its output, by lines.
-absl::StatusOr<std::vector<std::string>> Ask(const std::string& name,
-                                             std::vector<std::string> arguments) {
+// Runs one of Slurm's programs and returns its output, by lines. UNAVAILABLE: it failed.
+absl::StatusOr<std::vector<std::string>> RunSlurm(const std::string& name,
+                                                  std::vector<std::string> arguments) {
   ASSIGN_OR_RETURN(const std::filesystem::path program, FindProgram(name));
   ChildCommand command;
   command.program = program;
@@ -52,18 +58,19 @@ absl::StatusOr<std::vector<std::string>> Ask(const std::string& name,
       absl::StrCat(name, " ", Describe(end), ": ", absl::StrJoin(answer, "; ")));
 }
 
-// What squeue says of a job.
+// What squeue last reported of a job.
 struct QueueEntry {
   std::string state;  // "PENDING", "RUNNING" ...
-  int missed = 0;     // times in a row that it was not listed
+  int missed = 0;     // number of lists in a row without the job
 };
 
-// How a job ended, by Slurm's state; none: the state is not final.
+// Returns how a job with this Slurm state ended; nothing if the state is not final.
 std::optional<WorkerEnd> EndOf(const std::string& state) {
   using Kind = WorkerEnd::Kind;
   if (state == "COMPLETED") return WorkerEnd{Kind::kExited, 0, 0, "ended"};
   if (state == "FAILED" || state == "CANCELLED") {
-    // By itself or not: its result, which is written last, says.
+    // The state does not say whether the worker ended by itself. Its result does: it is written
+    // last.
     return WorkerEnd{Kind::kUnknown, 1, 0, absl::StrCat("is ", state, ", says Slurm")};
   }
   for (const char* killed :
@@ -75,8 +82,8 @@ std::optional<WorkerEnd> EndOf(const std::string& state) {
   return std::nullopt;
 }
 
-// The states of the jobs that this server follows, from squeue every kPollInterval on a thread of
-// its own. Thread safe.
+// The states of the jobs that this server follows. A thread of its own asks squeue for them every
+// kPollInterval, and holds no lock meanwhile. Thread safe.
 class SlurmQueue {
  public:
   SlurmQueue() : thread_([this] { Run(); }) {}
@@ -91,6 +98,7 @@ class SlurmQueue {
   SlurmQueue(const SlurmQueue&) = delete;
   SlurmQueue& operator=(const SlurmQueue&) = delete;
 
+  // Adds a job, and removes it.
   void Follow(int64_t number) {
     const std::lock_guard lock(mutex_);
     entries_[number];
@@ -99,6 +107,7 @@ class SlurmQueue {
     const std::lock_guard lock(mutex_);
     entries_.erase(number);
   }
+  // Returns how a followed job ended; nothing if it has not, or is not followed.
   std::optional<WorkerEnd> FindEnd(int64_t number) {
     const std::lock_guard lock(mutex_);
     const auto found = entries_.find(number);
@@ -115,13 +124,14 @@ class SlurmQueue {
     while (!stop_.wait_for(lock, kPollInterval, [this] { return stopping_; })) {
       if (entries_.empty()) continue;
       lock.unlock();
-      const auto lines = Ask("squeue", {"--noheader", "--states=all", "--format=%i %T"});
+      const auto lines = RunSlurm("squeue", {"--noheader", "--states=all", "--format=%i %T"});
       if (!lines.ok()) spdlog::error("{}", lines.status().ToString());
       lock.lock();
       if (lines.ok()) Take(*lines);
     }
   }
 
+  // Records the states in squeue's lines, "NUMBER STATE", and counts the jobs that are not listed.
   void Take(const std::vector<std::string>& lines) {
     std::set<int64_t> listed;
     for (const std::string& line : lines) {
@@ -139,7 +149,7 @@ class SlurmQueue {
     }
   }
 
-  std::mutex mutex_;
+  std::mutex mutex_;  // guards stopping_ and entries_
   std::condition_variable stop_;
   bool stopping_ = false;
   std::map<int64_t, QueueEntry> entries_;
@@ -159,7 +169,7 @@ class SlurmWorker final : public LaunchedWorker {
   void Stop() override {
     if (stopped_) return;
     stopped_ = true;
-    // A job that is still waiting has nothing to save, and no process that gets a signal.
+    // A job that still waits has no process to signal, and nothing to save: it is removed.
     Cancel({"--state=PENDING"});
     Cancel({"--signal=TERM", "--batch"});
   }
@@ -172,8 +182,8 @@ class SlurmWorker final : public LaunchedWorker {
  private:
   void Cancel(std::vector<std::string> arguments) const {
     arguments.push_back(absl::StrCat(number_));
-    const auto told = Ask("scancel", std::move(arguments));
-    if (!told.ok()) spdlog::error("slurm:{}: {}", number_, told.status().ToString());
+    const auto answer = RunSlurm("scancel", std::move(arguments));
+    if (!answer.ok()) spdlog::error("slurm:{}: {}", number_, answer.status().ToString());
   }
 
   std::shared_ptr<SlurmQueue> queue_;
@@ -182,7 +192,7 @@ class SlurmWorker final : public LaunchedWorker {
   bool killed_ = false;
 };
 
-// One word of a shell.
+// Quotes a word for a POSIX shell.
 std::string Quote(const std::string& word) {
   return absl::StrCat("'", absl::StrJoin(absl::StrSplit(word, '\''), "'\\''"), "'");
 }
@@ -193,16 +203,17 @@ class SlurmLauncher final : public Launcher {
       : options_(std::move(options)), queue_(std::make_shared<SlurmQueue>()) {}
 
   absl::StatusOr<std::unique_ptr<LaunchedWorker>> Launch(const WorkerCommand& command) override {
-    // Next to the log, in the job's folder, which the nodes see, too.
+    // The job's folder, next to the log: the nodes have it, too.
     const std::filesystem::path script = command.log.parent_path() / "slurm.sh";
     RETURN_IF_ERROR(WriteFileAtomically(script, Script(command)));
-    // It has the database's URL, perhaps with a password.
+    // The script has the database's URL, perhaps with a password.
     std::error_code error;
     std::filesystem::permissions(script, std::filesystem::perms::owner_all, error);
     if (error) return FileError(script, "protect", error.value());
     std::vector<std::string> arguments = Flags(command);
     arguments.push_back(script.string());
-    ASSIGN_OR_RETURN(const std::vector<std::string> answer, Ask("sbatch", std::move(arguments)));
+    ASSIGN_OR_RETURN(const std::vector<std::string> answer,
+                     RunSlurm("sbatch", std::move(arguments)));
     int64_t number = 0;  // "17" or "17;cluster"
     if (answer.empty() ||
         !absl::SimpleAtoi(std::vector<std::string>(absl::StrSplit(answer.back(), ';'))[0],
@@ -242,8 +253,8 @@ class SlurmLauncher final : public Launcher {
     return script + "\n";
   }
 
-  // Names of this process's variables that the job gets: those of workers, and those that the
-  // connection to the database may need, which the worker does not pass on.
+  // Returns the names of this process's variables that Slurm exports to the job: those of workers,
+  // and those that libpq reads, which the worker removes before the job starts.
   static std::string ExportedNames(const WorkerCommand& command) {
     std::vector<std::string> names = DatabaseVariables();
     for (const std::string& variable : JobEnvironment(command.pass_environment)) {
@@ -254,7 +265,7 @@ class SlurmLauncher final : public Launcher {
 
   std::vector<std::string> Flags(const WorkerCommand& command) const {
     std::vector<std::string> flags = {"--parsable", "--requeue", "--open-mode=append",
-                                      // Before a time limit or another job ends it.
+                                      // SIGTERM a minute before a time limit or preemption.
                                       "--signal=B:TERM@60", "--input=none",
                                       absl::StrCat("--export=", ExportedNames(command)),
                                       absl::StrCat("--job-name=pepeseg-", command.job),

@@ -13,8 +13,8 @@ namespace pepeseg {
 
 namespace {
 
-// Warns once, in the server's log, where the sandbox is missing or incomplete. On a cluster each
-// node's kernel counts, and the worker's log has the same line.
+// Warns in the server's log if the sandbox is off, or this kernel cannot enforce all of it. Workers
+// on a cluster run on the kernels of their nodes, and log the same line themselves.
 void ReportSandbox(const SupervisorOptions& options) {
   if (!options.workers.sandbox) {
     spdlog::warn("--sandbox=off: jobs read and write every file of this user");
@@ -32,7 +32,8 @@ Supervisor::~Supervisor() = default;
 absl::StatusOr<std::unique_ptr<Supervisor>> Supervisor::Start(Store& store,
                                                               SupervisorOptions options) {
   if (access(options.worker.c_str(), X_OK) != 0) {
-    return absl::NotFoundError(options.worker.string() + ": no program to run jobs with");
+    return absl::NotFoundError(options.worker.string() +
+                               " is not a program; jobs need pepeseg-worker");
   }
   ReportSandbox(options);
   auto loop = std::make_unique<Loop>(store, std::move(options));
@@ -49,13 +50,13 @@ absl::StatusOr<JobRow> Supervisor::Submit(const JobRow& job) {
 
 absl::StatusOr<JobRow> Supervisor::Cancel(const std::string& job) {
   ASSIGN_OR_RETURN(JobRow row, loop_->store().RequestCancel(job));
-  if (row.cancel_requested) loop_->WishCancel(row.id);
+  if (row.cancel_requested) loop_->RequestCancel(row.id);
   return row;
 }
 
-void Supervisor::StopClaiming() { loop_->WishClaims(false); }
+void Supervisor::StopClaiming() { loop_->SetClaiming(false); }
 
-void Supervisor::ResumeClaiming() { loop_->WishClaims(true); }
+void Supervisor::ResumeClaiming() { loop_->SetClaiming(true); }
 
 void Supervisor::Stop(absl::Time deadline) { loop_->StopThread(deadline); }
 
@@ -63,8 +64,9 @@ EventLogReader Supervisor::ReadEvents(const std::string& job, int64_t after_sequ
   return EventLogReader(loop_->FolderOf(job).events(), after_sequence);
 }
 
+// Reads the whole log of a job that does not run here: it is finished, queued, or another server's.
 absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job) const {
-  if (std::optional<Newest> running = loop_->FindRunning(job)) return *running;
+  if (std::optional<Newest> running = loop_->feed().FindNewest(job)) return *running;
   Newest newest;
   EventLogReader reader = ReadEvents(job, 0);
   while (true) {
@@ -78,16 +80,16 @@ absl::StatusOr<Supervisor::Newest> Supervisor::FindNewest(const std::string& job
 }
 
 std::optional<Supervisor::Newest> Supervisor::FindRunning(const std::string& job) const {
-  return loop_->FindRunning(job);
+  return loop_->feed().FindNewest(job);
 }
 
 absl::Status Supervisor::FindObstacle(const std::string& job, bool queued) const {
-  return loop_->FindObstacle(job, queued);
+  return loop_->feed().FindObstacle(job, queued);
 }
 
 std::unique_ptr<Supervisor::Watch> Supervisor::AddWatch(const std::string& job,
                                                         std::function<void()> changed) {
-  return loop_->watches().Add(job, std::move(changed));
+  return loop_->feed().AddWatch(job, std::move(changed));
 }
 
 }  // namespace pepeseg

@@ -12,10 +12,10 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
-#include "server/jobs/launch_options.h"
+#include "server/jobs/launcher.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
-#include "server/worker_protocol/worker_options.h"
+#include "server/worker_protocol/job_spec.h"
 
 namespace pepeseg {
 
@@ -29,25 +29,25 @@ struct SupervisorOptions {
   // block. May be empty: then nothing is set aside.
   std::function<std::shared_future<int>(const std::string& project, std::vector<DatasetFileRow>)>
       check_files;
-  WorkerOptions workers;       // what the job specs say to workers
-  int num_slots = 1;           // jobs at a time
-  std::string device = "cpu";  // of the workers, Device::id
-  std::string device_name;     // Backend::name() of it, for the store
-  int num_threads = 0;         // of one job; 0: as many as the machine has
-  // Host memory of a worker, bytes; 0: all of its machine or control group.
+  WorkerOptions workers;       // copied into each job's spec
+  int num_slots = 1;           // maximum number of jobs that run at a time
+  std::string device = "cpu";  // Device::id of the device that workers open
+  std::string device_name;     // Backend::name() of that device, stored with each job
+  int num_threads = 0;         // CPU threads of one job; 0: one per core
+  // Maximum host memory of a worker, bytes. 0: all memory of its machine or control group.
   int64_t memory_limit = 0;
-  // A job FAILS when its worker crashed `max_crashes` times in a row without progress, or its
-  // server ended during `max_server_ends` attempts in a row without progress. A stop on request
-  // counts as neither.
+  // A job FAILS when its worker has crashed in `max_crashes` attempts in a row that made no
+  // progress, or the server has ended during `max_server_ends` attempts in a row that made none. A
+  // stop on request counts as neither.
   int max_crashes = 3, max_server_ends = 100;
-  absl::Duration silence =
-      absl::Seconds(30);  // a worker without a heartbeat for this long is killed
+  // A worker on this machine that gives no heartbeat for this long is killed.
+  absl::Duration heartbeat_timeout = absl::Seconds(30);
   LaunchOptions launch;
   // Called once for each new event of a job that runs here, on the supervisor's thread: it must not
   // block. May be empty.
   std::function<void(const std::string& job, const v1::JobEvent&)> on_event;
-  absl::Duration cancel_grace = absl::Seconds(10);  // from SIGTERM to SIGKILL
-  absl::Duration poll = absl::Milliseconds(50);     // interval for workers and their event logs
+  absl::Duration cancel_grace = absl::Seconds(10);  // time from SIGTERM to SIGKILL
+  absl::Duration poll = absl::Milliseconds(50);     // interval of looking at workers and their logs
 };
 
 // Takes queued jobs, runs each in a worker process, and follows it to its end: the model is
@@ -61,11 +61,12 @@ struct SupervisorOptions {
 // Thread safe. Calls block on the store unless they say otherwise.
 class Supervisor {
  public:
-  // Jobs that are RUNNING in a database of this server alone, or held by a server that is known to
-  // have ended, were interrupted: they are queued again, or followed where a cluster still runs
-  // them. `store` must outlive the supervisor.
+  // Starts the supervisor and its thread. Jobs that are RUNNING in a database of this server alone,
+  // or held by a server that is known to have ended, were interrupted: it queues them again, or
+  // follows them where a cluster still runs them. `store` must outlive the supervisor. NOT_FOUND:
+  // options.worker is not a program.
   static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
-  ~Supervisor();  // as Stop() with a deadline that has passed
+  ~Supervisor();  // like Stop() with a deadline that has passed
 
   // Creates a job as Store::CreateJob does. It starts as soon as a slot is free.
   absl::StatusOr<JobRow> Submit(const JobRow& job);
@@ -73,25 +74,25 @@ class Supervisor {
   // still RUNNING.
   absl::StatusOr<JobRow> Cancel(const std::string& job);
 
-  // From now on no new job is started. Does not block.
+  // Starts no further job, until ResumeClaiming(). Does not block.
   void StopClaiming();
-  // Undoes StopClaiming.
+  // Undoes StopClaiming(). Does not block.
   void ResumeClaiming();
   // Ends the running workers (SIGTERM; SIGKILL at `deadline`) and queues their jobs again for the
   // next start of the server. Afterwards the supervisor does nothing.
   void Stop(absl::Time deadline);
 
-  // Reads the events of a job after a sequence, as they are in the log: no snapshot, no heartbeat.
+  // Returns a reader of a job's events after a sequence number.
   EventLogReader ReadEvents(const std::string& job, int64_t after_sequence) const;
 
-  // The newest event of a job, and the newest progress among its events.
   struct Newest {
-    int64_t sequence = 0;
-    std::optional<v1::JobProgress> progress;
+    int64_t sequence = 0;                     // number of the job's newest event; 0: there is none
+    std::optional<v1::JobProgress> progress;  // the newest one among its events
   };
-  // Reads the log if the job is not running here.
+  // Returns the newest event of a job. Reads the log if the job is not running here.
   absl::StatusOr<Newest> FindNewest(const std::string& job) const;
-  // The same for a job that runs here, else none. Reads no file, does not block.
+  // Returns the same for a job that runs here, and nothing for another. Reads no file, does not
+  // block.
   std::optional<Newest> FindRunning(const std::string& job) const;
 
   // Returns why a job makes no progress at this server: its start or end could not be written, at

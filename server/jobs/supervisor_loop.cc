@@ -9,7 +9,7 @@
 #include "core/base/status_macros.h"
 #include "server/jobs/holder_name.h"
 #include "server/jobs/job_events.h"
-#include "server/jobs/slurm.h"
+#include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
 namespace {
@@ -64,15 +64,15 @@ absl::Status Supervisor::Loop::RecoverJob(JobRow job) {
                                             " attempts in a row that made no progress"))));
   }
   spdlog::warn("jobs/{}: attempt {} was broken off by the end of its server", job.id, fence);
-  // The server starts all the same: the store has the new state.
-  const absl::Status told = AppendState(FolderOf(job.id), job);
-  if (!told.ok()) spdlog::error("jobs/{}: {}", job.id, told.ToString());
+  // An error does not keep the server from starting, since the store has the new state.
+  const absl::Status written = AppendState(FolderOf(job.id), job);
+  if (!written.ok()) spdlog::error("jobs/{}: {}", job.id, written.ToString());
   return absl::OkStatus();
 }
 
 void Supervisor::Loop::StartThread() {
-  pauses_end_ =
-      absl::Now() + options_.launch.crash_pauses.back();  // of jobs that an earlier server queued
+  // Jobs that an earlier server has queued may be pausing.
+  pauses_end_ = absl::Now() + options_.launch.crash_pauses.back();
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -82,7 +82,7 @@ void Supervisor::Loop::Wake() {
   wake_.notify_all();
 }
 
-void Supervisor::Loop::WishCancel(const std::string& job) {
+void Supervisor::Loop::RequestCancel(const std::string& job) {
   {
     const std::lock_guard lock(mutex_);
     cancels_.insert(job);
@@ -90,7 +90,7 @@ void Supervisor::Loop::WishCancel(const std::string& job) {
   Wake();
 }
 
-void Supervisor::Loop::WishClaims(bool claim) {
+void Supervisor::Loop::SetClaiming(bool claim) {
   {
     const std::lock_guard lock(mutex_);
     claiming_ = claim;
@@ -108,38 +108,6 @@ void Supervisor::Loop::StopThread(absl::Time deadline) {
   if (thread_.joinable()) thread_.join();
 }
 
-std::optional<Supervisor::Newest> Supervisor::Loop::FindRunning(const std::string& job) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = newest_.find(job);
-  return found == newest_.end() ? std::nullopt : std::optional(found->second);
-}
-
-absl::Status Supervisor::Loop::FindObstacle(const std::string& job, bool queued) const {
-  const std::lock_guard lock(mutex_);
-  auto found = obstacles_.find(job);
-  if (found == obstacles_.end() && queued) found = obstacles_.find("");
-  return found == obstacles_.end() ? absl::OkStatus() : found->second;
-}
-
-void Supervisor::Loop::SetObstacle(const std::string& job, const absl::Status& error) {
-  {
-    const std::lock_guard lock(mutex_);
-    obstacles_[job] = error;
-  }
-  watches_.Notify(job);
-}
-
-void Supervisor::Loop::ClearObstacle(const std::string& job) {
-  const std::lock_guard lock(mutex_);
-  obstacles_.erase(job);
-}
-
-void Supervisor::Loop::Forget(const std::string& job) {
-  const std::lock_guard lock(mutex_);
-  newest_.erase(job);
-  obstacles_.erase(job);
-}
-
 void Supervisor::Loop::Run() {
   do {
     FollowJobs();
@@ -152,19 +120,21 @@ void Supervisor::Loop::Run() {
 }
 
 void Supervisor::Loop::Publish(const RunningJob& running) {
-  const std::lock_guard lock(mutex_);
-  newest_[running.job().id] = {running.sequence(), running.progress()};
+  feed_.SetNewest(running.job().id, {running.sequence(), running.progress()});
 }
 
+// Reads the new events of running jobs and publishes them; kills workers that hang.
 void Supervisor::Loop::FollowJobs() {
   for (const auto& running : running_) {
-    running->KillIfSilent();
+    running->KillIfTimedOut();
     if (!running->FollowLog()) continue;
     Publish(*running);
-    watches_.Notify(running->job().id);
+    feed_.Notify(running->job().id);
   }
 }
 
+// Stops the workers of cancelled jobs. A request stays until the job's end is written, so that the
+// worker is killed once its grace has passed.
 void Supervisor::Loop::ApplyCancels() {
   std::set<std::string> cancels;
   {
@@ -175,35 +145,27 @@ void Supervisor::Loop::ApplyCancels() {
     const std::string& job = running->job().id;
     if (cancels.erase(job) != 0) running->Terminate(options_.cancel_grace);
   }
-  // The others have no worker yet, or no longer.
+  // The remaining jobs have no worker here, or no longer.
   for (const std::string& job : cancels) {
-    TellCancelled(job);
+    ReportCancelled(job);
     const std::lock_guard lock(mutex_);
     cancels_.erase(job);
   }
 }
 
 // Appends the event of a job that was cancelled in the queue, if its log does not have it yet.
-void Supervisor::Loop::TellCancelled(const std::string& job) {
+void Supervisor::Loop::ReportCancelled(const std::string& job) {
   const absl::StatusOr<JobRow> row = store_.GetJob(job);
   if (!row.ok() || row->state != JobState::kCancelled) return;
-  v1::JobState newest = v1::JOB_STATE_UNSPECIFIED;
-  EventLogReader log(FolderOf(job).events());
-  while (true) {
-    const absl::StatusOr<std::vector<v1::JobEvent>> events = log.Read();
-    if (!events.ok()) spdlog::error("jobs/{}: {}", job, events.status().ToString());
-    if (!events.ok() && !absl::IsDataLoss(events.status())) return;
-    if (!events.ok() || events->empty()) break;
-    for (const v1::JobEvent& event : *events) {
-      if (event.has_state_changed()) newest = event.state_changed().state();
-    }
-  }
-  if (newest == v1::JOB_STATE_CANCELLED) return;
-  const absl::Status told = AppendState(FolderOf(job), *row);
-  if (!told.ok()) spdlog::error("jobs/{}: {}", job, told.ToString());
-  watches_.Notify(job);
+  const absl::StatusOr<v1::JobState> logged = ReadNewestState(FolderOf(job));
+  if (!logged.ok()) spdlog::error("jobs/{}: {}", job, logged.status().ToString());
+  if (!logged.ok() || *logged == v1::JOB_STATE_CANCELLED) return;
+  const absl::Status written = AppendState(FolderOf(job), *row);
+  if (!written.ok()) spdlog::error("jobs/{}: {}", job, written.ToString());
+  feed_.Notify(job);
 }
 
+// Writes the end of each job whose worker has ended. `requeue`: see RunningJob::Finish.
 void Supervisor::Loop::FinishJobs(bool requeue) {
   for (auto next = running_.begin(); next != running_.end();) {
     const auto running = next++;
@@ -218,18 +180,146 @@ void Supervisor::Loop::FinishJobs(bool requeue) {
     // watchers get the obstacle. ABORTED: another server has taken the job over and writes its end.
     if (!finished.ok() && !absl::IsAborted(finished) && !absl::IsNotFound(finished)) {
       pause.Fail();
-      if (pause.num_failures() > 1) SetObstacle(job, finished);
+      if (pause.num_failures() > 1) feed_.SetObstacle(job, finished);
       continue;
     }
     pauses_end_ = std::max(pauses_end_, (*running)->job().not_before);
     running_.erase(running);
-    Forget(job);
+    feed_.Forget(job);
     {
       const std::lock_guard lock(mutex_);
       cancels_.erase(job);
     }
-    watches_.Notify(job);
+    feed_.Notify(job);
   }
+}
+
+// Whether another job may start: claims are on, and a slot is free.
+bool Supervisor::Loop::MayStart() const {
+  const std::lock_guard lock(mutex_);
+  return claiming_ && !stopping_ && running_.size() < static_cast<size_t>(options_.num_slots);
+}
+
+// Pauses claims after `error` has stopped the start of `job`, or a claim if `job` is empty. Reports
+// the obstacle from the second failure in a row on: most errors are over by then.
+void Supervisor::Loop::PauseClaims(const std::string& job, const absl::Status& error) {
+  unsure_ = true;
+  claim_pause_.Fail();
+  if (claim_pause_.num_failures() > 1) feed_.SetObstacle(job, error);
+}
+
+// Claims queued jobs and starts them while slots are free.
+void Supervisor::Loop::Claim() {
+  if (!claim_pause_.Over()) return;
+  if (unsure_ && MayStart()) StartHeld();
+  while (!unsure_ && MayStart()) {
+    const absl::StatusOr<std::optional<JobRow>> job = store_.ClaimJob(options_.device_name);
+    if (!job.ok()) {
+      spdlog::error("claiming a job: {}", job.status().ToString());
+      PauseClaims("", job.status());
+      return;
+    }
+    claim_pause_.Succeed();
+    feed_.ClearObstacle("");
+    if (!job->has_value()) return;
+    StartJob(**job);
+  }
+}
+
+// Starts the jobs that this server holds by the database but does not run: the answer to its claim
+// was lost, or the database was unreachable when they were to start.
+void Supervisor::Loop::StartHeld() {
+  const absl::StatusOr<std::vector<JobRow>> held = store_.ListHeldJobs();
+  if (!held.ok()) {
+    spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
+    PauseClaims("", held.status());
+    return;
+  }
+  unsure_ = false;
+  next_renewal_ = absl::InfinitePast();  // their leases may be old
+  feed_.KeepObstaclesOf(*held);
+  for (const JobRow& job : *held) {
+    const bool runs = std::any_of(running_.begin(), running_.end(),
+                                  [&](const auto& running) { return running->job().id == job.id; });
+    if (!runs) StartJob(job);
+  }
+}
+
+// Starts a claimed job, or follows its worker if a cluster runs it already.
+void Supervisor::Loop::StartJob(const JobRow& job) {
+  const RunningJob::Context context{store_, options_, *launcher_};
+  absl::StatusOr<std::unique_ptr<RunningJob>> started =
+      job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
+  if (started.ok()) {
+    if (job.cancel_requested) (*started)->Terminate(options_.cancel_grace);
+    Publish(**started);
+    feed_.ClearObstacle("");
+    feed_.ClearObstacle(job.id);
+    running_.push_back(std::move(started).value());
+  } else if (absl::IsUnavailable(started.status())) {
+    // The job has not failed.
+    spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
+    PauseClaims(job.id, started.status());
+  } else {
+    EndUnstarted(job, started.status());
+  }
+  feed_.Notify(job.id);
+}
+
+// Writes the end of a job that cannot be started.
+void Supervisor::Loop::EndUnstarted(const JobRow& job, const absl::Status& error) {
+  spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
+  const absl::StatusOr<JobRow> ended = store_.EndJob(job.id, job.fence, ClientStatus(error));
+  if (!ended.ok()) {
+    // It is tried again, unless the end was written and only the answer was lost.
+    PauseClaims(job.id, ended.status());
+    return;
+  }
+  AppendState(FolderOf(job.id), *ended).IgnoreError();
+  feed_.ClearObstacle(job.id);
+}
+
+// Renews the leases of running jobs, on a shared database only. Other servers may claim jobs whose
+// leases are not renewed and cancel jobs that run here, and a cluster may have restarted a worker.
+void Supervisor::Loop::KeepLeases() {
+  const absl::Time now = absl::Now();
+  if (!store_.shared() || running_.empty() || now < next_look_) return;
+  next_look_ = now + kLookAtOthers;
+  const bool renew = now >= next_renewal_;
+  const absl::StatusOr<std::vector<JobRow>> held =
+      renew ? store_.RenewLeases() : store_.ListHeldJobs();
+  if (!held.ok()) {
+    // The workers end by themselves when their leases are not renewed in time.
+    if (lease_log_.Over()) {
+      spdlog::error("renewing the leases of jobs: {}", held.status().ToString());
+      lease_log_.Fail();
+    }
+    return;
+  }
+  lease_log_.Succeed();
+  if (renew) next_renewal_ = now + store_.holder().lease / 4;
+  LoseJobs(*held);
+  for (const auto& running : running_) {
+    for (const JobRow& row : *held) {
+      if (row.id != running->job().id) continue;
+      if (renew || row.fence != running->job().fence) running->Held(row);
+      if (row.cancel_requested) running->Terminate(options_.cancel_grace);
+    }
+  }
+}
+
+// Abandons the jobs that are not among `held`: another server has taken them over.
+void Supervisor::Loop::LoseJobs(const std::vector<JobRow>& held) {
+  std::erase_if(running_, [&](const std::unique_ptr<RunningJob>& running) {
+    const JobRow& job = running->job();
+    const bool mine = std::any_of(held.begin(), held.end(), [&](const JobRow& row) {
+      return row.id == job.id && (row.fence == job.fence || !job.launch.empty());
+    });
+    if (mine) return false;
+    running->Abandon();
+    feed_.Forget(job.id);
+    return true;
+  });
 }
 
 bool Supervisor::Loop::WaitForWork() {
@@ -237,8 +327,8 @@ bool Supervisor::Loop::WaitForWork() {
   const auto woken = [this] { return woken_ || stopping_; };
   const bool paused = absl::Now() < pauses_end_ + kLookAtOthers;
   if (running_.empty() && (store_.shared() || unsure_ || paused)) {
-    // Nothing wakes this thread when other servers queue or lose jobs, the database is reachable
-    // again, or a pause ends.
+    // Nothing wakes this thread when another server queues or loses a job, when the database is
+    // reachable again, or when a pause ends.
     wake_.wait_for(lock, absl::ToChronoMilliseconds(kLookAtOthers), woken);
   } else if (running_.empty()) {
     wake_.wait(lock, woken);
@@ -261,7 +351,7 @@ void Supervisor::Loop::EndAll() {
     for (const auto& running : running_) running->Terminate(deadline - absl::Now());
     FinishJobs(/*requeue=*/true);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    // A store that keeps failing must not hold up the server: Recover() does the rest.
+    // A store that keeps failing must not hold up the server: the next Recover() writes the rest.
     if (absl::Now() > deadline + absl::Seconds(5)) running_.clear();
   }
 }

@@ -7,12 +7,12 @@
 namespace pepeseg {
 namespace {
 
-// A pace counts after this share of a stage and this many seconds.
+// A stage has a pace once this share of it is done and this many seconds have passed.
 constexpr double kFirstShare = 0.01, kFirstSeconds = 1;
-// Bound on the ratio of measured to expected seconds, and its inverse.
+// Maximum ratio of measured to expected seconds, and of expected to measured.
 constexpr double kMostOff = 100;
-// Smoothing: the predicted end moves by 1 - 1/e of the difference within this share of the time
-// left, clamped to these seconds.
+// Smoothing: the time constant is this share of the remaining time, clamped to these seconds.
+// Within it the predicted end covers 1 - 1/e of its distance to the new estimate.
 constexpr double kSmoothShare = 0.1, kLeastSmooth = 2, kMostSmooth = 60;
 
 double PlannedWork(const PlannedStage& stage) {
@@ -29,7 +29,7 @@ int64_t PlannedSteps(const PlannedStage& stage) {
   return num_steps;
 }
 
-// Expected seconds of the first `steps` steps.
+// Returns the expected seconds of the first `steps` steps.
 double WorkUntil(const PlannedStage& stage, int64_t steps) {
   double work = 0;
   for (const PlannedStage::Piece& piece : stage.pieces) {
@@ -89,8 +89,8 @@ void JobEta::Step(int64_t first_step, int64_t step, int64_t num_steps, double no
 
 void JobEta::Share(double share, double now) { Measure(share, 1 - share, now); }
 
-// `done` and `left` are shares of the stage's expected work. After a resume they add up to less
-// than 1, after a stage has left out steps as well.
+// Records shares of the running stage's expected work. They add up to less than 1 when an earlier
+// attempt did a part, or when the stage has left out steps.
 void JobEta::Measure(double done, double left, double now) {
   done_ = std::max(0.0, done);
   left_ = std::clamp(left, 0.0, 1.0);
@@ -103,8 +103,8 @@ std::optional<double> JobEta::StageSecondsLeft() const {
   return elapsed_ / done_ * left_;
 }
 
-// Ratio of measured to expected seconds on one kind of processor: ended stages, and the running
-// one.
+// Returns the ratio of measured to expected seconds on one kind of processor, over the stages that
+// have ended and the running one; 1 if none has a pace.
 double JobEta::SpeedOf(bool on_device) const {
   Pace pace = ended_[on_device ? 1 : 0];
   if (current_ >= 0 && measured_ && stages_[current_].on_device == on_device &&
@@ -116,6 +116,7 @@ double JobEta::SpeedOf(bool on_device) const {
   return std::clamp(pace.seconds / pace.expected, 1 / kMostOff, kMostOff);
 }
 
+// Returns the remaining seconds of the job without smoothing.
 std::optional<double> JobEta::RawSecondsLeft() const {
   const bool any = ended_[0].expected > 0 || ended_[1].expected > 0 || measured_;
   if (current_ < 0 || !any) return std::nullopt;

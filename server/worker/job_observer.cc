@@ -9,6 +9,8 @@
 
 namespace pepeseg {
 
+// Checkpoints of a stage are for its own options only, so that a change of stage two's options does
+// not discard those of stage one.
 JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
     : stop_(job.stop),
       progress_(job.log),
@@ -36,7 +38,7 @@ absl::Status JobObserver::Step(const StepReport& report) { return progress_.Step
 absl::Status JobObserver::SkipPart(const SkippedTerm& skipped) {
   spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, skipped.step,
                skipped.term, skipped.reason, skipped.saved_steps);
-  return progress_.SkipTerm(skipped);
+  return progress_.SkipPart(skipped);
 }
 
 // Logs how the stage ended, and writes the event.
@@ -58,12 +60,12 @@ absl::Status JobObserver::EndStage(const StageEnd& end) {
 
 void JobObserver::Warn(const std::string& message) {
   spdlog::warn("{}", message);
-  progress_.Warn(message).IgnoreError();  // the worker's log has it
+  progress_.Warn(message).IgnoreError();  // the worker's log has it anyway
 }
 
 void JobObserver::Log(const std::string& message) { spdlog::info("{}", message); }
 
-// Warns where the masks may be poor, and says how to get better ones.
+// Warns if the masks of that source may be poor, and says how to get better ones.
 void JobObserver::MadeMasks(const std::string& source) {
   for (const std::string& advice : AdviceOnModel({{"masks", source}})) Warn(advice);
 }

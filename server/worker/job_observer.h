@@ -12,14 +12,14 @@
 
 namespace pepeseg {
 
-// Follows the training of a job: writes its events, the worker's log, and its checkpoints in the
-// job's folder. It is cancelled by the switch.
+// Follows the training of a job: writes its events, the worker's log, and the checkpoints in the
+// job's folder. `job.stop` cancels the training.
 class JobObserver final : public TrainingObserver {
  public:
-  // `job` must outlive it. `settings`: those in effect.
+  // `job` must outlive it. `settings`: the settings in effect.
   JobObserver(const WorkerJob& job, const TrainingSettings& settings);
 
-  // SHA-256 of the files whose stored bytes are damaged or gone.
+  // Returns the SHA-256 of each file whose stored bytes are damaged or missing.
   const std::vector<std::string>& damaged_files() const { return damaged_files_; }
 
   void PlanStages(std::vector<PlannedStage> stages) override;

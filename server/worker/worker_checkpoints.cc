@@ -16,8 +16,9 @@
 namespace pepeseg {
 namespace {
 
-constexpr size_t kGenerations = 2;  // of an attempt
-// Checkpoints by steps cost at most 1 / this of the time.
+// Number of checkpoints of an attempt that are kept: a damaged newest one leaves the one before.
+constexpr size_t kGenerations = 2;
+// Checkpoints by steps take at most 1 / kMaxCostShare of the time.
 constexpr int kMaxCostShare = 20;
 constexpr char kSuffix[] = ".ckpt";
 
@@ -35,8 +36,8 @@ std::string WorkerCheckpoints::FileName(int64_t step) const {
   return absl::StrFormat("%s-%09d%s", stage_, step, kSuffix);
 }
 
-// The step in a file's name; -1: it is not a checkpoint of the stage, such as the temporary file
-// of a writer that was killed.
+// Returns the step in a file's name; -1: it is not a checkpoint of the stage, but for example the
+// temporary file of a writer that was killed.
 int64_t WorkerCheckpoints::StepOf(const std::string& name) const {
   int64_t step = 0;
   const size_t first = stage_.size() + 1;
@@ -95,7 +96,7 @@ void WorkerCheckpoints::Resume(absl::FunctionRef<absl::Status(const Checkpoint& 
       first_step_ = last_step_ = candidate.step;
       break;
     }
-    // An error that a start from step 0 meets as well is reported by that.
+    // If the error is not the checkpoint's fault, the start from step 0 meets and returns it.
     warn_(absl::StrCat("checkpoint ", Relative(candidate.path).string(),
                        " is not used: ", used.message()));
   }
@@ -144,7 +145,7 @@ void WorkerCheckpoints::Remove() const {
 
 std::string ReconstructIdentity(const JobSpec& spec, const v1::TrainingOptions& effective) {
   Sha256 digest;
-  // Lengths first, so that no two lists of fields run together to the same bytes.
+  // Each field follows its length, so that different lists of fields never give the same bytes.
   const auto add = [&](const std::string& field) {
     digest.Add(absl::StrCat(field.size(), ":"));
     digest.Add(field);

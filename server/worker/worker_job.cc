@@ -20,14 +20,15 @@
 namespace pepeseg {
 namespace {
 
-// The N of "cuda:N" (worker_protocol/device.h); none of "cpu".
+// Returns N for "cuda:N", and 0 for "cuda" (worker_protocol/device.h); nothing for "cpu".
 std::optional<int> CudaDevice(const std::string& device) {
   int number = 0;
   if (!device.starts_with("cuda")) return std::nullopt;
   return absl::SimpleAtoi(device.substr(std::min(device.size(), size_t{5})), &number) ? number : 0;
 }
 
-// An attempt of the job is a run of the training; fences count attempts.
+// Returns the folders of this attempt and, as those of earlier runs, of all attempts with a lower
+// fence, the newest first.
 TrainingFolders FoldersOf(const JobFolder& folder, int64_t fence) {
   TrainingFolders folders;
   folders.run = folder.attempt(fence);
@@ -49,7 +50,7 @@ TrainingTools ToolsOf(const JobSpec& spec) {
   return tools;
 }
 
-// Facts of the model that the pipeline does not know.
+// Returns metadata of the model that the pipeline does not know: job, version, options.
 std::map<std::string, std::string> FactsOf(const JobSpec& spec, const TrainingSettings& settings) {
   std::map<std::string, std::string> facts = {{"job", spec.job}, {"version", PEPESEG_VERSION}};
   std::string options;
@@ -75,7 +76,7 @@ absl::StatusOr<JobResult> TrainJob(const WorkerJob& job, const TrainingSettings&
   ASSIGN_OR_RETURN(const Device device, OpenDevice(job.spec.device, job.spec.num_threads));
   spdlog::info("computing on {}", device.backend->name());
   ASSIGN_OR_RETURN(TrainedModel trained, Train(inputs, settings, *device.backend, observer));
-  // A model's folder has no folders in it, not even empty ones.
+  // A model's folder must not have folders in it, not even empty ones (JobFolder::TakeModel).
   std::error_code ignored;
   std::filesystem::remove_all(job.folder.checkpoints(job.spec.fence), ignored);
   ASSIGN_OR_RETURN(const int64_t num_bytes, BytesIn(inputs.folders.run));

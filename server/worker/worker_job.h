@@ -9,13 +9,14 @@
 
 namespace pepeseg {
 
-// What a signal handler may touch.
+// What the handler of SIGTERM may touch.
 struct StopSwitch {
-  std::atomic<bool> stop = false;    // set by the handler: end at the next step
-  std::atomic<bool> polled = false;  // set by the job: it looks at `stop` from time to time
+  std::atomic<bool> stop = false;    // the handler sets it: the job ends at the next step
+  std::atomic<bool> polled = false;  // the job sets it while it looks at `stop` at each step
 };
 static_assert(std::atomic<bool>::is_always_lock_free);
 
+// One attempt of a job. The references must outlive it.
 struct WorkerJob {
   const JobFolder& folder;
   const JobSpec& spec;
@@ -23,12 +24,12 @@ struct WorkerJob {
   StopSwitch& stop;
 };
 
-// What the job trains from: its files, its folders, and the tools of this machine.
-// INVALID_ARGUMENT: a file of unknown kind.
+// Returns what the job trains from: its files, its folders, and the tools of this machine.
+// INVALID_ARGUMENT: a file has an unknown kind.
 absl::StatusOr<TrainingInputs> TrainingInputsOf(const JobFolder& folder, const JobSpec& spec);
 
-// Trains (core/train/train.h), writes the job's events on the way, and returns its result. When the
-// result's status is OK, the model is in folder.attempt(spec.fence).
+// Trains (core/train/train.h), writes the job's events meanwhile, and returns the result. If its
+// status is OK, the model is in folder.attempt(spec.fence).
 JobResult RunWorkerJob(const WorkerJob& job);
 
 }  // namespace pepeseg

@@ -1,7 +1,10 @@
-// pepeseg-worker: runs one job in a process of its own, so that a crash, or a file that was made to
-// cause one, ends the job and never the service. The supervisor starts it; by hand, without
-// --parent, it runs the job of a folder to its end. The job's spec says everything else. With
+// pepeseg-worker: runs one job in its own process, so that a crash, or a file that was made to
+// cause one, ends the job and never the service. The supervisor starts it. Started by hand, without
+// --parent, it runs the job of a folder to its end. Everything else is in the job's spec. With
 // --photograph it decodes one photograph instead (photograph_task.h).
+//
+// Threads: the main thread trains and handles SIGTERM; one thread writes the heartbeat; the backend
+// has threads of its own. The sandbox is entered before any of them starts.
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -32,35 +35,36 @@
 #include "server/worker/sandbox/worker_sandbox.h"
 #include "server/worker/worker_job.h"
 #include "server/worker/worker_photograph.h"
+#include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_environment.h"
-#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 namespace {
 
-// A global, as a signal handler has no other way to the job.
+// A global, since a signal handler has no other way to the job.
 StopSwitch stop_switch;
 
 void OnTerminate(int) {
-  // While nobody polls there is nothing to save: a file counts only once its manifest is written.
+  // A job that does not look at the switch has nothing to save: files without a manifest do not
+  // count.
   if (!stop_switch.polled) _exit(static_cast<int>(WorkerExit::kCancelled));
   stop_switch.stop = true;
 }
 
-// The command line: whose job, and what the launcher alone knows.
+// The command line.
 struct Arguments {
-  std::string folder;      // the job's
-  int64_t fence = 0;       // of the attempt; 0: the newest in the folder
-  pid_t parent = 0;        // the worker is killed when this process ends; 0: it has none
-  std::string photograph;  // FormatPhotographTask's
-  bool sandbox = true;     // of --photograph; a job's spec says it for the job
+  std::string folder;      // the job's folder
+  int64_t fence = 0;       // fence of the attempt; 0: the newest in the folder
+  pid_t parent = 0;        // process with which the worker is killed; 0: none
+  std::string photograph;  // a PhotographTask
+  bool sandbox = true;     // whether --photograph enters the sandbox; for a job its spec says
 };
 
 constexpr char kUsage[] =
     "usage: pepeseg-worker --job=FOLDER [--fence=N] [--parent=PID]\n"
     "       pepeseg-worker --photograph=TASK [--parent=PID] [--sandbox=on|off] < IMAGE > ANSWER";
 
-// Takes the text after "--NAME=". False: the word is not that flag.
+// Sets `value` to the text after the prefix `name`. Returns false if the word is not that flag.
 bool TakeFlag(const std::string& word, const char* name, std::string* value) {
   if (!word.starts_with(name)) return false;
   *value = word.substr(std::strlen(name));
@@ -91,11 +95,12 @@ absl::StatusOr<JobSpec> ReadSpec(const JobFolder& folder, const Arguments& argum
   return folder.ReadSpec(arguments.fence > 0 ? arguments.fence : folder.NewestFence());
 }
 
+// Runs the job, and turns a lack of memory into its result.
 JobResult RunWithinMemory(const WorkerJob& job) {
   try {
     return RunWorkerJob(job);
   } catch (const std::bad_alloc&) {
-    // Thrown by the standard library, not by us; caught where the job can still report it.
+    // The standard library throws it. Here the job can still report it.
     JobResult result;
     result.status = absl::ResourceExhaustedError(
         absl::StrCat("out of memory: the job may take ", MemoryLimit() >> 20,
@@ -111,6 +116,7 @@ WorkerExit ExitOf(const absl::Status& status) {
 
 using EventLog = absl::StatusOr<std::unique_ptr<EventLogWriter>>;
 
+// Runs the job and writes its result. An error of opening the log is the job's result, too.
 WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const EventLog& log) {
   JobResult result;
   result.status = log.status();
@@ -122,8 +128,8 @@ WorkerExit RunJob(const JobFolder& folder, const JobSpec& spec, const EventLog& 
   return WorkerExit::kFailed;
 }
 
-// Logs in the format that the spec asks for, as part of the trace of the call that made the job;
-// so do the programs that the job runs.
+// Sets the log's format to the spec's, and continues the trace of the request that created the job,
+// in the log and, by TRACEPARENT, in the programs that the job runs.
 void ConfigureLogOf(const JobSpec& spec) {
   LogFields fields;
   fields.job = spec.job;
@@ -134,8 +140,8 @@ void ConfigureLogOf(const JobSpec& spec) {
   ConfigureLog(LogFormatOf(spec.worker.log_format).value_or(LogFormat::kText), fields);
 }
 
-// Slurm restarts a worker whose node was lost. The restarted one takes a fence of its own, since
-// the one before may still write.
+// Takes a new fence from the database if Slurm has restarted this worker, and writes the spec of
+// that fence. The worker before it may still write under the old one.
 absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder& folder,
                                    JobSpec& spec) {
   const char* restarts = std::getenv("SLURM_RESTART_COUNT");
@@ -148,9 +154,10 @@ absl::Status TakeFenceAfterRestart(const std::string& database, const JobFolder&
   return folder.WriteSpec(spec);
 }
 
-// What a worker of Slurm's does before anything else: it takes its fence from the database, and
-// executes itself as a process whose memory, arguments and environment have never had the
-// database's URL. Returns only an error.
+// Called first in a worker of Slurm's, which has the database's URL in its environment. Takes its
+// fence from the database, and executes this program again without the URL, so that the process
+// that decodes uploads never had it in its memory, arguments or environment. Returns only on an
+// error.
 absl::Status ExecWithoutDatabase(const Arguments& arguments, char** argv) {
   const std::string database = std::getenv(kSlurmDatabase);
   const JobFolder folder(arguments.folder);
@@ -166,7 +173,7 @@ absl::Status ExecWithoutDatabase(const Arguments& arguments, char** argv) {
   return FileError(words[0], "start again", errno);
 }
 
-// Makes an empty folder for the temporary files of this attempt alone: /tmp has other users'.
+// Makes an empty folder and sets TMPDIR to it. /tmp would have files of other processes.
 absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::remove_all(folder, error);
@@ -177,8 +184,8 @@ absl::Status MakeTemporaryFolder(const std::filesystem::path& folder) {
   return absl::OkStatus();
 }
 
-// Whether the job may start COLMAP or the priors command. One whose spec is not valid fails before
-// it gets there.
+// Returns whether the job may start COLMAP or the priors command. A job with an invalid spec fails
+// before that.
 bool MayRunPrograms(const JobFolder& folder, const JobSpec& spec) {
   const absl::StatusOr<TrainingSettings> settings = TrainingSettingsFromProto(spec.options);
   const absl::StatusOr<TrainingInputs> inputs = TrainingInputsOf(folder, spec);
@@ -186,7 +193,8 @@ bool MayRunPrograms(const JobFolder& folder, const JobSpec& spec) {
   return RunsPrograms(FactsOf(*inputs, *settings, /*on_device=*/false), settings->priors);
 }
 
-// Allows the dataset's files one by one: their folders have files of other projects, too.
+// Returns what the job may use. Names the dataset's files one by one, since their folders also have
+// files of other projects.
 SandboxNeeds NeedsOf(const JobFolder& folder, const JobSpec& spec) {
   SandboxNeeds needs;
   needs.writes = {folder.work()};
@@ -208,8 +216,8 @@ WorkerExit DecodePhotograph(const Arguments& arguments) {
   return RunPhotographTask(arguments.photograph, arguments.sandbox);
 }
 
-// The order matters: limits first, what the sandbox would refuse before it is entered, and the
-// sandbox before the first byte of a dataset is read.
+// Runs a job. The order matters: limits come first, then what the sandbox would refuse, then the
+// sandbox, and only then is the first byte of a dataset read.
 WorkerExit Run(const Arguments& arguments) {
   const JobFolder folder(arguments.folder);
   absl::StatusOr<JobSpec> spec = ReadSpec(folder, arguments);
@@ -219,7 +227,7 @@ WorkerExit Run(const Arguments& arguments) {
   if (ready.ok()) ready = LimitResources(spec->memory_limit, spec->num_threads);
   if (ready.ok()) YieldToServer();
   if (ready.ok()) ready = MakeTemporaryFolder(folder.temporary());
-  // Its numbers continue those of the server's events, which the sandbox does not let it read.
+  // Opening the log reads the server's events, to continue their numbers; the sandbox refuses that.
   EventLog log = absl::CancelledError("not opened");
   if (ready.ok()) log = EventLogWriter::Open(folder.events(), spec->fence, EventPart::kWorker);
   if (ready.ok() && spec->worker.sandbox) ready = EnterSandbox(NeedsOf(folder, *spec));
@@ -227,9 +235,9 @@ WorkerExit Run(const Arguments& arguments) {
     spdlog::error("{}", ready.ToString());
     return WorkerExit::kBadSpec;
   }
-  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
-                          std::chrono::seconds(spec->lease_seconds),
-                          [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
+  const WorkerHeartbeat heartbeat(folder.heartbeat(spec->fence), folder.lease(spec->fence),
+                                  std::chrono::seconds(spec->lease_seconds),
+                                  [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   return RunJob(folder, *spec, log);
 }
 

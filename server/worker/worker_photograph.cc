@@ -29,7 +29,7 @@ namespace pepeseg {
 namespace {
 
 constexpr int kJpegQuality = 90;
-// JPEG's own limit is 65,535.
+// Maximum side of a JPEG, pixels. The format's limit is 65,535.
 constexpr int kMaxJpegSide = 65'500;
 
 absl::Status InputOutputError(absl::string_view what) {
@@ -66,7 +66,8 @@ absl::Status WritePhotographOutput(absl::string_view bytes) {
   return absl::OkStatus();
 }
 
-// Warps a decoded photograph to the view of the task, which the task describes as a model.
+// Warps a decoded photograph to the view of the task. The task has the view as the metadata of a
+// model with this view alone.
 absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image) {
   Model model;
   RETURN_IF_ERROR(ParseModelFacts(task.view, model));
@@ -83,14 +84,15 @@ absl::StatusOr<Image> WarpToView(const PhotographTask& task, const Image& image)
   return ViewWarp::Restore(*view.photograph, view.camera).Photo(image);
 }
 
-// Verifies the file's digest, decodes it, and turns or warps it as the task says.
+// Verifies the file's digest, decodes it, and turns or warps the image as the task says. DATA_LOSS:
+// the digest differs.
 absl::StatusOr<Image> DecodeInput(const PhotographTask& task, const std::string& bytes) {
   if (Sha256Hex(bytes) != task.sha256) {
     return absl::DataLossError(absl::StrCat(task.name, ": the stored file fails its SHA-256"));
   }
   const std::span<const uint8_t> span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   Image image;
-  if (IsHeic(span)) {  // decoded upright
+  if (IsHeic(span)) {  // DecodeHeic turns it upright
     ASSIGN_OR_RETURN(HeicPhoto photo, DecodeHeic(span, task.name));
     image = std::move(photo.image);
   } else {
@@ -106,6 +108,7 @@ struct PictureAnswer {
   std::string bytes;
 };
 
+// Makes the JPEG. RESOURCE_EXHAUSTED: memory is not enough. Libraries throw bad_alloc then.
 absl::StatusOr<PictureAnswer> MakeAnswer(const PhotographTask& task) {
   try {
     ASSIGN_OR_RETURN(const std::string bytes, ReadPhotographInput(task.name));
@@ -121,6 +124,7 @@ absl::StatusOr<PictureAnswer> MakeAnswer(const PhotographTask& task) {
   }
 }
 
+// Writes the JPEG, or the error of making it. Returns an error if that cannot be written.
 absl::Status WriteAnswer(const PhotographTask& task) {
   const absl::StatusOr<PictureAnswer> picture = MakeAnswer(task);
   if (picture.ok()) {

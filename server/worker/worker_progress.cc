@@ -20,7 +20,7 @@ google::protobuf::Duration ToProto(double seconds) {
   return TimeUtil::MicrosecondsToDuration(std::llround(seconds * 1e6));
 }
 
-// Memory of this process that is in RAM; 0: unknown.
+// Returns the resident memory of this process, bytes; 0: unknown.
 int64_t ResidentBytes() {
   std::ifstream file("/proc/self/statm");
   int64_t num_pages = 0;
@@ -63,17 +63,18 @@ absl::Status WorkerProgress::EndStage(const std::map<std::string, double>& metri
   return log_.Append(std::move(event));
 }
 
-absl::Status WorkerProgress::SkipTerm(const SkippedTerm& skipped) {
+// Estimates the time that the skipped steps would have taken at the pace of the stage so far.
+absl::Status WorkerProgress::SkipPart(const SkippedTerm& skipped) {
   v1::JobEvent event;
-  v1::JobEvent::TermSkipped& told = *event.mutable_term_skipped();
-  told.set_stage(stage_);
-  told.set_term(skipped.term);
-  told.set_reason(skipped.reason);
-  told.set_step(skipped.step);
+  v1::JobEvent::TermSkipped& part = *event.mutable_term_skipped();
+  part.set_stage(stage_);
+  part.set_term(skipped.term);
+  part.set_reason(skipped.reason);
+  part.set_step(skipped.step);
   const int64_t num_done = skipped.step - first_step_;
   if (skipped.saved_steps > 0 && num_done > 0) {
-    told.set_saved_steps(skipped.saved_steps);
-    *told.mutable_saved() = ToProto(seconds_in_stage() * static_cast<double>(skipped.saved_steps) /
+    part.set_saved_steps(skipped.saved_steps);
+    *part.mutable_saved() = ToProto(seconds_in_stage() * static_cast<double>(skipped.saved_steps) /
                                     static_cast<double>(num_done));
   }
   return log_.Append(std::move(event));
@@ -126,6 +127,7 @@ v1::JobProgress WorkerProgress::Describe(const StepReport& report) {
   return progress;
 }
 
+// Sets the fields of time. Updates the ETA with the step first.
 void WorkerProgress::DescribeTimes(const StepReport& report, v1::JobProgress& progress) {
   const double now = Now();
   if (std::isfinite(report.share)) {

@@ -14,30 +14,33 @@
 
 namespace pepeseg {
 
-// Writes a stage's progress as events: its first and last step, and between them at most one event
-// per interval, which a person can follow. Not thread safe.
+// Writes a stage's progress as events: the first and last step, each step with another activity,
+// and between them at most one event per interval. Not thread safe.
 class WorkerProgress {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // `log` must outlive it. `interval`: shortest time between two events of progress.
+  // `log` must outlive it. `interval`: minimum time between two events of progress; the default is
+  // as often as a person can follow.
   explicit WorkerProgress(EventLogWriter& log,
                           Clock::duration interval = std::chrono::milliseconds(200))
       : log_(log), interval_(interval) {}
 
-  // Plans the job's ETA, see JobEta. Before it is called, and for stages that are not planned,
+  // Plans the job's ETA, see JobEta. Before this call, and in stages that are not in the plan,
   // events have no ETA of the job and no number of the stage.
   void Plan(std::vector<PlannedStage> stages) { eta_.Plan(std::move(stages)); }
 
   absl::Status StartStage(const std::string& stage);
-  // The stage starts after the `step` steps of an earlier attempt, which do not count for its pace.
+  // Records that an earlier attempt did the first `step` steps of the stage. They do not count for
+  // its pace.
   void ResumeAt(int64_t step);
   absl::Status Step(const StepReport& report);
-  // `metrics`: what the stage measured of its result. `end`: the other fields of the event.
+  // Ends the stage with an event. `metrics`: what the stage measured of its result. `end`: the
+  // other fields of the event.
   absl::Status EndStage(const std::map<std::string, double>& metrics,
                         v1::JobEvent::StageEnded end = {});
   // Reports a part of the running stage that is skipped.
-  absl::Status SkipTerm(const SkippedTerm& skipped);
+  absl::Status SkipPart(const SkippedTerm& skipped);
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;
@@ -52,11 +55,11 @@ class WorkerProgress {
   std::string stage_;
   Clock::time_point stage_start_ = Clock::now();
   Clock::time_point last_event_;
-  int64_t first_step_ = 0;  // steps that an earlier attempt did
-  int64_t last_step_ = 0;   // of the newest event
-  std::string activity_;    // of the newest event
+  int64_t first_step_ = 0;  // number of steps that an earlier attempt did
+  int64_t last_step_ = 0;   // step of the newest event
+  std::string activity_;    // activity of the newest event
   JobEta eta_;
-  double psnr_sum_ = 0;  // over the steps since the newest event that measured it
+  double psnr_sum_ = 0;  // over the num_psnr_ steps since the newest event that measured it
   int64_t num_psnr_ = 0;
 };
 

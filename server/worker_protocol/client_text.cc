@@ -12,8 +12,8 @@ bool IsOneOf(char c, std::string_view characters) {
   return characters.find(c) != std::string_view::npos;
 }
 
-// Whether an absolute path may start at `at`: after a space, a quote or a bracket, not in
-// "http://".
+// Whether an absolute path may start at `at`: at the start, or after a space, a quote, a bracket or
+// punctuation, but not with "//" as in "http://".
 bool MayBeginPath(std::string_view text, size_t at) {
   if (text[at] != '/' || (at + 1 < text.size() && text[at + 1] == '/')) return false;
   return at == 0 || IsOneOf(text[at - 1], " \t\n\r\"'`([{<=,;:|");
@@ -38,7 +38,9 @@ std::string WithoutFolders(std::string_view text) {
   return shorter;
 }
 
-// Whether a character is a control character, or changes the direction of the text after it.
+// Whether a character is a control character (C0, DEL, C1), a separator of lines or paragraphs, or
+// a mark that changes the direction of the text after it (U+200E, U+200F, U+2028 to U+202E, U+2066
+// to U+2069).
 bool Steers(std::string_view character) {
   const auto byte = [&](size_t i) { return static_cast<unsigned char>(character[i]); };
   if (character.size() == 1) return byte(0) < 0x20 || byte(0) == 0x7f;

@@ -7,11 +7,11 @@
 #include "absl/status/status.h"
 #include "google/protobuf/message.h"
 
-// Makes text of a worker fit for clients and logs: code that an uploaded file has taken over may
-// have written it.
+// Cleans text from a worker before clients and logs get it: code that an uploaded file has taken
+// over may have written it.
 namespace pepeseg {
 
-// Largest text that a client gets from a worker, bytes.
+// Maximum length of a text that a client gets from a worker, bytes.
 inline constexpr size_t kMaxClientText = 2048;
 
 // Returns the length, in bytes, of the well-formed UTF-8 character at the start of `text`, which is
@@ -26,7 +26,8 @@ std::string ClientText(std::string_view text, size_t max_bytes = kMaxClientText)
 // Returns a status with the code of `status`, its message as a ClientText, and no payloads.
 absl::Status ClientStatus(const absl::Status& status);
 
-// Makes each string of a message a ClientText, in nested messages, too. Maps stay as they are.
+// Replaces each string of a message, and of its nested messages, by its ClientText. Leaves maps as
+// they are.
 void CleanTexts(google::protobuf::Message& message);
 
 }  // namespace pepeseg

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kMaxCudaDevices = 1024;
 
-// Returns N for "cuda:N", and 0 for "cuda".
+// Returns N for "cuda:N", and 0 for "cuda". INVALID_ARGUMENT: another word.
 absl::StatusOr<int> CudaIndex(const std::string& wanted) {
   if (wanted == "cuda") return 0;
   int index = -1;

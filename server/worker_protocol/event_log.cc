@@ -28,20 +28,22 @@ struct RecordHeader {
 };
 static_assert(sizeof(RecordHeader) == 8);
 
-// Far above any event: a larger length is broken, and nothing is allocated for it.
+// Maximum length of a payload, far above any event. A record with a larger one is broken; nothing
+// is allocated for it.
 constexpr uint32_t kMaxPayload = 1 << 20;
-// Largest sequence number that is accepted, so that the numbers after it do not overflow.
+// Maximum sequence number that is accepted, so that the numbers after it do not overflow.
 constexpr int64_t kMaxSequence = int64_t{1} << 62;
-// Largest number of missing events (lost to a bad disk) after which a worker's file may claim to
-// continue: more would use up the numbers.
+// Maximum number of events that may be missing (a bad disk lost them) before a worker's file. A
+// worker could otherwise use up the numbers.
 constexpr int64_t kMaxMissing = int64_t{1} << 32;
+// Maximum number of metrics of a stage that are taken from a worker.
 constexpr int kMaxWorkerMetrics = 1000;
 
 absl::Status Unreadable(const std::string& where) {
   return absl::InternalError(absl::StrCat(where, ": cannot be read"));
 }
 
-// Reads `size` bytes at `offset`. False: the file ends before.
+// Reads `size` bytes at `offset`. Returns false if the file ends before.
 absl::StatusOr<bool> ReadAt(const Descriptor& file, int64_t offset, size_t size, void* bytes,
                             const std::string& where) {
   size_t num_read = 0;
@@ -83,7 +85,7 @@ bool IsFirstRecord(const v1::JobEvent& event) {
   return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
 }
 
-// Whether a worker may report the event: it may not report the job's state.
+// Whether a worker may write the event. Only the server reports the job's state.
 bool IsForWorkers(const v1::JobEvent& event) {
   return event.has_stage_started() || event.has_stage_ended() || event.has_progress() ||
          event.has_warning() || event.has_term_skipped();
@@ -142,14 +144,15 @@ absl::Status EventLogWriter::Write(const v1::JobEvent& event) {
   const std::string payload = event.SerializeAsString();
   const RecordHeader header = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
   if (payload.size() > kMaxPayload) {
-    return absl::InvalidArgumentError(absl::StrCat("event of ", payload.size(), " bytes"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("an event of ", payload.size(), " bytes exceeds the limit of ", kMaxPayload));
   }
   std::memcpy(record.data(), &header, sizeof(header));
   record += payload;
   const ssize_t wrote = write(descriptor_, record.data(), record.size());
   if (wrote != static_cast<ssize_t>(record.size())) {
     absl::Status status = FileError(path_, "append", wrote < 0 ? errno : ENOSPC);
-    // Half a record would hide the records after it.
+    // A torn record would hide the records after it.
     if (ftruncate(descriptor_, size_) != 0) return FileError(path_, "truncate", errno);
     return status;
   }
@@ -175,7 +178,7 @@ std::filesystem::path EventLogReader::NameOf(Position position) const {
                               : std::filesystem::path(name);
 }
 
-// The position of a file by its name; 0: it is not a file of the log.
+// Returns the position of the file with that name; 0: it is not a file of the log.
 EventLogReader::Position EventLogReader::FindPosition(const std::string& name, bool in_work) const {
   const std::string prefix = path_.stem().string() + "-";
   if (!name.starts_with(prefix)) return 0;
@@ -190,7 +193,7 @@ EventLogReader::Position EventLogReader::FindPosition(const std::string& name, b
   return 0;
 }
 
-// Opens the file at a position. NOT_FOUND: it does not exist, or is a worker's and not a plain
+// Opens the file at a position. NOT_FOUND: it does not exist, or is a worker's and not a regular
 // file.
 absl::StatusOr<Descriptor> EventLogReader::OpenPart(const BeneathFolder& folder,
                                                     Position position) const {
@@ -198,12 +201,12 @@ absl::StatusOr<Descriptor> EventLogReader::OpenPart(const BeneathFolder& folder,
   if (file.ok() || absl::IsNotFound(file.status())) return file;
   if (!absl::IsFailedPrecondition(file.status())) return file;
   const std::string message(file.status().message());
-  // A file of the server is always plain, unless the disk is broken.
+  // The server's own files are always regular, unless the disk is broken.
   if (IsOfWorker(position)) return absl::NotFoundError(message);
   return absl::InternalError(message);
 }
 
-// Reads the first record of the file at a position; none: it has none yet.
+// Reads the first record of the file at a position; returns nothing if it has none yet.
 absl::StatusOr<std::optional<EventLogReader::Successor>> EventLogReader::ReadFirstRecord(
     const BeneathFolder& folder, Position position) const {
   const absl::StatusOr<Descriptor> file = OpenPart(folder, position);
@@ -270,7 +273,8 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events
   std::vector<v1::JobEvent> events;
   Position passed_over = 0;
   while (true) {
-    // Found before the events are read: once the next file exists, this one has all its events.
+    // The order matters: once the next file exists, this one has all its events. If the next file
+    // were looked for after the events are read, events written in between would be lost.
     const absl::StatusOr<std::optional<Successor>> found = FindSuccessor(passed_over);
     if (!found.ok() && events.empty()) return found.status();
     if (!found.ok()) return events;
@@ -287,13 +291,13 @@ absl::StatusOr<std::vector<v1::JobEvent>> EventLogReader::Read(size_t max_events
     }
     position_ = next->position;
     offset_ = next->offset;
-    // A worker numbers its events from the last one that it has found.
+    // A worker numbers its events from the last one that it could read, so a gap is no error here.
     if (IsOfWorker(position_)) last_sequence_ = next->last_sequence;
   }
 }
 
-// Reads all events. Records after a broken one cannot be found: they are cut off, as a torn one is.
-// An error of the disk is returned, since the records may be readable later.
+// Reads all events, up to a broken record: the records after it cannot be found, so the writer cuts
+// them off like a torn one. Returns an error of the disk, since the records may be readable later.
 absl::Status EventLogReader::ReadToEnd() {
   while (true) {
     const absl::StatusOr<std::vector<v1::JobEvent>> events = Read();

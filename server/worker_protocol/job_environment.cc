@@ -9,6 +9,7 @@
 namespace pepeseg {
 namespace {
 
+// Variables that workers get. None of them has a secret of the server.
 constexpr std::array<std::string_view, 36> kNames = {"PATH",
                                                      "HOME",
                                                      "USER",
@@ -47,6 +48,7 @@ constexpr std::array<std::string_view, 36> kNames = {"PATH",
                                                      "SLURM_JOB_GPUS"};
 constexpr std::array<std::string_view, 4> kPrefixes = {"LC_", "CUDA_", "NVIDIA_", "OMP_"};
 
+// Whether workers get the variable `name`: it is on the list, or named in `more`.
 bool IsForJobs(std::string_view name, const std::vector<std::string>& more) {
   return std::find(kNames.begin(), kNames.end(), name) != kNames.end() ||
          std::find(more.begin(), more.end(), name) != more.end() ||

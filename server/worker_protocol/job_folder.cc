@@ -1,14 +1,11 @@
 #include "server/worker_protocol/job_folder.h"
 
 #include <fcntl.h>
-#include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -18,118 +15,15 @@
 #include "core/base/file_error.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/manifest.h"
-#include "server/worker_protocol/client_text.h"
 #include "server/worker_protocol/event_log.h"
 
 namespace pepeseg {
 namespace {
 
-using Json = nlohmann::json;
-
 // A spec lists at most 20,000 files.
 constexpr int64_t kMaxSpecBytes = 64 << 20;
-// A worker's result is a page.
+// A result usually has about a kilobyte.
 constexpr int64_t kMaxResultBytes = 1 << 20;
-constexpr size_t kMaxResultEntries = 1000, kMaxNameBytes = 100, kMaxSourceBytes = 256;
-
-std::string Dump(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-absl::StatusOr<Json> ParseJson(const std::filesystem::path& path, const std::string& text) {
-  Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) return absl::DataLossError(path.string() + ": is not a JSON object");
-  return json;
-}
-
-// Decodes a spec or a result. DATA_LOSS: a field is missing or of another type, upon which nlohmann
-// throws.
-template <typename T>
-absl::StatusOr<T> Decode(const std::filesystem::path& path, const Json& json,
-                         T (*decode)(const Json&)) {
-  try {
-    return decode(json);
-  } catch (const Json::exception& error) {
-    return absl::DataLossError(absl::StrCat(path.string(), ": ", error.what()));
-  }
-}
-
-Json Encode(const WorkerOptions& options) {
-  return {{"sandbox", options.sandbox},
-          {"sandbox_reads", options.sandbox_reads},
-          {"pass_environment", options.pass_environment},
-          {"colmap", options.colmap},
-          {"priors_command", options.priors_command},
-          {"priors_seconds", options.priors_seconds},
-          {"sam", options.sam.string()},
-          {"lpips_weights", options.lpips_weights.string()},
-          {"log_format", options.log_format}};
-}
-
-WorkerOptions DecodeWorkerOptions(const Json& json) {
-  WorkerOptions options;
-  options.sandbox = json.at("sandbox").get<bool>();
-  options.sandbox_reads = json.at("sandbox_reads").get<std::vector<std::string>>();
-  options.pass_environment = json.at("pass_environment").get<std::vector<std::string>>();
-  options.colmap = json.at("colmap").get<std::string>();
-  options.priors_command = json.at("priors_command").get<std::string>();
-  options.priors_seconds = json.at("priors_seconds").get<int64_t>();
-  options.sam = json.at("sam").get<std::string>();
-  options.lpips_weights = json.at("lpips_weights").get<std::string>();
-  options.log_format = json.at("log_format").get<std::string>();
-  return options;
-}
-
-JobSpec DecodeSpec(const Json& json) {
-  JobSpec spec;
-  spec.job = json.at("job").get<std::string>();
-  spec.fence = json.at("fence").get<int64_t>();
-  spec.device = json.at("device").get<std::string>();
-  spec.num_threads = json.at("num_threads").get<int>();
-  spec.checkpoint_seconds = json.at("checkpoint_seconds").get<int64_t>();
-  spec.checkpoint_steps = json.at("checkpoint_steps").get<int64_t>();
-  spec.memory_limit = json.at("memory_limit").get<int64_t>();
-  spec.traceparent = json.value("traceparent", "");
-  spec.lease_seconds = json.at("lease_seconds").get<int64_t>();
-  spec.worker = DecodeWorkerOptions(json.at("worker"));
-  for (const Json& file : json.at("files")) {
-    spec.files.push_back({file.at("name").get<std::string>(), file.at("kind").get<int>(),
-                          file.at("path").get<std::string>(),
-                          file.at("sha256").get<std::string>()});
-  }
-  return spec;
-}
-
-JobResult DecodeResult(const Json& json) {
-  JobResult result;
-  result.status = absl::Status(static_cast<absl::StatusCode>(json.at("code").get<int>()),
-                               ClientText(json.at("message").get<std::string>()));
-  result.metrics = json.at("metrics").get<std::map<std::string, double>>();
-  result.num_gaussians = json.at("num_gaussians").get<int64_t>();
-  result.num_bytes = json.at("num_bytes").get<int64_t>();
-  result.sources = json.at("sources").get<std::map<std::string, std::string>>();
-  result.damaged = json.value("damaged", std::vector<std::string>());
-  return result;
-}
-
-// Cleans the entries of a worker's result for clients: at most kMaxResultEntries, names as
-// ClientTexts.
-template <typename Value, typename Clean>
-void CleanEntries(std::map<std::string, Value>& entries, Clean clean) {
-  std::map<std::string, Value> cleaned;
-  for (const auto& [name, value] : entries) {
-    if (cleaned.size() < kMaxResultEntries) cleaned[ClientText(name, kMaxNameBytes)] = clean(value);
-  }
-  entries = std::move(cleaned);
-}
-
-Json FiniteMetrics(const std::map<std::string, double>& metrics) {
-  Json json = Json::object();
-  for (const auto& [name, value] : metrics) {
-    if (std::isfinite(value)) json[name] = value;
-  }
-  return json;
-}
 
 std::filesystem::path SpecPath(const std::filesystem::path& folder, int64_t fence) {
   return folder / absl::StrCat("spec-", fence, ".json");
@@ -145,22 +39,14 @@ void RemoveAllBut(const BeneathFolder& folder, const std::vector<std::string>& k
   if (!entries.ok()) return;
   for (const BeneathFolder::Entry& entry : *entries) {
     const std::string suffix = std::filesystem::path(entry.name).extension();
-    const bool told = entry.is_file && (suffix == ".log" || suffix == ".json");
+    const bool is_record = entry.is_file && (suffix == ".log" || suffix == ".json");
     // An entry that cannot be removed only costs space.
-    const bool kept = told || std::find(keep.begin(), keep.end(), entry.name) != keep.end();
+    const bool kept = is_record || std::find(keep.begin(), keep.end(), entry.name) != keep.end();
     if (!kept) folder.RemoveAll(entry.name).IgnoreError();
   }
 }
 
 }  // namespace
-
-std::string MetricsToJson(const std::map<std::string, double>& metrics) {
-  return FiniteMetrics(metrics).dump();
-}
-
-std::string SourcesToJson(const std::map<std::string, std::string>& sources) {
-  return Json(sources).dump(-1, ' ', false, Json::error_handler_t::replace);
-}
 
 std::filesystem::path JobFolder::work() const { return path_ / kWorkFolder; }
 
@@ -182,7 +68,7 @@ std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
   return attempt(fence) / "checkpoints";
 }
 
-std::filesystem::path JobFolder::pulse(int64_t fence) const {
+std::filesystem::path JobFolder::heartbeat(int64_t fence) const {
   return work() / absl::StrCat("pulse-", fence);
 }
 
@@ -199,6 +85,7 @@ absl::Status JobFolder::Make() const {
 bool JobFolder::HasSaved(int64_t fence) const {
   const absl::StatusOr<BeneathFolder> work = BeneathFolder::Open(this->work());
   if (!work.ok()) return false;
+  // A stage's result counts once its manifest exists, which is written last.
   for (const char* stage : {"frames", "poses", "reconstruct"}) {
     if (work->HasFile(AttemptName(fence) / std::filesystem::path(stage) / kManifestName)) {
       return true;
@@ -234,7 +121,7 @@ absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
     RETURN_IF_ERROR(SyncFolder(this->work()));
     RETURN_IF_ERROR(SyncFolder(path_));
   }
-  // Checked only after the move: a worker could still change what is in its own folder.
+  // Checks the folder after the move: before it, a process of the worker could still change it.
   const absl::StatusOr<BeneathFolder> taken = folder.OpenFolder(name);
   absl::StatusOr<int64_t> num_bytes = taken.ok() ? taken->CheckPlain() : taken.status();
   if (absl::IsFailedPrecondition(num_bytes.status())) {
@@ -245,6 +132,7 @@ absl::StatusOr<int64_t> JobFolder::TakeModel(int64_t fence) const {
   return num_bytes;
 }
 
+// Only a worker that is started by hand needs it: the supervisor names the fence.
 int64_t JobFolder::NewestFence() const {
   int64_t newest = 0;
   std::error_code error;
@@ -260,50 +148,18 @@ int64_t JobFolder::NewestFence() const {
 }
 
 absl::Status JobFolder::WriteSpec(const JobSpec& spec) const {
-  std::string options;
-  if (!google::protobuf::util::MessageToJsonString(spec.options, &options).ok()) {
-    return absl::InternalError("the training options have no JSON form");
-  }
-  Json json = {{"job", spec.job},
-               {"fence", spec.fence},
-               {"device", spec.device},
-               {"num_threads", spec.num_threads},
-               {"checkpoint_seconds", spec.checkpoint_seconds},
-               {"checkpoint_steps", spec.checkpoint_steps},
-               {"memory_limit", spec.memory_limit},
-               {"traceparent", spec.traceparent},
-               {"lease_seconds", spec.lease_seconds},
-               {"worker", Encode(spec.worker)},
-               {"options", Json::parse(options, nullptr, false)},
-               {"files", Json::array()}};
-  for (const JobSpecFile& file : spec.files) {
-    json["files"].push_back(
-        {{"name", file.name}, {"kind", file.kind}, {"path", file.path}, {"sha256", file.sha256}});
-  }
-  return WriteFileAtomically(SpecPath(path_, spec.fence), Dump(json));
+  ASSIGN_OR_RETURN(const std::string text, FormatJobSpec(spec));
+  return WriteFileAtomically(SpecPath(path_, spec.fence), text);
 }
 
 absl::StatusOr<JobSpec> JobFolder::ReadSpec(int64_t fence) const {
   const std::filesystem::path path = SpecPath(path_, fence);
   ASSIGN_OR_RETURN(const std::string text, ReadFile(path, path.string(), kMaxSpecBytes));
-  ASSIGN_OR_RETURN(const Json json, ParseJson(path, text));
-  ASSIGN_OR_RETURN(JobSpec spec, Decode(path, json, &DecodeSpec));
-  const std::string options = json.value("options", Json::object()).dump();
-  if (!google::protobuf::util::JsonStringToMessage(options, &spec.options).ok()) {
-    return absl::DataLossError(path.string() + ": options are not training options");
-  }
-  return spec;
+  return ParseJobSpec(path, text);
 }
 
 absl::Status JobFolder::WriteResult(int64_t fence, const JobResult& result) const {
-  const Json json = {{"code", static_cast<int>(result.status.code())},
-                     {"message", std::string(result.status.message())},
-                     {"metrics", FiniteMetrics(result.metrics)},
-                     {"num_gaussians", result.num_gaussians},
-                     {"num_bytes", result.num_bytes},
-                     {"sources", result.sources},
-                     {"damaged", result.damaged}};
-  return WriteFileAtomically(work() / ResultName(fence), Dump(json));
+  return WriteFileAtomically(work() / ResultName(fence), FormatJobResult(result));
 }
 
 absl::StatusOr<JobResult> JobFolder::ReadResult(int64_t fence) const {
@@ -314,15 +170,7 @@ absl::StatusOr<JobResult> JobFolder::ReadResult(int64_t fence) const {
     return absl::DataLossError(text.status().message());
   }
   RETURN_IF_ERROR(text.status());
-  ASSIGN_OR_RETURN(const Json json, ParseJson(name, *text));
-  ASSIGN_OR_RETURN(JobResult result, Decode(name, json, &DecodeResult));
-  if (result.num_gaussians < 0 || result.num_bytes < 0) {
-    return absl::DataLossError(name + ": a negative number");
-  }
-  CleanEntries(result.metrics, [](double value) { return value; });
-  CleanEntries(result.sources,
-               [](const std::string& value) { return ClientText(value, kMaxSourceBytes); });
-  return result;
+  return ParseJobResult(name, *text);
 }
 
 absl::Status CheckModelFolder(const std::filesystem::path& data,

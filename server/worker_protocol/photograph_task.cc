@@ -11,7 +11,8 @@ using Json = nlohmann::json;
 
 constexpr uint32_t kPhotographMagic = 0x31485050;  // "PPH1"
 
-// Both sides run on one machine.
+// The header as it is in the file. Both processes run on one machine, so byte order does not
+// matter.
 struct PhotographHeaderBytes {
   uint32_t magic = kPhotographMagic;
   int32_t code = 0;

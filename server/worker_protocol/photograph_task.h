@@ -12,35 +12,39 @@
 // image file from its standard input and writes one answer to its standard output, a file.
 namespace pepeseg {
 
+// What to make of an image file: a JPEG.
 struct PhotographTask {
-  std::string name;    // the owner's name for the file, for errors
-  std::string sha256;  // of the file: 64 lower-case hex digits
-  // Whether the image is turned upright by its EXIF orientation.
+  std::string name;    // the client's path of the file, for errors
+  std::string sha256;  // digest of the file: 64 lower-case hex digits
+  // Whether to turn the image upright by its EXIF orientation.
   bool upright = false;
-  // The view of a model that the image is warped to, as FormatModelFacts writes a model of this
-  // view alone; empty: not warped. Not together with `upright`: views are of the stored pixels.
+  // The view to which the image is warped: FormatModelFacts of a model with this view alone. Empty:
+  // the image is not warped. Not together with `upright`: a view is of the pixels as they are
+  // stored.
   std::string view;
-  // Longer side of the JPEG, pixels: a larger image is shrunk to it. 0: not shrunk.
+  // Maximum longer side of the JPEG, pixels; a larger image is shrunk to it. 0: not shrunk.
   int max_side = 0;
 };
 
 std::string FormatPhotographTask(const PhotographTask& task);
-// INVALID_ARGUMENT: `text` is not what FormatPhotographTask makes.
+// Parses what FormatPhotographTask returns. INVALID_ARGUMENT: `text` is something else.
 absl::StatusOr<PhotographTask> ParsePhotographTask(absl::string_view text);
 
-// The start of an answer. It is followed by `num_bytes` of a JPEG, or of the error's message.
+// The start of an answer. `num_bytes` bytes follow: of the JPEG if `code` is OK, else of the
+// error's message.
 struct PhotographHeader {
   absl::StatusCode code = absl::StatusCode::kOk;
-  int width = 0;  // of the JPEG, pixels
+  int width = 0;  // size of the JPEG, pixels; 0 with an error
   int height = 0;
   int64_t num_bytes = 0;
 };
 inline constexpr int64_t kPhotographHeaderBytes = 24;
 inline constexpr int64_t kMaxPhotographMessageBytes = 1000;
 
+// Returns kPhotographHeaderBytes bytes.
 std::string FormatPhotographHeader(const PhotographHeader& header);
-// The header at the start of an answer of `file_bytes`. INTERNAL: it is not one, or the answer is
-// not as long as it says.
+// Parses the header of an answer whose file has `file_bytes` bytes in all. INTERNAL: `bytes` are
+// not a header, or the header does not fit the file's size.
 absl::StatusOr<PhotographHeader> ParsePhotographHeader(absl::string_view bytes, int64_t file_bytes);
 
 }  // namespace pepeseg

@@ -1,5 +1,5 @@
-// Files that no client should send, through the server program: each a clear error that names the
-// file, nothing of a model written, and the server up and serving.
+// Files that no client should send, uploaded to the server program. Each fails the job with an
+// error that names the file, leaves no part of a model, and the server still serves.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ class BadInputTest : public ::testing::Test {
     EXPECT_OK(client_.CreateScene("shelf"));
   }
 
-  // The stages of the import are enough to find what is wrong, and to see that the server lives.
+  // The import finds the errors, so the later stages are short.
   static v1::TrainingOptions ShortestOptions() {
     v1::TrainingOptions options;
     options.mutable_import()->set_image_scale(0.125);
@@ -62,7 +62,7 @@ class BadInputTest : public ::testing::Test {
     EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED) << job.error().message();
   }
 
-  // Trains `files_`, and wants its job to fail because of the file named.
+  // Trains `files_`, and expects the job to fail with an error that names the file.
   void ExpectBadFile(const std::string& name) {
     const v1::Job job = Train(files_);
     EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
@@ -87,48 +87,48 @@ class BadInputTest : public ::testing::Test {
   std::vector<ClientFile> files_;
 };
 
-TEST_F(BadInputTest, TruncatedJpeg) {
+TEST_F(BadInputTest, RefusesATruncatedJpeg) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes.resize(bytes.size() / 2);
   ExpectBadFile(kPhoto);
 }
 
-TEST_F(BadInputTest, PosesThatDeclareABillionImages) {
+TEST_F(BadInputTest, RefusesPosesThatDeclareABillionImages) {
   const uint64_t count = 1'000'000'000;
   std::memcpy(FileOf(files_, kPoses).bytes.data(), &count, sizeof(count));
   ExpectBadFile(kPoses);
 }
 
-TEST_F(BadInputTest, NanPose) {
+TEST_F(BadInputTest, RefusesAPoseWithNan) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  // Behind the number of images (u64) and the first one's id (u32): its quaternion.
+  // The quaternion of the first image follows the number of images (u64) and that image's id (u32).
   std::memcpy(FileOf(files_, kPoses).bytes.data() + 12, &nan, sizeof(nan));
   ExpectBadFile(kPoses);
 }
 
-TEST_F(BadInputTest, MaskOfAnotherSize) {
+TEST_F(BadInputTest, RefusesAMaskOfAnotherSize) {
   ClientFile& mask = FileOf(files_, "masks/frame-000003.json");
   mask.path = "masks/frame-000003.png";
   mask.bytes = testing::BlackPng(320, 240, 8);
   ExpectBadFile("masks/frame-000003.png");
 }
 
-TEST_F(BadInputTest, DepthMapThatClaimsABillionPixels) {
+TEST_F(BadInputTest, RefusesADepthMapThatClaimsABillionPixels) {
   ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
   depth.path = "depth/frame-000003.pfm";
   depth.bytes = "Pf\n40000 30000\n-1\n" + std::string(4000, '\0');
   ExpectBadFile("depth/frame-000003.pfm");
 }
 
-TEST_F(BadInputTest, DepthMapThatIsNotFinite) {
+TEST_F(BadInputTest, RefusesADepthMapThatIsNotFinite) {
   ClientFile& depth = FileOf(files_, "depth/frame-000003.png");
   depth.path = "depth/frame-000003.pfm";
-  // All bits set: not a number.
+  // All bits set: a NaN.
   depth.bytes = "Pf\n4 3\n-1\n" + std::string(48, '\xff');
   ExpectBadFile("depth/frame-000003.pfm");
 }
 
-TEST_F(BadInputTest, GaussiansThatAreACloudOfPoints) {
+TEST_F(BadInputTest, RefusesAPointCloudAsGaussians) {
   files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
                     "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\n"
                     "property float y\nproperty float z\nend_header\n" +
@@ -136,7 +136,7 @@ TEST_F(BadInputTest, GaussiansThatAreACloudOfPoints) {
   ExpectBadFile("gaussians.ply: has no property");
 }
 
-TEST_F(BadInputTest, GaussiansThatClaimABillion) {
+TEST_F(BadInputTest, RefusesGaussiansThatClaimABillion) {
   files_.push_back({"gaussians.ply", v1::FILE_KIND_GAUSSIANS,
                     "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
                     "property float x\nend_header\n" +
@@ -144,24 +144,24 @@ TEST_F(BadInputTest, GaussiansThatClaimABillion) {
   ExpectBadFile("gaussians.ply: declares 1000000000 vertices");
 }
 
-TEST_F(BadInputTest, HugeOneBitPng) {
+TEST_F(BadInputTest, RefusesAHugeOneBitPng) {
   std::string& bytes = FileOf(files_, kPhoto).bytes;
   bytes = testing::BlackPng(32000, 32000, 1);
   EXPECT_LT(bytes.size(), 200'000u);  // small to send, 1 G pixels to decode
   ExpectBadFile(kPhoto);
 }
 
-TEST_F(BadInputTest, NameThatClimbsOutOfItsFolder) {
+TEST_F(BadInputTest, RefusesANameThatEscapesTheFolder) {
   FileOf(files_, kPhoto).path = "../../x";
   ExpectUploadRefused("../../x");
 }
 
-TEST_F(BadInputTest, EmptyFolder) {
+TEST_F(BadInputTest, RefusesAnEmptyFolder) {
   files_.clear();
   ExpectUploadRefused("files");
 }
 
-TEST_F(BadInputTest, FolderWithoutPhotographs) {
+TEST_F(BadInputTest, RefusesAFolderWithoutPhotographs) {
   std::erase_if(files_, [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; });
   const v1::Job job = Train(files_);
   EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
@@ -170,18 +170,18 @@ TEST_F(BadInputTest, FolderWithoutPhotographs) {
   ExpectServing();
 }
 
-TEST_F(BadInputTest, UploadCutInTheMiddle) {
+TEST_F(BadInputTest, SurvivesAnUploadThatIsCutOff) {
   const auto is_photo = [](const ClientFile& file) { return file.kind == v1::FILE_KIND_IMAGE; };
   std::stable_partition(files_.begin(), files_.end(), is_photo);
   ASSERT_OK_AND_ASSIGN(const v1::Upload upload, client_.CreateUpload("shelf", files_));
   ASSERT_EQ(upload.missing_files_size(), static_cast<int>(files_.size()));
-  // In the middle of the third photograph.
+  // The upload ends in the middle of the third photograph.
   const size_t sent = files_[0].bytes.size() + files_[1].bytes.size() + 1;
   EXPECT_FALSE(client_.WriteFiles(upload, files_, sent).ok());
   EXPECT_STATUS(client_.SealUpload(upload.name()), absl::StatusCode::kFailedPrecondition,
                 "are not uploaded");
   ASSERT_OK_AND_ASSIGN(const v1::Upload now, client_.GetUpload(upload.name()));
-  // At most the two that were whole have come, and never the one that was cut.
+  // At most the two whole files are stored, and never the one that was cut.
   EXPECT_GE(now.missing_files_size(), upload.missing_files_size() - 2);
   EXPECT_THAT(now.missing_files(), ::testing::Contains(files_[2].path));
   EXPECT_STATUS(client_.Train("shelf", "scenes/shelf/datasets/1", ShortestOptions()),

@@ -1,4 +1,4 @@
-// The server program and its worker, over a socket: what a newcomer does.
+// The server program and its worker over a socket, used as a new user does.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/types.h>
@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 using testing::PepesegdProcess;
 using testing::ServiceClient;
 
-// A quarter of the size and few steps: the way that a full training takes, in seconds.
+// A quarter of the size and few steps: all stages of a training, in seconds.
 v1::TrainingOptions QuickOptions() {
   v1::TrainingOptions options;
   options.mutable_import()->set_image_scale(0.25);
@@ -48,7 +48,7 @@ class EndToEndTest : public ::testing::Test {
     client_ = std::make_unique<ServiceClient>(server_->channel());
   }
 
-  // The name of the shelf as a dataset of the scene.
+  // Uploads the shelf, and returns the name of the dataset.
   std::string UploadShelf(const std::string& scene) {
     EXPECT_OK(client_->CreateScene(scene));
     const auto dataset =
@@ -96,7 +96,7 @@ const v1::JobEvent::StageEnded& EndOf(const std::string& stage,
   return v1::JobEvent::StageEnded::default_instance();
 }
 
-// Of the views that are held out, by name: their scores are told one by one.
+// Checks that the events have the scores of each held-out view by name.
 void ExpectScores(const v1::JobEvent::StageEnded& evaluate, const std::vector<v1::View>& views) {
   ASSERT_EQ(evaluate.views_size(), 2);
   EXPECT_EQ(evaluate.views(0).view(), "frame-000000.jpg");
@@ -116,7 +116,7 @@ void ExpectScores(const v1::JobEvent::StageEnded& evaluate, const std::vector<v1
   for (const v1::View& view : views) EXPECT_EQ(view.has_scores(), view.held_out()) << view.view();
 }
 
-TEST_F(EndToEndTest, FromPhotographsToASegment) {
+TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
   ExpectWholeStory(events);
@@ -154,7 +154,7 @@ TEST_F(EndToEndTest, FromPhotographsToASegment) {
               HasSubstr("element vertex " + std::to_string(model.num_gaussians()) + "\n"));
 }
 
-TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
+TEST_F(EndToEndTest, UsesUploadedGaussiansInsteadOfStageOne) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
   ASSERT_OK_AND_ASSIGN(const std::string ply, client_->Export("scenes/shelf/models/1"));
@@ -177,7 +177,7 @@ TEST_F(EndToEndTest, GaussiansThatAreGivenAreTakenInPlaceOfStageOne) {
   EXPECT_TRUE(again == ply);
 }
 
-TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
+TEST_F(EndToEndTest, MeasuresLpipsIfThereAreWeights) {
   server_->Terminate();
   Restart({"--lpips-weights=" PEPESEG_TEST_DATA "/lpips/tiny.onnx"});
   v1::TrainingOptions options = QuickOptions();
@@ -196,7 +196,7 @@ TEST_F(EndToEndTest, LpipsIsMeasuredWhereThereAreWeights) {
   EXPECT_EQ(model.metrics().at("lpips"), evaluate.metrics().at("lpips"));
 }
 
-TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
+TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndAdaptsToItsPace) {
   const std::string dataset = UploadShelf("shelf");
   v1::TrainingOptions options = QuickOptions();
   options.mutable_reconstruct()->set_max_gaussians(20'000);
@@ -209,7 +209,7 @@ TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
             std::max(before.stages(1).device_bytes(), before.stages(2).device_bytes()));
   EXPECT_LE(model.metrics().at("num_gaussians"), 20'000);
 
-  options.mutable_reconstruct()->set_num_steps(300);  // twice as many
+  options.mutable_reconstruct()->set_num_steps(300);  // twice as many as before
   ASSERT_OK_AND_ASSIGN(const auto after, client_->Estimate("scenes/shelf", dataset, options));
   const auto seconds = [](const google::protobuf::Duration& duration) {
     return static_cast<double>(duration.seconds()) + duration.nanos() * 1e-9;
@@ -217,13 +217,13 @@ TEST_F(EndToEndTest, EstimateBoundsTheTrainingAndLearnsItsPace) {
   EXPECT_NEAR(seconds(after.stages(1).duration()), 2 * model.metrics().at("seconds_reconstruct"),
               1e-3);
   EXPECT_NEAR(seconds(after.stages(2).duration()), model.metrics().at("seconds_features"), 1e-3);
-  options.mutable_import()->set_image_scale(0.5);  // of that nothing was measured
+  options.mutable_import()->set_image_scale(0.5);  // no training at this scale was measured
   ASSERT_OK_AND_ASSIGN(const auto other, client_->Estimate("scenes/shelf", dataset, options));
   for (const auto& stage : other.stages()) EXPECT_FALSE(stage.has_duration()) << stage.stage();
 }
 
-// Each time before there was anything to save.
-TEST_F(EndToEndTest, WorkerThatIsKilledThreeTimesFailsItsJobAndTheNextOneRuns) {
+// The worker is killed each time before it has anything to save.
+TEST_F(EndToEndTest, FailsAJobWhoseWorkerIsKilledThreeTimesAndRunsTheNext) {
   const std::string dataset = UploadShelf("shelf");
   const std::string job = Train("shelf", dataset, EndlessOptions());
   ASSERT_OK(client_->WaitForStep(job));
@@ -250,7 +250,7 @@ TEST_F(EndToEndTest, CancelsARunningJobWithinASecond) {
   const absl::Time start = absl::Now();
   ASSERT_OK(client_->CancelJob(job));
   ASSERT_OK_AND_ASSIGN(const v1::Job ended, client_->WaitForJob(job));
-  // A second, and as much again for a machine that is busy with other tests.
+  // One second, and another for a machine that is busy with other tests.
   EXPECT_LT(absl::Now() - start, absl::Seconds(2));
   EXPECT_EQ(ended.state(), v1::JOB_STATE_CANCELLED);
   EXPECT_EQ(WorkerOf(job), 0);
@@ -269,7 +269,7 @@ TEST_F(EndToEndTest, SigtermQueuesTheJobForTheNextServer) {
   EXPECT_EQ(ended.state(), v1::JOB_STATE_SUCCEEDED) << ended.error().message();
 }
 
-TEST_F(EndToEndTest, KilledServerTakesItsWorkerAlongAndItsJobRunsAgain) {
+TEST_F(EndToEndTest, KillsTheWorkerOfAKilledServerAndRunsTheJobAgain) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK(client_->WaitForStep(job));
   server_->Kill();

@@ -5,7 +5,7 @@
 
 namespace pepeseg::testing {
 
-// What a client declares a file of core's ListDataset as.
+// Returns the kind that a client declares for a file of core's ListDataset.
 inline v1::FileKind ToProto(FileKind kind) {
   switch (kind) {
     case FileKind::kImage:

@@ -15,8 +15,8 @@ std::shared_ptr<grpc::Channel> ConnectTo(int port) {
                                    grpc::InsecureChannelCredentials(), arguments);
 }
 
-// By hand: no package brings its stubs. The request has the service's name as field 1, the answer
-// an enum as field 1.
+// Encodes the messages by hand, since no package has the stubs: field 1 of the request is the
+// service's name, field 1 of the response an enum.
 int CheckHealth(const std::shared_ptr<grpc::Channel>& channel, const std::string& service) {
   const std::string bytes = "\x0a" + std::string(1, static_cast<char>(service.size())) + service;
   const grpc::Slice slice(bytes);

@@ -9,10 +9,10 @@ namespace pepeseg {
 
 inline constexpr int kServing = 1, kNotServing = 2;
 
-// A connection of its own: channels to one address would share theirs.
+// Returns a channel with its own connection: channels to one address share theirs by default.
 std::shared_ptr<grpc::Channel> ConnectTo(int port);
 
-// Answer of grpc.health.v1.Health/Check; -1: it failed.
+// Returns the status that grpc.health.v1.Health/Check answers; -1: the call failed.
 int CheckHealth(const std::shared_ptr<grpc::Channel>& channel, const std::string& service);
 
 }  // namespace pepeseg

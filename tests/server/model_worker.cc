@@ -1,11 +1,14 @@
-// Stands in for pepeseg-worker where a test needs a model, not a training: two flat squares of
-// Gaussians, red on the left with one feature and blue on the right with another, and three views.
-// A dataset whose first file is named "NUMBER.model" moves the squares to the right by so many of
-// the pixels of the views; one named "far.model" puts all of it where map coordinates are; one
-// named "bare" has no features, as trained without masks; one named "hang" is never ready. One
-// named "half.model" has views of photographs twice as large, "lens.model" has those taken by a
-// lens that distorts, "turned.model" has them lying on their side, and "large.model" has four times
-// as many Gaussians, of SH degree 3.
+// A fake of pepeseg-worker for tests that need a model, but no training. The model has two flat
+// squares of Gaussians, red on the left with one feature and blue on the right with another, and
+// three views. The name of the dataset's first file changes it:
+//   NUMBER.model   the squares are NUMBER pixels of the views further to the right
+//   far.model      everything is at map coordinates, far from zero
+//   bare           no features, as if trained without masks
+//   hang           the job never ends
+//   half.model     the views are of photographs twice as large
+//   lens.model     those photographs were taken by a lens that distorts
+//   turned.model   those photographs lie on their side
+//   large.model    four times as many Gaussians, of SH degree 3
 // Photographs are decoded by the worker that PEPESEG_WORKER names.
 #include <unistd.h>
 
@@ -24,10 +27,10 @@ namespace pepeseg {
 namespace {
 
 constexpr int kSide = 100;           // Gaussians along a square's side
-constexpr int kLargeSide = 200;      // likewise, of "large.model"
-constexpr float kShOfColour = 3.5f;  // about 1 / 0.282: what makes a full channel of degree 0
+constexpr int kLargeSide = 200;      // the same in "large.model"
+constexpr float kShOfColour = 3.5f;  // about 1 / 0.282: the SH coefficient of a full colour channel
 
-// Of half of the model's Gaussians, those from `first` on.
+// Sets one square: half of the model's Gaussians, from `first` on.
 void AddSquare(float left, int channel, int64_t first, Model& model) {
   Gaussians& gaussians = model.gaussians;
   const auto side = std::lround(std::sqrt(gaussians.count / 2));
@@ -70,7 +73,7 @@ Model MakeModel(float shift, int64_t side, int sh_degree) {
   return model;
 }
 
-// As the import makes views at image_scale 0.5.
+// Makes a view as the import does at image_scale 0.5.
 void SetPhotographs(const std::string& name, Model& model) {
   for (ModelView& view : model.views) {
     Photograph photograph;

@@ -13,19 +13,19 @@
 namespace pepeseg::testing {
 
 struct PepesegdOptions {
-  std::vector<std::string> arguments;    // beside the usual ones
+  std::vector<std::string> arguments;    // in addition to the usual ones
   std::vector<std::string> environment;  // "NAME=VALUE"
   std::filesystem::path worker;          // empty: pepeseg-worker
-  std::string name;                      // tells servers on one data directory apart
-  bool may_end = false;                  // before it answers: that is what is tried
+  std::string name;                      // distinguishes servers on one data directory
+  bool may_end = false;                  // whether it may end before it answers
   std::string listen = "127.0.0.1:0";
   std::shared_ptr<grpc::ChannelCredentials> credentials = nullptr;  // none: not encrypted
 };
 
-// The server program itself, on a free port of this machine. Killed with the object.
+// The server program, on a free port of this machine. The destructor kills it.
 class PepesegdProcess {
  public:
-  // Waits until it answers. The data directory may be one that an earlier server left.
+  // Starts the program and waits until it answers. An earlier server may have used the directory.
   PepesegdProcess(const std::filesystem::path& data, const PepesegdOptions& options);
   explicit PepesegdProcess(const std::filesystem::path& data,
                            const std::vector<std::string>& more = {})
@@ -36,7 +36,7 @@ class PepesegdProcess {
   pid_t pid() const { return process_->pid(); }
   std::string Log() const;
 
-  // SIGTERM, and its exit status; none: it did not end within 30 s.
+  // Sends SIGTERM and returns the exit status; nothing if it did not end within 30 s.
   std::optional<WorkerEnd> Terminate();
   void Kill();
   void Signal(int signal) const { process_->Signal(signal); }
@@ -47,7 +47,7 @@ class PepesegdProcess {
   std::shared_ptr<grpc::Channel> channel_;
 };
 
-// Process whose command line has `word`; 0: there is none.
+// Returns the id of a process whose command line contains `word`; 0: there is none.
 pid_t FindProcess(const std::string& word);
 
 }  // namespace pepeseg::testing

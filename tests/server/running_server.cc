@@ -12,7 +12,7 @@
 namespace pepeseg {
 namespace {
 
-// What appears or goes meanwhile may be missed.
+// Entries that are created or removed meanwhile may be missed.
 int64_t CountFiles(const std::filesystem::path& folder) {
   int64_t count = 0;
   std::error_code error;
@@ -128,7 +128,7 @@ grpc::Status RunningServer::Write(const std::vector<v1::WriteFilesRequest>& part
   v1::WriteFilesResponse unused;
   const auto stream = datasets->WriteFiles(&context, response != nullptr ? response : &unused);
   for (const v1::WriteFilesRequest& part : parts) {
-    if (!stream->Write(part)) break;  // the server has ended it: Finish tells why
+    if (!stream->Write(part)) break;  // the server has ended it: Finish() returns why
   }
   stream->WritesDone();
   return stream->Finish();

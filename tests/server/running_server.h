@@ -29,38 +29,38 @@ v1::WriteFilesRequest HeaderPart(const std::string& upload, const std::string& p
                                  int64_t offset = 0);
 v1::WriteFilesRequest ChunkPart(const std::string& bytes);
 v1::WriteFilesRequest EndPart();
-// All of a file's parts, in chunks of `chunk_bytes`.
+// Returns all parts of a file, in chunks of `chunk_bytes`.
 std::vector<v1::WriteFilesRequest> FileParts(const std::string& upload, const TestFile& file,
                                              size_t chunk_bytes = 1 << 20);
 
-// The defaults, and an admin listener.
+// Returns the default options with an admin listener.
 inline ServerOptions WithAdmin() {
   ServerOptions options;
   options.admin = "127.0.0.1:0";
   return options;
 }
 
-// A server of a test's own, over an in-process channel unless a test asks for the socket.
+// A server in the test's process. Tests call it over an in-process channel, or over its socket.
 struct RunningServer {
-  // `settings` but for the data folder, the worker and the device.
+  // Starts a server with `settings`, except for the data folder, the worker and the device.
   explicit RunningServer(const std::string& worker, const ServerOptions& settings = {});
 
-  // Ends the server, and starts it on the same data with what was changed in `options`.
+  // Ends the server, and starts it on the same data with the current `options`.
   void Restart();
 
-  // What the services are asked in most tests; a status that is not OK fails the test.
+  // The calls of most tests. A status that is not OK fails the test.
   void CreateScene(const std::string& id);
   v1::Upload CreateUpload(const std::string& scene, const std::vector<TestFile>& files);
   grpc::Status Write(const std::vector<v1::WriteFilesRequest>& parts,
                      v1::WriteFilesResponse* response = nullptr);
   v1::Upload GetUpload(const std::string& name);
   std::string UploadAndSeal(const std::string& scene, const std::vector<TestFile>& files);
-  // Of a new dataset whose one file is so named; the worker may read that as what to do.
+  // Trains a new dataset with one file of that name, by which a fake worker decides what to do.
   v1::Job Train(const std::string& scene, const std::string& file);
-  // Until it has ended, one minute at most.
+  // Waits up to one minute until the job has ended.
   v1::Job Await(const std::string& job);
   int64_t CountBlobFiles() const;
-  // Of files that are on their way.
+  // Returns the names of partial uploads.
   int64_t CountPartialFiles() const;
 
   testing::TempFolder folder;

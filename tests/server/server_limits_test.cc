@@ -1,4 +1,4 @@
-// What a whole server tells of itself, and what it lets nobody take.
+// Health of a whole server, and limits that it puts on clients.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(ServerHealth, IsToldForEachService) {
+TEST(ServerHealth, IsReportedForEachService) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const auto channel = ConnectTo(running.server->port());
   EXPECT_EQ(CheckHealth(channel, ""), 1);
@@ -34,19 +34,19 @@ grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const st
   return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
 }
 
-TEST(ServerLimits, HoldOnTheSocket) {
+TEST(ServerLimits, ApplyToTheSocket) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const int port = running.server->port();
   const std::string large(size_t{9} << 20, 'x');
   EXPECT_EQ(CreateScene(ConnectTo(port), large, 0).error_code(), grpc::RESOURCE_EXHAUSTED);
-  // gRPC gives the whole connection up for that; others do not notice.
+  // gRPC closes the whole connection for that; other connections are not affected.
   const auto other = ConnectTo(port);
   EXPECT_TRUE(CreateScene(other, "a", 10'000).ok());
   EXPECT_FALSE(CreateScene(ConnectTo(port), "b", 20'000).ok());
   EXPECT_TRUE(CreateScene(other, "c", 0).ok());
 }
 
-// Of a server whose database comes and goes: nothing of it can be served.
+// Without its database, no service can be served.
 TEST(ServerHealth, FollowsTheDatabase) {
   testing::PostgresqlServer database;
   ServerOptions options;
@@ -54,7 +54,7 @@ TEST(ServerHealth, FollowsTheDatabase) {
   RunningServer running(PEPESEG_FAKE_WORKER, options);
   const auto channel = ConnectTo(running.server->port());
   const auto await = [&](int want) {
-    // A probe every two seconds.
+    // The health monitor probes every two seconds.
     const absl::Time deadline = absl::Now() + absl::Seconds(15);
     while (CheckHealth(channel, "") != want && absl::Now() < deadline) {
       absl::SleepFor(absl::Milliseconds(50));
@@ -73,8 +73,8 @@ TEST(ServerHealth, FollowsTheDatabase) {
   EXPECT_TRUE(CreateScene(channel, "back", 0).ok());
 }
 
-// Calls go on over a new connection, and a stream on the old one for as long again.
-TEST(ServerLimits, ConnectionsAgeWithoutHarm) {
+// Calls move to a new connection. A stream may stay on the old one for the same time again.
+TEST(ServerLimits, EndOldConnectionsWithoutFailedCalls) {
   ServerOptions options;
   options.max_connection_age = absl::Seconds(2);
   RunningServer running(PEPESEG_FAKE_WORKER, options);
@@ -88,8 +88,8 @@ TEST(ServerLimits, ConnectionsAgeWithoutHarm) {
   const auto stream = jobs->WatchJob(&watching, watch);
   v1::JobEvent event;
   ASSERT_TRUE(stream->Read(&event));
-  // It leaves READY for a moment when the connection is told to go away, which looking now and then
-  // would miss.
+  // The channel leaves READY only for a moment when the server sends GOAWAY, which polling would
+  // miss.
   const absl::Time end = absl::Now() + absl::Seconds(3);
   std::future<bool> aged = std::async(std::launch::async, [&] {
     return channel->WaitForStateChange(GRPC_CHANNEL_READY, absl::ToChronoTime(end));
@@ -105,7 +105,7 @@ TEST(ServerLimits, ConnectionsAgeWithoutHarm) {
     absl::SleepFor(absl::Milliseconds(1));
   }
   EXPECT_TRUE(aged.get()) << "the connection did not age";
-  // The stream is still there: it hears that the job is cancelled.
+  // The stream still works: it gets the event of the cancelled job.
   grpc::ClientContext context;
   v1::CancelJobRequest cancel;
   cancel.set_name(job);

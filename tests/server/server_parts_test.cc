@@ -9,17 +9,17 @@ namespace {
 
 constexpr int64_t kGib = int64_t{1} << 30;
 
-TEST(WorkerMemory, IsWhatTheServersModelsAndItsReserveLeave) {
+TEST(WorkerMemory, IsTheRestAfterModelsAndReserve) {
   EXPECT_EQ(WorkerMemory(16 * kGib, 8 * kGib), 7 * kGib);
   EXPECT_EQ(WorkerMemory(4 * kGib, 2 * kGib), 3 * kGib / 2);
 }
 
-TEST(WorkerMemory, IsAtLeastAQuarterWhateverTheModelsTake) {
+TEST(WorkerMemory, IsAtLeastAQuarter) {
   EXPECT_EQ(WorkerMemory(16 * kGib, 15 * kGib), 4 * kGib);
   EXPECT_EQ(WorkerMemory(16 * kGib, int64_t{1} << 50), 4 * kGib);
 }
 
-TEST(WorkerMemory, IsForOtherMachinesToSayWhereSlurmStartsWorkers) {
+TEST(WorkerMemory, IsUnlimitedIfSlurmStartsWorkers) {
   ServerOptions options;
   options.model_bytes = kGib;
   const int64_t here = WorkerMemory(options);
@@ -29,7 +29,7 @@ TEST(WorkerMemory, IsForOtherMachinesToSayWhereSlurmStartsWorkers) {
   EXPECT_EQ(WorkerMemory(options), 0);
 }
 
-TEST(TrainingMemory, OfTheHostIsNoMoreThanAWorkerMayTake) {
+TEST(TrainingMemory, IsAtMostWorkerMemoryOnTheHost) {
   const auto device = OpenDevice("cpu", 1);
   ASSERT_TRUE(device.ok()) << device.status();
   ServerOptions options;

@@ -1,4 +1,4 @@
-// What keeps a server from starting.
+// Options with which a server does not start.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -18,7 +18,7 @@ ServerOptions OptionsIn(const testing::TempFolder& folder) {
   return options;
 }
 
-TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
+TEST(ServerStart, RefusesToServeOtherMachinesUnlessInsecure) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.listen = "0.0.0.0:0";
@@ -29,7 +29,7 @@ TEST(ServerStart, RefusesOtherMachinesUnlessToldTo) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
+TEST(ServerStart, RefusesAMissingWorkerAndADataDirectoryInUse) {
   const testing::TempFolder folder;
   ServerOptions options;
   options.data = folder.path();
@@ -45,7 +45,7 @@ TEST(ServerStart, RefusesAMissingWorkerAndATakenDataDirectory) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
+TEST(ServerStart, RefusesADeviceThatIsNotAvailable) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.device = "cuda:1000";
@@ -54,7 +54,7 @@ TEST(ServerStart, RefusesADeviceThatCannotBeHad) {
   EXPECT_NE(refused.status().message().find("device cuda:1000: "), std::string::npos);
 }
 
-TEST(ServerStart, RefusesWeightsThatAreNone) {
+TEST(ServerStart, RefusesAFileThatIsNotWeights) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.workers.lpips_weights = folder / "lpips.onnx";
@@ -67,7 +67,7 @@ TEST(ServerStart, RefusesWeightsThatAreNone) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
+TEST(ServerStart, RefusesAPriorsCommandThatIsNotAProgram) {
   const testing::TempFolder folder;
   ServerOptions options;
   options.data = folder.path();
@@ -81,7 +81,7 @@ TEST(ServerStart, RefusesAPriorsCommandThatIsNoProgram) {
   }
 }
 
-TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
+TEST(ServerStart, RefusesADamagedSamFolderThatIsNamed) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.workers.sam = folder / "sam";
@@ -94,8 +94,8 @@ TEST(ServerStart, RefusesANamedFolderOfSamThatIsNotWhole) {
   EXPECT_NE(refused.status().message().find("sam.onnx: its SHA-256 is "), std::string::npos);
 }
 
-// The default folder holds nothing up.
-TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
+// A damaged default folder does not keep the server from starting.
+TEST(ServerStart, UsesSamInADefaultFolderIfItIsIntact) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.default_sam = {folder / "none", folder / "sam"};
@@ -107,7 +107,7 @@ TEST(ServerStart, UsesSamInADefaultFolderWhereItIsWhole) {
   EXPECT_TRUE(Server::Start(options).ok());
 }
 
-TEST(ServerStart, RefusesATakenPort) {
+TEST(ServerStart, RefusesAPortInUse) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;
   ServerOptions options = running.options;
@@ -121,7 +121,7 @@ TEST(ServerStart, RefusesATakenPort) {
   EXPECT_EQ(message.find('\n'), std::string::npos);
 }
 
-TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
+TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeBound) {
   const RunningServer running(PEPESEG_FAKE_WORKER);
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
@@ -129,13 +129,13 @@ TEST(ServerStart, NamesTheFlagOfAnAddressThatCannotBeHad) {
   EXPECT_NE(Server::Start(options).status().message().find("--metrics 127."), std::string::npos);
   options.metrics.clear();
   options.insecure = true;
-  options.listen = "192.0.2.1:0";  // RFC 5737: nobody's
+  options.listen = "192.0.2.1:0";  // reserved by RFC 5737: no machine has it
   const auto refused = Server::Start(options);
   EXPECT_NE(refused.status().message().find("not an address of this machine"), std::string::npos)
       << refused.status();
 }
 
-TEST(ServerStart, MakesItsDataDirectoryForItsOwnerOnly) {
+TEST(ServerStart, CreatesTheDataDirectoryForItsOwnerOnly) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
   options.data = folder / "share" / "pepeseg";

@@ -13,13 +13,14 @@
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "server/listen_rules.h"
 #include "tests/server/health_check.h"
 #include "tests/server/running_server.h"
 
 namespace pepeseg {
 namespace {
 
-TEST(IsLoopback, KnowsWhatStaysOnTheMachine) {
+TEST(IsLoopback, AcceptsOnlyAddressesOfThisMachine) {
   for (const char* near : {"127.0.0.1:0", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/x"}) {
     EXPECT_TRUE(IsLoopback(near)) << near;
   }
@@ -37,7 +38,7 @@ grpc::Status CreateScene(const std::shared_ptr<grpc::Channel>& channel, const st
   return v1::SceneService::NewStub(channel)->CreateScene(&context, request, &scene);
 }
 
-TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
+TEST(ServerShutdown, EndsStreamsAndRequeuesJobs) {
   RunningServer running(PEPESEG_FAKE_WORKER);
   running.CreateScene("shelf");
   const v1::Job job = running.Train("shelf", "hang");
@@ -77,7 +78,7 @@ TEST(ServerShutdown, EndsStreamsAndLetsJobsGoOnLater) {
       << resumed.DebugString();
 }
 
-// The program itself, until its port file is there.
+// Runs the program, and waits for its port file.
 struct Program {
   explicit Program(const testing::TempFolder& folder,
                    const std::string& worker = PEPESEG_FAKE_WORKER,
@@ -117,7 +118,7 @@ struct Program {
   bool ended = false;
 };
 
-TEST(ServerProgram, ServesAndEndsWellOnSigterm) {
+TEST(ServerProgram, ServesAndExitsCleanlyOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder);
   ASSERT_GT(program.port, 0);
@@ -162,7 +163,8 @@ v1::Job TrainOn(const std::shared_ptr<grpc::Channel>& channel, const std::string
   return job;
 }
 
-// NOT_SERVING, a while in which it still answers, streams end, what is under way is answered, exit.
+// The order: NOT_SERVING, a time in which calls are still answered, the end of streams, answers to
+// the calls in progress, exit.
 TEST(ServerProgram, StopsInOrderOnSigterm) {
   const testing::TempFolder folder;
   Program program(folder, PEPESEG_MODEL_WORKER, {"--drain-seconds=2", "--grace=20"});
@@ -187,7 +189,7 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
 
   kill(program.pid, SIGTERM);
   while (CheckHealth(channel, "") == kServing) absl::SleepFor(absl::Milliseconds(5));
-  // The first question loads the model: it is under way when the streams end.
+  // The first query loads the model, so it is still in progress when the streams end.
   v1::ProposeScalesRequest question;
   question.set_model("scenes/shelf/models/live");
   question.mutable_prompt()->mutable_view()->set_view("middle.jpg");
@@ -204,7 +206,7 @@ TEST(ServerProgram, StopsInOrderOnSigterm) {
     num_answered += last.ok() ? 1 : 0;
   } while (last.ok());
   EXPECT_GT(num_answered, 0);
-  // Never cut off in the middle: refused, or the connection is gone.
+  // No call is cut off in the middle: it is refused, or the connection is closed.
   EXPECT_EQ(last.error_code(), grpc::UNAVAILABLE) << last.error_message();
   while (watcher->Read(&event)) {
   }
@@ -221,7 +223,7 @@ struct Output {
   std::string text;  // standard output and error
 };
 
-// Through the shell.
+// Runs a command in the shell.
 Output RunShell(const std::string& line) {
   Output output;
   FILE* pipe = popen((line + " 2>&1").c_str(), "r");
@@ -231,7 +233,7 @@ Output RunShell(const std::string& line) {
   return output;
 }
 
-TEST(ServerProgram, SaysInOneLineThatItsPortIsTaken) {
+TEST(ServerProgram, ReportsAPortInUseInOneLine) {
   const testing::TempFolder folder;
   const Program first(folder);
   ASSERT_GT(first.port, 0);
@@ -245,7 +247,7 @@ TEST(ServerProgram, SaysInOneLineThatItsPortIsTaken) {
   }
 }
 
-// Where another test's server, or a person's, has the port, it says so.
+// If another server on this machine has the default port, the program must report that.
 TEST(ServerProgram, ServesWithoutArguments) {
   const testing::TempFolder folder;
   const Output output = RunShell("XDG_DATA_HOME=" + folder.path().string() +
@@ -261,7 +263,7 @@ TEST(ServerProgram, ServesWithoutArguments) {
             std::filesystem::perms::owner_all);
 }
 
-TEST(ServerProgram, KeepsItsDataInTheHomeWithoutXdgDataHome) {
+TEST(ServerProgram, StoresDataInHomeWithoutXdgDataHome) {
   const Output help = RunShell("XDG_DATA_HOME=relative HOME=/home/anna " PEPESEG_SERVER " --help");
   EXPECT_NE(help.text.find("/home/anna/.local/share/pepeseg"), std::string::npos) << help.text;
   const Output homeless = RunShell("env -u XDG_DATA_HOME -u HOME " PEPESEG_SERVER);

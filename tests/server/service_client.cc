@@ -26,13 +26,13 @@ absl::Status ToStatus(const grpc::Status& status) {
   return {static_cast<absl::StatusCode>(status.error_code()), status.error_message()};
 }
 
-// A call that gives up in the end, so that a server that hangs fails the test.
+// A call with a deadline, so that a server that hangs fails the test.
 struct Call {
   Call() { context.set_deadline(std::chrono::system_clock::now() + kPatience); }
   grpc::ClientContext context;
 };
 
-// One unary call of a stub.
+// Makes one unary call of a stub.
 template <typename Stub, typename Request, typename Response>
 absl::StatusOr<Response> Ask(Stub& stub,
                              grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,

@@ -23,12 +23,12 @@ struct ClientFile {
   std::string bytes;
 };
 
-// A folder laid out as core/dataset/import.h says, in memory.
+// Reads a folder with the layout of core/dataset/import.h into memory.
 std::vector<ClientFile> ReadDataset(const std::filesystem::path& folder);
-// The file of that path; a test that asks for another fails.
+// Returns the file with that path. Fails the test if there is none.
 ClientFile& FileOf(std::vector<ClientFile>& files, const std::string& path);
 
-// What a client of the contract does, blocking, with plain answers.
+// A client of the contract with blocking calls.
 class ServiceClient {
  public:
   explicit ServiceClient(const std::shared_ptr<grpc::Channel>& channel);
@@ -36,16 +36,16 @@ class ServiceClient {
   absl::Status CreateScene(const std::string& id);
   absl::StatusOr<v1::Upload> CreateUpload(const std::string& scene,
                                           const std::vector<ClientFile>& files);
-  // Sends the files named, as they are; stops after `max_bytes` and hangs up.
+  // Sends files. Stops after `max_bytes` and closes the connection.
   absl::Status WriteFiles(const v1::Upload& upload, const std::vector<ClientFile>& files,
                           size_t max_bytes = SIZE_MAX);
-  // Of one file the bytes [range.first, range.second); those up to its end with the end. When that
-  // is not the file's, it waits for the server to hang up.
+  // Sends bytes [range.first, range.second) of one file, and completes the file if they reach its
+  // end. Otherwise waits for the server to end the stream.
   absl::Status SendFrom(const v1::Upload& upload, const ClientFile& file,
                         std::pair<int64_t, int64_t> range);
   absl::StatusOr<v1::Upload> GetUpload(const std::string& name);
   absl::StatusOr<v1::Dataset> SealUpload(const std::string& name);
-  // All of it: the dataset's name.
+  // Uploads and seals the files, and returns the dataset's name.
   absl::StatusOr<std::string> Upload(const std::string& scene,
                                      const std::vector<ClientFile>& files);
 
@@ -53,11 +53,11 @@ class ServiceClient {
                                 const v1::TrainingOptions& options);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
-  // From the first event on, until the server ends the stream.
+  // Returns all events from the first on, until the server ends the stream.
   absl::StatusOr<std::vector<v1::JobEvent>> Watch(const std::string& name);
-  // The job, once it has ended.
+  // Waits until the job has ended, and returns it.
   absl::StatusOr<v1::Job> WaitForJob(const std::string& name);
-  // The job, once it has told of a step.
+  // Waits until the job has reported a step, and returns it.
   absl::StatusOr<v1::Job> WaitForStep(const std::string& name);
 
   absl::StatusOr<v1::Model> GetModel(const std::string& name);
@@ -67,7 +67,7 @@ class ServiceClient {
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model);
   absl::StatusOr<v1::SegmentResponse> Segment(const v1::SegmentRequest& request);
   absl::StatusOr<v1::RenderResponse> Render(const std::string& model, const std::string& view);
-  // The PLY, once its digest was found right.
+  // Exports a selection, checks the digest, and returns the PLY.
   absl::StatusOr<std::string> Export(const std::string& model);
 
  private:

@@ -34,7 +34,7 @@ class SharedDatabaseTest : public ::testing::Test {
             false});
   }
 
-  // The name of a job whose worker does what `act` says.
+  // Submits a job whose worker does what `act` says, and returns its name.
   std::string Train(ServiceClient& client, const std::string& act) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
     EXPECT_OK(client.CreateScene(scene));
@@ -68,8 +68,8 @@ class SharedDatabaseTest : public ::testing::Test {
   int num_scenes_ = 0;
 };
 
-// The stopped server wakes up when its job is another's, and its worker has ended long before.
-TEST_F(SharedDatabaseTest, JobOfAStoppedServerIsFinishedByTheOtherAlone) {
+// The suspended server wakes up after another has taken its job. Its worker ended long before.
+TEST_F(SharedDatabaseTest, FinishesTheJobOfAStoppedServerOnTheOther) {
   const auto first = Serve("-a");
   ServiceClient a(first->channel());
   const std::string job = Train(a, "hang once");
@@ -87,13 +87,13 @@ TEST_F(SharedDatabaseTest, JobOfAStoppedServerIsFinishedByTheOtherAlone) {
   ASSERT_OK_AND_ASSIGN(const auto events_a, a.Watch(job));
   ASSERT_OK_AND_ASSIGN(const auto events_b, b.Watch(job));
   ASSERT_EQ(events_a.size(), events_b.size());
-  for (size_t i = 1; i < events_a.size(); ++i) {  // the first is a snapshot of its own time
+  for (size_t i = 1; i < events_a.size(); ++i) {  // the first is a snapshot, with another time
     EXPECT_EQ(events_a[i].SerializeAsString(), events_b[i].SerializeAsString());
   }
   EXPECT_EQ(testing::FindProcess((folder_ / "data" / job).string()), 0);  // no worker is left
 }
 
-TEST_F(SharedDatabaseTest, KilledServersJobsGoOnAtOnceWhereItIsKnownToBeGone) {
+TEST_F(SharedDatabaseTest, ResumesJobsOfAServerKnownToBeGoneAtOnce) {
   auto first = Serve("-a");
   const std::string job = [&] {
     ServiceClient a(first->channel());
@@ -108,7 +108,7 @@ TEST_F(SharedDatabaseTest, KilledServersJobsGoOnAtOnceWhereItIsKnownToBeGone) {
   EXPECT_EQ(FenceOf(job), 2);
 }
 
-TEST_F(SharedDatabaseTest, CancelReachesAJobOfTheOtherServer) {
+TEST_F(SharedDatabaseTest, CancelsAJobOfTheOtherServer) {
   const auto first = Serve("-a");
   ServiceClient a(first->channel());
   const std::string job = Train(a, "hang");
@@ -119,13 +119,13 @@ TEST_F(SharedDatabaseTest, CancelReachesAJobOfTheOtherServer) {
   ASSERT_OK(b.CancelJob(job));
   WaitForState(b, job, v1::JOB_STATE_CANCELLED);
   EXPECT_LT(absl::Now() - asked, absl::Seconds(5));
-  // Whose events the other reads as they come.
+  // The other server reads its events as they appear.
   ASSERT_OK_AND_ASSIGN(const auto events, b.Watch(job));
   EXPECT_EQ(events.back().state_changed().state(), v1::JOB_STATE_CANCELLED);
 }
 
-// No job is lost, and none is run twice: a database that recovers slowly is back within the leases.
-TEST_F(SharedDatabaseTest, DatabaseThatIsKilledComesBackToAllJobs) {
+// No job is lost, and none is run twice, since the database recovers before the leases expire.
+TEST_F(SharedDatabaseTest, KeepsAllJobsWhenTheDatabaseIsKilled) {
   const auto first = Serve("-a", 60);
   const auto second = Serve("-b", 60);
   ServiceClient a(first->channel());
@@ -145,7 +145,7 @@ TEST_F(SharedDatabaseTest, DatabaseThatIsKilledComesBackToAllJobs) {
   }
 }
 
-TEST_F(SharedDatabaseTest, DirectoryIsNotSharedWithAServerOfItsOwnDatabase) {
+TEST_F(SharedDatabaseTest, RefusesAServerWithAnotherDatabaseOnTheDirectory) {
   const auto first = Serve("-a");
   PepesegdProcess alone(folder_ / "data",
                         testing::PepesegdOptions{{}, {}, PEPESEG_FAKE_WORKER, "-alone", true});

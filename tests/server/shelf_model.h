@@ -7,11 +7,11 @@
 
 namespace pepeseg {
 
-constexpr int kWidth = 96, kHeight = 64;  // of the views of model_worker.cc
+constexpr int kWidth = 96, kHeight = 64;  // size of the views of model_worker.cc
 
 // A server with the model of model_worker.cc as "scenes/shelf/models/1": a red square at pixels
-// about (30, 32) of view middle.jpg and a blue one about (66, 32), 2 units away, each of 10,000
-// Gaussians and one segment of every level: red 1, blue 2.
+// around (30, 32) of view middle.jpg and a blue one around (66, 32), 2 units away. Each has 10,000
+// Gaussians and is one segment of every granularity level: red is 1, blue is 2.
 struct ShelfModel : ::testing::Test {
   ShelfModel() : running(PEPESEG_MODEL_WORKER) {
     running.CreateScene("shelf");

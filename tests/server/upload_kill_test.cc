@@ -1,4 +1,4 @@
-// Uploads through the server program, killed in the middle of them.
+// The server program is killed in the middle of uploads.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -25,7 +25,7 @@ using testing::ServiceClient;
 
 constexpr int64_t kMiB = int64_t{1} << 20;
 
-// No piece of it is like another.
+// Returns bytes of which no two pieces are equal.
 std::string ManyBytes(int64_t size) {
   std::string bytes(static_cast<size_t>(size), '\0');
   uint64_t state = 88172645463325252ull;
@@ -42,14 +42,14 @@ int64_t CommittedBytes(const v1::Upload& upload) {
   return upload.partial_files().empty() ? 0 : upload.partial_files(0).committed_bytes();
 }
 
-TEST(UploadKill, GoesOnWithLessThan33MiBSentAgain) {
+TEST(UploadKill, ResumesWithLessThan33MiBSentAgain) {
   const testing::TempFolder folder;
   const ClientFile file{"videos/walk.mp4", v1::FILE_KIND_VIDEO, ManyBytes(100 * kMiB)};
   auto server = std::make_unique<PepesegdProcess>(folder / "data");
   auto client = std::make_unique<ServiceClient>(server->channel());
   ASSERT_OK(client->CreateScene("shelf"));
   ASSERT_OK_AND_ASSIGN(v1::Upload upload, client->CreateUpload("shelf", {file}));
-  // Sent up to there, and killed as soon as the server has it.
+  // Sends the bytes up to there, and kills the server as soon as it has them.
   int64_t offset = 0;
   for (const int64_t target : {20 * kMiB, 45 * kMiB, 90 * kMiB}) {
     const auto partial =
@@ -97,7 +97,7 @@ std::vector<ClientFile> TinyFiles(const std::string& name, int num_files) {
   return files;
 }
 
-// The files of an upload that the server says it has are there with the right bytes.
+// Checks that the files which the server reports as uploaded are stored with the right bytes.
 void ExpectStored(const std::filesystem::path& data, const v1::Upload& upload,
                   const std::vector<ClientFile>& files) {
   const std::set<std::string> missing(upload.missing_files().begin(), upload.missing_files().end());
@@ -110,7 +110,7 @@ void ExpectStored(const std::filesystem::path& data, const v1::Upload& upload,
   }
 }
 
-TEST(UploadKill, KeepsWhatWasAnsweredOfFilesCommittedInGroups) {
+TEST(UploadKill, KeepsAcknowledgedFilesOfAGroup) {
   const testing::TempFolder folder;
   const std::filesystem::path data = folder / "data";
   const std::vector<ClientFile> first = TinyFiles("a", 300), second = TinyFiles("b", 3000);

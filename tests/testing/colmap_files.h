@@ -6,7 +6,7 @@
 
 namespace pepeseg::testing {
 
-// What COLMAP's three files say, as numbers, and both forms in which it writes them.
+// The content of COLMAP's three files, and writers of both formats.
 struct CameraRecord {
   uint32_t id = 1;
   int model = 1;
@@ -20,7 +20,7 @@ struct ImageRecord {
   double t[3] = {0, 0, 0};
   uint32_t camera_id = 1;
   std::string name;
-  int num_points = 0;  // 2D points, of made-up places
+  int num_points = 0;  // number of 2D points; their positions are made up
 };
 struct PointRecord {
   uint64_t id = 1;

@@ -28,7 +28,7 @@ std::vector<uint16_t> ObjectLabels(const std::vector<uint16_t>& part_labels,
   return labels;
 }
 
-// Chances that are the same with every standard library.
+// Random numbers that are the same with every standard library.
 class MaskDropper {
  public:
   MaskDropper(double share, uint64_t seed)
@@ -50,7 +50,7 @@ void AddMasks(const std::vector<uint16_t>& labels, size_t num_labels, MaskDroppe
   }
 }
 
-// Disparity with a smooth error of its own in each view. Whole numbers up to 255.
+// Returns disparity with a smooth error, another one in each view, as whole numbers up to 255.
 std::vector<float> PredictDisparity(const std::vector<Hit>& hits, const Camera& camera, int index) {
   std::vector<double> disparity;
   disparity.reserve(hits.size());
@@ -71,7 +71,7 @@ std::vector<float> PredictDisparity(const std::vector<Hit>& hits, const Camera& 
   return levels;
 }
 
-// As DepthPrior wants it.
+// Scales to what DepthPrior expects.
 DepthPrior Normalized(std::vector<float> values) {
   std::vector<float> sorted = values;
   std::sort(sorted.begin(), sorted.end());

@@ -17,7 +17,7 @@ CrowdedScene SmallScene(double mask_drop = 0.25) {
       {.num_views = 9, .width = 120, .height = 90, .num_points = 500, .mask_drop = mask_drop});
 }
 
-// Everything that a view could have a mask of, in order.
+// Returns all masks that a view could have, in order.
 std::vector<BinaryMask> PossibleMasks(const CrowdedScene& scene, size_t view) {
   std::vector<BinaryMask> masks;
   for (const CrowdedLevel* level : {&scene.parts, &scene.objects}) {

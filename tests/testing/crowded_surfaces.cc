@@ -24,7 +24,8 @@ void StartObject(CrowdedSurfaces& out, const std::string& name) {
   out.object_names.push_back(name);
 }
 
-// A part of the object that was started last. The label and a shade of its own are put in.
+// Adds a part of the object that was started last. Sets its label and a shade that no other part
+// has.
 void AddPart(CrowdedSurfaces& out, const std::string& name, Surface surface) {
   const size_t part = out.part_names.size();
   surface.label = static_cast<int>(part);
@@ -49,7 +50,7 @@ void AddSurroundings(CrowdedSurfaces& out) {
   out.object_of_part.push_back(0);
 }
 
-// Five courses of six blocks, each course half a block beside the one below it.
+// Five courses of six blocks, each shifted by half a block against the one below.
 void AddWall(CrowdedSurfaces& out) {
   const std::array<Vector3d, 3> colors = {
       {{0.7, 0.4, 0.3}, {0.68, 0.44, 0.33}, {0.72, 0.62, 0.42}}};

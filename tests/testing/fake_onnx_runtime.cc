@@ -1,8 +1,8 @@
-// A library in place of ONNX Runtime, with as much of its C interface as core/priors/sam uses. Its
-// two "models" segment by colour: the encoder answers with mean colours, the decoder with the cells
-// whose colour is like that of the first point. A model that has "out of memory" in it is refused
-// as the real library refuses one that does not fit, and one that has "endless" in it runs until it
-// is told to end. Of GPUs it knows number 0.
+// A library in place of ONNX Runtime, with the part of its C interface that core/priors/sam uses.
+// Its two "models" segment by colour: the encoder returns mean colours, the decoder the cells whose
+// colour is similar to that of the first point. A model file that contains "out of memory" is
+// refused as the real library refuses one that does not fit; one that contains "endless" runs until
+// it is asked to end. The only GPU is number 0.
 #include <algorithm>
 #include <array>
 #include <atomic>

@@ -5,17 +5,17 @@
 
 namespace pepeseg::testing {
 
-// Makes a folder as deploy/sam.sh does, whose library is fake_onnx_runtime.cc.
+// Makes a folder like deploy/sam.sh's, with fake_onnx_runtime.cc as its library.
 void MakeFakeSam(const std::filesystem::path& folder);
 
-// Replaces a file of such a folder, and its digest in SHA256SUMS.
+// Replaces a file in such a folder, and its digest in SHA256SUMS.
 void ReplaceSamFile(const std::filesystem::path& folder, const std::string& name,
                     const std::string& bytes);
 
-// A field of a protobuf message.
+// Returns a length-delimited field of a protobuf message.
 std::string ProtoBytes(int number, const std::string& content);
 
-// The smallest ONNX model with what is expected of SAM's decoder.
+// Returns the smallest ONNX model with the inputs and outputs of SAM's decoder.
 std::string FakeDecoder();
 
 }  // namespace pepeseg::testing

@@ -19,7 +19,7 @@ Model FrontBlobs(int size) {
   return model;
 }
 
-// They share a channel; at large scales its gate alone is open.
+// Both blobs have channel 0, and each has another one, whose gates close at large scales.
 Model PairOfBlobs(int size) {
   Model model = FrontBlobs(size);
   model.field.features[0] = model.field.features[32] = 0.6f;

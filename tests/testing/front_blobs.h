@@ -4,11 +4,12 @@
 
 namespace pepeseg::testing {
 
-// Two opaque blobs, left and right, before the camera of a view "front" of size x size pixels;
-// nothing else. Their features are zeros, to be filled in.
+// Returns a model of two opaque blobs, left and right, in front of the camera of its only view,
+// "front", of size x size pixels. Their features are zeros, for the caller to set.
 Model FrontBlobs(int size);
 
-// The same with features: two things at small scales, one thing at large ones.
+// Returns the same model with features: the blobs are two objects at small scales, one at large
+// ones.
 Model PairOfBlobs(int size);
 
 }  // namespace pepeseg::testing

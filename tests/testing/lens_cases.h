@@ -7,7 +7,7 @@
 
 namespace pepeseg::testing {
 
-// A lens of every model that distorts, 160x120 pixels.
+// A lens of 160x120 pixels that distorts; DistortingLenses() has one of each model.
 struct LensCase {
   LensModel model;
   std::vector<double> distortion;

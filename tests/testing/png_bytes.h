@@ -22,8 +22,8 @@ inline void AppendPngChunk(const std::string& type, const std::string& body, std
   AppendBigEndian(static_cast<uint32_t>(crc), png);
 }
 
-// A grey-scale PNG of `bit_depth` bits a pixel. `rows`: each a filter of 0, then its pixels,
-// big-endian.
+// Returns a grey-scale PNG of `bit_depth` bits a pixel. `rows`: for each scanline a filter byte of
+// 0, then its pixels, big-endian.
 inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
                            const std::string& rows) {
   uLongf size = compressBound(static_cast<uLong>(rows.size()));
@@ -43,7 +43,7 @@ inline std::string GreyPng(uint32_t width, uint32_t height, int bit_depth,
   return png;
 }
 
-// All black, whole and valid however large.
+// Returns a black PNG, valid at any size.
 inline std::string BlackPng(uint32_t width, uint32_t height, int bit_depth) {
   const size_t row_bytes =
       1 + (static_cast<size_t>(width) * static_cast<size_t>(bit_depth) + 7) / 8;

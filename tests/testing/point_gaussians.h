@@ -5,8 +5,8 @@
 
 namespace pepeseg::testing {
 
-// A nearly opaque round Gaussian of standard deviation `size` at each point of a capture: geometry
-// that is good enough to segment, without stage one.
+// Returns a nearly opaque round Gaussian of standard deviation `size` at each point of a capture:
+// geometry that is good enough to segment, without stage one.
 Gaussians PointGaussians(const Capture& capture, float size);
 
 }  // namespace pepeseg::testing

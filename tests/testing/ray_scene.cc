@@ -41,13 +41,13 @@ std::optional<Hit> MeetBox(const Surface& box, const Ray& ray) {
   return Hit{near, box.axes_from_world.transpose() * normal, &box};
 }
 
-// Looks at the ball around the surface only: true where Trace need not look closer.
+// Tests only the ball around the surface. True: the ray misses it, and Trace can skip it.
 bool PassesBy(const Surface& surface, const Ray& ray) {
   const double distance = (surface.center - ray.origin).cross(ray.direction).squaredNorm();
   return distance > surface.half.squaredNorm() * ray.direction.squaredNorm();
 }
 
-// Colour in [0, 1]; the sky is dark.
+// Returns the colour in [0, 1] of a hit; dark for the sky.
 Vector3d Shade(const Ray& ray, const Hit& hit) {
   if (hit.surface == nullptr) return {0.1, 0.1, 0.12};
   const Vector3d x = ray.origin + hit.distance * ray.direction;

@@ -9,8 +9,8 @@ namespace pepeseg::testing {
 
 inline std::vector<float> ScaleThresholds() { return {0.5f, 0.6f, 0.7f, 0.8f, 0.9f}; }
 
-// The masks of similarity maps at ScaleThresholds(), added one scale after the other, counted pixel
-// by pixel.
+// Counts the masks of similarity maps at ScaleThresholds() pixel by pixel, as a reference for the
+// product's own counting. Add() one scale after the other.
 class Scales {
  public:
   void Add(const std::vector<float>& positive, const std::vector<float>& negative) {

@@ -65,7 +65,7 @@ void SmallDataset::Write() const {
     WriteBytes(folder / name, Png(picture));
     if (name != std::string("images/sub/c.png")) WriteBytes(folder / name, Jpeg(picture));
   }
-  // Columns 0 to 3, and of those the upper 15 rows.
+  // Columns 0 to 3, and the upper 15 rows of them.
   if (!std::filesystem::exists(folder / "masks/a.json")) {
     WriteBytes(folder / "masks/a.json",
                R"([{"area": 120, "segmentation": {"size": [30, 40], "counts": [0, 120, 1080]}},

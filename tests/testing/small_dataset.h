@@ -14,22 +14,24 @@ namespace pepeseg::testing {
 void WriteBytes(const std::filesystem::path& path, const std::string& bytes);
 std::string ReadBytes(const std::filesystem::path& path);
 
-// A smooth colourful picture: what is one pixel off shows, what is a hundredth off does not.
+// Returns a smooth colourful picture: a shift of one pixel changes it visibly, one of a hundredth
+// does not.
 Image Picture(int width, int height);
 std::string Png(const Image& image);
 std::string Jpeg(const Image& image);
 
-// A dataset on disk that imports: three 40x30 photographs a.jpg, b.jpg, sub/c.png with poses,
-// points, masks for a, an ignore mask for all. Change what a test is about, then Write it.
+// A dataset on disk that can be imported: three 40x30 photographs a.jpg, b.jpg, sub/c.png with
+// poses, points, masks of a.jpg, an ignore mask of each. A test changes what it is about, then
+// calls Write().
 struct SmallDataset {
   std::vector<CameraRecord> cameras;
   std::vector<ImageRecord> images;
   std::vector<PointRecord> points;
-  bool text = false;  // COLMAP's text form
+  bool text = false;  // writes COLMAP's text format instead of the binary one
   TempFolder folder;
 
   SmallDataset();
-  // Photographs, masks and poses; files already written by hand stay.
+  // Writes photographs, masks and poses. Files that exist already stay as they are.
   void Write() const;
   absl::StatusOr<Capture> Import(const ImportOptions& options = {}) const;
 };

@@ -19,7 +19,7 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
 
 }  // namespace pepeseg::testing
 
-// For absl::Status and absl::StatusOr alike.
+// Both take an absl::Status or an absl::StatusOr.
 #define EXPECT_OK(expr) \
   EXPECT_THAT(::pepeseg::testing::StatusOf(expr).ToString(), ::testing::StrEq("OK"))
 #define ASSERT_OK(expr) \

@@ -12,7 +12,7 @@
 namespace pepeseg::testing {
 namespace {
 
-// The table's top is y = 0.
+// The top of the table is at y = 0.
 const std::array<Surface, 5> kSurfaces = {{
     {0, false, {0, 0.1, 0}, {2, 0.1, 2}, {0.75, 0.65, 0.5}},
     {0, false, {0, -1, 2.1}, {2, 1.2, 0.1}, {0.55, 0.6, 0.7}},
@@ -40,7 +40,7 @@ MaskSet ObjectMasks(const View& view, const std::vector<uint8_t>& labels) {
   return BuildMaskSet(view.camera.width, view.camera.height, masks);
 }
 
-// Unknown where there is nothing.
+// Returns the depth or disparity of each pixel, scaled to [0, 1]; NaN where the ray hits nothing.
 DepthPrior ExactPrior(const std::vector<Hit>& hits, DepthPrior::Kind kind) {
   DepthPrior prior = {kind, {}};
   float min = std::numeric_limits<float>::infinity(), max = -min;

@@ -9,7 +9,7 @@
 
 namespace pepeseg::testing {
 
-// A fresh empty folder, removed with all it holds when the object goes.
+// A new empty folder. The destructor removes it and everything in it.
 class TempFolder {
  public:
   TempFolder() {

@@ -7,7 +7,7 @@
 
 namespace pepeseg::testing {
 
-// An AVI of Motion-JPEGs, 25 a second.
+// Writes an AVI with Motion JPEG, 25 frames a second.
 void WriteVideo(const std::filesystem::path& path, const std::vector<Image>& frames);
 
 }  // namespace pepeseg::testing

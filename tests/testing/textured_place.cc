@@ -1,6 +1,8 @@
 #include "tests/testing/textured_place.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace pepeseg::testing {
@@ -9,7 +11,7 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-// In [0, 1], as random as a hash is.
+// Returns a pseudorandom number in [0, 1], a hash of cell and seed.
 double Noise(const Vector3i& cell, uint32_t seed) {
   uint32_t hash = seed * 0x9e3779b9u;
   for (int axis = 0; axis < 3; ++axis) {
@@ -20,7 +22,7 @@ double Noise(const Vector3i& cell, uint32_t seed) {
   return static_cast<double>(hash & 0xffffu) / 65535;
 }
 
-// Cubes of noise at sizes of 1/3 to 1/24.
+// Returns noise in [0, 1] at a point: the sum of cubes of four sizes, 1/3 to 1/24.
 double Texture(const Vector3d& point, uint32_t seed) {
   double sum = 0;
   for (int octave = 0; octave < 4; ++octave) {
@@ -63,6 +65,14 @@ void TakePhoto(const std::vector<Surface>& surfaces, uint32_t seed, View& view) 
   }
 }
 
+Eigen::Matrix3Xd Columns(std::span<const Eigen::Vector3d> points) {
+  Eigen::Matrix3Xd columns(3, points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    columns.col(static_cast<Eigen::Index>(i)) = points[i];
+  }
+  return columns;
+}
+
 }  // namespace
 
 ViewArc PlaceArc(int num_views) {
@@ -101,6 +111,17 @@ Image Blurred(const Image& photo, int radius) {
     }
   }
   return blurred;
+}
+
+double CenterError(std::span<const Eigen::Vector3d> estimated,
+                   std::span<const Eigen::Vector3d> truth) {
+  assert(estimated.size() == truth.size() && truth.size() >= 3);
+  const Eigen::Matrix3Xd from = Columns(estimated), to = Columns(truth);
+  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, /*with_scaling=*/true);
+  const Eigen::Matrix3Xd moved =
+      (similarity.topLeftCorner<3, 3>() * from).colwise() + similarity.topRightCorner<3, 1>();
+  const Eigen::Vector3d mean = to.rowwise().mean();
+  return std::sqrt((moved - to).squaredNorm() / (to.colwise() - mean).squaredNorm());
 }
 
 }  // namespace pepeseg::testing

@@ -1,6 +1,8 @@
 #pragma once
 
-#include <string>
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/scene/capture.h"
@@ -8,14 +10,22 @@
 
 namespace pepeseg::testing {
 
-// A place with texture all over, for what looks for features in photographs: boxes before a wall,
-// in noise of several sizes that is fixed to them. Another seed is another place.
+// Renders photographs of a place that has texture everywhere, for methods that match features
+// between photographs: boxes in front of a wall, covered by noise of several sizes. Another `seed`
+// is another place.
 std::vector<View> PhotographPlace(const ViewArc& arc, uint32_t seed);
 
-// `arc`'s usual: 320x240 pixels, so many views over 0.12 of an angle each.
+// Returns an arc of `num_views` views of 320x240 pixels, with 0.12 radians for each.
 ViewArc PlaceArc(int num_views);
 
-// The mean over the pixels about each, up to `radius` away: out of focus.
+// Returns the photograph out of focus: each pixel is the mean of those up to `radius` away.
 Image Blurred(const Image& photo, int radius);
+
+// Returns the error of estimated camera centres after the similarity (rotation, translation, scale)
+// that fits them best to the true ones: the root mean square distance, divided by the root mean
+// square distance of the true centres from their mean. S. Umeyama, "Least-squares estimation of
+// transformation parameters between two point patterns", PAMI 1991.
+double CenterError(std::span<const Eigen::Vector3d> estimated,
+                   std::span<const Eigen::Vector3d> truth);
 
 }  // namespace pepeseg::testing

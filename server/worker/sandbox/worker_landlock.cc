@@ -39,13 +39,15 @@ constexpr uint64_t kRead = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_REA
 constexpr uint64_t kExecute = kRead | LANDLOCK_ACCESS_FS_EXECUTE;
 constexpr uint64_t kWrite = LANDLOCK_ACCESS_FS_WRITE_FILE | kTruncate;
 constexpr uint64_t kReadAndWrite = kRead | kWrite;
-// A folder in which files and folders can be made, and nothing else.
+// Access to a folder in which regular files and folders can be made, and nothing else.
 constexpr uint64_t kFill = kReadAndWrite | LANDLOCK_ACCESS_FS_REMOVE_DIR |
                            LANDLOCK_ACCESS_FS_REMOVE_FILE | LANDLOCK_ACCESS_FS_MAKE_DIR |
                            LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_REFER;
+// All accesses that are refused unless a rule allows them.
 constexpr uint64_t kHandled = kFill | kExecute | LANDLOCK_ACCESS_FS_MAKE_CHAR |
                               LANDLOCK_ACCESS_FS_MAKE_BLOCK | LANDLOCK_ACCESS_FS_MAKE_SOCK |
                               LANDLOCK_ACCESS_FS_MAKE_FIFO | LANDLOCK_ACCESS_FS_MAKE_SYM;
+// Accesses that a rule for a file may have; the others are for folders.
 constexpr uint64_t kForFiles = LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_EXECUTE | kWrite;
 
 // Programs, libraries and their data.
@@ -69,7 +71,7 @@ constexpr const char* kSystemFiles[] = {"/etc/ld.so.cache",
                                         "/sys/devices/system/node",
                                         "/sys/fs/cgroup",
                                         "/sys/kernel/mm/transparent_hugepage"};
-// Python and other programs look up the user's name in them.
+// Files in which Python and other programs look up the user's name.
 constexpr const char* kProgramFiles[] = {"/etc/passwd", "/etc/group", "/etc/nsswitch.conf"};
 constexpr const char* kDeviceFiles[] = {"/sys", "/proc/devices", "/proc/modules",
                                         "/proc/driver/nvidia", "/etc/nvidia"};
@@ -82,6 +84,7 @@ absl::Status SystemError(absl::string_view what) {
       absl::StrCat("sandbox: ", what, ": ", std::generic_category().message(errno)));
 }
 
+// A Landlock ruleset. Open, allow paths, then enter.
 class FileRules {
  public:
   FileRules() = default;
@@ -91,6 +94,7 @@ class FileRules {
   FileRules(const FileRules&) = delete;
   FileRules& operator=(const FileRules&) = delete;
 
+  // Creates the ruleset with what the kernel's version supports. FAILED_PRECONDITION: too old.
   absl::Status Open() {
     const int version = LandlockVersion();
     if (version < kLandlockRefer) {
@@ -108,8 +112,8 @@ class FileRules {
     return ruleset_ >= 0 ? absl::OkStatus() : SystemError("Landlock's rules");
   }
 
-  // Allows `access` below a folder, or as much of it as applies to a file. A path that this process
-  // cannot find or reach is left out.
+  // Allows `access` below a folder, or as much of it as applies to a file. Skips a path that this
+  // process cannot find or reach.
   absl::Status Allow(const fs::path& path, uint64_t access) const {
     const int file = open(path.c_str(), O_PATH | O_CLOEXEC);
     if (file < 0 && (errno == ENOENT || errno == ENOTDIR || errno == EACCES)) {
@@ -144,14 +148,14 @@ class FileRules {
   uint64_t handled_ = 0;
 };
 
-// The folder of compiled kernels, as CUDA finds it.
+// Returns the folder in which CUDA keeps compiled kernels.
 fs::path CudaCache() {
   if (const char* path = std::getenv("CUDA_CACHE_PATH")) return path;
   const char* home = std::getenv("HOME");
   return fs::path(home != nullptr ? home : "/root") / ".nv";
 }
 
-// Paths of the libraries that this process has loaded.
+// Returns the paths of the libraries that this process has loaded.
 std::vector<fs::path> LoadedLibraries() {
   std::vector<fs::path> libraries;
   dl_iterate_phdr(
@@ -164,7 +168,7 @@ std::vector<fs::path> LoadedLibraries() {
   return libraries;
 }
 
-// The absolute folders of LD_LIBRARY_PATH.
+// Returns the folders of LD_LIBRARY_PATH, without relative ones.
 std::vector<fs::path> LibraryFolders() {
   std::vector<fs::path> folders;
   const char* words = std::getenv("LD_LIBRARY_PATH");
@@ -174,7 +178,7 @@ std::vector<fs::path> LibraryFolders() {
   return folders;
 }
 
-// The folders of CUDA's driver, from which it loads more libraries.
+// Returns the folders of CUDA's driver, which loads more libraries from there.
 std::vector<fs::path> CudaFolders() {
   dlopen("libcuda.so.1", RTLD_LAZY | RTLD_GLOBAL);
   std::vector<fs::path> folders;
@@ -196,7 +200,7 @@ absl::Status AllowSystem(const FileRules& rules, bool runs_programs) {
   RETURN_IF_ERROR(rules.AllowEach(LoadedLibraries(), kRead));
   RETURN_IF_ERROR(rules.AllowEach(LibraryFolders(), kRead));
   RETURN_IF_ERROR(rules.Allow("/proc/self/exe", kRead));
-  // Resolved to this process now: programs that it starts cannot read their own.
+  // The rule is for this process's folder. Programs that it starts cannot read their own.
   return rules.Allow("/proc/self", kRead);
 }
 
@@ -209,7 +213,7 @@ absl::Status AllowDevice(const FileRules& rules) {
     const std::string name = entry->path().filename().string();
     if (name.starts_with("nvidia")) RETURN_IF_ERROR(rules.Allow(entry->path(), kReadAndWrite));
   }
-  // CUDA's driver names its threads, and gives up where it cannot (seen on an H200).
+  // CUDA's driver writes the names of its threads, and fails where it cannot (seen on an H200).
   RETURN_IF_ERROR(rules.Allow("/proc/self/task", kReadAndWrite));
   fs::create_directories(CudaCache(), error);  // without it CUDA compiles each time
   return rules.Allow(CudaCache(), kFill);
@@ -227,7 +231,7 @@ absl::Status LimitFiles(const SandboxNeeds& needs) {
     RETURN_IF_ERROR(rules.AllowEach(needs.programs, kExecute));
     RETURN_IF_ERROR(rules.AllowEach(kProgramFiles, kRead));
   }
-  // Semaphores and shared memory of Python's processes. CUDA does without (seen on an H100).
+  // Semaphores and shared memory of Python's processes. CUDA does not need it (seen on an H100).
   if (needs.runs_programs) RETURN_IF_ERROR(rules.Allow("/dev/shm", kFill));
   if (needs.has_device) RETURN_IF_ERROR(AllowDevice(rules));
   return rules.Enter();

@@ -5,10 +5,10 @@
 
 namespace pepeseg {
 
-// Limits the files that this process and those that it starts can open to what EnterSandbox says,
-// and, from Linux 6.12 on, their signals to each other. FAILED_PRECONDITION: the kernel has no
-// Landlock of Linux 5.19 or later, and nothing was limited. INTERNAL: it has, but refuses. Call
-// prctl(PR_SET_NO_NEW_PRIVS) before.
+// The part of EnterSandbox that concerns files. Limits the files that this process and its children
+// can open and, from Linux 6.12 on, the processes that they can signal to themselves. Call
+// prctl(PR_SET_NO_NEW_PRIVS) before. FAILED_PRECONDITION: the kernel has no Landlock, or one older
+// than Linux 5.19; nothing is limited. INTERNAL: the kernel refuses a rule.
 absl::Status LimitFiles(const SandboxNeeds& needs);
 
 }  // namespace pepeseg

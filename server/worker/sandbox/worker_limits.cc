@@ -13,18 +13,17 @@
 
 #include "core/base/status_macros.h"
 #include "kernels/host_memory.h"
-#include "server/worker/sandbox/sanitizers.h"
 
 namespace pepeseg {
 namespace {
 
-// The largest file of a model: 50 M Gaussians of 62 floats.
+// Room for the largest file of a model: 50 M Gaussians of 62 floats.
 constexpr rlim_t kMaxFileBytes = rlim_t{16} << 30;
-// CPU seconds of each thread. A reference training takes hours: after a week it is an endless loop.
+// CPU seconds of each thread. A reference training takes hours, so a week means an endless loop.
 constexpr rlim_t kMaxSeconds = 7 * 24 * 3600;
 constexpr rlim_t kMaxOpenFiles = 256;
 
-// Lowers the soft and the hard limit of a resource. Limits are never raised.
+// Lowers the soft and the hard limit of a resource to `value`. Never raises one.
 absl::Status Limit(decltype(RLIMIT_AS) resource, rlim_t value) {
   rlimit limit{};
   if (getrlimit(resource, &limit) != 0) {
@@ -48,7 +47,8 @@ absl::Status LimitResources(int64_t memory_limit, int num_threads) {
   RETURN_IF_ERROR(Limit(RLIMIT_FSIZE, kMaxFileBytes));
   RETURN_IF_ERROR(Limit(RLIMIT_NOFILE, kMaxOpenFiles));
   RETURN_IF_ERROR(Limit(RLIMIT_CORE, 0));
-  // A file over the limit makes write() fail with a message, instead of ending the process.
+  // With the signal ignored, a write beyond the limit fails with EFBIG instead of ending the
+  // process.
   std::signal(SIGXFSZ, SIG_IGN);
   return absl::OkStatus();
 }
@@ -72,7 +72,7 @@ int64_t MemoryLimit() {
 
 absl::Status EndWithParent(pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  // The parent may have ended before that call.
+  // If the parent ended before that call, the kernel sends no signal.
   if (getppid() != parent) return absl::CancelledError("the server has ended");
   return absl::OkStatus();
 }

@@ -18,8 +18,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
-#include "server/worker/sandbox/sanitizers.h"
 #include "server/worker/sandbox/worker_landlock.h"
+#include "server/worker/sandbox/worker_limits.h"
 #include "server/worker/sandbox/worker_system_calls.h"
 
 namespace pepeseg {
@@ -42,24 +42,25 @@ class Filter {
 
   void Allow(absl::string_view calls) { AddEach(SCMP_ACT_ALLOW, calls); }
   void Kill(absl::string_view calls) { AddEach(SCMP_ACT_KILL_PROCESS, calls); }
-  // Answers ENOSYS, upon which programs use an older call.
-  void SayUnknown(const char* call) { Add(SCMP_ACT_ERRNO(ENOSYS), call, {}); }
-  // Has the kernel's log name refused calls.
+  // Answers ENOSYS, as a kernel without the call does; programs then use an older call.
+  void AnswerUnknown(const char* call) { Add(SCMP_ACT_ERRNO(ENOSYS), call, {}); }
+  // Makes the kernel log refused calls.
   void Log() { Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_LOG, 1)); }
-  // All of `conditions` must hold, no two of one argument; rules of one call are alternatives.
+  // Allows a call if all of `conditions` hold, which must be of different arguments. Several rules
+  // of one call are alternatives.
   void AllowIf(const char* call, std::initializer_list<scmp_arg_cmp> conditions) {
     Add(SCMP_ACT_ALLOW, call, conditions);
   }
 
   absl::Status Enter() {
-    // For all threads, should there be more than one; with a binary tree of comparisons.
+    // TSYNC: for all threads, should there be more than one. OPTIMIZE 2: compares in a binary tree.
     Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_TSYNC, 1));
     Keep(seccomp_attr_set(context_, SCMP_FLTATR_CTL_OPTIMIZE, 2));
     if (error_ == 0) Keep(seccomp_load(context_));
     if (error_ == 0) return absl::OkStatus();
-    return absl::InternalError(
-        absl::StrCat("sandbox: seccomp", where_, ": ", std::generic_category().message(error_),
-                     "; where it cannot be had, pepesegd --sandbox=off runs jobs without any"));
+    return absl::InternalError(absl::StrCat(
+        "sandbox: seccomp", where_, ": ", std::generic_category().message(error_),
+        "; if this machine has no seccomp, pepesegd --sandbox=off runs jobs without a sandbox"));
   }
 
  private:
@@ -72,12 +73,13 @@ class Filter {
            std::initializer_list<scmp_arg_cmp> conditions) {
     if (error_ != 0) return;
     const int number = seccomp_syscall_resolve_name(call.c_str());
-    // This libseccomp does not know the call: it is refused, as all that are not listed.
+    // This libseccomp does not know the call, so it is refused like all that are not listed.
     if (number == __NR_SCMP_ERROR) return;
     Keep(seccomp_rule_add_array(context_, action, number, static_cast<unsigned>(conditions.size()),
                                 conditions.begin()));
     if (error_ != 0) where_ = absl::StrCat(" (", call, ")");
   }
+  // Keeps the first error.
   void Keep(int result) {
     if (error_ == 0 && result < 0) error_ = -result;
   }
@@ -125,8 +127,9 @@ void AllowSockets(Filter& filter, bool has_device) {
   if (has_device) filter.Allow(kDeviceSocketCalls);
 }
 
-// Refuses to truncate a file that is opened for reading: Landlock covers truncation only from Linux
-// 6.2 on. openat2 has its flags in memory, where a filter cannot look; callers use openat instead.
+// Allows open and openat, but not O_TRUNC on a file that is opened for reading: it truncates all
+// the same, and Landlock covers truncation only from Linux 6.2 on. openat2 has its flags in memory,
+// where a filter cannot look, so it is hidden; callers then use openat.
 void AllowOpening(Filter& filter) {
   constexpr uint64_t kMode = O_ACCMODE, kTruncates = O_TRUNC;
   const auto flags = [&](const char* call, uint64_t mask, uint64_t value) {
@@ -139,11 +142,11 @@ void AllowOpening(Filter& filter) {
     flags(call, kMode | kTruncates, O_WRONLY | O_TRUNC);
     flags(call, kMode | kTruncates, O_RDWR | O_TRUNC);
   }
-  filter.SayUnknown("openat2");
+  filter.AnswerUnknown("openat2");
 }
 
-// Allows a process that starts no others to signal itself only. The process ids of those that it
-// starts are not known here.
+// Allows signals. A process that starts no others can signal only itself; of one that does, the
+// children's process ids are not known here.
 void AllowSignals(Filter& filter, bool processes) {
   const auto self = static_cast<uint64_t>(getpid());
   for (const char* call : {"kill", "tgkill", "rt_sigqueueinfo", "rt_tgsigqueueinfo"}) {
@@ -155,12 +158,12 @@ void AllowSignals(Filter& filter, bool processes) {
   }
 }
 
-// Answers ENOSYS to clone3, upon which the C library uses clone: the flags of clone3 are in memory,
-// where a filter cannot look. It is a filter of its own without a log, since every new thread tries
-// clone3. Of several filters the strictest action counts.
+// Hides clone3, so that the C library uses clone: the flags of clone3 are in memory, where a filter
+// cannot look. This is a filter of its own, without a log, since every new thread tries clone3. Of
+// several filters the strictest action counts.
 absl::Status HideClone3() {
   Filter filter(SCMP_ACT_ALLOW);
-  filter.SayUnknown("clone3");
+  filter.AnswerUnknown("clone3");
   return filter.Enter();
 }
 

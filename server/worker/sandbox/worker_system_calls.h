@@ -2,14 +2,14 @@
 
 #include "absl/strings/string_view.h"
 
-// The system calls that the worker's sandbox allows or kills, in groups with the reason for each.
-// Names that this machine or its libseccomp does not have are ignored.
+// The system calls that the worker's sandbox allows, or kills the process for, in groups with the
+// reason for each. Names that the machine's libseccomp does not know are ignored.
 namespace pepeseg {
 
 // Files: the dataset, the results, libraries; locks and temporary files of SQLite in COLMAP.
-// Landlock decides which files; open and openat have conditions of their own. Not listed are links,
-// which would lead readers of the results elsewhere; chown, mknod, chroot, mount; truncate by path;
-// and io_uring, whose operations no filter sees.
+// Landlock decides which files, and AllowOpening has the conditions of open and openat. Not listed
+// are links, which would lead readers of the results elsewhere; chown, mknod, chroot, mount;
+// truncate by path; and io_uring, whose operations no filter sees.
 inline constexpr absl::string_view kFileCalls =
     "access chdir chmod close close_range copy_file_range creat dup dup2 dup3 faccessat "
     "faccessat2 fadvise64 fallocate fchdir fchmod fchmodat fcntl fdatasync fgetxattr flistxattr "
@@ -24,7 +24,7 @@ inline constexpr absl::string_view kMemoryCalls =
     "brk get_mempolicy madvise membarrier memfd_create mincore mlock mlock2 mmap mprotect "
     "mremap msync munlock munmap pkey_alloc pkey_free pkey_mprotect";
 
-// Threads and locks of the C library; clone has conditions of its own.
+// Threads and locks of the C library. AllowThreads has the conditions of clone.
 inline constexpr absl::string_view kThreadCalls =
     "arch_prctl exit exit_group futex futex_waitv get_robust_list get_thread_area getcpu gettid "
     "rseq sched_get_priority_max sched_get_priority_min sched_getaffinity sched_getattr "
@@ -36,14 +36,15 @@ inline constexpr absl::string_view kTimeCalls =
     "setitimer time timer_create timer_delete timer_getoverrun timer_gettime timer_settime "
     "timerfd_create timerfd_gettime timerfd_settime times";
 
-// Signals, and waiting for descriptors. The calls that send signals have conditions of their own.
+// Signals, and waiting for descriptors. AllowSignals has the conditions of the calls that send
+// signals.
 inline constexpr absl::string_view kSignalCalls =
     "epoll_create epoll_create1 epoll_ctl epoll_pwait epoll_pwait2 epoll_wait eventfd eventfd2 "
     "pause poll ppoll pselect6 restart_syscall rt_sigaction rt_sigpending rt_sigprocmask "
     "rt_sigreturn rt_sigsuspend rt_sigtimedwait select sigaltstack signalfd signalfd4";
 
-// Pairs of sockets between a process and its children; AllowSockets in worker_sandbox.cc says which
-// can be made. No connect.
+// Pairs of sockets between a process and its children. AllowSockets has the conditions for making
+// them. No connect.
 inline constexpr absl::string_view kSocketCalls =
     "getpeername getsockname getsockopt recvfrom recvmmsg recvmsg sendmmsg sendmsg sendto "
     "setsockopt shutdown";
@@ -54,7 +55,7 @@ inline constexpr absl::string_view kAboutItselfCalls =
     "uname";
 
 // CUDA's driver, in the worker or in a priors command: pinned and shared memory, memory near a
-// processor, priorities of its threads. Everything else it does by ioctl on its devices.
+// processor, priorities of its threads. It does everything else by ioctl on its devices.
 inline constexpr absl::string_view kDeviceCalls =
     "io_cancel io_destroy io_getevents io_setup io_submit mbind mlockall move_pages munlockall "
     "sched_setattr sched_setparam sched_setscheduler semctl semget semop semtimedop "
@@ -71,8 +72,9 @@ inline constexpr absl::string_view kProgramCalls =
 
 inline constexpr absl::string_view kSanitizerCalls = "personality ptrace wait4 waitid";
 
-// Never used by a worker: another process's memory, the kernel's code, the machine's state, keys,
-// file systems, and the calls that attacks on the kernel start with. They kill the process.
+// Calls that kill the process, since no worker makes them: other processes' memory, the kernel's
+// code, the machine's state, keys, file systems, and the calls with which attacks on the kernel
+// start.
 inline constexpr absl::string_view kAttackCalls =
     "acct add_key bpf delete_module finit_module fsconfig fsmount fsopen init_module ioperm "
     "iopl kexec_file_load kexec_load keyctl lookup_dcookie mount mount_setattr move_mount "

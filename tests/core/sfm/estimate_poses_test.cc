@@ -7,7 +7,6 @@
 #include "absl/time/clock.h"
 #include "core/formats/colmap.h"
 #include "core/formats/encode_png.h"
-#include "tests/testing/align_centers.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/textured_place.h"

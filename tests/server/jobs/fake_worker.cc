@@ -1,5 +1,5 @@
-// Stands in for pepeseg-worker in the supervisor's tests: speaks the same protocol through the
-// job's folder, and does what the name of the dataset's first file says.
+// A fake of pepeseg-worker for the supervisor's tests. It has the same protocol in the job's
+// folder, and does what the name of the dataset's first file says.
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -13,8 +13,8 @@
 
 #include "core/base/digest.h"
 #include "server/worker_protocol/event_log.h"
+#include "server/worker_protocol/heartbeat.h"
 #include "server/worker_protocol/job_folder.h"
-#include "server/worker_protocol/pulse.h"
 
 namespace pepeseg {
 namespace {
@@ -34,8 +34,8 @@ int HangUntilTerminated(const JobFolder& folder, int64_t fence) {
   return End(folder, fence, WorkerExit::kCancelled, result);
 }
 
-// Links in place of all that the server reads, as code that has taken a worker over would leave
-// them without a sandbox: to the file "victim" next to the folder of the jobs.
+// Replaces everything that the server reads by links to the file "victim" next to the folder of the
+// jobs, as code that has taken over a worker could without a sandbox.
 int PlantLinks(const JobFolder& folder, int64_t fence) {
   namespace fs = std::filesystem;
   const fs::path victim = folder.path().parent_path().parent_path() / "victim";
@@ -60,8 +60,8 @@ int Succeed(const JobFolder& folder, int64_t fence) {
   return End(folder, fence, WorkerExit::kSucceeded, result);
 }
 
-// "verify" reads the files as the worker does; "claim damage" reports damage that nobody else sees,
-// and a file that is not the job's.
+// "verify" reads the files as the worker does. "claim damage" reports intact files as damaged, and
+// a file that is not the job's.
 int Verify(const std::string& act, const JobFolder& folder, int64_t fence) {
   const auto spec = folder.ReadSpec(fence);
   if (!spec.ok()) return 98;
@@ -96,13 +96,13 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
   }
   if (act == "fail") {
     JobResult result;
-    result.status = absl::InvalidArgumentError("images/bad.jpg: it is no photograph");
+    result.status = absl::InvalidArgumentError("images/bad.jpg: it is not a photograph");
     return End(folder, fence, WorkerExit::kFailed, result);
   }
   if (act == "verify" || act == "claim damage") return Verify(act, folder, fence);
   if (act == "crash") std::abort();
   if (act == "exit42") return 42;
-  if (act == "lie") return 0;  // says that all is well, and leaves no result
+  if (act == "lie") return 0;  // exits with success, and writes no result
   if (act == "hang") return HangUntilTerminated(folder, fence);
   if (act == "deaf") {
     std::signal(SIGTERM, SIG_IGN);
@@ -128,9 +128,9 @@ int Run(const std::string& path) {
   const auto spec = folder.ReadSpec(folder.NewestFence());
   auto log = EventLogWriter::Open(folder.events(), spec.ok() ? spec->fence : 0, EventPart::kWorker);
   if (!spec.ok() || !log.ok() || spec->files.empty()) return 98;
-  const WorkerPulse pulse(folder.pulse(spec->fence), folder.lease(spec->fence),
-                          std::chrono::seconds(spec->lease_seconds),
-                          [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
+  const WorkerHeartbeat heartbeat(folder.heartbeat(spec->fence), folder.lease(spec->fence),
+                                  std::chrono::seconds(spec->lease_seconds),
+                                  [] { _exit(static_cast<int>(WorkerExit::kLeaseLost)); });
   std::fprintf(stderr, "the fake worker writes to its log\n");
   v1::JobEvent event;
   event.mutable_stage_started()->set_stage("reconstruct");

@@ -46,7 +46,7 @@ class WorkerProcessTest : public ::testing::Test {
   std::filesystem::path log_;
 };
 
-TEST_F(WorkerProcessTest, TellsHowItEnded) {
+TEST_F(WorkerProcessTest, ReportsHowItEnded) {
   EXPECT_EQ(Run("exit 7").exit_code, 7);
   EXPECT_EQ(Run("exit 7").description, "exited with code 7");
   EXPECT_EQ(Run("kill -9 $$").signal, SIGKILL);
@@ -60,7 +60,8 @@ TEST_F(WorkerProcessTest, AppendsBothOutputsToTheLog) {
 }
 
 TEST_F(WorkerProcessTest, InheritsNoDescriptor) {
-  // Not CLOEXEC, as a careless library would open it; and at a number that no shell uses itself.
+  // Without CLOEXEC, as a careless library opens files, and with a number that no shell uses
+  // itself.
   const int opened = open("/dev/null", O_RDONLY);
   const int secret = fcntl(opened, F_DUPFD, 50);
   ASSERT_GE(secret, 50);
@@ -78,10 +79,10 @@ TEST_F(WorkerProcessTest, HasItsOwnGroupAndDefaultSignals) {
   EXPECT_EQ(getpgid(process->pid()), process->pid());
   process->Signal(SIGTERM);
   EXPECT_EQ(WaitFor(*process).signal, SIGTERM);
-  process->Signal(SIGTERM);  // reaped: goes to nobody
+  process->Signal(SIGTERM);  // it is reaped: no process gets the signal
 }
 
-TEST_F(WorkerProcessTest, DiesWithItsObject) {
+TEST_F(WorkerProcessTest, IsKilledWithItsObject) {
   auto process = Shell("while true; do sleep 0.01; done");
   const pid_t pid = process->pid();
   EXPECT_FALSE(process->Poll().has_value());
@@ -90,20 +91,20 @@ TEST_F(WorkerProcessTest, DiesWithItsObject) {
   EXPECT_EQ(errno, ESRCH);
 }
 
-TEST_F(WorkerProcessTest, TailOfALogBeginsWithALine) {
+TEST_F(WorkerProcessTest, TailOfALogStartsAtALine) {
   Run("echo first line; echo second line");
   EXPECT_EQ(ReadFileTail(log_, 15), "second line\n");
   EXPECT_EQ(ReadFileTail(log_, 100), "first line\nsecond line\n");
   EXPECT_EQ(ReadFileTail(folder_ / "none", 100), "");
 }
 
-TEST_F(WorkerProcessTest, NamesAProgramThatIsNotThere) {
+TEST_F(WorkerProcessTest, NamesAMissingProgram) {
   const auto status = WorkerProcess::Launch({"/nowhere/at/all", {}, log_}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(std::string(status.message()), HasSubstr("/nowhere/at/all"));
 }
 
-TEST_F(WorkerProcessTest, LauncherPassesNoSecretsOn) {
+TEST_F(WorkerProcessTest, DoesNotPassSecretsOn) {
   for (const char* name : {"PEPESEG_KEY", "PGPASSWORD", "PGPASSFILE", "AWS_SECRET_ACCESS_KEY",
                            "SLURM_JWT", "OPERATORS_OWN", "CUDA_VISIBLE_DEVICES"}) {
     setenv(name, "value", 1);

@@ -17,7 +17,7 @@
 
 namespace pepeseg {
 
-// A supervisor whose workers are tests/server/jobs/fake_worker.cc.
+// A supervisor that starts tests/server/jobs/fake_worker.cc as workers.
 class SupervisorTest : public ::testing::Test {
  protected:
   SupervisorTest() {
@@ -36,13 +36,13 @@ class SupervisorTest : public ::testing::Test {
       return "/blobs/" + file.sha256;
     };
     options.cancel_grace = absl::Milliseconds(300);
-    options.silence = absl::Seconds(3);
+    options.heartbeat_timeout = absl::Seconds(3);
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_TRUE(supervisor.ok()) << supervisor.status();
     supervisor_ = std::move(supervisor).value();
   }
 
-  // A job of a scene of its own, whose worker does what `act` says.
+  // Submits a job of a new scene, whose worker does what `act` says. Returns its id.
   std::string Submit(const std::string& act) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
     EXPECT_TRUE(store_->CreateScene({scene, "", "", {}}).ok());
@@ -74,7 +74,8 @@ class SupervisorTest : public ::testing::Test {
     WaitFor(job, [](const JobRow& row) { return row.stage == "reconstruct"; });
   }
 
-  // The supervisor's writes: the store first, then the log. Waits for the second.
+  // Returns the job's events, once the last is written. The supervisor writes the store first and
+  // then the log.
   std::vector<v1::JobEvent> EventsOf(const std::string& job) {
     for (int i = 0; i < 500; ++i) {
       EventLogReader reader = supervisor_->ReadEvents(job, 0);
@@ -91,7 +92,7 @@ class SupervisorTest : public ::testing::Test {
 
   testing::TempFolder folder_;
   const std::string database_ = testing::NewTestDatabase(folder_.path());
-  SupervisorOptions options_;  // of the next Restart()
+  SupervisorOptions options_;  // options of the next Restart()
   std::unique_ptr<Store> store_;
   std::unique_ptr<Supervisor> supervisor_;
   int num_scenes_ = 0;

@@ -28,7 +28,7 @@ TEST_F(SupervisorTest, CommitsTheModelOfAJobThatSucceeds) {
   EXPECT_TRUE(std::filesystem::exists(folder_.path() / model->folder / "gaussians.ply"));
 }
 
-TEST_F(SupervisorTest, LogTellsTheWholeStory) {
+TEST_F(SupervisorTest, LogsAllEventsOfAJob) {
   const std::string job = Submit("succeed");
   WaitForEnd(job);
   const auto events = EventsOf(job);
@@ -46,7 +46,7 @@ TEST_F(SupervisorTest, LogTellsTheWholeStory) {
   EXPECT_EQ(newest->progress->step(), 3);
 }
 
-// What a worker leaves is read as itself, or not at all.
+// The server reads regular files of a worker, and nothing else.
 class TakenOverWorker : public SupervisorTest {
  protected:
   TakenOverWorker() { std::ofstream(folder_ / "victim") << "kept"; }
@@ -56,7 +56,7 @@ class TakenOverWorker : public SupervisorTest {
   }
 };
 
-TEST_F(TakenOverWorker, LeadsTheServerNowhereByLinks) {
+TEST_F(TakenOverWorker, CannotMakeTheServerFollowLinks) {
   const std::string job = Submit("plant links");
   EXPECT_EQ(WaitForEnd(job).state, JobState::kFailed);
   const auto events = EventsOf(job);
@@ -65,7 +65,7 @@ TEST_F(TakenOverWorker, LeadsTheServerNowhereByLinks) {
   ExpectVictimKept();
 }
 
-TEST_F(TakenOverWorker, HandsInNoModelWithALink) {
+TEST_F(TakenOverWorker, CannotSubmitAModelWithALink) {
   const JobRow end = WaitForEnd(Submit("model with a link"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("not taken"));
@@ -73,7 +73,7 @@ TEST_F(TakenOverWorker, HandsInNoModelWithALink) {
   ExpectVictimKept();
 }
 
-TEST_F(TakenOverWorker, SaysNothingThatHurtsATerminalOrNamesThePlace) {
+TEST_F(TakenOverWorker, CannotWriteControlCharactersOrPathsToClients) {
   for (const char* act : {"curse", "crash with a curse"}) {
     const JobRow end = WaitForEnd(Submit(act));
     EXPECT_EQ(end.state, JobState::kFailed);
@@ -83,7 +83,7 @@ TEST_F(TakenOverWorker, SaysNothingThatHurtsATerminalOrNamesThePlace) {
   }
 }
 
-TEST_F(SupervisorTest, WatchIsToldOfTheEnd) {
+TEST_F(SupervisorTest, NotifiesAWatchOfTheEnd) {
   const std::string job = Submit("hang");
   WaitForStage(job);
   std::atomic<int> num_calls = 0;
@@ -101,13 +101,13 @@ TEST_F(SupervisorTest, FailsWithTheWorkersReason) {
   const JobRow end = WaitForEnd(Submit("fail"));
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_EQ(end.error_code, static_cast<int>(absl::StatusCode::kInvalidArgument));
-  EXPECT_EQ(end.error_message, "images/bad.jpg: it is no photograph");
+  EXPECT_EQ(end.error_message, "images/bad.jpg: it is not a photograph");
   const auto events = EventsOf(end.id);
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().state_changed().error().message(), end.error_message);
 }
 
-TEST_F(SupervisorTest, CrashFailsTheJobAndTheNextOneRuns) {
+TEST_F(SupervisorTest, FailsACrashedJobAndRunsTheNext) {
   const std::string crash = Submit("crash");
   const std::string next = Submit("succeed");
   const JobRow end = WaitForEnd(crash);
@@ -118,14 +118,14 @@ TEST_F(SupervisorTest, CrashFailsTheJobAndTheNextOneRuns) {
   EXPECT_EQ(WaitForEnd(next).state, JobState::kSucceeded);
 }
 
-TEST_F(SupervisorTest, ExitWithoutAResultIsACrash) {
+TEST_F(SupervisorTest, TreatsAnExitWithoutAResultAsACrash) {
   EXPECT_THAT(WaitForEnd(Submit("exit42")).error_message, HasSubstr("exited with code 42"));
   const JobRow lie = WaitForEnd(Submit("lie"));
   EXPECT_EQ(lie.state, JobState::kFailed);
   EXPECT_THAT(lie.error_message, HasSubstr("exited with code 0"));
 }
 
-// The worker's process: the child of this one whose command line has the job's folder.
+// Returns the worker's process: the child of this one whose command line has the job's folder.
 pid_t FindWorker(const std::string& folder) {
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     std::ifstream file(entry.path() / "cmdline");
@@ -137,8 +137,8 @@ pid_t FindWorker(const std::string& folder) {
   return 0;
 }
 
-// Twice with nothing saved: that is too often here.
-TEST_F(SupervisorTest, WorkerThatIsKilledAgainAndAgainFailsItsJobAndTheNextOneRuns) {
+// Two crashes without progress are the limit here.
+TEST_F(SupervisorTest, FailsAJobWhoseWorkerIsKilledRepeatedlyAndRunsTheNext) {
   const std::string job = Submit("hang");
   const std::string next = Submit("succeed");
   for (int64_t fence = 1; fence <= 2; ++fence) {
@@ -178,12 +178,12 @@ TEST_F(SupervisorTest, CancelsARunningJobWithinASecond) {
 TEST_F(SupervisorTest, KillsAWorkerThatIgnoresTheCancel) {
   const std::string job = Submit("deaf");
   WaitForStage(job);
-  absl::SleepFor(absl::Milliseconds(50));  // for the worker to become deaf
+  absl::SleepFor(absl::Milliseconds(50));  // until the worker ignores SIGTERM
   ASSERT_TRUE(supervisor_->Cancel(job).ok());
   EXPECT_EQ(WaitForEnd(job).state, JobState::kCancelled);
 }
 
-TEST_F(SupervisorTest, StopQueuesRunningJobsForTheNextStart) {
+TEST_F(SupervisorTest, RequeuesRunningJobsOnStop) {
   const std::string job = Submit("hang once");
   const std::string waiting = Submit("succeed");
   WaitForStage(job);
@@ -197,7 +197,7 @@ TEST_F(SupervisorTest, StopQueuesRunningJobsForTheNextStart) {
   EXPECT_EQ(WaitForEnd(waiting).state, JobState::kSucceeded);
 }
 
-TEST_F(SupervisorTest, StopTakesNoNewJobs) {
+TEST_F(SupervisorTest, ClaimsNoJobsAfterAStop) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   absl::SleepFor(absl::Milliseconds(200));
@@ -205,7 +205,7 @@ TEST_F(SupervisorTest, StopTakesNoNewJobs) {
 }
 
 // A server that is killed leaves its job RUNNING in the store.
-TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
+TEST_F(SupervisorTest, RunsTheJobOfAKilledServerAgain) {
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
@@ -215,21 +215,21 @@ TEST_F(SupervisorTest, JobOfADeadServerRunsAgain) {
   EXPECT_EQ(end.fence, 2);
 }
 
-TEST_F(SupervisorTest, JobThatOutlivesNoServerFails) {
+TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
   options_.max_server_ends = 2;
   supervisor_->StopClaiming();
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
   ASSERT_TRUE(store_->RequeueJob(job, 1, {AttemptEnd::kServerEnded, false, {}}).ok());
   ASSERT_TRUE((*store_->ClaimJob("cpu")).has_value());
-  Restart();  // the second of two attempts is over
+  Restart();  // ends the second of two attempts
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kFailed);
   EXPECT_THAT(end.error_message, HasSubstr("server ended during each of 2"));
 }
 
-// Three servers end during an attempt each, and then the worker crashes once.
-TEST_F(SupervisorTest, EndsOfTheServerDoNotCountAsCrashes) {
+// Three servers end during one attempt each, and then the worker crashes once.
+TEST_F(SupervisorTest, DoesNotCountEndsOfTheServerAsCrashes) {
   supervisor_->StopClaiming();
   const std::string job = Submit("crash at 4");
   for (int i = 0; i < 3; ++i) {
@@ -244,7 +244,7 @@ TEST_F(SupervisorTest, EndsOfTheServerDoNotCountAsCrashes) {
   EXPECT_EQ(end.fence, 5);
 }
 
-TEST_F(SupervisorTest, PausesBetweenCrashesGrowAndHoldUpNoOtherJob) {
+TEST_F(SupervisorTest, PausesLongerAfterEachCrashWithoutDelayingOtherJobs) {
   options_.max_crashes = 3;
   options_.launch.crash_pauses = {absl::Milliseconds(300), absl::Milliseconds(900), absl::Hours(1)};
   Restart();
@@ -268,7 +268,7 @@ TEST_F(SupervisorTest, PausesBetweenCrashesGrowAndHoldUpNoOtherJob) {
   EXPECT_TRUE(told);
 }
 
-TEST_F(SupervisorTest, WorkerThatCrashesRunsAgain) {
+TEST_F(SupervisorTest, RestartsACrashedWorker) {
   const std::string job = Submit("crash once");
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
@@ -280,22 +280,22 @@ TEST_F(SupervisorTest, WorkerThatCrashesRunsAgain) {
   EXPECT_TRUE(warned);
 }
 
-// Two crashes with something saved each, where two without are too many.
-TEST_F(SupervisorTest, CrashThatLeftSomethingToGoOnFromIsNotCounted) {
+// Two crashes after progress; two without would be the limit.
+TEST_F(SupervisorTest, DoesNotCountACrashAfterProgress) {
   const JobRow end = WaitForEnd(Submit("save and crash twice"));
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 3);
 }
 
-TEST_F(SupervisorTest, WorkerThatIsStoppedIsKilledAndRunsAgain) {
+TEST_F(SupervisorTest, KillsASuspendedWorkerAndRestartsIt) {
   const std::string job = Submit("stop once");
   const JobRow end = WaitForEnd(job);
   EXPECT_EQ(end.state, JobState::kSucceeded);
   EXPECT_EQ(end.fence, 2);
-  EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no sign"));
+  EXPECT_THAT(EventsOf(job)[5].warning().message(), HasSubstr("gave no heartbeat"));
 }
 
-TEST(Supervisor, NeedsItsWorker) {
+TEST(Supervisor, RefusesToStartWithoutItsWorker) {
   const testing::TempFolder folder;
   const auto store = Store::Open("sqlite:" + (folder.path() / "store.db").string()).value();
   SupervisorOptions options;

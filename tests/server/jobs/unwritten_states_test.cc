@@ -1,5 +1,5 @@
-// Starts and ends of jobs that cannot be written for a while: they are tried again with pauses, and
-// lose nothing.
+// Starts and ends of jobs that cannot be written for a while. The supervisor tries them again with
+// pauses, and loses nothing.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <spdlog/sinks/ostream_sink.h>
@@ -60,7 +60,7 @@ struct UnwrittenStates : SupervisorTest {
   std::shared_ptr<spdlog::logger> outer;
 };
 
-TEST_F(UnwrittenStates, EndIsReportedAndWrittenWhenItCanBe) {
+TEST_F(UnwrittenStates, ReportsAnEndAndWritesItLater) {
   Change("ALTER TABLE models RENAME TO no_models");
   const absl::Time start = absl::Now();
   std::atomic<int> num_calls = 0;
@@ -77,11 +77,11 @@ TEST_F(UnwrittenStates, EndIsReportedAndWrittenWhenItCanBe) {
   EXPECT_EQ(WaitForEnd(job).state, JobState::kSucceeded);
   EXPECT_EQ(EventsOf(job).back().state_changed().state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_TRUE(supervisor_->FindObstacle(job, /*queued=*/false).ok());
-  // After 1, 2 and 4 s.
+  // It is tried again after 1, 2 and 4 s.
   EXPECT_LE(CountLines("writing its end"), 4);
 }
 
-TEST_F(UnwrittenStates, ClaimIsReportedAndMadeWhenItCanBe) {
+TEST_F(UnwrittenStates, ReportsAFailedClaimAndRepeatsIt) {
   Change(
       "CREATE TRIGGER full BEFORE UPDATE OF state ON jobs BEGIN SELECT RAISE(FAIL, 'full'); END");
   const std::string job = Submit("succeed");
@@ -94,7 +94,7 @@ TEST_F(UnwrittenStates, ClaimIsReportedAndMadeWhenItCanBe) {
   EXPECT_LE(CountLines("claiming a job"), 4);
 }
 
-TEST_F(UnwrittenStates, EndWithoutDescriptorsLosesNoModel) {
+TEST_F(UnwrittenStates, LosesNoModelWithoutDescriptors) {
   const std::string job = Submit("work a while");
   WaitForStage(job);
   rlimit all{};
@@ -113,7 +113,7 @@ TEST_F(UnwrittenStates, EndWithoutDescriptorsLosesNoModel) {
   EXPECT_LE(CountLines("writing its end"), 3);
 }
 
-TEST_F(UnwrittenStates, StartThatFailsNamesNoFolderOfTheServer) {
+TEST_F(UnwrittenStates, NamesNoFolderOfTheServerInAFailedStart) {
   std::ofstream(folder_.path() / "jobs") << "in the way";
   const JobRow job = WaitForEnd(Submit("succeed"));
   EXPECT_EQ(job.state, JobState::kFailed);

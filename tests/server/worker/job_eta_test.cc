@@ -11,7 +11,7 @@ namespace {
 using ::testing::DoubleNear;
 using ::testing::Optional;
 
-// A stage as it turns out to be.
+// A stage as it really runs.
 struct ActualStage {
   std::string name;
   int64_t num_steps = 0;  // 0: it reports none
@@ -20,11 +20,11 @@ struct ActualStage {
 
 struct Moment {
   double now = 0;   // seconds since the start of the job
-  double left = 0;  // as estimated
+  double left = 0;  // estimated remaining seconds
   int stage = 0;
 };
 
-// Runs the stages on a clock of its own, one report a second, and returns the estimates.
+// Runs the stages on a simulated clock, with one report a second, and returns the estimates.
 std::vector<Moment> RunStages(JobEta& eta, const std::vector<ActualStage>& stages) {
   std::vector<Moment> moments;
   double start = 0;
@@ -43,8 +43,8 @@ std::vector<Moment> RunStages(JobEta& eta, const std::vector<ActualStage>& stage
   return moments;
 }
 
-// From one report to the next the predicted end moves by no more than this share of the time left,
-// and 2 s.
+// Checks that from one report to the next the predicted end moves by at most this share of the
+// remaining time plus 2 s.
 void ExpectSteady(const std::vector<Moment>& moments, double share) {
   for (size_t i = 1; i < moments.size(); ++i) {
     const double passed = moments[i].now - moments[i - 1].now;
@@ -59,7 +59,7 @@ const std::vector<PlannedStage> kPlan = {{.name = "prepare", .seconds = 2},
                                          {.name = "features", .seconds = 60},
                                          {.name = "index", .seconds = 1}};
 
-TEST(JobEta, IsExactWhereTheJobRunsAsPlanned) {
+TEST(JobEta, IsExactIfTheJobRunsAsPlanned) {
   JobEta eta;
   eta.Plan(kPlan);
   const auto moments = RunStages(eta, {{"prepare", 0, 2},
@@ -89,7 +89,7 @@ TEST(JobEta, ScalesLaterStagesByTheMeasuredPace) {
   }
 }
 
-TEST(JobEta, DoesNotJumpWhereStagesTakeOtherThanExpected) {
+TEST(JobEta, DoesNotJumpWhenStagesDeviateFromThePlan) {
   JobEta eta;
   eta.Plan(kPlan);  // features take four times their share
   const auto moments = RunStages(eta, {{"prepare", 0, 2},
@@ -100,7 +100,7 @@ TEST(JobEta, DoesNotJumpWhereStagesTakeOtherThanExpected) {
   ExpectSteady(moments, 0.5);
   for (const Moment& moment : moments) {
     const double truth = 347 - moment.now;
-    // Wrong by what nobody can know, until the second stage has shown its pace.
+    // The estimate cannot be right before the second stage has a pace.
     if (moment.now > 180) {
       EXPECT_NEAR(moment.left, truth, 3 + 0.15 * truth) << "after " << moment.now;
     }
@@ -114,7 +114,7 @@ TEST(JobEta, DoesNotFollowSingleSlowSteps) {
   std::vector<Moment> moments;
   double now = 0;
   for (int step = 1; step <= 1000; ++step) {
-    now += step % 100 == 0 ? 3 : 0.07;  // every hundredth step saves its state
+    now += step % 100 == 0 ? 3 : 0.07;  // every hundredth step saves a checkpoint
     eta.Step(0, step, 1000, now);
     if (const auto left = eta.SecondsLeft(now)) moments.push_back({now, *left, 1});
   }
@@ -129,7 +129,7 @@ TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
   eta.StartStage("reconstruct", 0);
   std::vector<Moment> moments;
   for (int second = 1; second <= 45; ++second) {
-    // At step 4000 it is decided that 5500 are not done.
+    // At step 4000 the stage decides to skip 5500 steps.
     const int64_t num_steps = second < 40 ? 10000 : 4500;
     eta.Step(0, int64_t{100} * second, num_steps, second);
     moments.push_back({double(second), eta.SecondsLeft(second).value_or(-1), 1});
@@ -139,9 +139,9 @@ TEST(JobEta, ReachesAShorterEndWhenStepsAreLeftOut) {
   EXPECT_NEAR(*eta.StageSecondsLeft(), 0, 1e-6);
 }
 
-TEST(JobEta, WeighsStepsByWhatTheyCost) {
+TEST(JobEta, WeighsStepsByTheirCost) {
   JobEta eta;
-  // Half of the steps on shrunk photographs, at a tenth of the cost.
+  // Half of the steps run on shrunk photographs, at a tenth of the cost.
   eta.Plan({{.name = "reconstruct", .seconds = 110, .pieces = {{1000, 0.01}, {1000, 0.1}}}});
   eta.StartStage("reconstruct", 0);
   eta.Step(0, 500, 2000, 5);
@@ -152,15 +152,15 @@ TEST(JobEta, WeighsStepsByWhatTheyCost) {
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(50, 1e-6)));
 }
 
-TEST(JobEta, TakesThePaceOfThisAttemptOnly) {
+TEST(JobEta, UsesThePaceOfThisAttemptOnly) {
   JobEta eta;
   eta.Plan(kPlan);
   eta.StartStage("reconstruct", 0);
-  eta.Step(900, 910, 1000, 10);  // 900 steps were done before
+  eta.Step(900, 910, 1000, 10);  // an earlier attempt did 900 steps
   EXPECT_THAT(eta.StageSecondsLeft(), Optional(DoubleNear(90, 1e-6)));
 }
 
-TEST(JobEta, IsUnknownBeforeAPaceAndBeforeAStageOfUnknownLength) {
+TEST(JobEta, IsUnknownWithoutAPaceOrBeforeAStageOfUnknownLength) {
   JobEta eta;
   eta.Plan({{.name = "sfm", .seconds = 10}, {.name = "priors"}, {.name = "index", .seconds = 5}});
   EXPECT_EQ(eta.SecondsLeft(0), std::nullopt);
@@ -180,7 +180,7 @@ TEST(JobEta, IgnoresThePaceOfStagesOfLessThanASecond) {
   JobEta eta;
   eta.Plan({{.name = "prepare", .seconds = 0.01}, {.name = "reconstruct", .seconds = 60}});
   eta.StartStage("prepare", 0);
-  eta.Share(1, 0.4);  // forty times slower than expected: the start of a process
+  eta.Share(1, 0.4);  // forty times slower than expected, as when a process starts
   eta.StartStage("reconstruct", 0.4);
   eta.Step(0, 1, 2000, 0.5);
   EXPECT_EQ(eta.SecondsLeft(0.5), std::nullopt);
@@ -194,7 +194,7 @@ TEST(JobEta, KeepsHostAndDeviceApart) {
             {.name = "reconstruct", .seconds = 100, .on_device = true},
             {.name = "index", .seconds = 1}});
   eta.StartStage("sfm", 0);
-  eta.Share(0.5, 50);  // ten times slower than expected: of cores, not of the device
+  eta.Share(0.5, 50);  // ten times slower than expected, on the host and not on the device
   EXPECT_THAT(eta.SecondsLeft(50), Optional(DoubleNear(50 + 100 + 10, 1e-6)));
 }
 

@@ -1,4 +1,4 @@
-// A worker that was killed in stage one, and the attempt that comes after it.
+// A worker that is killed or stopped, and the attempt after it.
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ class WorkerCheckpointTest : public WorkerTest {
     spec_.checkpoint_steps = 10;
   }
 
-  // Of a stage of attempt 1, by step.
+  // Returns the checkpoints of a stage of attempt 1, by step.
   Paths Checkpoints(const std::string& stage = "reconstruct") {
     Paths paths;
     std::error_code error;
@@ -36,14 +36,15 @@ class WorkerCheckpointTest : public WorkerTest {
     return paths;
   }
 
-  // Attempt 1, killed once it has both generations and has densified. It writes one after each
-  // step: those by steps come no oftener than they cost little, on a slow disk thrice in no run.
+  // Runs attempt 1, and kills it once it has two checkpoints and has densified. Checkpoints are due
+  // by time here, after each step: those by steps are limited by their cost, so that on a slow disk
+  // a run would never have three.
   Paths RunAndKill(const std::string& stage = "reconstruct") {
     const int64_t seconds = std::exchange(spec_.checkpoint_seconds, 0);
     const auto worker = Launch(getpid());
     spec_.checkpoint_seconds = seconds;
-    // This process wakes before the worker goes on, however busy the machine is. Its threads, which
-    // are still to be started, inherit it.
+    // With the worker at the lowest priority, this process wakes before the worker continues, even
+    // on a busy machine. Threads that the worker starts later inherit the priority.
     EXPECT_EQ(setpriority(PRIO_PROCESS, static_cast<id_t>(worker->pid()), 19), 0);
     for (int i = 0; i < 60000; ++i) {
       const Paths paths = Checkpoints(stage);
@@ -53,20 +54,20 @@ class WorkerCheckpointTest : public WorkerTest {
     worker->Signal(SIGKILL);
     EXPECT_EQ(WaitFor(*worker).signal, SIGKILL);
     Paths paths = Checkpoints(stage);
-    // Three while the third's arrival is not yet the first's end.
+    // There are three between the writing of the newest and the removal of the oldest.
     EXPECT_GE(paths.size(), 2u);
     EXPECT_LE(paths.size(), 3u);
     return paths;
   }
 
-  // Attempt `fence`, to its end: the bytes of a file of the model.
+  // Runs attempt `fence` to its end, and returns the bytes of a file of the model.
   std::string Finish(int64_t fence, const std::string& file = "gaussians.ply") {
     spec_.fence = fence;
     ExpectExit(Run(), WorkerExit::kSucceeded);
     return ReadFile(job_.attempt(fence) / file, file, 1 << 30).value_or("");
   }
 
-  // The step that an attempt began at: that before its first report.
+  // Returns the step at which an attempt started: the one before its first report.
   int64_t FirstStepOf(int64_t fence) {
     int64_t prepares = 0;
     for (const v1::JobEvent& event : Events()) {
@@ -89,7 +90,7 @@ class WorkerCheckpointTest : public WorkerTest {
     return std::stoll(name.substr(name.find('-') + 1));
   }
 
-  // The bytes of an attempt that nothing broke off.
+  // Returns the bytes of an attempt that was not interrupted.
   std::string Unbroken(const std::string& file = "gaussians.ply") {
     const JobFolder broken = job_;
     job_ = JobFolder(folder_.path() / "unbroken");
@@ -100,7 +101,7 @@ class WorkerCheckpointTest : public WorkerTest {
   }
 };
 
-TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
+TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKill) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -113,7 +114,7 @@ TEST_F(WorkerCheckpointTest, KilledWorkersNextAttemptEndsWithTheSameBytes) {
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
-TEST_F(WorkerCheckpointTest, KilledInStageTwoNextAttemptEndsWithTheSameBytes) {
+TEST_F(WorkerCheckpointTest, ResumesWithTheSameBytesAfterAKillInStageTwo) {
   spec_.options.mutable_reconstruct()->set_num_steps(40);
   spec_.options.mutable_features()->set_num_steps(400);
   const std::string unbroken = Unbroken("features.bin");
@@ -129,8 +130,8 @@ TEST_F(WorkerCheckpointTest, KilledInStageTwoNextAttemptEndsWithTheSameBytes) {
   for (const int64_t fence : {1, 2}) EXPECT_FALSE(std::filesystem::exists(job_.checkpoints(fence)));
 }
 
-TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
-  spec_.checkpoint_steps = 1'000'000;  // none but that of the stop
+TEST_F(WorkerCheckpointTest, LosesNoStepAfterAStop) {
+  spec_.checkpoint_steps = 1'000'000;  // only the stop writes a checkpoint
   const std::string unbroken = Unbroken();
   const auto worker = Launch(getpid());
   for (int i = 0; i < 6000 && FirstStepOf(1) < 0; ++i) absl::SleepFor(absl::Milliseconds(5));
@@ -147,7 +148,7 @@ TEST_F(WorkerCheckpointTest, StoppedWorkersNextAttemptLosesNoStep) {
   EXPECT_EQ(FirstStepOf(2), StepOf(paths[0]));
 }
 
-TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
+TEST_F(WorkerCheckpointTest, FallsBackFromADamagedCheckpointToTheOneBefore) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -160,7 +161,7 @@ TEST_F(WorkerCheckpointTest, DamagedNewestFallsBackToTheOneBefore) {
   EXPECT_THAT(warnings[0], HasSubstr("truncated"));
 }
 
-TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
+TEST_F(WorkerCheckpointTest, StartsFromStepZeroWithoutAGoodCheckpoint) {
   const std::string unbroken = Unbroken();
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
@@ -175,19 +176,19 @@ TEST_F(WorkerCheckpointTest, NothingGoodStartsFromTheStart) {
   EXPECT_EQ(Warnings().size(), paths.size());
 }
 
-TEST_F(WorkerCheckpointTest, OtherOptionsOrFilesAreNotGoneOnFrom) {
+TEST_F(WorkerCheckpointTest, DoesNotResumeFromOtherOptionsOrFiles) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
   ASSERT_EQ(spec_.files[0].kind, spec_.files[1].kind);
   spec_.files[0].path = spec_.files[1].path;
-  spec_.files[0].sha256.clear();  // that of the other file
+  spec_.files[0].sha256.clear();  // WriteSpec computes the other file's
   Finish(2);
   EXPECT_EQ(FirstStepOf(2), 0);
   EXPECT_EQ(Warnings().size(), paths.size());
   EXPECT_THAT(Warnings(), ::testing::Each(HasSubstr("other files or options")));
 }
 
-TEST_F(WorkerCheckpointTest, NanIsNeverTrainedOn) {
+TEST_F(WorkerCheckpointTest, DoesNotResumeFromNan) {
   const Paths paths = RunAndKill();
   ASSERT_GE(paths.size(), 2u);
   for (const std::filesystem::path& path : paths) {

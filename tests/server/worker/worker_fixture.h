@@ -25,7 +25,7 @@
 
 namespace pepeseg {
 
-// The worker program on a real capture, through its job folder, as the supervisor runs it.
+// Runs the worker program on a real capture with a job folder, as the supervisor does.
 class WorkerTest : public ::testing::Test {
  protected:
   WorkerTest() : job_(folder_.path() / "j1") {
@@ -39,7 +39,7 @@ class WorkerTest : public ::testing::Test {
     spec_.fence = 1;
     spec_.device = "cpu";
     spec_.num_threads = 2;
-    // 80x60 pixels and few steps: all of the way, none of the quality.
+    // 80x60 pixels and few steps: all stages run, and quality does not matter.
     spec_.options.mutable_import()->set_image_scale(0.125);
     spec_.options.mutable_reconstruct()->set_num_steps(60);
     spec_.options.mutable_reconstruct()->set_num_random_points(500);
@@ -48,7 +48,8 @@ class WorkerTest : public ::testing::Test {
     spec_.options.mutable_features()->set_steps_per_chunk(20);
   }
 
-  // As the supervisor writes it: with the digest of each file. Those that are there stay.
+  // Writes the spec with the digest of each file, as the supervisor does. Keeps digests that are
+  // set.
   void WriteSpec() {
     for (JobSpecFile& file : spec_.files) {
       if (file.sha256.empty()) file.sha256 = Sha256OfFile(file.path).value_or("");
@@ -81,7 +82,8 @@ class WorkerTest : public ::testing::Test {
     EXPECT_EQ(end.exit_code, static_cast<int>(exit)) << ReadFileTail(job_.worker_log(), 2000);
   }
 
-  // Runs, and wants it to fail for the file named, with nothing left of the attempt.
+  // Runs the worker, and expects it to fail with an error that names the file, and to leave nothing
+  // of the attempt.
   void ExpectBadFile(const std::string& name) {
     ExpectExit(Run(), WorkerExit::kFailed);
     const auto result = job_.ReadResult(spec_.fence);
@@ -91,7 +93,7 @@ class WorkerTest : public ::testing::Test {
     EXPECT_FALSE(std::filesystem::exists(job_.attempt(spec_.fence)));
   }
 
-  // The bytes of the file of a spec, replaced by those given.
+  // Replaces the bytes of a file of the spec.
   JobSpecFile& Replace(const std::string& name, const std::string& bytes) {
     for (JobSpecFile& file : spec_.files) {
       if (file.name != name) continue;

@@ -10,7 +10,7 @@
 #include "core/scene/capture.h"
 #include "tests/server/worker/worker_fixture.h"
 
-// The stage "priors": a program in place of the operator's.
+// The stage "priors" with a priors command.
 namespace pepeseg {
 namespace {
 
@@ -22,13 +22,13 @@ using ::testing::IsEmpty;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
-// The warning that follows when the built-in masks are used.
+// Matches the warning about built-in masks.
 auto AdvisesOtherMasks() {
   return AllOf(HasSubstr("segments may be poor"), HasSubstr("pepeseg-priors"),
                HasSubstr("--priors-command"));
 }
 
-// Writes the upper half of each photograph as its mask.
+// A script that writes the upper half of each photograph as its mask.
 constexpr char kMakeMasks[] = R"(
 mkdir -p "$out/masks"
 n=0
@@ -54,7 +54,7 @@ class WorkerPriorsTest : public WorkerTest {
     std::filesystem::create_directories(Shared(""));
   }
 
-  // A shell script, with `photos`, `out` and `want` set from its arguments.
+  // Uses a shell script as priors command. Its arguments are in `photos`, `out` and `want`.
   void SetCommand(const std::string& script) {
     const std::filesystem::path path = folder_.path() / "make_priors";
     std::ofstream(path) << "#!/bin/sh\n"
@@ -65,7 +65,7 @@ class WorkerPriorsTest : public WorkerTest {
     ASSERT_EQ(chmod(path.c_str(), 0700), 0);
     spec_.worker.priors_command = path.string();
   }
-  // What the script may read and write.
+  // Returns a path that the script may read and write.
   std::string Shared(const std::string& name) { return (job_.work() / "shared" / name).string(); }
   std::string Text(const std::string& name) {
     return ReadFile(Shared(name), name, 1 << 20).value_or("");
@@ -91,7 +91,7 @@ class WorkerPriorsTest : public WorkerTest {
   }
 };
 
-TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
+TEST_F(WorkerPriorsTest, MakesEmbeddedPriorsWithoutACommand) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), UnorderedElementsAre(Pair("poses", "given"), Pair("masks", "embedded"),
                                               Pair("depth", "embedded")));
@@ -112,7 +112,7 @@ TEST_F(WorkerPriorsTest, WithoutACommandTheEmbeddedOnesAreMade) {
   EXPECT_TRUE(told);
 }
 
-TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
+TEST_F(WorkerPriorsTest, MakesNoneIfTheOptionsExcludeThem) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_NONE);
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -123,7 +123,7 @@ TEST_F(WorkerPriorsTest, NoneAreMadeWhereTheyAreLeftOut) {
   EXPECT_TRUE(model->field.features.empty());  // it can be rendered, not segmented
 }
 
-TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
+TEST_F(WorkerPriorsTest, RunsACommandForMasksAndDepth) {
   Image ramp{64, 48, 1, {}};
   for (int i = 0; i < 64 * 48; ++i) ramp.pixels.push_back(static_cast<uint8_t>(i % 64 * 4));
   std::ofstream(Shared("ramp.png"), std::ios::binary) << EncodePng(ramp).value_or("");
@@ -154,7 +154,7 @@ TEST_F(WorkerPriorsTest, ACommandMakesMasksAndDepth) {
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
 }
 
-TEST_F(WorkerPriorsTest, MakesOnlyWhatIsAskedFor) {
+TEST_F(WorkerPriorsTest, MakesOnlyWhatIsRequested) {
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_NONE);
   SetCommand(absl::StrCat("echo $want > ", Shared("want"), "\n", kMakeMasks));
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -166,7 +166,7 @@ TEST_F(WorkerPriorsTest, MakesOnlyWhatIsAskedFor) {
   EXPECT_EQ(NumRuns(), 1);
 }
 
-TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
+TEST_F(WorkerPriorsTest, WarnsOfAFailureWithTheEndOfItsLog) {
   SetCommand("echo weights are missing >&2; exit 3");
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(),
@@ -176,7 +176,7 @@ TEST_F(WorkerPriorsTest, AFailureIsAWarningThatEndsWithItsLastWords) {
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
-TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
+TEST_F(WorkerPriorsTest, FailsTheJobIfRequiredPriorsFail) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
   SetCommand("echo weights are missing; kill -9 $$");
   ExpectExit(Run(), WorkerExit::kFailed);
@@ -185,22 +185,22 @@ TEST_F(WorkerPriorsTest, AFailureOfWhatWasDemandedFailsTheJob) {
               AllOf(HasSubstr("killed by signal 9"), HasSubstr("weights are missing")));
 }
 
-TEST_F(WorkerPriorsTest, NothingMadeIsAFailure) {
+TEST_F(WorkerPriorsTest, TreatsNoOutputAsAFailure) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_COMMAND);
-  // Links are not followed, and names of its own are not looked at.
+  // Links are not followed, and files with unknown names are ignored.
   SetCommand("mkdir $out/masks; ln -s /etc/hostname $out/masks/000001.json; : > $out/masks/a.json");
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_THAT(std::string(Error().message()), HasSubstr("wrote no masks,depth"));
 }
 
-TEST_F(WorkerPriorsTest, WithoutACommandADemandForOneFails) {
+TEST_F(WorkerPriorsTest, FailsIfACommandIsRequiredAndMissing) {
   spec_.options.mutable_priors()->set_depth(v1::PRIOR_MAKER_COMMAND);
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_EQ(Error().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(Error().message()), HasSubstr("--priors-command"));
 }
 
-TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
+TEST_F(WorkerPriorsTest, NamesABrokenMaskAndUsesNone) {
   const std::string script = absl::StrCat(kMakeMasks, "echo '[{' > $out/masks/000002.json");
   SetCommand(script);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -210,14 +210,14 @@ TEST_F(WorkerPriorsTest, ABrokenMaskIsNamedAndNoneIsUsed) {
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
 }
 
-TEST_F(WorkerPriorsTest, IsStoppedAtItsTimeLimit) {
+TEST_F(WorkerPriorsTest, StopsTheCommandAtItsTimeLimit) {
   SetCommand("sleep 600");
   spec_.worker.priors_seconds = 1;
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Warnings(), ElementsAre(HasSubstr("time limit"), AdvisesOtherMasks()));
 }
 
-TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
+TEST_F(WorkerPriorsTest, KillsTheCommandAndItsChildrenOnCancel) {
   SetCommand(absl::StrCat("trap '' TERM; sleep 600 & echo $! > ", Shared("child"), "; wait"));
   const auto worker = Launch(getpid());
   AwaitFile("child");
@@ -227,7 +227,7 @@ TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
   EXPECT_LT(absl::Now() - before, absl::Seconds(1));
   EXPECT_EQ(Error().code(), absl::StatusCode::kCancelled);
   const pid_t child = std::stoi(Text("child"));
-  // Whoever inherits it may still have to reap it.
+  // Until its new parent reaps it, it is still in the process table.
   const auto runs = [child] {
     std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
     std::string id, name, state;
@@ -237,7 +237,7 @@ TEST_F(WorkerPriorsTest, IsKilledWithItsChildrenWhenTheJobIsCancelled) {
   EXPECT_FALSE(runs());
 }
 
-TEST_F(WorkerPriorsTest, AFurtherAttemptTakesWhatWasMade) {
+TEST_F(WorkerPriorsTest, ReusesPriorsOfAnEarlierAttempt) {
   SetCommand(kMakeMasks);
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());

@@ -16,7 +16,7 @@ class WorkerProgressTest : public ::testing::Test {
   WorkerProgressTest()
       : path_(folder_.path() / "events.log"), log_(EventLogWriter::Open(path_).value()) {}
 
-  // Ten steps of PSNR 1, 2, ... 10 dB.
+  // Reports ten steps with a PSNR of 1, 2, ... 10 dB.
   std::vector<v1::JobProgress> TakeTenSteps(WorkerProgress::Clock::duration interval) {
     WorkerProgress progress(*log_, interval);
     EXPECT_TRUE(progress.StartStage("reconstruct").ok());
@@ -42,11 +42,11 @@ class WorkerProgressTest : public ::testing::Test {
   std::unique_ptr<EventLogWriter> log_;
 };
 
-TEST_F(WorkerProgressTest, TellsEveryStepThatIsDue) {
+TEST_F(WorkerProgressTest, ReportsEveryStepThatIsDue) {
   EXPECT_EQ(TakeTenSteps(std::chrono::nanoseconds(0)).size(), 10u);
 }
 
-TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
+TEST_F(WorkerProgressTest, ReportsTheCounters) {
   WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
   StepReport report;
@@ -68,7 +68,7 @@ TEST_F(WorkerProgressTest, CarriesTheCountersOfTheReport) {
   EXPECT_EQ(told.num_void_renders(), 5);
 }
 
-TEST_F(WorkerProgressTest, ReportsWhatTheStepsAre) {
+TEST_F(WorkerProgressTest, ReportsActivityAndUnit) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
   ASSERT_TRUE(progress.StartStage("sfm").ok());
   StepReport report{.stage = "sfm",
@@ -101,7 +101,7 @@ TEST_F(WorkerProgressTest, ReportsWhatTheStepsAre) {
   EXPECT_EQ(told.stage_number(), 0) << "nothing was planned";
 }
 
-TEST_F(WorkerProgressTest, CarriesTheStagesNumberAndTheEtaOfTheJob) {
+TEST_F(WorkerProgressTest, ReportsTheStagesNumberAndTheJobsEta) {
   WorkerProgress progress(*log_, std::chrono::nanoseconds(0));
   progress.Plan({{.name = "prepare", .seconds = 1},
                  {.name = "reconstruct", .seconds = 1},
@@ -122,10 +122,10 @@ TEST_F(WorkerProgressTest, CarriesTheStagesNumberAndTheEtaOfTheJob) {
   EXPECT_LE(told.job_eta().seconds(), 10);
 }
 
-TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
+TEST_F(WorkerProgressTest, ReportsASkippedPartAndItsStage) {
   WorkerProgress progress(*log_);
   ASSERT_TRUE(progress.StartStage("features").ok());
-  ASSERT_TRUE(progress.SkipTerm({"perception", "no training view has a depth prior"}).ok());
+  ASSERT_TRUE(progress.SkipPart({"perception", "no training view has a depth prior"}).ok());
   EventLogReader reader(path_);
   const auto events = reader.Read();
   ASSERT_EQ(events->size(), 2u);
@@ -135,13 +135,13 @@ TEST_F(WorkerProgressTest, TellsWhatIsSkippedAndInWhichStage) {
   EXPECT_EQ(skipped.reason(), "no training view has a depth prior");
 }
 
-TEST_F(WorkerProgressTest, TellsWhatSkippedStepsSaveAtThePaceSoFar) {
+TEST_F(WorkerProgressTest, ReportsTheTimeThatSkippedStepsSave) {
   WorkerProgress progress(*log_);
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
   progress.ResumeAt(1000);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const double before = progress.seconds_in_stage();
-  ASSERT_TRUE(progress.SkipTerm({"steps", "the loss has stopped falling", 1100, 300}).ok());
+  ASSERT_TRUE(progress.SkipPart({"steps", "the loss has stopped falling", 1100, 300}).ok());
   const double after = progress.seconds_in_stage();
   const auto events = EventLogReader(path_).Read();
   ASSERT_TRUE(events.ok() && !events->empty());
@@ -154,7 +154,7 @@ TEST_F(WorkerProgressTest, TellsWhatSkippedStepsSaveAtThePaceSoFar) {
   EXPECT_LE(saved, 3 * after + 1e-5);
 }
 
-TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {
+TEST_F(WorkerProgressTest, MeasuresThePaceSinceAResume) {
   WorkerProgress progress(*log_, std::chrono::hours(1));
   ASSERT_TRUE(progress.StartStage("reconstruct").ok());
   progress.ResumeAt(1000);
@@ -171,7 +171,7 @@ TEST_F(WorkerProgressTest, PaceIsThatOfTheStepsSinceAResume) {
   EXPECT_NEAR(seconds(told.eta()), 2 * seconds(told.elapsed()), 1e-5);
 }
 
-TEST_F(WorkerProgressTest, AlwaysTellsTheFirstAndTheLast) {
+TEST_F(WorkerProgressTest, AlwaysReportsTheFirstAndTheLastStep) {
   const auto told = TakeTenSteps(std::chrono::hours(1));
   ASSERT_EQ(told.size(), 2u);
   EXPECT_EQ(told[0].step(), 1);
@@ -185,10 +185,10 @@ TEST_F(WorkerProgressTest, AveragesPsnrSinceTheLastReport) {
   const auto told = TakeTenSteps(std::chrono::hours(1));
   ASSERT_EQ(told.size(), 2u);
   EXPECT_DOUBLE_EQ(told[0].psnr(), 1);
-  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // of 2, 3, ... 10
+  EXPECT_DOUBLE_EQ(told[1].psnr(), 6);  // the mean of 2, 3, ... 10
 }
 
-TEST_F(WorkerProgressTest, LeavesOutWhatWasNotMeasured) {
+TEST_F(WorkerProgressTest, OmitsWhatWasNotMeasured) {
   const auto told = TakeTenSteps(std::chrono::hours(1));
   ASSERT_EQ(told.size(), 2u);
   EXPECT_DOUBLE_EQ(told[0].loss(), 0.5);

@@ -7,7 +7,7 @@
 #include "tests/server/worker/worker_sfm_fixture.h"
 #include "tests/testing/fake_sam.h"
 
-// The stage "priors" with SAM, through a library in place of ONNX Runtime.
+// The stage "priors" with SAM, by a fake of ONNX Runtime.
 namespace pepeseg {
 namespace {
 
@@ -100,51 +100,51 @@ TEST_F(WorkerSamTest, MakesMasksOfTheTrainingViews) {
   EXPECT_FALSE(std::filesystem::exists(job_.priors()));
 }
 
-TEST_F(WorkerSamTest, JoinsItsMasksWithEmbeddedOnesWhereAsked) {
+TEST_F(WorkerSamTest, AddsItsMasksToEmbeddedOnesIfRequested) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM_AND_EMBEDDED);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "sam and embedded")));
 }
 
-TEST_F(WorkerSamTest, IsMissedWhereItWasAskedFor) {
+TEST_F(WorkerSamTest, FallsBackIfItIsRequestedAndMissing) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_SAM);
   spec_.worker.sam.clear();
   ExpectEmbeddedBecause("this server no longer has it");
 }
 
-TEST_F(WorkerSamTest, IsNotAskedWhereEmbeddedMasksAre) {
+TEST_F(WorkerSamTest, IsNotUsedIfEmbeddedMasksAreRequested) {
   spec_.options.mutable_priors()->set_masks(v1::PRIOR_MAKER_EMBEDDED);
   ExpectExit(Run(), WorkerExit::kSucceeded);
   EXPECT_THAT(Sources(), Contains(Pair("masks", "embedded")));
   EXPECT_EQ(NumSegmentingSteps(), 0);
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheLibraryDoesNotLoad) {
+TEST_F(WorkerSamTest, FallsBackIfTheLibraryDoesNotLoad) {
   ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
   ExpectEmbeddedBecause("does not load");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheModelIsTruncated) {
+TEST_F(WorkerSamTest, FallsBackIfTheModelIsTruncated) {
   ReplaceSamFile(sam_, "sam.onnx", testing::FakeDecoder().substr(0, 20));
   ExpectEmbeddedBecause("sam.onnx: not an ONNX model, or cut off");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereADigestDiffers) {
+TEST_F(WorkerSamTest, FallsBackIfADigestDiffers) {
   std::ofstream(sam_ / "encoder.onnx", std::ios::app) << "x";
   ExpectEmbeddedBecause("encoder.onnx: its SHA-256 is ");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereTheFolderIsGone) {
+TEST_F(WorkerSamTest, FallsBackIfTheFolderIsGone) {
   std::filesystem::remove_all(sam_);
   ExpectEmbeddedBecause("does not exist");
 }
 
-TEST_F(WorkerSamTest, FallsBackWhereMemoryIsShort) {
+TEST_F(WorkerSamTest, FallsBackIfMemoryIsShort) {
   ReplaceSamFile(sam_, "encoder.onnx", "out of memory");
   ExpectEmbeddedBecause("out of memory: it needs about ");
 }
 
-TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
+TEST_F(WorkerSamTest, KeepsTheMasksOfFinishedPhotographs) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
   for (int i = 0; i < 6000 && NumSegmentingSteps() == 0; ++i) {
@@ -153,12 +153,12 @@ TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
   first->Signal(SIGTERM);
   const WorkerEnd end = WaitFor(*first);
   EXPECT_EQ(end.exit_code, static_cast<int>(WorkerExit::kCancelled));
-  // The first view is held out, and the next two are segmented at the same time.
+  // The first view is held out; the next two are segmented in parallel.
   const bool has_second = std::filesystem::exists(MasksOf("000002"));
   const auto kept = MasksOf(has_second ? "000002" : "000003");
   ASSERT_TRUE(std::filesystem::exists(kept));
   const auto written = std::filesystem::last_write_time(kept);
-  // A damaged file is made again.
+  // Masks in a damaged file are made again.
   std::ofstream(MasksOf("000015")) << "[{";
 
   const int before = NumSegmentingSteps();
@@ -178,10 +178,10 @@ TEST_F(WorkerSamTest, KeepsThePhotographsThatAreDone) {
               HasSubstr("were segmented by an earlier attempt"));
 }
 
-// Photographs whose poses COLMAP, or a program in its place, is to find.
+// Photographs without poses, which COLMAP or a fake of it estimates.
 class WorkerSamWithoutPosesTest : public WithSam<WorkerSfmTest> {
  protected:
-  // `commands`: of a shell, run for each of COLMAP's commands.
+  // `commands`: shell commands that run for each of COLMAP's commands.
   void UseColmap(const std::string& commands) {
     spec_.worker.colmap = PathOf("colmap");
     std::ofstream(spec_.worker.colmap)
@@ -200,7 +200,7 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsPhotographsWhileColmapRuns) {
   UseColmap(WaitingFor(MasksOf("000002")) + "; exit 1");
   ExpectExit(Run(), WorkerExit::kFailed);
   EXPECT_TRUE(std::filesystem::exists(MasksOf("000002")));
-  // It would be held out.
+  // That photograph would be held out.
   EXPECT_FALSE(std::filesystem::exists(MasksOf("000001")));
 }
 
@@ -220,9 +220,9 @@ TEST_F(WorkerSamWithoutPosesTest, GivesMasksToTheTrainingViewsOnly) {
   EXPECT_GE(model->metrics.at("num_masks"), 5);
 }
 
-// The first photograph gets no pose, so that the second is held out in its place, and the ninth,
-// which would have been, is trained on.
-TEST_F(WorkerSamWithoutPosesTest, SegmentsWhatIsTrainedOnInPlaceOfAPhotographThatIsLeftOut) {
+// The first photograph gets no pose, so the second is held out in its place. The ninth would have
+// been held out and is a training view now.
+TEST_F(WorkerSamWithoutPosesTest, SegmentsTheViewThatReplacesAPhotographWithoutPose) {
   AddPlace(1, 7);
   AddPlace(9, 1);
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -237,7 +237,7 @@ TEST_F(WorkerSamWithoutPosesTest, SegmentsWhatIsTrainedOnInPlaceOfAPhotographTha
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 100000), Not(HasSubstr("photograph000009.json")));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceWhereColmapFails) {
+TEST_F(WorkerSamWithoutPosesTest, StopsAtOnceIfColmapFails) {
   AddPlace(4, 1);
   ReplaceSamFile(sam_, "encoder.onnx", "endless");
   UseColmap("sleep 1; exit 1");
@@ -258,7 +258,7 @@ TEST_F(WorkerSamWithoutPosesTest, StopsBothWithinASecond) {
   EXPECT_LT(absl::Now() - start, absl::Seconds(1));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
+TEST_F(WorkerSamWithoutPosesTest, KeepsMasksMadeBeforeAKill) {
   AddPlace(6, 1);
   UseEndlessColmap();
   const auto first = Launch(getpid());
@@ -276,7 +276,7 @@ TEST_F(WorkerSamWithoutPosesTest, KeepsWhatWasSegmentedBeforeItWasKilled) {
               HasSubstr("5 photographs were segmented by an earlier attempt"));
 }
 
-TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
+TEST_F(WorkerSamWithoutPosesTest, FallsBackIfTheLibraryDoesNotLoad) {
   AddPlace(6, 1);
   ReplaceSamFile(sam_, "libonnxruntime.so.1", "a text");
   ExpectExit(Run(), WorkerExit::kSucceeded);
@@ -285,8 +285,8 @@ TEST_F(WorkerSamWithoutPosesTest, FallsBackWhereTheLibraryDoesNotLoad) {
                                          HasSubstr("continues with the built-in masks."))));
 }
 
-// With the files that deploy/sam.sh installs, below the sandbox: `make sam-test`.
-TEST_F(WorkerSamTest, RunsTheRealOne) {
+// Uses the files that deploy/sam.sh installs, in the sandbox. `make sam-test` runs it.
+TEST_F(WorkerSamTest, RunsTheRealModel) {
   const char* real = std::getenv("PEPESEG_SAM");
   if (real == nullptr) GTEST_SKIP() << "PEPESEG_SAM names no folder";
   spec_.worker.sam = real;

@@ -13,7 +13,7 @@
 
 namespace pepeseg {
 
-// The worker on photographs and videos that come without poses.
+// Runs the worker on photographs and videos without poses.
 class WorkerSfmTest : public WorkerTest {
  protected:
   WorkerSfmTest() {
@@ -22,7 +22,7 @@ class WorkerSfmTest : public WorkerTest {
   }
 
   std::string PathOf(const std::string& name) const { return (folder_.path() / name).string(); }
-  // Where programs write.
+  // Returns a path that programs of the job may write.
   std::string PathInJob(const std::string& name) const { return (job_.work() / name).string(); }
 
   void AddPhoto(const Image& photo) {
@@ -40,7 +40,7 @@ class WorkerSfmTest : public WorkerTest {
     testing::WriteVideo(PathOf("walk.avi"), frames);
     spec_.files.push_back({"videos/walk.avi", v1::FILE_KIND_VIDEO, PathOf("walk.avi"), ""});
   }
-  // A program in COLMAP's place that never comes to an end; it leaves its number in "pid".
+  // Uses a program as COLMAP that never ends. It writes its process id to "pid".
   void UseEndlessColmap() {
     spec_.worker.colmap = PathOf("endless");
     std::ofstream(spec_.worker.colmap)

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
 
-// Runs: it may still be there for whoever has to reap it.
+// Returns whether the process runs. One that has ended may still wait to be reaped.
 bool IsThere(pid_t pid) {
   std::ifstream stat(absl::StrCat("/proc/", pid, "/stat"));
   std::string word, state;
@@ -56,9 +56,9 @@ TEST_F(WorkerSfmTest, MakesAModelOfPhotographsAlone) {
   EXPECT_TRUE(std::filesystem::exists(job_.sfm_log()));
 }
 
-TEST_F(WorkerSfmTest, TakesPosesThatAnEarlierAttemptFound) {
+TEST_F(WorkerSfmTest, UsesPosesOfAnEarlierAttempt) {
   AddPlace(6, 1);
-  // As a server leaves it that stops during the stage after.
+  // The state that an attempt leaves which was stopped during the next stage.
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto first = Launch(getpid());
   for (int i = 0; i < 12000 && !HasBegun(Events(), "reconstruct"); ++i) {
@@ -110,7 +110,7 @@ TEST_F(WorkerSfmTest, RefusesOnePhotographAHundredTimes) {
   ExpectRefused("100 photographs, of which only 1 is different");
 }
 
-TEST_F(WorkerSfmTest, SaysThatColmapIsMissing) {
+TEST_F(WorkerSfmTest, ReportsThatColmapIsMissing) {
   AddPlace(3, 1);
   spec_.worker.colmap = PathOf("nowhere");
   ExpectRefused("or upload poses");
@@ -123,7 +123,7 @@ TEST_F(WorkerSfmTest, RefusesPointsWithoutTheirPoses) {
   ExpectBadFile("points.ply");
 }
 
-TEST_F(WorkerSfmTest, NamesAPhotographThatIsNone) {
+TEST_F(WorkerSfmTest, NamesAFileThatIsNotAPhotograph) {
   AddPlace(3, 1);
   Replace("images/1.jpg", "GIF89a no photograph");
   ExpectBadFile("images/1.jpg");

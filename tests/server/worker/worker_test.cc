@@ -38,7 +38,7 @@ TEST_F(WorkerTest, MakesAModelOfPhotographs) {
   EXPECT_FALSE(std::filesystem::exists(job_.reconstruction(1)));
 }
 
-TEST_F(WorkerTest, TellsOfEveryStage) {
+TEST_F(WorkerTest, ReportsEveryStage) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   std::vector<std::string> stages;
   std::map<std::string, int64_t> last_steps;
@@ -62,7 +62,7 @@ TEST_F(WorkerTest, TellsOfEveryStage) {
   EXPECT_EQ(stage_of_quality, "features");
 }
 
-TEST_F(WorkerTest, StopsAtTheNextStepWhenToldTo) {
+TEST_F(WorkerTest, StopsAtTheNextStepOnSigterm) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto worker = Launch(getpid());
   for (int i = 0; i < 3000 && !HasProgress(Events()); ++i) {
@@ -81,7 +81,7 @@ TEST_F(WorkerTest, ResumesAfterStageOneWithTheSameBytes) {
   ExpectExit(Run(), WorkerExit::kSucceeded);
   const auto unbroken = ReadFile(job_.attempt(1) / "gaussians.ply", "first", 1 << 30);
   ASSERT_TRUE(unbroken.ok()) << unbroken.status();
-  // As a server that stopped during stage two would have left it.
+  // The state that an attempt leaves which was stopped during stage two.
   const auto model = ReadModel(job_.attempt(1));
   ASSERT_TRUE(model.ok()) << model.status();
   std::filesystem::remove_all(job_.attempt(1));
@@ -117,7 +117,7 @@ TEST_F(WorkerTest, RefusesAFileWhoseStoredBytesAreDamagedAndReportsItsDigest) {
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
 }
 
-TEST_F(WorkerTest, ReportsAllFilesWhoseStoredBytesAreGone) {
+TEST_F(WorkerTest, ReportsAllFilesWhoseStoredBytesAreMissing) {
   WriteSpec();
   std::vector<std::string> digests;
   for (JobSpecFile& file : spec_.files) {
@@ -134,17 +134,17 @@ TEST_F(WorkerTest, ReportsAllFilesWhoseStoredBytesAreGone) {
   EXPECT_EQ(result.damaged, digests);
 }
 
-TEST_F(WorkerTest, NamesAPhotographThatIsNone) {
+TEST_F(WorkerTest, NamesAFileThatIsNotAPhotograph) {
   Replace("images/frame-000003.jpg", "GIF89a no photograph");
   ExpectBadFile("images/frame-000003.jpg");
 }
 
-TEST_F(WorkerTest, SaysWhatItCannotAllocate) {
+TEST_F(WorkerTest, ReportsALackOfMemory) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "sanitizers map more memory than any limit leaves";
 #endif
   spec_.memory_limit = int64_t{400} << 20;
-  // The photographs fit; so many Gaussians do not.
+  // The photographs fit in memory; this number of Gaussians does not.
   std::erase_if(spec_.files, [](const JobSpecFile& file) {
     return file.name.find("points3D") != std::string::npos;
   });
@@ -157,7 +157,7 @@ TEST_F(WorkerTest, SaysWhatItCannotAllocate) {
   EXPECT_THAT(std::string(result->status.message()), HasSubstr("out of memory"));
 }
 
-TEST_F(WorkerTest, FailsOnADeviceThatIsNotThere) {
+TEST_F(WorkerTest, FailsOnAMissingDevice) {
   spec_.device = "cuda:1000";
   ExpectExit(Run(), WorkerExit::kFailed);
   const auto result = job_.ReadResult(1);
@@ -172,7 +172,7 @@ TEST_F(WorkerTest, RefusesABrokenSpec) {
         {PEPESEG_WORKER, {absl::StrCat("--job=", job_.path().string())}, job_.worker_log()});
     return WaitFor(**worker);
   };
-  ExpectExit(launch(), WorkerExit::kBadSpec);  // none
+  ExpectExit(launch(), WorkerExit::kBadSpec);  // there is no spec
   std::ofstream(job_.path() / "spec-1.json") << R"({"job": 3})";
   ExpectExit(launch(), WorkerExit::kBadSpec);
   EXPECT_THAT(ReadFileTail(job_.worker_log(), 2000), HasSubstr("spec-1.json"));

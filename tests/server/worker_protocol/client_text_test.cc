@@ -44,7 +44,7 @@ TEST(ClientText, IsBounded) {
   EXPECT_EQ(ClientText(umlauts, 10), "äää...");
 }
 
-TEST(ClientText, CleansMessagesToTheirDepth) {
+TEST(ClientText, CleansNestedMessages) {
   v1::JobEvent event;
   event.mutable_stage_ended()->set_skipped("not in /srv/data/x");
   event.mutable_stage_ended()->add_views()->set_view("a\x1b");

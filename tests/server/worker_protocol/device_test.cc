@@ -9,14 +9,14 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// The reason why this build, on this machine, has no CUDA; empty: it has.
+// Returns the reason why this build has no CUDA on this machine. Empty: it has.
 std::string CudaError() {
   std::string error;
   MakeCudaBackend({}, &error);
   return error;
 }
 
-TEST(Device, CpuIsTakenWhenAskedFor) {
+TEST(Device, OpensTheCpuByName) {
   const auto device = OpenDevice("cpu", 3);
   ASSERT_TRUE(device.ok()) << device.status();
   EXPECT_EQ(device->id, "cpu");
@@ -24,7 +24,7 @@ TEST(Device, CpuIsTakenWhenAskedFor) {
   EXPECT_THAT(device->backend->name(), StartsWith("cpu (3 threads"));
 }
 
-TEST(Device, AutoTakesCudaOrSaysWhyNot) {
+TEST(Device, OpensCudaOrReportsWhyNotForAuto) {
   const auto device = OpenDevice("auto", 1);
   ASSERT_TRUE(device.ok()) << device.status();
   EXPECT_EQ(device->reason, CudaError());
@@ -32,7 +32,7 @@ TEST(Device, AutoTakesCudaOrSaysWhyNot) {
   EXPECT_THAT(device->backend->name(), StartsWith(device->reason.empty() ? "cuda 0" : "cpu (1"));
 }
 
-TEST(Device, AnswersToItsIdAgain) {
+TEST(Device, OpensAgainByItsId) {
   const auto first = OpenDevice("auto", 1);
   ASSERT_TRUE(first.ok()) << first.status();
   const auto second = OpenDevice(first->id, 1);
@@ -41,7 +41,7 @@ TEST(Device, AnswersToItsIdAgain) {
   EXPECT_EQ(second->backend->name(), first->backend->name());
 }
 
-TEST(Device, CudaByNameIsAnErrorWithTheReasonWhereThereIsNone) {
+TEST(Device, RefusesMissingCudaWithTheReason) {
   const std::string error = CudaError();
   for (const char* wanted : {"cuda", "cuda:0", "cuda:999"}) {
     const auto device = OpenDevice(wanted, 1);
@@ -54,7 +54,7 @@ TEST(Device, CudaByNameIsAnErrorWithTheReasonWhereThereIsNone) {
   }
 }
 
-TEST(Device, OtherWordsAreRefused) {
+TEST(Device, RefusesOtherWords) {
   for (const char* wanted : {"", "gpu", "CPU", "cuda:", "cuda:-1", "cuda: 1", "cuda:+1", "cuda:1x",
                              "cuda1", "cuda:99999999999999999999", "cuda:1024", "autocuda"}) {
     EXPECT_EQ(OpenDevice(wanted, 1).status().code(), absl::StatusCode::kInvalidArgument) << wanted;

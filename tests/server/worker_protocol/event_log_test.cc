@@ -30,7 +30,7 @@ class EventLogTest : public ::testing::Test {
     }
   }
 
-  // "1:first" and so on.
+  // Returns the events as "1:first" and so on.
   static std::vector<std::string> Told(const std::vector<v1::JobEvent>& events) {
     std::vector<std::string> told;
     told.reserve(events.size());
@@ -75,15 +75,15 @@ TEST_F(EventLogTest, NumbersEventsAcrossWriters) {
   EXPECT_THAT(ReadAll(/*after=*/2), ElementsAre("3:c"));
 }
 
-TEST_F(EventLogTest, GivesEventsTheirTime) {
+TEST_F(EventLogTest, SetsTheTimeOfEvents) {
   Append({"a"});
   EventLogReader reader(path_);
   EXPECT_NEAR(reader.Read()->at(0).time().seconds(), time(nullptr), 60);
 }
 
-TEST_F(EventLogTest, ReaderFollowsTheWriter) {
+TEST_F(EventLogTest, ReadsWhileTheWriterAppends) {
   EventLogReader reader(path_);
-  EXPECT_TRUE(reader.Read()->empty());  // not there yet
+  EXPECT_TRUE(reader.Read()->empty());  // the file does not exist yet
   auto writer = EventLogWriter::Open(path_);
   ASSERT_TRUE((*writer)->Append(Warning("a")).ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -94,7 +94,7 @@ TEST_F(EventLogTest, ReaderFollowsTheWriter) {
   EXPECT_THAT(Told(*reader.Read(1)), ElementsAre("3:c"));
 }
 
-TEST_F(EventLogTest, TornTailIsNotThereYetAndIsCutByTheNextWriter) {
+TEST_F(EventLogTest, IgnoresATornTailAndCutsItWhenReopened) {
   Append({"a", "b"});
   const auto whole = std::filesystem::file_size(path_);
   Append({"torn"});
@@ -107,7 +107,7 @@ TEST_F(EventLogTest, TornTailIsNotThereYetAndIsCutByTheNextWriter) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b", "3:c"));
 }
 
-TEST_F(EventLogTest, FlippedByteIsToldAfterWhatIsBeforeIt) {
+TEST_F(EventLogTest, ReportsAFlippedByteAfterTheEventsBeforeIt) {
   Append({"a"});
   const auto first = static_cast<int64_t>(std::filesystem::file_size(path_));
   Append({"b", "c"});
@@ -121,14 +121,14 @@ TEST_F(EventLogTest, FlippedByteIsToldAfterWhatIsBeforeIt) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:d"));
 }
 
-TEST_F(EventLogTest, AbsurdLengthAllocatesNothing) {
+TEST_F(EventLogTest, AllocatesNothingForAnAbsurdLength) {
   Append({"a"});
   Flip(3);  // the highest byte of the length: 256 MiB
   EventLogReader reader(path_);
   EXPECT_EQ(reader.Read().status().code(), absl::StatusCode::kDataLoss);
 }
 
-// Attempts: each goes on where the one before it was when it took over.
+// Each attempt continues where the one before it was when the attempt took over.
 class AttemptLogTest : public EventLogTest {
  protected:
   std::unique_ptr<EventLogWriter> Open(int64_t fence) {
@@ -138,16 +138,16 @@ class AttemptLogTest : public EventLogTest {
   }
 };
 
-TEST_F(AttemptLogTest, NumbersGoOnFromAttemptToAttempt) {
+TEST_F(AttemptLogTest, ContinuesNumbersAcrossAttempts) {
   Append({"queued"});
   ASSERT_TRUE(Open(1)->Append(Warning("first")).ok());
-  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second never wrote
+  ASSERT_TRUE(Open(3)->Append(Warning("third")).ok());  // the second wrote nothing
   ASSERT_TRUE(Open(3)->Append(Warning("third again")).ok());
   EXPECT_THAT(ReadAll(), ElementsAre("1:queued", "2:first", "3:third", "4:third again"));
   EXPECT_THAT(ReadAll(2), ElementsAre("3:third", "4:third again"));
 }
 
-TEST_F(AttemptLogTest, WhatAnAttemptWritesAfterItLostItsClaimIsReadByNobody) {
+TEST_F(AttemptLogTest, IgnoresEventsWrittenAfterALostClaim) {
   const auto stale = Open(1);
   ASSERT_TRUE(stale->Append(Warning("mine")).ok());
   const auto next = Open(2);
@@ -159,7 +159,7 @@ TEST_F(AttemptLogTest, WhatAnAttemptWritesAfterItLostItsClaimIsReadByNobody) {
   EXPECT_EQ(Open(3)->last_sequence(), 2);
 }
 
-TEST_F(AttemptLogTest, ReaderGoesOnToTheNextAttempt) {
+TEST_F(AttemptLogTest, ReadsOnInTheNextAttempt) {
   EventLogReader reader(path_);
   ASSERT_TRUE(Open(1)->Append(Warning("a")).ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -169,7 +169,7 @@ TEST_F(AttemptLogTest, ReaderGoesOnToTheNextAttempt) {
   EXPECT_EQ(reader.fence(), 2);
 }
 
-TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
+TEST_F(AttemptLogTest, ReadsOnInTheNextAttemptAfterABrokenRecord) {
   Append({"a", "b"});
   Flip(static_cast<int64_t>(std::filesystem::file_size(path_)) - 1);
   EventLogReader alone(path_);
@@ -179,8 +179,8 @@ TEST_F(AttemptLogTest, BrokenRecordEndsAnAttemptOnly) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:c"));
 }
 
-// A folder stands in for a file on a bad disk: it opens, and its bytes cannot be had.
-TEST_F(AttemptLogTest, WhatCannotBeReadIsNeitherPassedNorCut) {
+// A folder in place of a file acts like a file on a bad disk: it opens, but cannot be read.
+TEST_F(AttemptLogTest, NeitherSkipsNorCutsWhatCannotBeRead) {
   Append({"a"});
   const std::filesystem::path bad = folder_.path() / "events-1.log";
   std::filesystem::create_directory(bad);
@@ -193,8 +193,8 @@ TEST_F(AttemptLogTest, WhatCannotBeReadIsNeitherPassedNorCut) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
-// A machine that died while a file was begun.
-TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
+// The machine died right after the file was created.
+TEST_F(AttemptLogTest, IgnoresAFileWithoutItsFirstRecord) {
   Append({"a"});
   std::ofstream(folder_.path() / "events-1.log") << "torn";
   EXPECT_THAT(ReadAll(), ElementsAre("1:a"));
@@ -202,7 +202,7 @@ TEST_F(AttemptLogTest, FileWithoutItsFirstRecordIsNotThere) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:a", "2:b"));
 }
 
-// The part of an attempt that its worker writes, whatever code has taken the worker over.
+// The part of an attempt that its worker writes, even if other code has taken over the worker.
 class WorkerEventsTest : public EventLogTest {
  protected:
   WorkerEventsTest() { std::filesystem::create_directories(folder_ / "work"); }
@@ -211,7 +211,7 @@ class WorkerEventsTest : public EventLogTest {
     auto writer = EventLogWriter::Open(path_, fence, part);
     return writer.ok() ? (*writer)->Append(Warning(message)) : writer.status();
   }
-  // A record in the worker's file, as it likes.
+  // Appends any record to the worker's file.
   void Forge(v1::JobEvent event) {
     const std::string payload = event.SerializeAsString();
     const uint32_t header[2] = {static_cast<uint32_t>(payload.size()), Crc32c(payload)};
@@ -232,7 +232,7 @@ class WorkerEventsTest : public EventLogTest {
   const std::filesystem::path work_log_ = folder_ / "work/events-1.log";
 };
 
-TEST_F(WorkerEventsTest, StandBetweenThoseOfTheServer) {
+TEST_F(WorkerEventsTest, AreReadBetweenThoseOfTheServer) {
   Append({"queued"});
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   EXPECT_TRUE(Warn(1, EventPart::kWorker, "works").ok());
@@ -246,7 +246,7 @@ TEST_F(WorkerEventsTest, StandBetweenThoseOfTheServer) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "events-1-end.log"));
 }
 
-TEST_F(WorkerEventsTest, ReaderFollowsThemFromPartToPart) {
+TEST_F(WorkerEventsTest, AreReadFromPartToPart) {
   EventLogReader reader(path_);
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "a").ok());
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("1:a"));
@@ -260,8 +260,9 @@ TEST_F(WorkerEventsTest, ReaderFollowsThemFromPartToPart) {
   EXPECT_THAT(Told(*reader.Read()), ElementsAre("3:c"));
 }
 
-// The server once opened that file to append to it, and cut it off at a length of its choice.
-TEST_F(WorkerEventsTest, LinksInTheirPlaceAreNeitherFollowedNorWrittenThrough) {
+// In an earlier version the server opened that file to append to it, and a worker could make it
+// truncate any file.
+TEST_F(WorkerEventsTest, AreNeitherReadNorWrittenThroughLinks) {
   const std::filesystem::path victim = folder_ / "audit.log";
   for (const bool fifo : {false, true}) {
     for (const char* name : {"events-1.log", "events-1-end.log", "events.log"}) {
@@ -283,8 +284,8 @@ TEST_F(WorkerEventsTest, LinksInTheirPlaceAreNeitherFollowedNorWrittenThrough) {
   }
 }
 
-// Nor does the server write through a link where it keeps its own.
-TEST_F(WorkerEventsTest, TheServersOwnFilesAreNoLinks) {
+// The server does not write through a link in place of its own files, either.
+TEST_F(WorkerEventsTest, RefuseLinksInPlaceOfTheServersFiles) {
   const std::filesystem::path victim = folder_ / "audit.log";
   std::ofstream(victim) << "who did what";
   std::filesystem::create_symlink(victim, folder_ / "events-1.log");
@@ -292,7 +293,7 @@ TEST_F(WorkerEventsTest, TheServersOwnFilesAreNoLinks) {
   EXPECT_EQ(std::filesystem::file_size(victim), 12u);
 }
 
-TEST_F(WorkerEventsTest, ReportNoStateOfTheJob) {
+TEST_F(WorkerEventsTest, CannotReportTheJobsState) {
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   v1::JobEvent done;
   done.mutable_state_changed()->set_state(v1::JOB_STATE_SUCCEEDED);
@@ -304,7 +305,7 @@ TEST_F(WorkerEventsTest, ReportNoStateOfTheJob) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:works", "3:ended"));
 }
 
-TEST_F(WorkerEventsTest, UseUpNoNumbers) {
+TEST_F(WorkerEventsTest, CannotUseUpTheNumbers) {
   const int64_t last = (int64_t{1} << 62) - 1;
   EXPECT_TRUE(Warn(1, EventPart::kBefore, "started").ok());
   ForgeFirst(last);
@@ -319,7 +320,7 @@ TEST_F(WorkerEventsTest, UseUpNoNumbers) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:ended"));
 }
 
-TEST_F(WorkerEventsTest, HaveTextsThatClientsMayGet) {
+TEST_F(WorkerEventsTest, HaveTextsCleanedForClients) {
   EXPECT_TRUE(Warn(1, EventPart::kWorker, "\x1b[2Jno /srv/data/jobs/j1/work/x").ok());
   EXPECT_TRUE(Warn(1, EventPart::kWorker, std::string(100'000, 'y')).ok());
   EventLogReader reader(path_);

@@ -21,7 +21,7 @@ class JobFolderTest : public ::testing::Test {
   JobFolder job_;
 };
 
-TEST_F(JobFolderTest, SpecComesBackAsWritten) {
+TEST_F(JobFolderTest, ReadsASpecAsWritten) {
   JobSpec spec;
   spec.job = "j3";
   spec.fence = 2;
@@ -62,7 +62,7 @@ TEST_F(JobFolderTest, SpecComesBackAsWritten) {
   EXPECT_EQ(read->worker, spec.worker);
 }
 
-TEST_F(JobFolderTest, ResultComesBackAsWritten) {
+TEST_F(JobFolderTest, ReadsAResultAsWritten) {
   JobResult result;
   result.status = absl::InvalidArgumentError("images/1.jpg: truncated");
   result.metrics = {{"psnr", 21.25}, {"ssim", std::nan("")}};
@@ -80,7 +80,7 @@ TEST_F(JobFolderTest, ResultComesBackAsWritten) {
   EXPECT_EQ(job_.ReadResult(4).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
+TEST_F(JobFolderTest, ReportsABrokenSpecByName) {
   const std::string unknown_option =
       R"({"job":"j1","fence":1,"num_threads":1,"memory_limit":0,"files":[],"options":{"no":1}})";
   for (const std::string& text : {std::string(), std::string("[]"), std::string("{"),
@@ -92,7 +92,7 @@ TEST_F(JobFolderTest, BrokenSpecIsDataLossThatNamesTheFile) {
   }
 }
 
-TEST_F(JobFolderTest, ResultOfAWorkerIsCleanedAndBounded) {
+TEST_F(JobFolderTest, CleansAndBoundsAWorkersResult) {
   JobResult result;
   result.status =
       absl::InternalError("\x1b]0;x\x07 /srv/data/pepeseg.db: " + std::string(100'000, 'x'));
@@ -108,7 +108,7 @@ TEST_F(JobFolderTest, ResultOfAWorkerIsCleanedAndBounded) {
   EXPECT_EQ(read->metrics.begin()->first.size(), 100u);
 }
 
-TEST_F(JobFolderTest, ResultThatIsNoPlainFileIsDataLoss) {
+TEST_F(JobFolderTest, RefusesAResultThatIsNotARegularFile) {
   const std::filesystem::path place = job_.work() / "result-1.json";
   ASSERT_TRUE(job_.WriteResult(2, {}).ok());
   std::filesystem::create_symlink("result-2.json", place);
@@ -135,11 +135,11 @@ class ModelOfAWorker : public JobFolderTest {
   }
 };
 
-TEST_F(ModelOfAWorker, IsTakenOutOfItsReach) {
+TEST_F(ModelOfAWorker, IsMovedOutOfItsReach) {
   EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);
   EXPECT_TRUE(std::filesystem::exists(job_.model(1) / "gaussians.ply"));
   EXPECT_FALSE(std::filesystem::exists(job_.attempt(1)));
-  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // by the next server, after a crash of this one
+  EXPECT_EQ(job_.TakeModel(1).value_or(-1), 3);  // the next server calls it again after a crash
   EXPECT_TRUE(CheckModelFolder(folder_.path(), "attempt-1").ok());
   EXPECT_EQ(job_.TakeModel(2).status().code(), absl::StatusCode::kNotFound);
 }
@@ -161,8 +161,8 @@ TEST_F(ModelOfAWorker, IsRefusedAsALink) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "elsewhere/gaussians.ply"));
 }
 
-// Made by a server of before models were looked at.
-TEST_F(ModelOfAWorker, IsNotReadWithALinkInIt) {
+// Such a model may be from a version that did not check models when it took them.
+TEST_F(ModelOfAWorker, IsNotLoadedWithALinkInIt) {
   std::filesystem::create_directories(folder_ / "jobs/j1/attempt-1");
   EXPECT_TRUE(CheckModelFolder(folder_.path(), "jobs/j1/attempt-1").ok());
   std::filesystem::create_symlink(folder_ / "secret", folder_ / "jobs/j1/attempt-1/model.json");
@@ -170,7 +170,7 @@ TEST_F(ModelOfAWorker, IsNotReadWithALinkInIt) {
             absl::StatusCode::kDataLoss);
 }
 
-TEST_F(JobFolderTest, WorkingFilesGoAndLinksAreNotFollowed) {
+TEST_F(JobFolderTest, RemovesWorkingFilesWithoutFollowingLinks) {
   const testing::TempFolder other;
   std::ofstream(other / "file") << "kept";
   for (const char* folder :
@@ -196,7 +196,7 @@ TEST_F(JobFolderTest, WorkingFilesGoAndLinksAreNotFollowed) {
   EXPECT_TRUE(std::filesystem::exists(other / "file"));
 }
 
-TEST_F(JobFolderTest, LooksForCheckpointsInPlainFoldersOnly) {
+TEST_F(JobFolderTest, LooksForCheckpointsInRealFoldersOnly) {
   const testing::TempFolder other;
   std::filesystem::create_directories(other / "checkpoints");
   std::ofstream(other / "checkpoints/a.ckpt") << "x";

@@ -15,7 +15,7 @@ size_t Below(size_t count, std::mt19937& random) {
   return std::uniform_int_distribution<size_t>(0, count - 1)(random);
 }
 
-// Where a piece of `bytes` begins, and its length.
+// Returns the start and the length of a random piece of `bytes`.
 struct Piece {
   size_t begin;
   size_t size;
@@ -26,7 +26,7 @@ Piece AnyPiece(absl::string_view bytes, std::mt19937& random) {
   return {begin, 1 + Below(std::min(kMaxPiece, bytes.size() - begin), random)};
 }
 
-// As a count or an offset of 1, 2, 4 or 8 bytes, little-endian.
+// Overwrites a count or an offset of 1, 2, 4 or 8 bytes, little-endian.
 void PutNumber(std::string& bytes, std::mt19937& random) {
   constexpr std::array<uint64_t, 10> kNumbers = {
       0, 1, 0x7f, 0xff, 0x7fff, 0xffffffff, 0x7fffffff, 0x80000000, UINT64_MAX, uint64_t{1} << 62};

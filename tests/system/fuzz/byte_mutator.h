@@ -7,8 +7,8 @@
 
 namespace pepeseg::fuzz {
 
-// The bytes with one to four changes that a reader may trip over: bits flipped, numbers at their
-// limits, pieces lost, doubled or taken from `other`, the end cut off.
+// Returns the bytes with one to four changes on which a reader may fail: flipped bits, numbers at
+// their limits, pieces removed, doubled or copied from `other`, the end cut off.
 std::string MutateBytes(absl::string_view bytes, absl::string_view other, std::mt19937& random);
 
 }  // namespace pepeseg::fuzz

@@ -19,7 +19,7 @@ void Read(const std::string& path) {
 
 }  // namespace
 
-// As it is, and with the digest that it should end with: no fuzzer finds that.
+// Reads the bytes as they are, and with the right digest at the end, which no fuzzer finds.
 PEPESEG_FUZZ_TARGET(checkpoint) {
   static pepeseg::fuzz::MemoryFile file;
   Read(file.Put(bytes));

@@ -1,5 +1,5 @@
-// Every file that a fuzzer started from, or found something with, once; and, for a second
-// (PEPESEG_FUZZ_SECONDS), changed at random. That knows nothing of coverage: `make fuzz` does.
+// Runs each fuzz target on each file of its corpus, and on random changes of them for one second
+// (PEPESEG_FUZZ_SECONDS). The changes are not guided by coverage; those of `make fuzz` are.
 #include <google/protobuf/stubs/logging.h>
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A number of the environment, else `fallback`.
+// Returns the number in an environment variable, or `fallback`.
 int Setting(const char* name, int fallback) {
   const char* value = std::getenv(name);
   int number = fallback;
@@ -43,7 +43,7 @@ class FuzzCorpus : public ::testing::TestWithParam<std::string> {
     return files_[random() % files_.size()];
   }
 
-  // As the target's own mutator knows it, three times in four.
+  // Uses the target's own mutator three times in four.
   std::string AnyInput(std::mt19937& random) const {
     const auto own = Mutators().find(GetParam());
     if (own != Mutators().end() && random() % 4 != 0) {
@@ -60,18 +60,18 @@ class FuzzCorpus : public ::testing::TestWithParam<std::string> {
   std::vector<std::string> files_;
 };
 
-TEST_P(FuzzCorpus, IsReadWithoutHarm) {
+TEST_P(FuzzCorpus, IsReadWithoutCrashing) {
   ASSERT_FALSE(files_.empty());
   target_({});
   for (const std::string& bytes : files_) {
     target_(bytes);
-    // Cut short too.
+    // Also cuts the input short.
     target_(absl::string_view(bytes).substr(0, bytes.size() / 2));
   }
 }
 
-// The same seed and number of seconds or more meet the same inputs again.
-TEST_P(FuzzCorpus, ChangedAtRandomIsReadWithoutHarm) {
+// With the same seed, a run of at least the same duration repeats all inputs.
+TEST_P(FuzzCorpus, IsReadWithoutCrashingAfterRandomChanges) {
   ASSERT_FALSE(files_.empty());
   const int seed = Setting("PEPESEG_FUZZ_SEED", static_cast<int>(std::random_device()() >> 1));
   std::fprintf(stderr, "PEPESEG_FUZZ_SEED=%d\n", seed);
@@ -84,7 +84,7 @@ TEST_P(FuzzCorpus, ChangedAtRandomIsReadWithoutHarm) {
   std::fprintf(stderr, "%d inputs\n", num_inputs);
 }
 
-TEST(FuzzTargets, HaveACorpusEach) {
+TEST(FuzzTargets, EachHaveACorpus) {
   EXPECT_GE(Targets().size(), 20u);
   for (const auto& entry : fs::directory_iterator(PEPESEG_FUZZ_CORPUS)) {
     EXPECT_TRUE(Targets().contains(entry.path().filename().string())) << entry.path();

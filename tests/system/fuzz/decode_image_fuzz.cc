@@ -3,12 +3,12 @@
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 
-// OpenCV's decoders are Debian's, without a fuzzer's coverage: what comes back is looked at.
+// Debian's OpenCV has no instrumentation for coverage. The target checks the decoded image.
 PEPESEG_FUZZ_TARGET(decode_image) {
   static pepeseg::fuzz::MemoryFile file;
   const std::span raw(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   const auto header = pepeseg::ReadImageHeader("a.jpg", raw);
-  // A large picture takes long, and nothing new.
+  // Large images are slow and find nothing new.
   if (header.ok() && header->width * header->height > 1 << 16) return;
   const std::string& path = file.Put(bytes);
   const auto photo = pepeseg::DecodePhoto(path, "a.jpg");

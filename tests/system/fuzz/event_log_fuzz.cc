@@ -20,8 +20,8 @@ std::string Record(const std::string& payload) {
 
 }  // namespace
 
-// The bytes as the log of the first attempt, and as one record of it whose checksum is right; then
-// a worker goes on in it.
+// Reads the bytes as the log of the first attempt, and as one record with the right checksum. Then
+// a worker continues the log.
 PEPESEG_FUZZ_TARGET(event_log) {
   static const pepeseg::testing::TempFolder folder;
   const std::string text(bytes);

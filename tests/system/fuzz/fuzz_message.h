@@ -19,7 +19,7 @@ std::optional<std::string> MutateAs(absl::string_view bytes, std::mt19937& rando
 
 }  // namespace pepeseg::fuzz
 
-// A fuzz target that takes a message of the contract, as it comes over the wire.
+// Defines a fuzz target that gets a message of the contract, parsed from the wire format.
 //
 //   PEPESEG_FUZZ_MESSAGE(upload_request, pepeseg::v1::CreateUploadRequest) { ... message ... }
 #define PEPESEG_FUZZ_MESSAGE(name, Message)                                     \

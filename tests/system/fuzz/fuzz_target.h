@@ -9,31 +9,31 @@
 
 #include "absl/strings/string_view.h"
 
-// A fuzz target is a function of bytes that nobody has vouched for; it must come back, whatever
-// they are, and aborts where what it finds cannot be. Built for libFuzzer (PEPESEG_FUZZ) each is a
-// program; else all of them are in one test, which replays the files of
-// tests/system/fuzz/corpus/NAME and changes them at random.
+// A fuzz target is a function of untrusted bytes. It must return for any input, and aborts if the
+// code under test breaks its contract. Built for libFuzzer (PEPESEG_FUZZ) each target is a program.
+// Otherwise all are in one test, which replays the files of tests/system/fuzz/corpus/NAME and
+// changes them at random.
 //
 //   PEPESEG_FUZZ_TARGET(npy) { ... bytes ... }
 namespace pepeseg::fuzz {
 
 using Target = void (*)(absl::string_view bytes);
 
-// Other bytes that keep the shape of these; none where these have no shape.
+// A mutator returns other bytes of the same format; nothing if these do not have the format.
 using Mutator = std::optional<std::string> (*)(absl::string_view bytes, std::mt19937& random);
 
-// By name; filled before main(). Most targets have no mutator of their own.
+// All targets and mutators by name, filled before main(). Most targets have no mutator.
 std::map<std::string, Target>& Targets();
 std::map<std::string, Mutator>& Mutators();
 bool AddTarget(const char* name, Target target);
 bool AddMutator(const char* name, Mutator mutator);
 
-// Aborts, with the words: what is expected of the code under test does not hold.
+// Prints the words and aborts: the code under test has broken its contract.
 void Expect(bool holds, const char* what);
 
 #ifdef PEPESEG_FUZZ
-// What libFuzzer asks for: every eighth time its own change of the bytes, of which it knows words
-// and joins.
+// The mutator that libFuzzer calls. One time in eight it uses libFuzzer's own mutations, which have
+// dictionaries and joins.
 size_t MutateInPlace(Mutator mutator, uint8_t* data, size_t size, size_t max_size, unsigned seed);
 #endif
 

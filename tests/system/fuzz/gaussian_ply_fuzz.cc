@@ -2,7 +2,7 @@
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 
-// What is read can be written, and read again as the same.
+// Gaussians that can be read can be written, and then read as the same.
 PEPESEG_FUZZ_TARGET(gaussian_ply) {
   static pepeseg::fuzz::MemoryFile file, again;
   const auto shape = pepeseg::ReadGaussianPlyShape(file.Put(bytes), "gaussians.ply");

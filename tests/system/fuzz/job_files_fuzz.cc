@@ -5,7 +5,7 @@
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/testing/temp_folder.h"
 
-// spec.json and result.json.
+// Reads the bytes as spec.json and as result.json.
 PEPESEG_FUZZ_TARGET(job_files) {
   static const pepeseg::testing::TempFolder folder;
   std::filesystem::create_directories(folder / "work");

@@ -6,7 +6,7 @@
 
 namespace pepeseg::fuzz {
 
-// A file in memory, for readers that take a path. Its path holds as long as it lives.
+// A file in memory, for readers that take a path. The path is valid as long as the object.
 class MemoryFile {
  public:
   MemoryFile();
@@ -14,7 +14,7 @@ class MemoryFile {
   MemoryFile(const MemoryFile&) = delete;
   MemoryFile& operator=(const MemoryFile&) = delete;
 
-  // The path of the file, which now holds the bytes.
+  // Replaces the content by the bytes, and returns the path.
   const std::string& Put(absl::string_view bytes);
 
  private:

@@ -96,7 +96,7 @@ std::string AnyText(const std::string& now, std::mt19937& random) {
   return text;
 }
 
-// Sets a scalar, or adds one to a list.
+// Sets a scalar field, or adds an element to a repeated one.
 void PutScalar(Message& message, const FieldDescriptor* field, std::mt19937& random) {
   const Reflection* at = message.GetReflection();
   const bool add = field->is_repeated();
@@ -129,7 +129,7 @@ void PutScalar(Message& message, const FieldDescriptor* field, std::mt19937& ran
     case FieldDescriptor::CPPTYPE_STRING: {
       std::string text = add ? "" : at->GetString(message, field);
       text = AnyText(text, random);
-      // Text that is no UTF-8 does not come over the wire.
+      // Protobuf's parser refuses text that is not UTF-8.
       if (field->type() == FieldDescriptor::TYPE_STRING) {
         for (char& c : text) c = static_cast<char>(c & 0x7f);
       }

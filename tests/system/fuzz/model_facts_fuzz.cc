@@ -1,7 +1,7 @@
 #include "core/model_files/model_facts.h"
 #include "tests/system/fuzz/fuzz_target.h"
 
-// What is read can be written, and read again.
+// Metadata that can be read can be written and read again.
 PEPESEG_FUZZ_TARGET(model_facts) {
   pepeseg::Model model, again;
   if (!pepeseg::ParseModelFacts(bytes, model).ok()) return;

@@ -33,7 +33,7 @@ void ReadResourceNames(const std::string& text) {
 
 }  // namespace
 
-// Paths of uploads, names of resources, page tokens, scopes and secrets.
+// Parses the bytes as a path of an upload, a resource name, a page token, scopes and a secret.
 PEPESEG_FUZZ_TARGET(names) {
   using pepeseg::fuzz::Expect;
   const std::string text(bytes);

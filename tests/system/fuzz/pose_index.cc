@@ -9,7 +9,7 @@
 namespace pepeseg::fuzz {
 namespace {
 
-// The start of a JPEG of 40x30 pixels, and its end: only headers are read.
+// The start and the end of a JPEG of 40x30 pixels, of which only the headers are read.
 std::string SmallJpeg() {
   std::ifstream file(PEPESEG_FUZZ_CORPUS "/image_header/jpeg", std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};

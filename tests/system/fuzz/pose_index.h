@@ -13,7 +13,7 @@ class PoseIndex {
  public:
   explicit PoseIndex(const std::string& poses);
 
-  // With these bytes in the file of poses.
+  // Imports the dataset with these bytes in the file of poses.
   const DatasetIndex& Put(absl::string_view bytes);
 
  private:

@@ -1,5 +1,5 @@
-// Any call of the contract to a server that runs: the first byte chooses the method, the rest is
-// its request. Whatever it is asked, the server answers, and never with an error of its own.
+// Calls a running server with any method of the contract: the first byte chooses the method, the
+// rest is its request. The server must answer each call, and never with an error of its own.
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 #include <grpcpp/generic/generic_stub.h>
@@ -27,7 +27,7 @@ using google::protobuf::MethodDescriptor;
 
 constexpr std::chrono::seconds kDeadline{2};
 
-// They would leave nothing to ask about.
+// Methods that would remove what the other calls need.
 const std::set<std::string>& LeftOut() {
   static const std::set<std::string> names = {"DeleteScene", "DeleteModel"};
   return names;
@@ -51,8 +51,8 @@ const std::vector<const MethodDescriptor*>& Methods() {
   return methods;
 }
 
-// The method that the first byte stands for, and its request; null where the rest is none, which
-// gRPC itself refuses.
+// Returns the method that the first byte stands for, and its request; null if the rest is not such
+// a message, which gRPC itself refuses.
 struct Call {
   const MethodDescriptor* method = nullptr;
   std::unique_ptr<Message> request;
@@ -71,7 +71,7 @@ Call ReadCall(absl::string_view bytes) {
   return call;
 }
 
-// No job is started: a training takes minutes.
+// Starts no job, since a training takes minutes.
 void OnlyValidate(Message& request) {
   const auto* field = request.GetDescriptor()->FindFieldByName("validate_only");
   if (field != nullptr) request.GetReflection()->SetBool(&request, field, true);
@@ -87,7 +87,7 @@ class ServerToAsk {
     Expect(job.state() == v1::JOB_STATE_SUCCEEDED, "a model to ask about");
   }
 
-  // Sends the request, and takes all that is answered.
+  // Sends the request, and reads the whole answer.
   grpc::Status Ask(const Call& call) {
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + kDeadline);

@@ -4,7 +4,7 @@
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 
-// As it is, and with the digest that it should end with: no fuzzer finds that.
+// Reads the bytes as they are, and with the right digest at the end, which no fuzzer finds.
 PEPESEG_FUZZ_TARGET(selection_file) {
   static pepeseg::fuzz::MemoryFile file;
   (void)pepeseg::ReadSelectionFile(file.Put(bytes), "a.selection");

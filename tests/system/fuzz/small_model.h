@@ -9,8 +9,8 @@
 
 namespace pepeseg::fuzz {
 
-// A model of two blobs in three small views, one of them held out, with what a request needs to ask
-// about it: "scenes/shelf/models/1" with a label "red" of view "front".
+// A model of two blobs in three small views, one of them held out, and what a request about it
+// needs: the name "scenes/shelf/models/1", and a label "red" of view "front".
 class SmallModel {
  public:
   SmallModel();

@@ -5,7 +5,7 @@
 #include "server/api/resource_name.h"
 #include "tests/system/fuzz/fuzz_message.h"
 
-// Options that are taken are taken again as the job stores them, and can be estimated.
+// Options that are accepted are accepted again as the job stores them, and can be estimated.
 PEPESEG_FUZZ_MESSAGE(train_request, pepeseg::v1::TrainSceneRequest) {
   using pepeseg::fuzz::Expect;
   (void)pepeseg::ParseSceneName(message.scene(), "scene");
@@ -17,7 +17,7 @@ PEPESEG_FUZZ_MESSAGE(train_request, pepeseg::v1::TrainSceneRequest) {
   Expect(again.ok(), "effective options to be valid");
   Expect(pepeseg::ToProto(*again).SerializeAsString() == stored.SerializeAsString(),
          "the same options again");
-  // The largest dataset that can be uploaded.
+  // The estimate is for the largest dataset that can be uploaded.
   const pepeseg::TrainingSize size{10'000, 10'000, int64_t{640} << 30, 64'000'000, 50'000'000};
   const int64_t count = pepeseg::MostGaussians(size, settings->reconstruct);
   Expect(count >= 0, "a number of Gaussians");

@@ -1,5 +1,5 @@
-// What tests/system/stress/http2_abuse_test.cc sends to the server, sent to the gateway before it:
-// both stay alive, others are answered meanwhile, and memory stays bounded.
+// Sends to the gateway what tests/system/stress/http2_abuse_test.cc sends to the server. Gateway
+// and server stay alive, other clients are answered meanwhile, and memory stays bounded.
 #include <gmock/gmock.h>
 #include <unistd.h>
 
@@ -44,13 +44,13 @@ class AbuseOfGateway : public GatewayTest {
     connection->Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
     return connection;
   }
-  // For ten seconds at most.
+  // Waits up to ten seconds.
   static bool Await(absl::FunctionRef<bool()> is_so) {
     const absl::Time deadline = absl::Now() + absl::Seconds(10);
     while (!is_so() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(200));
     return is_so();
   }
-  // A connection that was there before, and a new one.
+  // Calls over a connection that existed before, and over a new one.
   void ExpectServing(const char* what) {
     const absl::Time start = absl::Now();
     EXPECT_EQ(TextOf(List(bystander_)), "OK: ") << what;
@@ -71,7 +71,7 @@ class AbuseOfGateway : public GatewayTest {
   int64_t gateway_before_ = 0, server_before_ = 0;
 };
 
-TEST_F(AbuseOfGateway, ConnectionsThatSpeakABytePerTickAreEnded) {
+TEST_F(AbuseOfGateway, EndsConnectionsThatSendAByteAtATime) {
   std::vector<std::unique_ptr<Connection>> silent, slow;
   for (int i = 0; i < 200; ++i) {
     silent.push_back(std::make_unique<Connection>(fleet().gateway_port()));
@@ -88,7 +88,7 @@ TEST_F(AbuseOfGateway, ConnectionsThatSpeakABytePerTickAreEnded) {
   })) << "they had five seconds to say something";
 }
 
-TEST_F(AbuseOfGateway, StreamsThatAreResetAtOnce) {
+TEST_F(AbuseOfGateway, SurvivesStreamsThatAreResetAtOnce) {
   const auto connection = Open();
   uint32_t stream = 1;
   for (; stream < 40'000; stream += 2) {
@@ -101,7 +101,7 @@ TEST_F(AbuseOfGateway, StreamsThatAreResetAtOnce) {
   ExpectServing("rapid reset");
 }
 
-TEST_F(AbuseOfGateway, HeadersWithoutEnd) {
+TEST_F(AbuseOfGateway, SurvivesEndlessHeaders) {
   const auto connection = Open();
   std::string block;
   while (block.size() < 16'000) {
@@ -114,7 +114,7 @@ TEST_F(AbuseOfGateway, HeadersWithoutEnd) {
   ExpectServing("headers without end");
 }
 
-TEST_F(AbuseOfGateway, PingsAndSettingsWithoutEnd) {
+TEST_F(AbuseOfGateway, SurvivesEndlessPingsAndSettings) {
   for (const bool ping : {true, false}) {
     const auto connection = Open();
     const std::string frame =
@@ -127,7 +127,7 @@ TEST_F(AbuseOfGateway, PingsAndSettingsWithoutEnd) {
   }
 }
 
-TEST_F(AbuseOfGateway, NoHttpAtAll) {
+TEST_F(AbuseOfGateway, SurvivesBytesThatAreNotHttp) {
   for (const std::string& bytes :
        {std::string("GET / HTTP/1.1\r\nHost: a\r\n\r\n"), std::string(100'000, '\xff'),
         std::string(kPreface) + std::string(100'000, '\xff'),
@@ -138,8 +138,8 @@ TEST_F(AbuseOfGateway, NoHttpAtAll) {
   ExpectServing("garbage");
 }
 
-// 100 calls whose message never comes: the server does not hear of them.
-TEST_F(AbuseOfGateway, CallsThatNeverEndAreAnswered) {
+// 100 calls whose message never comes. They do not reach the server.
+TEST_F(AbuseOfGateway, AnswersCallsThatNeverEnd) {
   const size_t before = fleet().LogSize();
   const auto connection = Open();
   const std::string headers =

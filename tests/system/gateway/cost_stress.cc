@@ -1,4 +1,4 @@
-// What the gateway costs beside a server that is asked directly.
+// Measures the cost of the gateway against direct calls to the server.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@
 namespace pepeseg::testing {
 namespace {
 
-// One server, whose data lie in memory where there is such a file system.
+// One server. Its data are on a file system in memory, if there is one.
 struct OneServer : ::testing::Test {
   OneServer() : fleet(Options()) {}
   ~OneServer() override { std::filesystem::remove_all(in_memory); }
@@ -45,7 +45,7 @@ struct OneServer : ::testing::Test {
   Fleet fleet;
 };
 
-// Bytes a second of one file, made as it is sent.
+// Returns the bytes per second at which one file is uploaded. Its bytes are made as they are sent.
 double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::string& scene,
                   int64_t num_chunks, uint8_t fill) {
   ServiceClient client(channel);
@@ -87,7 +87,7 @@ double UploadRate(const std::shared_ptr<grpc::Channel>& channel, const std::stri
   return static_cast<double>(num_chunks << 20) / absl::ToDoubleSeconds(absl::Now() - start);
 }
 
-TEST_F(OneServer, TakesUploadsThroughTheGatewayHardlySlower) {
+TEST_F(OneServer, UploadsThroughTheGatewayHardlySlower) {
   const auto num_chunks = static_cast<int64_t>(FromEnvironment("PEPESEG_GATEWAY_MIB", 1024));
   const std::string key = DirectKey();
   std::vector<double> direct, through;
@@ -105,7 +105,7 @@ TEST_F(OneServer, TakesUploadsThroughTheGatewayHardlySlower) {
   EXPECT_GE(through[1], 0.7 * direct[1]);
 }
 
-TEST_F(OneServer, AnswersThroughTheGatewayHardlyLater) {
+TEST_F(OneServer, AnswersThroughTheGatewayHardlySlower) {
   ServiceClient client(fleet.Connect(Token()));
   ASSERT_OK(client.CreateScene("s0"));
   ASSERT_OK_AND_ASSIGN(const std::string dataset,
@@ -126,7 +126,7 @@ TEST_F(OneServer, AnswersThroughTheGatewayHardlyLater) {
   const auto through = v1::SegmentationService::NewStub(fleet.Connect(Token()));
   const auto by_key = v1::SegmentationService::NewStub(fleet.Connect(DirectKey()));
   std::vector<absl::Duration> direct_took, through_took, key_took;
-  for (int i = 0; i < 3000; ++i) {  // by turns: what else the machine does hits all
+  for (int i = 0; i < 3000; ++i) {  // alternates, so that other load on the machine affects both
     const absl::Duration d = ask(*direct), t = ask(*through), k = ask(*by_key);
     if (i < 100) continue;
     direct_took.push_back(d);

@@ -22,7 +22,8 @@ namespace {
 
 constexpr char kLuaossl[] = "/usr/share/lua/5.3/openssl/pkey.lua";
 constexpr absl::Duration kPatience = absl::Seconds(20);
-// Below those that the system gives to who connects: a server's stays its own while it is away.
+// Takes ports below those that the system gives to clients, so that a server's port stays free
+// while the server is down.
 constexpr int kFirstPort = 20'000, kNumPorts = 12'000;
 
 std::string Here(int port) { return absl::StrCat("127.0.0.1:", port); }
@@ -115,7 +116,7 @@ std::optional<WorkerEnd> Fleet::StopServer(int i) {
 
 void Fleet::RestartGateway(int num_servers) {
   gateway_.reset();
-  // HAProxy does not append to what is its standard output.
+  // HAProxy does not append to its standard output.
   log_ = folder / absl::StrCat("gateway", ++num_starts_, ".log");
   const auto variable = [this](const char* name, const char* file) {
     return absl::StrCat(name, "=", (folder / file).string());
@@ -157,7 +158,7 @@ int Fleet::CountServing() const {
   return count;
 }
 
-// HAProxy takes its servers to be there until its first checks have failed.
+// HAProxy counts its servers as up until its first checks have failed.
 bool Fleet::AwaitServing(int num_servers) const {
   const absl::Time deadline = absl::Now() + kPatience;
   int stable = 0;

@@ -22,59 +22,59 @@ namespace pepeseg::testing {
 
 inline constexpr char kHaproxy[] = "/usr/sbin/haproxy";
 
-// One that nothing listens on now.
+// Returns a port on which nothing listens now.
 int FreePort();
 
-// Whether this machine has what deploy/gateway/haproxy.cfg needs.
+// Returns whether this machine has what deploy/gateway/haproxy.cfg needs.
 bool HasHaproxy();
 
 struct FleetOptions {
   int num_servers = 1;
-  std::string database;                          // Store::Open's; empty: SQLite, for one server
-  std::filesystem::path data;                    // empty: in the fleet's own folder
+  std::string database;                          // URL; empty: SQLite, for one server
+  std::filesystem::path data;                    // empty: in the fleet's folder
   std::filesystem::path worker;                  // empty: pepeseg-worker
-  std::vector<std::string> server_arguments;     // beside the usual ones
-  std::vector<std::string> gateway_environment;  // before what the fleet gives: "NAME=VALUE"
+  std::vector<std::string> server_arguments;     // in addition to the usual ones
+  std::vector<std::string> gateway_environment;  // "NAME=VALUE"; overrides the fleet's variables
 };
 
-// The real HAProxy with deploy/gateway/haproxy.cfg, and servers behind it that trust its
-// certificate; all on ports of this machine, and killed with the object.
+// HAProxy with deploy/gateway/haproxy.cfg, and servers behind it that trust its certificate. All
+// listen on ports of this machine. The destructor kills them.
 class Fleet {
  public:
   explicit Fleet(const FleetOptions& options);
 
-  // Server `i`, from 0; it keeps its port.
+  // Start, stop or kill server `i`, from 0. It keeps its port.
   void StartServer(int i);
-  std::optional<WorkerEnd> StopServer(int i);  // SIGTERM, and how it ended
+  std::optional<WorkerEnd> StopServer(int i);  // sends SIGTERM, returns how it ended
   void KillServer(int i) { servers_[i].reset(); }
   PepesegdProcess& server(int i) { return *servers_[i]; }
-  // Ends the gateway and starts it with so many servers.
+  // Ends the gateway and starts it with this number of servers.
   void RestartGateway(int num_servers);
   WorkerProcess& gateway() { return *gateway_; }
   int gateway_port() const { return gateway_port_; }
-  // Until the gateway sees so many servers serve, 20 s at most.
+  // Waits up to 20 s until this number of servers serve, as seen by the gateway.
   bool AwaitServing(int num_servers) const;
   int CountServing() const;
   std::string Metrics() const;
 
-  // A connection of its own to the gateway, or past it to server `i`. `token`: a key or a JWT, sent
-  // with each call; empty: none.
+  // Returns a channel with its own connection to the gateway, or directly to server `i`. `token`: a
+  // key or a JWT, sent with each call; empty: none.
   std::shared_ptr<grpc::Channel> Connect(const std::string& token) const;
   std::shared_ptr<grpc::Channel> ConnectDirectly(int i, const std::string& token) const;
-  // The same with another certificate than the gateway's.
+  // Returns a channel to a server with another certificate than the gateway's.
   std::shared_ptr<grpc::Channel> ConnectDirectly(int i, const std::string& token,
                                                  const IssuedCertificate& own) const;
-  // A secret of the servers' own.
+  // Creates an API key of the servers, and returns its secret.
   std::string MakeKey(const std::string& project, const std::vector<v1::Scope>& scopes) const;
 
-  // The log of the gateway since its start, from `offset` on, a line an object; what else it says
-  // is left out.
+  // Returns the gateway's log since its start, from `offset` on: one object per line. Leaves out
+  // lines that are not JSON.
   std::vector<nlohmann::json> ReadLog(size_t offset = 0) const;
   size_t LogSize() const;
   std::string LogTail() const { return ReadFileTail(log_, 3000); }
   std::string ReadAudit() const;
 
-  const TokenIssuer issuer, next_issuer;  // both are trusted
+  const TokenIssuer issuer, next_issuer;  // the gateway trusts both
   TestAuthority authority{"authority"}, clients{"of clients"};
   const TempFolder folder;
 
@@ -85,7 +85,7 @@ class Fleet {
   const FleetOptions options_;
   const std::filesystem::path data_;
   int num_starts_ = 0;
-  std::filesystem::path log_;  // of the gateway that runs
+  std::filesystem::path log_;  // log of the running gateway
   IssuedCertificate of_gateway_;
   std::vector<int> ports_;
   std::vector<std::unique_ptr<PepesegdProcess>> servers_;

@@ -1,4 +1,4 @@
-// Several servers behind the gateway: what a restart, a kill and one more of them cost.
+// Several servers behind the gateway: the cost of a restart, of a kill, and of another server.
 #include <gmock/gmock.h>
 
 #include <cstdio>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kNumScenes = 12;
 
-// Scene or key -> the server that answered last, by the gateway's log.
+// Returns, by scene or key, the server that answered last, from the gateway's log.
 std::map<std::string, std::string> ServersOf(const std::vector<nlohmann::json>& lines) {
   std::map<std::string, std::string> servers;
   for (const nlohmann::json& line : lines) {
@@ -57,7 +57,7 @@ struct LoadedFleet : ::testing::Test {
       ASSERT_EQ(done.state(), v1::JOB_STATE_SUCCEEDED) << done.DebugString();
     }
   }
-  // Where each scene's calls go, its model is loaded.
+  // Calls each scene once, so that its model is loaded on the server that gets its calls.
   void Warm() {
     const auto stub = v1::SegmentationService::NewStub(fleet.Connect(Token()));
     for (int i = 0; i < kNumScenes; ++i) {
@@ -117,7 +117,7 @@ TEST_F(LoadedFleet, RestartsOneByOneWithoutAFailedCall) {
   EXPECT_EQ(report.num_failed, 0);
 }
 
-TEST_F(LoadedFleet, LosesOnlyAKilledServersScenesToOthers) {
+TEST_F(LoadedFleet, MovesOnlyTheScenesOfAKilledServer) {
   MakeScenes();
   const auto load = StartLoad();
   const auto before = ServersOf(fleet.ReadLog());
@@ -142,7 +142,7 @@ TEST_F(LoadedFleet, LosesOnlyAKilledServersScenesToOthers) {
 
 struct FourServers : LoadedFleet {
   FourServers() : LoadedFleet(4) {}
-  // Where the calls of 1,000 scenes go.
+  // Returns the server of each of 1,000 scenes.
   std::map<std::string, std::string> Place() {
     const size_t before = fleet.LogSize();
     const auto channel = fleet.Connect("");
@@ -169,7 +169,7 @@ struct FourServers : LoadedFleet {
   }
 };
 
-TEST_F(FourServers, OfWhichTheFourthTakesItsShareOnly) {
+TEST_F(FourServers, MoveOnlyAShareOfScenesToTheFourth) {
   fleet.RestartGateway(3);
   const auto three = Place();
   fleet.RestartGateway(4);

@@ -6,7 +6,7 @@
 
 namespace pepeseg::testing {
 
-// A number that whoever runs a stress test may set.
+// Returns the number in an environment variable, by which a stress test can be scaled.
 inline double FromEnvironment(const char* name, double otherwise) {
   double value = 0;
   const char* text = std::getenv(name);

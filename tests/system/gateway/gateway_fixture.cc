@@ -22,7 +22,8 @@ std::unique_ptr<Fleet> GatewayTest::fleet_;
 void GatewayTest::SetUpTestSuite() {
   if (!HasHaproxy()) return;
   FleetOptions options;
-  // Short enough to wait for; and abuse comes from this very machine.
+  // A short window, so that tests can wait for its end. Abuse also comes from this machine's
+  // address.
   options.gateway_environment = {"PEPESEG_CALLS_WINDOW=2s", "PEPESEG_SOURCE_CONNECTIONS=1000",
                                  "PEPESEG_SOURCE_CONNECTION_RATE=5000"};
   fleet_ = std::make_unique<Fleet>(options);

@@ -12,7 +12,7 @@
 
 namespace pepeseg::testing {
 
-// One server behind a gateway, for all the tests of the program.
+// One server behind a gateway, shared by all tests of the program.
 class GatewayTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite();
@@ -20,19 +20,19 @@ class GatewayTest : public ::testing::Test {
   void SetUp() override;
 
   static Fleet& fleet() { return *fleet_; }
-  // A JWT of "lab" for these scopes.
+  // Returns a JWT of project "lab" with these scopes.
   static std::string Token(const std::string& scope = "read write train") {
     return fleet().issuer.Sign(TokenIssuer::Claims("lab", scope));
   }
 
-  // One call each, over a connection of its own unless one is given.
+  // Make one call each, over a new connection unless a channel is given.
   using Metadata = std::vector<std::pair<std::string, std::string>>;
   static grpc::Status List(const std::shared_ptr<grpc::Channel>& channel,
                            const Metadata& metadata = {});
   static grpc::Status List(const std::string& token, const Metadata& metadata = {}) {
     return List(fleet().Connect(token), metadata);
   }
-  // So many calls at a time: of each what it says, and how often.
+  // Makes this number of calls at once, and returns how often each text was answered.
   static std::map<std::string, int> ListAtOnce(const std::string& token, int num_calls);
   static grpc::Status CreateScene(const std::string& token, const std::string& id);
   static grpc::Status GetScene(const std::string& token, const std::string& id);
@@ -41,7 +41,7 @@ class GatewayTest : public ::testing::Test {
   static std::unique_ptr<Fleet> fleet_;
 };
 
-// The code's name and the message.
+// Returns the name of the status code, and the message.
 std::string TextOf(const grpc::Status& status);
 
 }  // namespace pepeseg::testing

@@ -1,4 +1,4 @@
-// What the gateway lets through, and what it says where it does not.
+// Calls that the gateway passes on, and its answers to those that it refuses.
 #include <gmock/gmock.h>
 #include <grpcpp/generic/generic_stub.h>
 
@@ -29,7 +29,7 @@ std::string ReasonOf(const grpc::Status& status) {
   return detail.reason();
 }
 
-// A call of any method, without a message.
+// Calls any method, without a message.
 grpc::Status Ask(const std::shared_ptr<grpc::Channel>& channel, const std::string& path) {
   grpc::GenericStub stub(channel);
   const grpc::Slice nothing("");
@@ -47,7 +47,7 @@ grpc::Status Ask(const std::shared_ptr<grpc::Channel>& channel, const std::strin
   return status;
 }
 
-TEST_F(GatewayTest, JwtIsWhatItsClaimsSay) {
+TEST_F(GatewayTest, GrantsWhatTheClaimsOfAJwtSay) {
   EXPECT_EQ(TextOf(CreateScene(Token("read write"), "mine")), "OK: ");
   EXPECT_EQ(TextOf(GetScene(Token("openid read"), "mine")), "OK: ");
   EXPECT_EQ(ReasonOf(CreateScene(Token("read"), "other")), "MISSING_SCOPE");
@@ -61,34 +61,34 @@ TEST_F(GatewayTest, JwtIsWhatItsClaimsSay) {
   EXPECT_THAT(fleet().ReadAudit(), HasSubstr(R"("subject":"ann@example.org","project":"lab")"));
 }
 
-TEST_F(GatewayTest, KeyGoesThroughToTheServer) {
+TEST_F(GatewayTest, PassesAKeyToTheServer) {
   const std::string reader = fleet().MakeKey("lab", {v1::SCOPE_READ});
   EXPECT_EQ(TextOf(List(reader)), "OK: ");
   EXPECT_EQ(ReasonOf(CreateScene(reader, "by-key")), "MISSING_SCOPE");
   EXPECT_EQ(ReasonOf(List("pk_" + std::string(43, 'a'))), "BAD_KEY");
 }
 
-TEST_F(GatewayTest, OnlyTheGatewaySaysWhoCalls) {
+TEST_F(GatewayTest, RemovesIdentityHeadersOfClients) {
   const Metadata claims = {{"x-pepeseg-project", "other"},
                            {"x-pepeseg-scopes", "read"},
                            {"x-pepeseg-subject", "eve"},
                            {"x-pepeseg-anything", "x"}};
-  // They are gone before the server sees them: it would refuse them beside a key.
+  // The gateway removes them. The server would refuse them next to a key.
   EXPECT_EQ(TextOf(List(fleet().MakeKey("lab", {v1::SCOPE_READ}), claims)), "OK: ");
   EXPECT_EQ(TextOf(List(Token(), claims)), "OK: ");
   EXPECT_THAT(TextOf(List("", claims)), StartsWith("UNAUTHENTICATED: the gateway asks for"));
   EXPECT_THAT(fleet().ReadAudit(), Not(HasSubstr("eve")));
-  // Past the gateway: by a certificate that is good, and none of the gateway's.
+  // Directly to the server, with a valid certificate that is not the gateway's.
   const Metadata right(claims.begin(), claims.begin() + 3);
   const auto past = fleet().ConnectDirectly(0, "", fleet().clients.Issue("client"));
   EXPECT_EQ(ReasonOf(List(past, right)), "NOT_A_GATEWAY");
   EXPECT_EQ(TextOf(List(fleet().ConnectDirectly(0, ""), right)), "OK: ");
 }
 
-TEST_F(GatewayTest, TokensThatSayNothingValidAreRefusedInWords) {
+TEST_F(GatewayTest, RefusesInvalidClaimsWithAReason) {
   struct Case {
     const char* claim;
-    nlohmann::json value;  // null: without it
+    nlohmann::json value;  // null: the claim is missing
     const char* answer;
   };
   const int64_t now = absl::ToUnixSeconds(absl::Now());
@@ -122,7 +122,7 @@ TEST_F(GatewayTest, TokensThatSayNothingValidAreRefusedInWords) {
   }
 }
 
-TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
+TEST_F(GatewayTest, RefusesUnsignedTokens) {
   const std::string payload = TokenIssuer::Claims("lab", "read").dump();
   const auto with = [&](const char* header, const std::string& signature) {
     return TokenIssuer::Assemble(header, payload, signature);
@@ -154,8 +154,8 @@ TEST_F(GatewayTest, TokensThatNobodySignedOpenNothing) {
   EXPECT_THAT(TextOf(List("", twice)), StartsWith("UNAUTHENTICATED: the call has more than one"));
 }
 
-// The gateway keeps in mind which tokens were signed, not that they were valid.
-TEST_F(GatewayTest, TokenThatIsKnownIsStillChecked) {
+// The gateway caches that a token's signature is good, not that the token is valid.
+TEST_F(GatewayTest, ChecksAKnownTokenAgain) {
   constexpr char kHeader[] = R"({"alg":"RS256"})";
   auto claims = TokenIssuer::Claims("lab", "read");
   claims["exp"] = absl::ToUnixSeconds(absl::Now()) + 3;
@@ -170,8 +170,8 @@ TEST_F(GatewayTest, TokenThatIsKnownIsStillChecked) {
   EXPECT_THAT(TextOf(List(token)), StartsWith("UNAUTHENTICATED: the token has expired"));
 }
 
-// What HAProxy 2.6 leaves of a wrong signature ended connections of whoever came next.
-TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
+// In HAProxy 2.6 the error of a wrong signature ended the connection of the next client.
+TEST_F(GatewayTest, KeepsConnectionsDespiteForgedTokens) {
   const std::string forged = TokenIssuer().Sign(TokenIssuer::Claims("lab", "read"));
   const auto forger = fleet().Connect(forged);
   const auto by_next_key =
@@ -185,12 +185,12 @@ TEST_F(GatewayTest, ForgedTokensEndNobodysConnection) {
   }
   for (int round = 0; round < 12; ++round) {
     EXPECT_EQ(List(forger).error_code(), grpc::UNAUTHENTICATED);
-    EXPECT_EQ(TextOf(List(by_next_key)), "OK: ");  // does not fit the first key
+    EXPECT_EQ(TextOf(List(by_next_key)), "OK: ");  // not signed by the first key
     for (const auto& other : others) EXPECT_EQ(TextOf(List(other)), "OK: ") << round;
   }
 }
 
-TEST_F(GatewayTest, CallsOverTheWindowsLimitAreRefusedUntilItHasPassed) {
+TEST_F(GatewayTest, RefusesCallsOverTheLimitUntilTheWindowEnds) {
   const std::string key = fleet().MakeKey("lab", {v1::SCOPE_READ});
   const std::map<std::string, int> answers = ListAtOnce(key, 101);
   ASSERT_EQ(answers.size(), 2u);
@@ -202,13 +202,13 @@ TEST_F(GatewayTest, CallsOverTheWindowsLimitAreRefusedUntilItHasPassed) {
   EXPECT_EQ(TextOf(List(key)), "OK: ");
 }
 
-TEST_F(GatewayTest, HeadersHaveALimit) {
+TEST_F(GatewayTest, LimitsHeaders) {
   EXPECT_THAT(TextOf(List(Token(), {{"x-more", std::string(9 << 10, 'x')}})),
               AllOf(StartsWith("RESOURCE_EXHAUSTED: "), HasSubstr("8192 bytes")));
   EXPECT_EQ(TextOf(List(Token(), {{"x-more", std::string(6 << 10, 'x')}})), "OK: ");
 }
 
-TEST_F(GatewayTest, OperatorsCallsAndReflectionAreNotThere) {
+TEST_F(GatewayTest, HidesAdminServiceAndReflection) {
   const auto channel = fleet().Connect(fleet().MakeKey("lab", {v1::SCOPE_OPERATE}));
   for (const char* path : {"/pepeseg.v1.AdminService/GetStatus", "/pepeseg.v1.AdminService/Drain",
                            "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
@@ -219,7 +219,7 @@ TEST_F(GatewayTest, OperatorsCallsAndReflectionAreNotThere) {
   EXPECT_TRUE(Ask(fleet().Connect(""), "/grpc.health.v1.Health/Check").ok());
 }
 
-TEST_F(GatewayTest, LogHasALineACallAndNoSecret) {
+TEST_F(GatewayTest, LogsALinePerCallWithoutSecrets) {
   const size_t before = fleet().LogSize();
   const std::string token = Token();
   EXPECT_TRUE(List(token, {{"x-scene", "shelf"}, {"x-request-id", "mine-1"}}).ok());
@@ -239,8 +239,8 @@ TEST_F(GatewayTest, LogHasALineACallAndNoSecret) {
   EXPECT_THAT(fleet().Metrics(), HasSubstr("haproxy_frontend_http_requests_total{proxy=\"grpc\"}"));
 }
 
-// The last one: it leaves the server new.
-TEST_F(GatewayTest, WithoutAServerItSaysSo) {
+// Must be the last test, since it restarts the server.
+TEST_F(GatewayTest, ReportsThatThereIsNoServer) {
   fleet().KillServer(0);
   const auto start = absl::Now();
   EXPECT_THAT(TextOf(List(Token())), StartsWith("UNAVAILABLE: no server answers the gateway"));

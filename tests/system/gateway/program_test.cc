@@ -1,4 +1,4 @@
-// What the real client says of a gateway, and of a proxy that is none.
+// Messages of the real client about errors of the gateway, and of another proxy.
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
@@ -23,7 +23,7 @@ struct Ran {
 
 class ProgramAtGateway : public GatewayTest {
  protected:
-  // `pepeseg` with the token in a file, as a user has it; "": with none.
+  // Runs `pepeseg` with the token in a file, as a user does. "": without a token.
   static Ran Run(const std::string& token, const std::string& verb) {
     std::string arguments = absl::StrCat("--server https://localhost:", fleet().gateway_port(),
                                          " --ca ", (fleet().folder / "authority.pem").string());
@@ -56,7 +56,7 @@ TEST_F(ProgramAtGateway, WorksWithAJwtOrAKey) {
   EXPECT_THAT(by_key.output, HasSubstr("shelf"));
 }
 
-TEST_F(ProgramAtGateway, SaysInPlainWordsWhatIsWrongWithAToken) {
+TEST_F(ProgramAtGateway, ExplainsWhatIsWrongWithAToken) {
   const Ran none = Run("", "scenes");
   EXPECT_EQ(none.exit_code, 10);
   EXPECT_THAT(none.output, AllOf(HasSubstr("asks for a key or a token"), HasSubstr("--key-file")));
@@ -73,7 +73,7 @@ TEST_F(ProgramAtGateway, SaysInPlainWordsWhatIsWrongWithAToken) {
   EXPECT_THAT(wrong_key.output, HasSubstr("unknown, revoked or expired"));
 }
 
-TEST_F(ProgramAtGateway, SaysThatASceneIsAnotherProjects) {
+TEST_F(ProgramAtGateway, ReportsAnotherProjectsScene) {
   const std::string theirs = fleet().issuer.Sign(TokenIssuer::Claims("theirs", "read write"));
   ASSERT_TRUE(CreateScene(theirs, "vase").ok());
   const Ran ran = Run(Token(), "scenes vase");
@@ -81,7 +81,7 @@ TEST_F(ProgramAtGateway, SaysThatASceneIsAnotherProjects) {
   EXPECT_THAT(ran.output, AllOf(HasSubstr("another project's"), HasSubstr("pepeseg scenes")));
 }
 
-TEST_F(ProgramAtGateway, SaysThatTheCallsOfAWindowAreUsedUp) {
+TEST_F(ProgramAtGateway, ReportsTheRateLimit) {
   auto claims = TokenIssuer::Claims("lab", "read");
   claims["sub"] = "busy";
   const std::string token = fleet().issuer.Sign(claims);
@@ -91,19 +91,19 @@ TEST_F(ProgramAtGateway, SaysThatTheCallsOfAWindowAreUsedUp) {
   EXPECT_THAT(ran.output, AllOf(HasSubstr("more than 100 calls in 2s"), HasSubstr("wait")));
 }
 
-TEST_F(ProgramAtGateway, SaysThatTheHeadersAreTooLarge) {
+TEST_F(ProgramAtGateway, ReportsHeadersThatAreTooLarge) {
   auto claims = TokenIssuer::Claims("lab", "read");
-  claims["groups"] = std::string(9 << 10, 'x');  // as some issuers make them
+  claims["groups"] = std::string(9 << 10, 'x');  // as large as those of some issuers
   const Ran ran = Run(fleet().issuer.Sign(claims), "scenes");
   EXPECT_EQ(ran.exit_code, 9);
   EXPECT_THAT(ran.output, AllOf(HasSubstr("headers"), HasSubstr("8192 bytes")));
 }
 
-// On a port each: what proxies of HTTP/2 answer that know nothing of gRPC, and a server of HTTP/1.
+// Serves, each on its own port, the answers of HTTP/2 proxies without gRPC and of an HTTP/1 server.
 class ProgramAtAProxy : public ProgramAtGateway {
  protected:
   struct Proxy {
-    std::string rule;  // of HAProxy
+    std::string rule;  // HAProxy's configuration
     std::string protocol = "proto h2";
     int port = FreePort();
   };
@@ -134,7 +134,7 @@ class ProgramAtAProxy : public ProgramAtGateway {
   std::unique_ptr<WorkerProcess> process_;
 };
 
-TEST_F(ProgramAtAProxy, SaysInPlainWordsWhatItAnswers) {
+TEST_F(ProgramAtAProxy, ExplainsTheProxysAnswer) {
   const std::string html = " content-type text/html string '<html>no</html>'";
   const std::vector<std::pair<Proxy, int>> answers = {
       {{"return status 502" + html}, 5},  {{"return status 503" + html}, 5},

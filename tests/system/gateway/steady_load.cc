@@ -15,7 +15,8 @@ namespace pepeseg::testing {
 
 namespace {
 
-// As long as the server says; a quarter of a second where it says nothing, as it is lost.
+// Returns the pause before the second call: the one that the server asks for, or a quarter of a
+// second if the server was lost.
 std::chrono::milliseconds PauseAfter(const grpc::Status& status) {
   v1::Status details;
   v1::ErrorDetail detail;
@@ -35,7 +36,7 @@ struct SteadyLoad::Call {
   std::string scene;
   bool is_second = false;
   absl::Time start = absl::Now();
-  grpc::Alarm pause;  // before a second call
+  grpc::Alarm pause;  // pause before the second call
   std::unique_ptr<grpc::ClientContext> context;
   v1::SegmentResponse response;
 };

@@ -18,18 +18,18 @@ namespace pepeseg::testing {
 
 struct SteadyLoadReport {
   int64_t num_calls = 0;
-  int64_t num_retried = 0;             // failed at first
-  int64_t num_failed = 0;              // and the second time, too
-  std::map<std::string, int> reasons;  // of both
+  int64_t num_retried = 0;             // calls that failed the first time
+  int64_t num_failed = 0;              // calls that also failed the second time
+  std::map<std::string, int> reasons;  // of all failures
   absl::Duration took, p50, p99, longest;
   double per_second() const { return static_cast<double>(num_calls) / absl::ToDoubleSeconds(took); }
 };
 
-// The same question to each scene by turns, so many a second whatever becomes of them, from its
-// start to Stop(). A call that fails is made a second time, once.
+// Sends the same query to each scene in turn, at a fixed rate that does not depend on the answers,
+// from its construction to Stop(). A call that fails is repeated once.
 class SteadyLoad {
  public:
-  // `channels` are used by turns, with scenes "s0" to "s<num_scenes - 1>" that have a model.
+  // Uses `channels` in turn. The scenes "s0" to "s<num_scenes - 1>" must have a model.
   SteadyLoad(std::vector<std::shared_ptr<grpc::Channel>> channels, int num_scenes,
              double per_second);
   ~SteadyLoad() { Stop(); }
@@ -39,7 +39,7 @@ class SteadyLoad {
   SteadyLoadReport Stop();
 
   static std::string SceneId(int i) { return "s" + std::to_string(i); }
-  // Of the view that model_worker.cc's models have: a click on the red square.
+  // Returns a click on the red square of model_worker.cc's models.
   static v1::SegmentRequest Question(const std::string& scene);
 
  private:
@@ -51,7 +51,7 @@ class SteadyLoad {
   std::vector<std::unique_ptr<v1::SegmentationService::Stub>> stubs_;
   std::atomic<bool> stopping_ = false;
   std::atomic<int64_t> num_open_ = 0;
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards the members below
   SteadyLoadReport report_;
   std::vector<absl::Duration> durations_;
   std::thread thread_;

@@ -8,7 +8,7 @@
 
 namespace pepeseg::testing {
 
-// Signs JSON Web Tokens with an RSA key that is made for one run of a test.
+// Signs JSON Web Tokens with a new RSA key.
 class TokenIssuer {
  public:
   static constexpr char kIssuer[] = "https://issuer.example.org";
@@ -17,11 +17,11 @@ class TokenIssuer {
   TokenIssuer();
 
   const std::string& public_key() const { return public_key_; }  // PEM
-  // What the gateway of GatewayProcess lets through for ten minutes.
+  // Returns claims that the fleet's gateway accepts for ten minutes.
   static nlohmann::json Claims(const std::string& project, const std::string& scope);
-  // RS256.
+  // Returns a token with these claims, signed by RS256.
   std::string Sign(const nlohmann::json& claims) const;
-  // A token of these parts, which are encoded here; `signature` is bytes.
+  // Encodes the parts and joins them to a token. `signature`: raw bytes.
   static std::string Assemble(const std::string& header, const std::string& payload,
                               const std::string& signature);
   std::string Signature(const std::string& header, const std::string& payload) const;

@@ -1,5 +1,5 @@
-// More connections than the server program has file descriptors for: it must serve new clients as
-// soon as it can, and where it cannot, end so that it is restarted.
+// More connections than the server program has file descriptors. It must serve new clients as soon
+// as it can; if it cannot, it must end so that it is restarted.
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/resource.h>
@@ -27,7 +27,7 @@ namespace {
 constexpr rlim_t kFewDescriptors = 256;
 constexpr int kNumMute = 400;
 
-// TCP connections that never say anything.
+// TCP connections that never send a byte.
 class MuteConnections {
  public:
   MuteConnections(int port, int count) {
@@ -60,12 +60,12 @@ struct DescriptorShortage : ::testing::Test {
     std::ifstream(absl::StrCat((folder / "data").string(), ".port")) >> port;
     EXPECT_OK(client.CreateScene("before"));
   }
-  // Of the running server: it reads the limit anew with each connection.
+  // Sets the limit of the running server, which reads it again with each connection.
   void LimitDescriptors(rlim_t limit) {
     const rlimit few = {limit, limit};
     ASSERT_EQ(prlimit(server.pid(), RLIMIT_NOFILE, &few, nullptr), 0);
   }
-  // Whether a client that connects now is answered within `patience`.
+  // Returns whether a client that connects now is answered within `patience`.
   bool ServesNewClient(absl::Duration patience) const {
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -96,8 +96,8 @@ TEST(DescriptorLimit, IsRaisedToTheHardLimit) {
   EXPECT_EQ(absl::StrContains(server.Log(), "the limit on open files is"), own.rlim_max < 8192);
 }
 
-// Lowers the hard limit of this process for good; 2,048 are enough for the tests after it.
-TEST(DescriptorLimit, IsWarnedOfWhenEvenTheHardLimitIsLow) {
+// Lowers the hard limit of this process permanently. 2,048 are enough for the tests after it.
+TEST(DescriptorLimit, WarnsOfALowHardLimit) {
   rlimit own{};
   ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &own), 0);
   const rlim_t limit = std::min<rlim_t>(2048, own.rlim_max);
@@ -113,7 +113,7 @@ TEST_F(DescriptorShortage, ServesNewClientsAfterABurstOfMuteConnections) {
   LimitDescriptors(kFewDescriptors);
   MuteConnections mute(port, kNumMute);
   absl::SleepFor(absl::Seconds(2));
-  // Who is connected is served, files included.
+  // Connected clients are served, also with files.
   EXPECT_OK(client.CreateScene("during"));
   mute.Close();
   EXPECT_TRUE(ServesNewClient(absl::Seconds(20))) << server.Log();
@@ -121,7 +121,7 @@ TEST_F(DescriptorShortage, ServesNewClientsAfterABurstOfMuteConnections) {
   EXPECT_TRUE(absl::StrContains(server.Log(), "new connections refused")) << server.Log();
 }
 
-TEST_F(DescriptorShortage, HangsUpOnConnectionsThatStayMute) {
+TEST_F(DescriptorShortage, ClosesMuteConnections) {
   LimitDescriptors(kFewDescriptors);
   const MuteConnections mute(port, kNumMute);
   // The limit for a handshake is 10 s.
@@ -140,7 +140,7 @@ TEST_F(ProbedServer, ReachesItselfWhileClientsAreRefused) {
   EXPECT_FALSE(absl::StrContains(server.Log(), "self-probe")) << server.Log();
 }
 
-TEST_F(ProbedServer, EndsForARestartThatItsJobsSurvive) {
+TEST_F(ProbedServer, ExitsForARestartThatJobsSurvive) {
   const auto dataset = client.Upload("before", {{"hang", v1::FILE_KIND_IMAGE, "bytes"}});
   ASSERT_OK(dataset);
   const auto job = client.Train("before", *dataset, {});
@@ -150,12 +150,12 @@ TEST_F(ProbedServer, EndsForARestartThatItsJobsSurvive) {
   while (testing::FindProcess(word) == 0 && absl::Now() < launched) {
     absl::SleepFor(absl::Milliseconds(10));
   }
-  // Below what is open already: no connection can be accepted, nor a file opened.
+  // The limit is below the number of open files: no connection can be accepted, and no file opened.
   LimitDescriptors(3);
   const absl::Time deadline = absl::Now() + absl::Seconds(40);
   while (server.alive() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(50));
   ASSERT_FALSE(server.alive()) << server.Log();
-  const auto end = server.Terminate();  // has ended: only its status
+  const auto end = server.Terminate();  // it has ended; returns only its status
   ASSERT_TRUE(end.has_value());
   EXPECT_EQ(end->exit_code, 1) << end->description;
   std::ifstream log(absl::StrCat((folder / "data").string(), ".log"));

@@ -1,5 +1,5 @@
-// One flipped bit in each kind of file that the server and its worker keep: 1,000 places of each
-// with PEPESEG_STRESS=full, sixty in `make test`. A reader tells, or answers what was written.
+// One flipped bit in each kind of file that server and worker store: 1,000 positions of each with
+// PEPESEG_STRESS=full, sixty in `make test`. A reader returns an error, or what was written.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -25,12 +25,12 @@ namespace fs = std::filesystem;
 
 int NumFlips() { return testing::FullStress() ? 1000 : 60; }
 
-// What a reader made of a file: an error, or a text that tells all that it holds.
+// What a reader returned for a file: an error, or its whole content as a text.
 using Read = std::function<absl::StatusOr<std::string>()>;
 
 class FlippedBitsTest : public ::testing::Test {
  protected:
-  // `read` must answer a flip of any bit by DATA_LOSS, or as if there was none.
+  // Flips bits, and expects `read` to return DATA_LOSS, or the same as without a flip.
   void FlipEach(const fs::path& path, const Read& read) {
     const auto good = ReadFile(path, path.string(), int64_t{1} << 30);
     ASSERT_OK(good);
@@ -75,14 +75,14 @@ Model MakeModel() {
   return model;
 }
 
-TEST_F(FlippedBitsTest, OfAModel) {
+TEST_F(FlippedBitsTest, AreDetectedInAModel) {
   const fs::path model = folder_ / "model";
   fs::create_directories(model);
   ASSERT_OK(WriteModel(model, MakeModel()));
   const Read read = [&]() -> absl::StatusOr<std::string> {
     const auto found = ReadModel(model);
     if (!found.ok()) return found.status();
-    // Written again it is the same in every byte, if it is the same at all.
+    // Writing it again makes equal content comparable byte by byte.
     const testing::TempFolder copy;
     EXPECT_OK(WriteModel(copy.path(), *found));
     std::string all;
@@ -97,7 +97,7 @@ TEST_F(FlippedBitsTest, OfAModel) {
   for (const fs::path& file : files) FlipEach(file, read);
 }
 
-TEST_F(FlippedBitsTest, OfACheckpoint) {
+TEST_F(FlippedBitsTest, AreDetectedInACheckpoint) {
   const fs::path path = folder_ / "reconstruct-000000100.ckpt";
   const std::vector<CheckpointSection> sections = {{"gaussians", 1, "some bytes"},
                                                    {"moments", 2, "and others"}};
@@ -113,7 +113,7 @@ TEST_F(FlippedBitsTest, OfACheckpoint) {
   });
 }
 
-TEST_F(FlippedBitsTest, OfASelection) {
+TEST_F(FlippedBitsTest, AreDetectedInASelection) {
   GaussianSet set;
   for (int i = 0; i < 1000; ++i) set.member.push_back(i % 3 == 0 ? 1 : 0);
   const fs::path path = folder_ / "1";
@@ -127,8 +127,8 @@ TEST_F(FlippedBitsTest, OfASelection) {
   });
 }
 
-// What stands before the flip is told, and nothing else.
-TEST_F(FlippedBitsTest, OfAnEventLog) {
+// The events before the flip are returned, and no others.
+TEST_F(FlippedBitsTest, AreDetectedInAnEventLog) {
   const fs::path path = folder_ / "events.log";
   std::vector<std::string> written;
   {

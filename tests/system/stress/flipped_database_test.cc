@@ -1,6 +1,6 @@
-// One flipped bit in SQLite's file: 1,000 places with PEPESEG_STRESS=full, 200 in `make test`. The
-// server does not start on it, or a call is told, or nothing has changed; what is left are values
-// of rows that SQLite has no checksum of: they are counted.
+// One flipped bit in SQLite's file: 1,000 positions with PEPESEG_STRESS=full, 200 in `make test`.
+// The server refuses to start, or a call returns an error, or all answers are unchanged. The rest
+// are stored values, for which SQLite has no checksum: the test counts them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 constexpr int kNumScenes = 12;
 const PageRequest kAll{1000, ""};
 
-// A scene that was trained, labelled, and selected from.
+// Makes a scene with a model, a label and a selection.
 void Fill(Store& store, const std::string& scene) {
   ASSERT_OK(store.CreateScene({scene, "the scene " + scene, "make " + scene, {}}));
   std::vector<DatasetFileRow> files;
@@ -97,7 +97,7 @@ absl::Status TellScene(Store& store, const std::string& scene, std::string& all)
   return absl::OkStatus();
 }
 
-// All that the store answers, as a text.
+// Returns all answers of the store as a text.
 absl::StatusOr<std::string> TellAll(const std::string& url) {
   ASSIGN_OR_RETURN(const auto store, Store::Open(url));
   std::string all;
@@ -129,9 +129,9 @@ absl::StatusOr<std::string> TellAll(const std::string& url) {
 
 struct FlipReport {
   int refused = 0;    // DATA_LOSS at the start
-  int told = 0;       // another error, at the start or of a call
-  int unchanged = 0;  // all answers are as they were
-  int unnoticed = 0;  // some answer is another
+  int told = 0;       // another error, at the start or from a call
+  int unchanged = 0;  // all answers are the same as before
+  int unnoticed = 0;  // some answer differs
   int sum() const { return refused + told + unchanged + unnoticed; }
 };
 
@@ -143,7 +143,9 @@ class FlippedDatabase : public ::testing::Test {
     for (int i = 0; i < kNumScenes; ++i) Fill(**store, absl::StrCat("scene-", i));
   }
 
-  // Opens copies of the file `flipped` ("", "-wal") and of the others, each with one bit flipped.
+  // Opens copies of the database, each with one bit flipped in the file with suffix `flipped` (""
+  // or
+  // "-wal").
   FlipReport FlipBits(const std::map<std::string, std::string>& files, const std::string& flipped) {
     const fs::path copy = folder_ / "copy.db";
     const auto write = [&](const std::map<std::string, std::string>& bytes) {
@@ -186,24 +188,24 @@ class FlippedDatabase : public ::testing::Test {
   const testing::TempFolder folder_;
 };
 
-TEST_F(FlippedDatabase, IsRefusedAsFarAsSqliteSeesIt) {
+TEST_F(FlippedDatabase, IsRefusedIfSqliteDetectsIt) {
   const FlipReport report = FlipBits({{"", Bytes("whole.db")}}, "");
   EXPECT_GT(report.refused, report.sum() / 20);
   EXPECT_LT(report.unnoticed, report.sum() / 5);
 }
 
-// The log that a killed server leaves: what it has answered last stands there only.
-TEST_F(FlippedDatabase, LogIsRefusedAsFarAsItIsSeen) {
+// A killed server leaves a log (WAL), which alone has its last answers.
+TEST_F(FlippedDatabase, IsRefusedIfItsLogIsDamaged) {
   const auto store = Store::Open("sqlite:" + (folder_ / "whole.db").string());
   ASSERT_OK(store);
   for (int i = 0; i < 4; ++i) Fill(**store, absl::StrCat("late-", i));
   const FlipReport report =
       FlipBits({{"", Bytes("whole.db")}, {"-wal", Bytes("whole.db-wal")}}, "-wal");
-  // What is left is of the last commit, which might as well be torn.
+  // The rest are flips in the last commit, which SQLite cannot distinguish from a torn one.
   EXPECT_GT(report.refused, report.sum() * 9 / 10);
 }
 
-TEST_F(FlippedDatabase, IsToldByName) {
+TEST_F(FlippedDatabase, IsReportedByName) {
   std::string bytes = Bytes("whole.db");
   bytes[5] = static_cast<char>(bytes[5] ^ 1);
   std::ofstream(folder_ / "whole.db", std::ios::binary) << bytes;

@@ -1,5 +1,5 @@
-// One flipped bit in the stored bytes of a file of each kind: a worker never trains on it.
-// Sixty-six places of each with PEPESEG_STRESS=full, three in `make test`.
+// One flipped bit in the stored bytes of a file of each kind. A worker never trains on it. 66
+// positions of each with PEPESEG_STRESS=full, three in `make test`.
 #include <map>
 #include <random>
 #include <set>
@@ -43,7 +43,7 @@ std::string GaussiansPly() {
   return EncodeGaussianPly(gaussians);
 }
 
-// The worker, on copies of a capture's files and of those kinds that it has none of.
+// Runs the worker on copies of a capture's files, and on files of the kinds that it does not have.
 class FlippedInputs : public WorkerTest {
  protected:
   FlippedInputs() {
@@ -79,7 +79,7 @@ class FlippedInputs : public WorkerTest {
   int num_blobs_ = 0;
 };
 
-TEST_F(FlippedInputs, OfEveryKindEndTheJobBeforeItDecodesAnything) {
+TEST_F(FlippedInputs, OfEveryKindFailTheJobBeforeItDecodesAnything) {
   std::map<int, const JobSpecFile*> by_kind;
   for (const JobSpecFile& file : spec_.files) by_kind.emplace(file.kind, &file);
   std::set<int> all;
@@ -111,7 +111,7 @@ v1::TrainingOptions FewSteps() {
   return options;
 }
 
-// The server program and the worker program, together.
+// Runs the server program and the worker program together.
 class FlippedUploads : public ::testing::Test {
  protected:
   v1::Job Train(const std::string& dataset) {
@@ -131,7 +131,7 @@ class FlippedUploads : public ::testing::Test {
   testing::ServiceClient client_{server_.channel()};
 };
 
-TEST_F(FlippedUploads, MakeNoModelUntilTheSameFilesAreUploadedAgain) {
+TEST_F(FlippedUploads, GiveNoModelUntilTheSameFilesAreUploadedAgain) {
   const std::vector<testing::ClientFile> files =
       testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf");
   ASSERT_OK(client_.CreateScene("shelf"));

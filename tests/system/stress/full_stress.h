@@ -5,7 +5,8 @@
 
 namespace pepeseg::testing {
 
-// Whether the whole of a run is wanted, as `make stress` does, or the short form of `make test`.
+// Returns whether to do the full run of `make stress` (PEPESEG_STRESS=full), or the short one of
+// `make test`.
 inline bool FullStress() {
   const char* stress = std::getenv("PEPESEG_STRESS");
   return stress != nullptr && std::string(stress) == "full";

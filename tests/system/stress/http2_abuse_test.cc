@@ -1,5 +1,5 @@
-// Bytes that no gRPC client sends, to the server program's own port: it stays alive, answers others
-// meanwhile, and its memory stays bounded.
+// Sends bytes that no gRPC client sends to the server program's port. The server stays alive,
+// answers other clients meanwhile, and its memory stays bounded.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -40,7 +40,7 @@ class Http2AbuseTest : public ::testing::Test {
     return pages * sysconf(_SC_PAGESIZE);
   }
 
-  // That others are served meanwhile, and at what cost.
+  // Checks that other clients are served meanwhile, and prints the cost.
   void ExpectServing(const char* what) {
     const absl::Time start = absl::Now();
     EXPECT_TRUE(absl::IsNotFound(client_.GetJob("jobs/j1").status()));
@@ -59,7 +59,7 @@ class Http2AbuseTest : public ::testing::Test {
   int64_t rss_before_ = 0;
 };
 
-TEST_F(Http2AbuseTest, ConnectionsThatSpeakABytePerTick) {
+TEST_F(Http2AbuseTest, SurvivesConnectionsThatSendAByteAtATime) {
   std::vector<std::unique_ptr<Connection>> connections;
   for (int i = 0; i < 400; ++i) connections.push_back(std::make_unique<Connection>(port_));
   for (size_t k = 0; k < sizeof(kPreface) - 2; ++k) {
@@ -69,9 +69,10 @@ TEST_F(Http2AbuseTest, ConnectionsThatSpeakABytePerTick) {
   ExpectServing("400 slow connections");
 }
 
-// Debian's gRPC takes as many calls as are reset: what bounds them is how fast they are answered,
-// so the memory of those on their way is told here, and given back (README.md: behind a gateway).
-TEST_F(Http2AbuseTest, StreamsThatAreResetAtOnce) {
+// Debian's gRPC does not limit calls that are reset; only the speed of answering bounds their
+// number. So their memory is printed and not bounded here, and must be freed afterwards (README.md:
+// use a gateway).
+TEST_F(Http2AbuseTest, SurvivesStreamsThatAreResetAtOnce) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
   uint32_t stream = 1;
@@ -85,7 +86,7 @@ TEST_F(Http2AbuseTest, StreamsThatAreResetAtOnce) {
   ExpectServing("rapid reset");
 }
 
-TEST_F(Http2AbuseTest, HeadersWithoutEnd) {
+TEST_F(Http2AbuseTest, SurvivesEndlessHeaders) {
   Connection connection(port_);
   connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
   std::string block;
@@ -97,7 +98,7 @@ TEST_F(Http2AbuseTest, HeadersWithoutEnd) {
   ExpectServing("64 MB of headers");
 }
 
-TEST_F(Http2AbuseTest, PingsAndSettingsWithoutEnd) {
+TEST_F(Http2AbuseTest, SurvivesEndlessPingsAndSettings) {
   for (const bool ping : {true, false}) {
     Connection connection(port_);
     connection.Send(std::string(kPreface) + Frame(kSettings, kNone, 0, ""));
@@ -111,7 +112,7 @@ TEST_F(Http2AbuseTest, PingsAndSettingsWithoutEnd) {
   }
 }
 
-TEST_F(Http2AbuseTest, NoHttpAtAll) {
+TEST_F(Http2AbuseTest, SurvivesBytesThatAreNotHttp) {
   for (const std::string& bytes :
        {std::string("GET / HTTP/1.1\r\nHost: a\r\n\r\n"), std::string(100'000, '\xff'),
         std::string(kPreface) + std::string(100'000, '\xff'),

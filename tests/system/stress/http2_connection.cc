@@ -12,7 +12,7 @@
 namespace pepeseg::http2 {
 namespace {
 
-// With nobody verified: who abuses a server does not care who it is.
+// Does not verify the server: these tests do not depend on its identity.
 SSL* NewTls() {
   static SSL_CTX* const context = SSL_CTX_new(TLS_client_method());
   SSL* tls = SSL_new(context);
@@ -21,7 +21,7 @@ SSL* NewTls() {
   return tls;
 }
 
-// OpenSSL's answer as the system calls give theirs.
+// Converts OpenSSL's result to that of a system call.
 ssize_t AsOfSocket(SSL* tls, int result) {
   if (result > 0) return result;
   const int error = SSL_get_error(tls, result);

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-// HTTP/2 by hand, to send what no gRPC client does.
+// Writes HTTP/2 frames by hand, to send what no gRPC client sends.
 namespace pepeseg::http2 {
 
 inline constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
@@ -15,12 +15,12 @@ enum FrameType : uint8_t { kHeaders = 1, kReset = 3, kSettings = 4, kPing = 6, k
 enum Flags : uint8_t { kNone = 0, kEndHeaders = 4 };
 
 std::string Frame(FrameType type, uint8_t flags, uint32_t stream, const std::string& payload);
-// HPACK: a literal without indexing. Both at most 126 bytes.
+// Returns an HPACK literal without indexing. Name and value have at most 126 bytes each.
 std::string Header(const std::string& name, const std::string& value);
-// Of a call of ListScenes.
+// Returns the headers of a call of ListScenes.
 std::string CallHeaders();
 
-// To a port of this machine.
+// A connection to a port of this machine.
 class Connection {
  public:
   enum class Kind { kPlain, kTls };
@@ -29,9 +29,9 @@ class Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  // False: the server has hung up, or takes no more.
+  // Sends bytes. Returns false if the server has closed the connection, or takes no more.
   bool Send(const std::string& bytes);
-  // Whether the server has not hung up; drops what it has said.
+  // Returns whether the connection is open. Drops what the server has sent.
   bool IsOpen();
 
  private:
@@ -39,10 +39,10 @@ class Connection {
     void operator()(SSL* tls) const { SSL_free(tls); }
   };
   bool StartTls();
-  // As send(2) and recv(2): -1 and EAGAIN where it would block.
+  // Like send(2) and recv(2): -1 and EAGAIN if the call would block.
   ssize_t Write(const char* bytes, size_t size);
   ssize_t Read(char* bytes, size_t size);
-  // What the server answers is of no interest.
+  // Reads and drops the server's answers.
   void Drop();
 
   const int socket_;

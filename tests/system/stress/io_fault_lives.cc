@@ -26,7 +26,7 @@ PepesegdOptions Options(std::vector<std::string> environment = {}) {
   return {{}, std::move(environment), PEPESEG_MODEL_WORKER, "", /*may_end=*/true};
 }
 
-// How many calls there are to break in a life without a fault.
+// Returns the number of calls that can be broken in a life without a fault.
 int64_t CountCalls(const std::vector<std::string>& names) {
   const testing::TempFolder folder;
   const std::filesystem::path data = folder / "data";
@@ -39,19 +39,19 @@ int64_t CountCalls(const std::vector<std::string>& names) {
   return static_cast<int64_t>(TracedPaths(folder / "trace", names).size());
 }
 
-// What a life ended with: its code, and of a job that stands still, why.
+// Records the code with which a life ended, and the reason if its job makes no progress.
 std::string EndOf(const absl::Status& status) {
   const bool waits = absl::IsUnavailable(status) &&
                      absl::StrContains(status.message(), "the server's disk is full");
   return absl::StrCat(absl::StatusCodeToString(status.code()), waits ? " for a full disk" : "");
 }
 
-// A life under a fault as far as it goes, then to its end without one.
+// Runs a life under a fault until an error, then to its end without one.
 void TryFault(const std::string& fault, FaultReport& report) {
   const testing::TempFolder folder;
   const std::filesystem::path data = folder / "data";
   LifeOfAScene life("first");
-  // What cannot be read after the end of a worker is an error of its training.
+  // A file that cannot be read after the worker's end fails its training.
   const bool may_fail = fault.starts_with("unreadable");
   if (may_fail) life.LetTrainingFail();
   ++report.num_tried;
@@ -67,7 +67,7 @@ void TryFault(const std::string& fault, FaultReport& report) {
     } else {
       ++report.codes["did not start"];
     }
-    // A kill at a call of the shutdown, too.
+    // The kill may also come at a call of the shutdown.
     const auto end = server.Terminate();
     if (!end.has_value()) report.broken.push_back(absl::StrCat(fault, ": does not end"));
     if (end.has_value() && end->signal == SIGKILL) ++report.num_killed;
@@ -78,7 +78,7 @@ void TryFault(const std::string& fault, FaultReport& report) {
   PepesegdProcess server(data, Options());
   absl::Status status = life.Check(server.channel());
   if (status.ok()) status = life.Run(server.channel());
-  if (!status.ok() && may_fail) status = life.Run(server.channel());  // trains anew
+  if (!status.ok() && may_fail) status = life.Run(server.channel());  // trains again
   if (!status.ok()) report.broken.push_back(absl::StrCat(fault, ": ", status.ToString()));
   server.Terminate();
   for (const std::string& what : FindUnclean(data)) {

@@ -1,16 +1,19 @@
-// Loaded into a program before its libraries (LD_PRELOAD): breaks one of the calls by which it
-// makes things durable, or reads them. Says nothing and does nothing without its environment:
+// A library for LD_PRELOAD that makes calls fail by which a program stores or reads files. Without
+// these variables it does nothing:
 //
-//   PEPESEG_FAULT_PROGRAM  name of the program that is meant; others are left alone
-//   PEPESEG_FAULT_FOLDER   calls on files below it count
-//   PEPESEG_FAULT_FILE     of these, those whose path has it; not there: all
-//   PEPESEG_FAULT_TRACE    file that gets a line for each call that counts: its name and the path
-//   PEPESEG_FAULT          KIND:N. kill-before, kill-after: SIGKILL at the Nth call of fsync,
-//                          fdatasync, syncfs, rename, renameat2 or unlink; full: from the Nth call
-//                          on that needs space (write, fsync, open of a new file) there is none;
-//                          unreadable: the Nth call of read or pread is EIO; unreadable-from: all
-//                          from the Nth on are; hang: the Nth call of fsync, fdatasync,
-//                          syncfs, rename, renameat2 or unlink never returns
+//   PEPESEG_FAULT_PROGRAM  name of the program; calls of other programs are not changed
+//   PEPESEG_FAULT_FOLDER   folder; only calls on files below it count
+//   PEPESEG_FAULT_FILE     part of a path; only calls on paths with it count. Not set: all
+//   PEPESEG_FAULT_TRACE    file to which each counted call is appended: its name and the path
+//   PEPESEG_FAULT          KIND:N, of which KIND is
+//     kill-before, kill-after  SIGKILL at the Nth call of fsync, fdatasync, syncfs, rename,
+//     renameat2 or
+//                              unlink
+//     hang                     the Nth of the same calls never returns
+//     full                     from the Nth call on that needs space (write, fsync, open of a new
+//                              file), the disk is full
+//     unreadable               the Nth call of read or pread fails with EIO
+//     unreadable-from          all calls of read and pread from the Nth on fail with EIO
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -44,7 +47,7 @@ struct Plan {
   int trace = -1;
 };
 
-// Read once, at the first call.
+// The variables, read once at the first call.
 const Plan& ThePlan() {
   static const Plan plan = [] {
     Plan made;
@@ -86,7 +89,7 @@ bool Below(const char* path) {
          strstr(path, plan.file) != nullptr;
 }
 
-// Path of a descriptor; empty: none.
+// Returns the path of a descriptor; empty: it has none.
 void PathOf(int descriptor, char* path, size_t size) {
   char link[64];
   snprintf(link, sizeof(link), "/proc/self/fd/%d", descriptor);
@@ -94,7 +97,7 @@ void PathOf(int descriptor, char* path, size_t size) {
   path[length > 0 ? length : 0] = '\0';
 }
 
-// Path of a name relative to a folder's descriptor; false: it is too long.
+// Sets the path of a name relative to a folder's descriptor. Returns false if it is too long.
 bool PathAt(int folder, const char* name, char* path, size_t size) {
   path[0] = '\0';
   if (name[0] != '/' && folder != AT_FDCWD) PathOf(folder, path, size);
@@ -121,7 +124,7 @@ void Trace(const char* name, const char* path) {
   }
 }
 
-// Whether this is the call that a kill was planned for.
+// Returns whether this is the call at which to kill.
 bool CountDurable(const char* name, const char* path) {
   Trace(name, path);
   const long number = ++num_durable;

@@ -1,4 +1,4 @@
-// The short forms, and with PEPESEG_STRESS=full the whole of what io_fault_lives.h says.
+// The runs of io_fault_lives.h: a sample of the calls, or all of them with PEPESEG_STRESS=full.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ int64_t NumSyncs(const std::map<std::string, int64_t>& calls) {
   return calls.at("fsync") + calls.at("fdatasync") + calls.at("syncfs");
 }
 
-// A sync takes milliseconds: a file each would be half a minute for these on a slow disk.
+// A sync takes milliseconds. One per file would take half a minute for these files on a slow disk.
 TEST(DurableCalls, AreSharedByTheFilesOfAnUpload) {
   constexpr int kFiles = 1000;
   const auto files = TinyFiles(kFiles);
@@ -46,7 +46,7 @@ TEST(DurableCalls, AreSharedByTheFilesOfAnUpload) {
     ASSERT_OK(client.Upload("shelf", files));
   };
   const auto calls = CountDurableCalls(upload);
-  // The server's probe of its disk is among the calls, a few times.
+  // Some of the calls are the server's probes of its disk.
   EXPECT_GE(calls.at("rename"), kFiles + 1) << "each file, and the manifest";
   EXPECT_LT(NumSyncs(calls), kFiles / 5);
   const auto twice = CountDurableCalls([&](const std::shared_ptr<grpc::Channel>& channel) {
@@ -68,11 +68,11 @@ TEST(KillServer, AtAnyDurableCallLeavesACleanState) {
   EXPECT_TRUE(report.broken.empty());
   EXPECT_TRUE(report.unclean.empty());
   EXPECT_GE(report.num_points, 30);
-  // The calls of threads that race change their places a little.
+  // Threads race, so the order of the calls varies a little.
   EXPECT_GE(report.num_killed, report.num_tried * 9 / 10);
 }
 
-TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
+TEST(FullDisk, FailsWithAReasonAndRecoversWhenThereIsSpace) {
   const FaultReport report = FillDiskAtEveryCall(FullStress() ? 1 : 67);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());
@@ -84,8 +84,8 @@ TEST(FullDisk, FailsInWordsAndGoesOnWhenThereIsSpace) {
               ::testing::IsSupersetOf({"RESOURCE_EXHAUSTED", "UNAVAILABLE for a full disk"}));
 }
 
-// Of what a server reads, each call in turn.
-TEST(ReadError, IsToldAndHarmsNothing) {
+// Each read of a server fails in turn.
+TEST(ReadError, IsReportedAndDamagesNothing) {
   const FaultReport report = FailEveryRead(FullStress() ? 1 : 37);
   std::cout << report.ToString() << "\n";
   EXPECT_TRUE(report.broken.empty());

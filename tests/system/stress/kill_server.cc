@@ -25,7 +25,7 @@ PepesegdOptions Options(std::vector<std::string> environment = {}) {
   return {{}, std::move(environment), PEPESEG_MODEL_WORKER, "", /*may_end=*/true};
 }
 
-// A server that is there, killed or starting. Thread safe.
+// A server that runs, is killed, or is starting. Thread safe.
 class MortalServer {
  public:
   explicit MortalServer(std::filesystem::path data) : data_(std::move(data)) { Start(); }
@@ -50,13 +50,13 @@ class MortalServer {
 
  private:
   const std::filesystem::path data_;
-  std::unique_ptr<PepesegdProcess> process_;  // of the thread that kills
+  std::unique_ptr<PepesegdProcess> process_;  // used by the thread that kills
   absl::Duration slowest_start_;
   std::mutex mutex_;
   std::shared_ptr<grpc::Channel> channel_;
 };
 
-// A life that goes on over losses of the server. False: it found something wrong.
+// Runs a life, and resumes it each time the server is lost. Returns false if an answer was wrong.
 bool LiveOn(LifeOfAScene& life, MortalServer& server, const std::atomic<bool>& end,
             std::string* wrong) {
   while (!life.done()) {
@@ -103,7 +103,7 @@ KillServerReport KillServerAgainAndAgain(int num_kills, int num_clients) {
       }
     });
   }
-  std::mt19937 random(1);  // a seed: the moments differ all the same
+  std::mt19937 random(1);  // the moments differ in each run in spite of the fixed seed
   for (; report.num_kills < num_kills; ++report.num_kills) {
     absl::SleepFor(absl::Milliseconds(std::uniform_int_distribution<int>(10, 900)(random)));
     server.Kill();
@@ -111,7 +111,7 @@ KillServerReport KillServerAgainAndAgain(int num_kills, int num_clients) {
   }
   end = true;
   for (std::thread& client : clients) client.join();
-  // Those that the end found on their way, too.
+  // Lives that were in progress at the end are also checked.
   const std::atomic<bool> never = false;
   for (const auto& life : lives) {
     std::string wrong;

@@ -1,4 +1,4 @@
-// The short form, and with PEPESEG_STRESS=full the whole of what kill_server.h says.
+// The run of kill_server.h: short, or long with PEPESEG_STRESS=full.
 #include "tests/system/stress/kill_server.h"
 
 #include <gtest/gtest.h>

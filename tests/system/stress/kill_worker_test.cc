@@ -1,5 +1,5 @@
-// kill -9 of the worker at random moments of real trainings: three times in `make test`, fifty with
-// PEPESEG_STRESS=full.
+// Kills the worker (SIGKILL) at random moments of real trainings: three times in `make test`, fifty
+// times with PEPESEG_STRESS=full.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -37,7 +37,7 @@ class KillWorkerTest : public ::testing::Test {
       : server_(folder_ / "data", std::vector<std::string>{"--checkpoint-seconds=1"}),
         client_(server_.channel()) {}
 
-  // The name of the job.
+  // Starts a training, and returns the name of the job.
   std::string Train(const std::string& scene) {
     EXPECT_OK(client_.CreateScene(scene));
     const auto dataset =
@@ -54,7 +54,7 @@ class KillWorkerTest : public ::testing::Test {
            found->state() != v1::JOB_STATE_RUNNING;
   }
 
-  // All that the model is, in bytes.
+  // Returns the bytes of all files of the model.
   std::string ModelBytes(const std::string& job) {
     const auto done = client_.WaitForJob(job);
     EXPECT_OK(done);
@@ -72,8 +72,9 @@ class KillWorkerTest : public ::testing::Test {
     return bytes;
   }
 
-  // Kills at random moments until the job has ended, at most so often; how often it was. Seldom
-  // enough that most attempts save something: three in a row that do not are the end of a job.
+  // Kills at random moments until the job has ended, at most the given number of times, and returns
+  // the number of kills. The pauses are long enough that most attempts save something: three in a
+  // row that do not fail the job.
   int KillUntilEnd(const std::string& job, int most, std::mt19937& random) {
     int num_kills = 0;
     const std::string word = absl::StrCat("--job=", (folder_ / "data" / job).string());
@@ -92,7 +93,7 @@ class KillWorkerTest : public ::testing::Test {
   ServiceClient client_;
 };
 
-TEST_F(KillWorkerTest, TrainingGoesOnToTheSameBytes) {
+TEST_F(KillWorkerTest, ResumesTrainingToTheSameBytes) {
   const int wanted = testing::FullStress() ? 50 : 3;
   const std::string unbroken = ModelBytes(Train("unbroken"));
   ASSERT_FALSE(unbroken.empty());

@@ -23,8 +23,8 @@ struct TestFile {
   std::string bytes;
 };
 
-// Of the scene alone, so that no other has stored them; the last is the largest. Enough for the
-// server to commit them as a group.
+// Returns files whose bytes depend on the scene, so that no other scene has stored them. The last
+// is the largest. They are enough for the server to commit them as a group.
 std::vector<TestFile> FilesOf(const std::string& id) {
   std::vector<TestFile> files;
   for (int i = 10; i < 30; ++i) {
@@ -37,7 +37,7 @@ std::vector<TestFile> FilesOf(const std::string& id) {
   return files;
 }
 
-// False: the server has ended the stream.
+// Writes a file to the stream. Returns false if the server has ended the stream.
 bool WriteFile(grpc::ClientWriter<v1::WriteFilesRequest>& stream, const std::string& upload,
                const TestFile& file) {
   constexpr size_t kChunk = 64 << 10;
@@ -157,7 +157,7 @@ absl::Status LifeOfAScene::WriteMissing(Stubs& stubs, const v1::Upload& upload) 
     const auto file = std::find_if(files.begin(), files.end(),
                                    [&](const TestFile& one) { return one.path == path; });
     if (file == files.end()) return Wrong(absl::StrCat(path, " was never declared"));
-    if (!WriteFile(*stream, upload_, *file)) break;  // Finish says why
+    if (!WriteFile(*stream, upload_, *file)) break;  // Finish() returns why
   }
   stream->WritesDone();
   return ToStatus(stream->Finish());
@@ -182,7 +182,7 @@ absl::Status LifeOfAScene::Train(Stubs& stubs) {
     int64_t sequence = 0;
     while (stream->Read(&event)) {
       if (event.has_snapshot() || event.has_heartbeat()) continue;
-      // Coalesced progress leaves gaps, nothing goes back.
+      // Coalesced progress leaves gaps in the numbers, but they never decrease.
       if (event.sequence() <= sequence) {
         return Wrong(absl::StrCat(job_, ": event ", event.sequence(), " after ", sequence));
       }
@@ -250,7 +250,7 @@ absl::Status LifeOfAScene::Keep(Stubs& stubs) {
   google::protobuf::Empty nothing;
   const absl::Status removed =
       Stubs::Call(*stubs.segmentation, &Service::DeleteLabel, remove, &nothing);
-  // A deletion whose answer was lost has happened all the same.
+  // NOT_FOUND: an earlier deletion, whose answer was lost, has happened.
   if (!removed.ok() && !absl::IsNotFound(removed)) return removed;
   label_deleted_ = true;
   return absl::OkStatus();

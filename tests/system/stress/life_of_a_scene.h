@@ -14,26 +14,28 @@
 
 namespace pepeseg {
 
-// A scene from its creation to a deleted label, as a client does it that may lose its server at any
-// call: every create has a request_id, and after a loss all is asked for again from the start. What
-// was answered once must be answered alike for ever: anything else is an error of code DATA_LOSS.
-// The server's worker is tests/server/model_worker.cc.
+// The life of a scene, from its creation to a deleted label, run by a client that may lose its
+// server at any call. Each creation has a request_id, and after a loss the client repeats all calls
+// from the start. An answer that differs from an earlier one to the same call is an error,
+// DATA_LOSS. The server's worker is tests/server/model_worker.cc.
 class LifeOfAScene {
  public:
-  // The scene's id; its files are made from it.
+  // Takes the scene's id. The bytes of its files depend on it.
   explicit LifeOfAScene(std::string id) : id_(std::move(id)) {}
 
-  // All of it, from the start; what was done before is asked for again. UNAVAILABLE and what else
-  // gRPC says of a lost server: go on later.
+  // Makes all calls from the start, and repeats those that were made before. UNAVAILABLE, or
+  // another code with which gRPC reports a lost server: call it again later.
   absl::Status Run(const std::shared_ptr<grpc::Channel>& channel);
-  // Whether what was answered so far is there.
+  // Checks that everything that was acknowledged so far exists.
   absl::Status Check(const std::shared_ptr<grpc::Channel>& channel);
-  // The scene with all that belongs to it.
+  // Deletes the scene and everything in it.
   absl::Status Delete(const std::shared_ptr<grpc::Channel>& channel);
   bool done() const { return done_; }
-  // The last error was no server's: it is what this client found wrong with an answer.
+  // Returns whether the last error is a wrong answer that this client found, and not the server's
+  // error.
   bool found_wrong() const { return found_wrong_; }
-  // A training may end as FAILED: its error is Run's, and the next Run trains anew.
+  // Allows trainings to end as FAILED: Run() then returns the job's error, and the next Run()
+  // trains again.
   void LetTrainingFail() { may_fail_ = true; }
 
   const std::string& scene() const { return scene_; }
@@ -56,7 +58,7 @@ class LifeOfAScene {
   std::string scene_, upload_, dataset_, job_, model_, mask_, label_, selection_, second_;
   bool label_deleted_ = false;
   bool may_fail_ = false;
-  int num_failed_ = 0;  // trainings
+  int num_failed_ = 0;  // number of failed trainings
   bool found_wrong_ = false;
   bool done_ = false;
 };

@@ -24,7 +24,7 @@ ServerOptions Observed() {
   ServerOptions options;
   options.admin = "127.0.0.1:0";
   options.metrics = "127.0.0.1:0";
-  options.streams.max_per_peer = options.streams.max_streams;  // all come from this machine
+  options.streams.max_per_peer = options.streams.max_streams;  // all streams come from this machine
   return options;
 }
 
@@ -112,7 +112,7 @@ OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration d
   const auto ask = [&](Calls& calls, const std::function<void(const grpc::Status&)>& next) {
     calls.Begin<v1::ProposeScalesResponse>(
         [&](auto* context, auto* response, auto done) {
-          // Two connections: one takes 256 calls at a time.
+          // Two connections, since one takes 256 calls at a time.
           auto& stub = turn++ % 2 == 0 ? asking : other;
           stub->async()->ProposeScales(context, &question, response, std::move(done));
         },
@@ -135,7 +135,7 @@ OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration d
     }
     absl::SleepFor(absl::Milliseconds(2));
   }
-  // What was answered by now; the queue's rest comes later and does not count.
+  // Counts only the answers so far, and not those of calls that are still in the queue.
   const auto answered = flood.TakeOutcomes();
   const double took = absl::ToDoubleSeconds(absl::Now() - start);
   flood.AwaitAll();

@@ -12,34 +12,33 @@ namespace pepeseg {
 
 inline constexpr int kStreamsPerConnection = 200;  // the server's limit is 256
 
-// A server in this process, asked over sockets, with a model in "shelf" and a job in "idle" that
-// never ends. `worker`: model_worker.cc.
+// A server in this process that is called over sockets, with a model in scene "shelf" and a job in
+// scene "idle" that never ends. `worker`: path of model_worker.cc's program.
 struct LoadedServer {
   explicit LoadedServer(const std::string& worker);
 
   v1::ServerStatus Status();
-  // How many it tells of, once there are so many, or after 30 s.
+  // Waits up to 30 s until the server reports `want` streams, and returns the number.
   int AwaitStreams(int want);
-  // Of a gauge or counter without labels that it exposes.
+  // Returns the value of a gauge or counter without labels.
   double Metric(const std::string& name);
 
   RunningServer running;
   std::string idle_job;
 };
 
-// Many watchers of a job that tells nothing, and questions meanwhile, `num_ways` at a time.
+// Many watchers of a job without events, and queries meanwhile, `num_ways` at a time.
 struct WatchersReport {
   int64_t num_queries = 0, num_failed = 0;
   absl::Duration p99_without, p99_with;
-  int num_streams = 0;  // that the server told of
-  // Of the process: the server's, and gRPC's own for the client; before there were watchers, too.
+  int num_streams = 0;  // number of streams that the server reported
+  // Threads of the process without and with watchers: the server's, and gRPC's of the client.
   int num_threads_without = 0, num_threads = 0;
-  int pool_threads = 0;  // those of them that are the server's pools
+  int pool_threads = 0;  // threads of the server's pools
 };
 WatchersReport RunWatchers(LoadedServer& server, int num_watchers, absl::Duration duration);
 
-// Questions that take long, first as many as keep the server busy, then `factor` times as many as
-// it answered.
+// Slow queries: first as many as keep the server busy, then `factor` times as many as it answered.
 struct OverloadReport {
   double peak_per_second = 0, goodput_per_second = 0, offered_per_second = 0;
   int64_t num_refused = 0, num_failed = 0;  // failed: neither answered nor refused
@@ -48,36 +47,36 @@ struct OverloadReport {
 };
 OverloadReport RunOverload(LoadedServer& server, double factor, absl::Duration duration);
 
-// Calls given up at once, streams and questions by turns.
+// Calls that are cancelled at once, streams and queries in turn.
 struct CancelsReport {
   int64_t num_cancelled = 0;
   int64_t rss_before = 0, rss_after = 0;
-  int num_streams = 0;         // left
-  double calls_in_flight = 0;  // left
+  int num_streams = 0;         // streams left at the end
+  double calls_in_flight = 0;  // calls left at the end
 };
 CancelsReport RunCancels(LoadedServer& server, int num_calls);
 
-// Streams of which nobody reads.
+// Streams that the client does not read.
 struct UnreadReport {
   int64_t rss_before = 0, rss_with = 0;
   int num_streams = 0, num_streams_after = 0;
 };
 UnreadReport RunUnread(LoadedServer& server, int num_streams);
 
-// Exports of some of a large model of which nobody reads.
+// Exports of a part of a large model that the client does not read.
 struct UnreadExportsReport {
   int num_streams = 0, num_streams_after = 0;
-  int64_t export_bytes = 0;  // of one of them
+  int64_t export_bytes = 0;  // size of one export
   int64_t rss_before = 0, rss_with = 0;
-  double reserved_before = 0, reserved_with = 0, reserved_after = 0;  // of the memory budget
+  double reserved_before = 0, reserved_with = 0, reserved_after = 0;  // bytes of the memory budget
 };
 UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams);
 
-// As many streams as the server takes, and one more.
+// As many streams as the server accepts, and one more.
 struct CrowdReport {
   int num_streams = 0, num_streams_after = 0;
-  grpc::Status beyond;     // how that one ended
-  grpc::Status meanwhile;  // of a call that is no stream
+  grpc::Status beyond;     // status of that one
+  grpc::Status meanwhile;  // status of a unary call meanwhile
 };
 CrowdReport RunCrowd(LoadedServer& server, int num_streams);
 

@@ -15,7 +15,7 @@
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 
-// How the runs of load.h ask.
+// Calls of the runs in load.h.
 namespace pepeseg {
 
 inline constexpr char kModel[] = "scenes/shelf/models/live";
@@ -45,7 +45,7 @@ inline absl::Duration Quantile(std::vector<absl::Duration> values, double share)
   return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1))];
 }
 
-// Calls under way, of which none keeps a thread.
+// Asynchronous calls in progress. None occupies a thread.
 class Calls {
  public:
   struct Outcome {
@@ -53,8 +53,8 @@ class Calls {
     absl::Duration took;
   };
 
-  // `start`: begins a call of the kind with its context, answer and callback. `done`: on gRPC's
-  // thread.
+  // `start` begins a call of the kind with its context, answer and callback. `done` is called on a
+  // thread of gRPC.
   template <typename Response, typename Start>
   void Begin(Start start, std::function<void(const grpc::Status&)> done = {}) {
     struct Call {
@@ -88,7 +88,7 @@ class Calls {
   std::vector<Outcome> outcomes_;
 };
 
-// `num_ways` questions at a time, each followed by the next until `end`.
+// Makes queries until `end`, `num_ways` at a time.
 template <typename Ask>
 std::vector<Calls::Outcome> AskInTurn(int num_ways, absl::Time end, Ask ask) {
   Calls calls;

@@ -1,4 +1,4 @@
-// What calls that end badly, or are not read, leave in the server.
+// What is left in the server of calls that are cancelled or not read.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
   const v1::ProposeScalesRequest question = LongQuestion();
   CancelsReport report;
   while (report.num_cancelled < num_calls) {
-    // The first rounds fill what gRPC and the allocator keep.
+    // The first rounds fill caches of gRPC and the allocator.
     if (report.num_cancelled <= num_calls / 5) report.rss_before = MeasureProcess().resident_bytes;
     std::atomic<int> num_open = 0;
     Calls calls;
@@ -52,7 +52,8 @@ CancelsReport RunCancels(LoadedServer& server, int num_calls) {
 
 namespace {
 
-// With windows that do not grow: a slow machine's may take in a whole export.
+// Connects with flow-control windows that do not grow. On a slow machine they could hold a whole
+// export.
 std::shared_ptr<grpc::Channel> ConnectNarrowly(int port) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
@@ -94,7 +95,7 @@ UnreadReport RunUnread(LoadedServer& server, int num_streams) {
 
 namespace {
 
-// Of the red square, which is half of the model.
+// Exports the red square, which is half of the model.
 v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
   v1::SelectRequest request;
   request.set_model(model);
@@ -113,7 +114,7 @@ double ReservedBytes(LoadedServer& server) {
 }  // namespace
 
 UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
-  // One job runs at a time.
+  // Only one job runs at a time.
   grpc::ClientContext cancelling;
   v1::CancelJobRequest cancel;
   cancel.set_name(server.idle_job);
@@ -147,7 +148,7 @@ UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
   for (const auto& context : contexts) context->TryCancel();
   for (const auto& reader : exports) reader->Finish();
   report.num_streams_after = server.AwaitStreams(0);
-  // The memory is given back with the stream's object, just after the stream was counted off.
+  // The memory is released with the stream's object, shortly after the stream is no longer counted.
   const absl::Time deadline = absl::Now() + absl::Seconds(30);
   do {
     report.reserved_after = ReservedBytes(server);
@@ -157,8 +158,8 @@ UnreadExportsReport RunUnreadExports(LoadedServer& server, int num_streams) {
 
 namespace {
 
-// Asks again, as clients do, while the first work of the streams fills the queue: the server says
-// UNAVAILABLE with a time to wait then.
+// Repeats a call, as clients do, while the first tasks of the streams fill the queue: the server
+// then answers UNAVAILABLE with a time to wait.
 grpc::Status AskAsTold(v1::JobService::Stub& jobs, const std::string& name) {
   const absl::Time deadline = absl::Now() + absl::Seconds(30);
   v1::GetJobRequest request;

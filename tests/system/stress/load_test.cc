@@ -1,5 +1,5 @@
-// Short forms of the runs in tests/system/stress/load.h. What they bound here must hold on a
-// machine that builds something else meanwhile.
+// Short runs of tests/system/stress/load.h. The bounds here must also hold on a machine that builds
+// something else meanwhile.
 #include "tests/system/stress/load.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
+TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   const WatchersReport report = RunWatchers(server, 800, absl::Seconds(4));
   RecordProperty("p99_without_ms", static_cast<int>(absl::ToInt64Milliseconds(report.p99_without)));
@@ -23,13 +23,14 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
   EXPECT_EQ(report.num_failed, 0);
   EXPECT_GT(report.num_queries, 100);
   const int cores = std::max(2, static_cast<int>(std::thread::hardware_concurrency()));
-  // gRPC starts a thread of its executor when all of them are at work, up to two a core, and one
-  // more for timers when all of those are, and keeps them: by load, whoever asks or watches.
+  // gRPC starts another executor thread when all are busy, up to two per core, and another timer
+  // thread when all of those are, and keeps them. Their number depends on the load and not on the
+  // watchers.
   const int of_load = 2 * cores - 1 + 2;
   EXPECT_LE(report.num_threads, report.num_threads_without + of_load);
-  // The pools of the admin service and of photographs, and the thread that computes; those that
-  // accept connections, end streams and check blobs; of gRPC, what the client in this process has
-  // next to the server, of which it starts more where there are more cores.
+  // The pools of the admin service and of photographs, and the thread that computes; the threads
+  // that accept connections, end streams and check blobs; and gRPC's threads of the client in this
+  // process and of the server, which are more on more cores.
   constexpr int kOtherPools = 2 + 2 + 1 + 3 + 2;
   constexpr int kMoreTimers = 2;
   EXPECT_LE(report.num_threads,
@@ -37,11 +38,11 @@ TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQuestions) {
   EXPECT_LT(report.p99_with, 2 * report.p99_without + absl::Milliseconds(20));
 }
 
-TEST(Load, OverloadIsRefusedFastAndTheRestAnswered) {
+TEST(Load, OverloadIsRefusedFastAndOtherCallsAreAnswered) {
   LoadedServer server(PEPESEG_MODEL_WORKER);
   OverloadReport report;
-  // The peak is of some seconds and what is answered of the next ones: a machine that something
-  // else slows down between them says nothing, and is asked again.
+  // The peak and the goodput are measured one after the other. If other load slows the machine down
+  // between them, the result means nothing, and the run is repeated.
   for (int attempt = 0; attempt < 3; ++attempt) {
     report = RunOverload(server, 5, absl::Seconds(4));
     printf("peak %.0f/s, offered %.0f/s, answered %.0f/s, %ld refused, p50 %s\n",
@@ -67,8 +68,8 @@ TEST(Load, CancelledCallsLeaveNoStreamAndNoCall) {
          report.rss_after >> 20);
   EXPECT_EQ(report.num_streams, 0);
   EXPECT_EQ(report.calls_in_flight, 0);
-  // Memory is told, not bounded: it grew by 9 KB a cancelled call when this was written, without
-  // any interceptor too, and why is not known yet.
+  // Memory is printed and not bounded. It grew by 9 KB per cancelled call when this was written,
+  // also without interceptors; the cause is not known.
 }
 
 TEST(Load, StreamsBeyondTheLimitAreRefused) {
@@ -93,7 +94,7 @@ TEST(Load, UnreadExportsHoldAChunkAndAreCounted) {
   EXPECT_EQ(report.num_streams, kNumExports);
   EXPECT_EQ(report.num_streams_after, 0);
   EXPECT_GT(report.export_bytes, int64_t{8} << 20);
-  // A chunk in the server, one on its way, and the indices; never the whole PLY of each.
+  // For each export a chunk in the server, one in transit, and the indices; never the whole PLY.
   EXPECT_LT(report.rss_with - report.rss_before, kNumExports * (int64_t{3} << 20));
   const double counted = (report.reserved_with - report.reserved_before) / kNumExports;
   EXPECT_GE(counted, 2 << 20);
@@ -108,7 +109,7 @@ TEST(Load, StreamsThatNobodyReadsAreBounded) {
          report.rss_with >> 20);
   EXPECT_EQ(report.num_streams, 100);
   EXPECT_EQ(report.num_streams_after, 0);
-  // A chunk in the server and one on its way, of each export.
+  // For each export a chunk in the server and one in transit.
   EXPECT_LT(report.rss_with - report.rss_before, 50 * (int64_t{3} << 20));
 }
 

@@ -1,5 +1,5 @@
-// A server whose connection to PostgreSQL is lost at a COMMIT, so that it cannot know whether that
-// was done: each COMMIT of a scene's life in turn with PEPESEG_STRESS=full, every 23rd else.
+// A server loses its connection to PostgreSQL at a COMMIT, so that it cannot know whether it was
+// applied. Each COMMIT of a scene's life in turn with PEPESEG_STRESS=full, otherwise every 23rd.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -24,16 +24,17 @@ using testing::PepesegdProcess;
 
 struct CommitReport {
   int64_t num_commits = 0, num_tried = 0, num_cut = 0;
-  int64_t num_told = 0;  // lives that met an error, and went on
+  int64_t num_told = 0;  // lives that got an error, and continued
   absl::Duration slowest;
   std::vector<std::string> broken;
 };
 
 class LostCommits : public ::testing::Test {
  protected:
-  // A life on a new database, of which the `number`th COMMIT is cut; what is wrong with it.
+  // Runs a life on a new database and cuts its `number`th COMMIT. Returns what is wrong with the
+  // result.
   std::string Live(int64_t number, CommitCutter::Cut cut, CommitReport& report) {
-    cutter_.Arm(0, cut);  // a life that made fewer of them left it armed
+    cutter_.Arm(0, cut);  // it is still armed if the life made fewer COMMITs
     const std::string url = database_.NewDatabase(cutter_.host());
     const testing::TempFolder folder;
     PepesegdProcess server(
@@ -49,7 +50,8 @@ class LostCommits : public ::testing::Test {
       status = life.Run(server.channel());
     }
     if (status.ok()) status = life.Check(server.channel());
-    if (absl::IsUnavailable(status)) status = life.Check(server.channel());  // it has COMMITs, too
+    if (absl::IsUnavailable(status))
+      status = life.Check(server.channel());  // it makes COMMITs, too
     report.slowest = std::max(report.slowest, absl::Now() - start);
     report.num_commits = cutter_.num_commits();
     if (cutter_.has_cut()) ++report.num_cut;
@@ -58,7 +60,7 @@ class LostCommits : public ::testing::Test {
     return FindDoubles(url, folder / "data");
   }
 
-  // What a life leaves is there once.
+  // Each object of a life exists exactly once.
   static std::string FindDoubles(const std::string& url, const std::filesystem::path& data) {
     const std::map<std::string, int> wanted = {{"scenes", 1}, {"datasets", 1},   {"jobs", 1},
                                                {"models", 1}, {"selections", 2}, {"labels", 0}};
@@ -72,7 +74,8 @@ class LostCommits : public ::testing::Test {
     int fence = 0;
     sql << "SELECT MAX(fence) FROM jobs", soci::into(fence);
     if (fence != 1) wrong.push_back(absl::StrCat(fence, " attempts"));
-    // A file whose row was not heard of is nobody's, and collected after a day.
+    // If the answer to the COMMIT of a file's record is lost, the file may be left without one. The
+    // collector removes it after a day.
     const soci::rowset<std::string> files = (sql.prepare << "SELECT file FROM selections");
     for (const std::string& file : files) {
       if (!std::filesystem::exists(data / file)) wrong.push_back("no file " + file);
@@ -104,15 +107,15 @@ class LostCommits : public ::testing::Test {
   CommitCutter cutter_{database_.socket()};
 };
 
-TEST_F(LostCommits, BeforeTheDatabaseGotThem) {
+TEST_F(LostCommits, AreHandledBeforeTheDatabaseGotThem) {
   const CommitReport report = CutEach(CommitCutter::Cut::kBefore);
   EXPECT_TRUE(report.broken.empty());
   EXPECT_GE(report.num_commits, 20);
-  // A slow life has more of them, by which the server looks after its jobs.
+  // A slow life has more COMMITs, which the server makes to look after its jobs.
   EXPECT_GE(report.num_cut, report.num_tried * 7 / 10);
 }
 
-TEST_F(LostCommits, AfterTheDatabaseHasDoneThem) {
+TEST_F(LostCommits, AreHandledAfterTheDatabaseAppliedThem) {
   const CommitReport report = CutEach(CommitCutter::Cut::kAfter);
   EXPECT_TRUE(report.broken.empty());
   EXPECT_GE(report.num_cut, report.num_tried * 7 / 10);

@@ -21,7 +21,7 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kNumQuestions = 6;  // of a model
+constexpr int kNumQuestions = 6;  // queries of a model
 
 int64_t Rss() {
   std::ifstream file("/proc/self/statm");
@@ -37,7 +37,7 @@ v1::SegmentRequest QuestionOf(int model, int question) {
   request.set_model(ModelName(model));
   request.mutable_prompt()->mutable_view()->set_view("middle.jpg");
   auto& point = *request.mutable_prompt()->mutable_points()->add_points();
-  point.set_x(question % 2 == 0 ? 39 : 75);  // in a square of every model
+  point.set_x(question % 2 == 0 ? 39 : 75);  // a point inside a square of every model
   point.set_y(32);
   request.mutable_granularity()->set_scale_quantile(0.5);
   request.mutable_granularity()->set_threshold(question < 2 ? 0.75 : 0.5);
@@ -78,7 +78,7 @@ class ResidencyStress {
     options.model_bytes = int64_t{1} << 40;
     return options;
   }
-  // With the 5 % that stay free, and a half of a model more.
+  // Plus the 5 % that stay free, and half a model.
   static int64_t BudgetFor(int num_models) {
     const MemoryBytes one = BytesOfModel(*MakeCpuBackend(1), {20'000, 0, int64_t{96} * 64});
     return (one.host + one.device) * (2 * num_models + 1) / 2 * 20 / 19;
@@ -98,8 +98,8 @@ class ResidencyStress {
 
   const ResidencyStressSettings settings_;
   RunningServer running_;
-  std::map<std::pair<int, int>, std::vector<std::string>> want_;  // by model and question
-  std::mutex mutex_;                                              // of the report
+  std::map<std::pair<int, int>, std::vector<std::string>> want_;  // by model and query
+  std::mutex mutex_;                                              // guards the report
   ResidencyStressReport report_;
 };
 
@@ -112,7 +112,7 @@ void ResidencyStress::MakeModels() {
   }
 }
 
-// Each model alone in memory.
+// Records the answers of each model alone in memory.
 void ResidencyStress::RecordAnswers() {
   for (int model = 0; model < settings_.num_models; ++model) {
     for (int question = 0; question < kNumQuestions; ++question) {
@@ -208,7 +208,7 @@ void ResidencyStress::AskUntil(absl::Time end, int thread) {
   report_.num_wrong += num_wrong;
 }
 
-// Errors are no news here: what is to be unloaded may have been evicted just before.
+// Ignores errors: a model that is to be unloaded may just have been evicted.
 void ResidencyStress::Operate(absl::Time end) {
   std::mt19937 engine(1000);
   for (int round = 0; absl::Now() < end; ++round) {
@@ -231,7 +231,7 @@ void ResidencyStress::Operate(absl::Time end) {
 
 void ResidencyStress::SampleUntil(absl::Time end) {
   while (absl::Now() < end) {
-    absl::SleepFor(absl::Milliseconds(2));  // so that it does not take the questions' processor
+    absl::SleepFor(absl::Milliseconds(2));  // leaves the CPU to the queries
     const v1::ListResidentResponse now = List();
     const int64_t rss = Rss();
     const std::lock_guard lock(mutex_);

@@ -1,4 +1,4 @@
-// Twenty models under a budget for five:  pepeseg_residency_stress [SECONDS]
+// pepeseg_residency_stress [SECONDS]: queries twenty models within a memory budget for five.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -10,7 +10,7 @@ namespace {
 
 int seconds = 600;
 
-TEST(ResidencyStress, NeverOverBudgetAndAlwaysRight) {
+TEST(ResidencyStress, StaysWithinTheBudgetAndAnswersCorrectly) {
   pepeseg::ResidencyStressSettings settings;
   settings.worker = PEPESEG_MODEL_WORKER;
   settings.duration = absl::Seconds(seconds);
@@ -25,7 +25,7 @@ TEST(ResidencyStress, NeverOverBudgetAndAlwaysRight) {
   EXPECT_LE(report.peak_in_use, report.limit);
   EXPECT_EQ(report.left_reserved, 0);
   EXPECT_EQ(report.left_in_use, 0);
-  // What threads and gRPC keep to themselves; ASan's quarantine is as large.
+  // Memory that threads and gRPC keep. ASan's quarantine is as large.
   constexpr int64_t kSlack = int64_t{300} << 20;
   EXPECT_LT(report.rss_after, report.rss_before + kSlack);
 }

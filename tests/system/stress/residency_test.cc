@@ -1,4 +1,4 @@
-// The short form of tests/system/stress/residency_stress.cc.
+// A short run of tests/system/stress/residency_stress.cc.
 #include "tests/system/stress/residency.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 namespace pepeseg {
 namespace {
 
-TEST(Residency, MoreModelsThanFitAnswerRightAndStayInTheBudget) {
+TEST(Residency, AnswersCorrectlyWithinTheBudgetWithMoreModelsThanFit) {
   ResidencyStressSettings settings;
   settings.worker = PEPESEG_MODEL_WORKER;
   settings.num_models = 6;

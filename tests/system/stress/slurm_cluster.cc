@@ -156,8 +156,8 @@ void SlurmCluster::KillNode(const std::string& node) {
   for (const auto& [name, pid] : nodes_) {
     if (name == node) kill(-pid, SIGKILL);
   }
-  // What runs on it: jobs, which have its name in their environment, and the daemons of their
-  // steps, their parents. Those first, or they would tell how the jobs ended.
+  // Finds what runs on the node: jobs, which have its name in their environment, and the step
+  // daemons, their parents. The daemons are killed first, or they would report how the jobs ended.
   std::vector<pid_t> daemons, jobs;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator("/proc", error)) {

@@ -10,9 +10,9 @@
 
 namespace pepeseg::testing {
 
-// Slurm on this host: a controller and some nodes of two cores, on free ports and in a folder of
-// their own. Needs root and Debian's slurmctld, slurmd, slurm-client and munge. Killed with the
-// object. Its programs find it by SLURM_CONF.
+// A Slurm cluster on this host: a controller and some nodes of two cores, on free ports and in a
+// new folder. Needs root and Debian's slurmctld, slurmd, slurm-client and munge. The destructor
+// kills it. Slurm's programs find it by SLURM_CONF.
 class SlurmCluster {
  public:
   static bool IsInstalled();
@@ -23,9 +23,9 @@ class SlurmCluster {
   SlurmCluster& operator=(const SlurmCluster&) = delete;
 
   std::string environment() const { return "SLURM_CONF=" + (folder_ / "slurm.conf").string(); }
-  // The node that runs a job of that name; empty: none does.
+  // Returns the node that runs a job of that name; empty: none does.
   std::string NodeOf(const std::string& job_name) const;
-  // kill -9 of the node's daemon and of all it runs.
+  // Kills (SIGKILL) the node's daemon and everything that it runs.
   void KillNode(const std::string& node);
 
  private:

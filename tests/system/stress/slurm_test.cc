@@ -81,7 +81,7 @@ class SlurmTest : public ::testing::Test {
   std::string url_;
 };
 
-TEST_F(SlurmTest, JobOfAKilledNodeIsFinishedElsewhereFromItsCheckpoint) {
+TEST_F(SlurmTest, ResumesTheJobOfAKilledNodeOnAnother) {
   const auto server = Serve("");
   ServiceClient client(server->channel());
   const std::string job = Train(client, 2500);
@@ -90,7 +90,7 @@ TEST_F(SlurmTest, JobOfAKilledNodeIsFinishedElsewhereFromItsCheckpoint) {
       return found.stage() == "reconstruct" && found.progress().step() > step;
     };
   };
-  WaitFor(client, job, past(1200));  // a checkpoint is taken at 1,000
+  WaitFor(client, job, past(1200));  // step 1,000 writes a checkpoint
   const std::string node = cluster_->NodeOf("pepeseg-" + job.substr(5));
   ASSERT_NE(node, "");
   cluster_->KillNode(node);
@@ -117,7 +117,7 @@ TEST_F(SlurmTest, JobOutlivesItsServer) {
   EXPECT_EQ(RowOf(job).fence, 1);  // one attempt, followed by two servers
 }
 
-TEST_F(SlurmTest, CancelReachesTheNode) {
+TEST_F(SlurmTest, CancelsAJobOnItsNode) {
   const auto server = Serve("");
   ServiceClient client(server->channel());
   const std::string job = Train(client, 100'000);

@@ -1,5 +1,5 @@
-// A life of a scene on a real disk that is too small for it, at every place in it: on a tmpfs in a
-// mount namespace of this process, which only root has.
+// Runs a scene's life on a real disk that is too small for it, so that each step in turn meets the
+// full disk. The disk is a tmpfs in a mount namespace of this process, which needs root.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
@@ -24,7 +24,7 @@ namespace {
 constexpr int kStepKiB = 256;
 constexpr int kEnoughKiB = 64 << 10;
 
-// A tmpfs below a folder, seen by this thread and by what it starts.
+// A tmpfs below a folder, visible to this thread and to processes that it starts.
 class SmallDisk {
  public:
   explicit SmallDisk(int kib) : path_(folder_ / "disk") {
@@ -51,7 +51,7 @@ bool TellsOfSpace(const absl::Status& status) {
          absl::StrContains(status.message(), "No space left");
 }
 
-// What the life on a disk of that size met first; OK: nothing.
+// Returns the first error of a life on a disk of that size; OK: there was none.
 absl::Status LiveOn(int kib) {
   const SmallDisk disk(kib);
   const std::filesystem::path data = disk.path() / "data";
@@ -67,8 +67,8 @@ absl::Status LiveOn(int kib) {
       EXPECT_TRUE(server.alive());
       disk.Grow(kEnoughKiB);
       absl::Status again = life.Run(server.channel());
-      // A training that was under way may tell of its failure now, or of its end that is written at
-      // the next try.
+      // A training in progress may report its failure now, or its end, which is written at the next
+      // try.
       for (int tries = 0; tries < 5 && TellsOfSpace(again); ++tries) {
         absl::SleepFor(absl::Seconds(3));
         again = life.Run(server.channel());
@@ -86,7 +86,7 @@ absl::Status LiveOn(int kib) {
   return met;
 }
 
-TEST(SmallDisk, TellsThatItIsFullAndGoesOnWhenThereIsSpace) {
+TEST(SmallDisk, ReportsThatItIsFullAndRecoversWhenThereIsSpace) {
   if (geteuid() != 0 || unshare(CLONE_NEWNS) != 0) GTEST_SKIP() << "needs root, to mount a disk";
   ASSERT_EQ(mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr), 0);
   std::map<absl::StatusCode, int> met;

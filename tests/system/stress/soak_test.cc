@@ -1,5 +1,5 @@
-// Lives of scenes, one after the other, for PEPESEG_SOAK_SECONDS (20 in `make test`, an hour in
-// `make stress`): memory, descriptors and threads of the server stay where they are.
+// Runs scene lives one after the other for PEPESEG_SOAK_SECONDS (20 in `make test`, an hour in
+// `make stress`). Memory, descriptors and threads of the server must not grow.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -65,7 +65,7 @@ TEST(Soak, MemoryDescriptorsAndThreadsStayFlat) {
       }
     });
   }
-  // The first third fills caches, pools and what the allocator keeps.
+  // The first third fills caches, pools and the allocator.
   absl::SleepFor(length / 3);
   const Usage before = MeasureProcess(server.pid());
   Usage most = before;

@@ -1,4 +1,4 @@
-// SIGTERM while a thread of the server program is stuck for ever: the process ends all the same.
+// SIGTERM while a thread of the server program hangs forever. The process must still end.
 #include <gtest/gtest.h>
 
 #include <future>

@@ -6,8 +6,8 @@
 
 namespace pepeseg {
 
-// What is wrong with a data directory, kept with SQLite, that no server uses, when each life in it
-// is done.
+// Returns what is wrong with a data directory with SQLite that no server uses, after all scene
+// lives in it have ended.
 std::vector<std::string> FindUnclean(const std::filesystem::path& data);
 
 }  // namespace pepeseg

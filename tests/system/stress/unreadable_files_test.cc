@@ -1,5 +1,5 @@
-// A disk that does not give back a file: each kind of file that a server reads when it starts and
-// answers, one after the other. The callers that need it are told, the others get what they got
+// A disk that cannot read a file: each kind of file that a server reads when it starts or answers,
+// one after the other. Calls that need the file fail, and the others have the same answers as
 // before.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ namespace {
 using testing::PepesegdProcess;
 using testing::ServiceClient;
 
-// By the call's name, what it answered: a digest, or its error.
+// By name of the call, its answer: a digest, or the error.
 using Answers = std::map<std::string, absl::StatusOr<std::string>>;
 
 template <typename T>
@@ -38,7 +38,7 @@ absl::StatusOr<std::string> Told(const absl::StatusOr<T>& answer) {
   return answer->SerializeAsString();
 }
 
-// Numbers do not make a kind.
+// Returns the kind of a path: files whose names differ only in numbers have the same kind.
 std::string KindOf(const std::string& path) {
   std::string kind;
   for (const char c : path) {
@@ -61,7 +61,7 @@ class UnreadableFiles : public ::testing::Test {
   }
 
   static testing::PepesegdOptions Options(std::vector<std::string> environment) {
-    // What is free of the machine's memory would be another number in each estimate.
+    // The machine's free memory differs in each estimate.
     return {{"--device-memory=4GB"},
             std::move(environment),
             PEPESEG_MODEL_WORKER,
@@ -69,13 +69,13 @@ class UnreadableFiles : public ::testing::Test {
             /*may_end=*/true};
   }
 
-  // As of a dataset that an earlier version stored: an estimate reads them again.
+  // Makes the dataset like one of an earlier version, whose files an estimate reads again.
   void ForgetHeaders() const {
     soci::session sql(soci::sqlite3, absl::StrCat("dbname=\"", DatabasePath(data_).string(), "\""));
     sql << "UPDATE dataset_files SET header = 0, width = 0, height = 0, num_points = 0";
   }
 
-  // What an estimate reads of a dataset.
+  // Returns those files of a dataset that an estimate reads.
   static std::vector<testing::ClientFile> Shelf() {
     std::vector<testing::ClientFile> files = testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf");
     std::erase_if(files, [](const testing::ClientFile& file) {
@@ -128,7 +128,7 @@ class UnreadableFiles : public ::testing::Test {
     return answers;
   }
 
-  // The server's answers under these faults; none: it did not start.
+  // Returns the server's answers under these faults; nothing if it did not start.
   std::optional<Answers> Serve(std::vector<std::string> faults) {
     ForgetHeaders();
     std::vector<std::string> environment = FaultEnvironment(data_, "");
@@ -145,14 +145,14 @@ class UnreadableFiles : public ::testing::Test {
     return answers;
   }
 
-  // A file of each kind, without the data directory.
+  // Returns a file of each kind, relative to the data directory.
   std::map<std::string, std::string> FindKinds() {
     const std::filesystem::path trace = folder_ / "trace";
     const auto answers = Serve({"PEPESEG_FAULT_TRACE=" + trace.string()});
     std::map<std::string, std::string> kinds;
     for (const std::string& path : TracedPaths(trace, {"read"})) {
       const std::string name = path.substr(data_.string().size());
-      // Each blob is of a kind of its own.
+      // Each blob counts as its own kind.
       kinds.emplace(absl::StartsWith(name, "/blobs/") ? name : KindOf(name), name);
     }
     return kinds;
@@ -164,7 +164,7 @@ class UnreadableFiles : public ::testing::Test {
   std::string dataset_;
 };
 
-TEST_F(UnreadableFiles, AreToldToWhoNeedsThem) {
+TEST_F(UnreadableFiles, FailOnlyTheRequestsThatNeedThem) {
   const std::map<std::string, std::string> kinds = FindKinds();
   const std::optional<Answers> healthy = Serve({});
   ASSERT_TRUE(healthy.has_value());
@@ -192,7 +192,7 @@ TEST_F(UnreadableFiles, AreToldToWhoNeedsThem) {
                            "/jobs/j#/attempt-#/manifest.json", "/jobs/j#/attempt-#/model.json",
                            "/jobs/j#/attempt-#/gaussians.ply", "/jobs/j#/attempt-#/features.bin"}));
   EXPECT_THAT(told_of, ::testing::Contains(::testing::StartsWith("/blobs/")));
-  // And it is as it was.
+  // Without faults, the answers are the same as before.
   const std::optional<Answers> after = Serve({});
   ASSERT_TRUE(after.has_value());
   for (const auto& [call, answer] : *after) EXPECT_EQ(answer, healthy->at(call)) << call;

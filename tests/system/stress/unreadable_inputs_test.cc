@@ -1,5 +1,6 @@
-// A disk that does not give back what the worker reads: its inputs, its checkpoints, what it has
-// just written. The job fails with an error that blames no user, or its model has the same bytes.
+// A disk that cannot read what the worker reads: its inputs, its checkpoints, files that it has
+// just written. The job fails with an error that does not blame the user, or its model has the same
+// bytes.
 #include <map>
 #include <set>
 
@@ -15,7 +16,7 @@ namespace {
 class UnreadableInputs : public WorkerTest {
  protected:
   UnreadableInputs() {
-    // Below the folder, as a job's are.
+    // The files are below the folder, as those of a job.
     int count = 0;
     for (JobSpecFile& file : spec_.files) {
       const std::filesystem::path copy = folder_ / absl::StrCat("blob-", ++count, ".bytes");
@@ -26,7 +27,7 @@ class UnreadableInputs : public WorkerTest {
     spec_.worker.sandbox = false;  // the faults look into /proc
   }
 
-  // Attempt 1 under the faults, on a job of its own: the model's bytes.
+  // Runs attempt 1 of a new job under the faults, and returns the model's bytes.
   absl::StatusOr<std::string> Train(const std::vector<std::string>& faults) {
     std::filesystem::remove_all(job_.path());
     std::filesystem::create_directories(job_.path());
@@ -56,7 +57,7 @@ class UnreadableInputs : public WorkerTest {
     return all;
   }
 
-  // Of the paths that it reads, in the order of its calls.
+  // Returns the paths that the worker reads, in the order of its calls.
   std::vector<std::string> TraceReads() {
     const std::filesystem::path trace = folder_ / "trace";
     EXPECT_TRUE(Train({"PEPESEG_FAULT_TRACE=" + trace.string()}).ok());
@@ -64,8 +65,8 @@ class UnreadableInputs : public WorkerTest {
   }
 };
 
-// One call of read.
-TEST_F(UnreadableInputs, EachReadInTurn) {
+// One call of read() fails.
+TEST_F(UnreadableInputs, FailTheJobAtEachRead) {
   const std::vector<std::string> reads = TraceReads();
   const auto whole = Train({});
   ASSERT_TRUE(whole.ok()) << whole.status();
@@ -87,8 +88,8 @@ TEST_F(UnreadableInputs, EachReadInTurn) {
   EXPECT_GE(num_failed, num_tried / 2);
 }
 
-// A file of each kind, for good.
-TEST_F(UnreadableInputs, EachKindOfFileIsNamed) {
+// A file of each kind fails permanently.
+TEST_F(UnreadableInputs, AreNamedForEachKindOfFile) {
   std::map<int, const JobSpecFile*> by_kind;
   for (const JobSpecFile& file : spec_.files) by_kind.emplace(file.kind, &file);
   ASSERT_GE(by_kind.size(), 4u);

@@ -1,5 +1,5 @@
-// What a worker could be made to do by a file that it decodes: each tried in a process of its own
-// that has entered the sandbox.
+// What code in a file that a worker decodes could try. Each attempt runs in its own process, which
+// has entered the sandbox.
 #include "server/worker/sandbox/worker_sandbox.h"
 
 #include <arpa/inet.h>
@@ -31,9 +31,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/worker/sandbox/sanitizers.h"
+#include "server/worker/sandbox/worker_limits.h"
 #include "server/worker_protocol/landlock_version.h"
-#include "tests/server/jobs/listening_socket.h"
+#include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/testing/temp_folder.h"
 
 namespace pepeseg {
@@ -41,7 +41,7 @@ namespace {
 
 constexpr int kNotEntered = 255;
 
-// 0: the call went well; else its errno.
+// Returns 0 if the call succeeded, else its errno.
 int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
 bool HasLandlock() { return LandlockVersion() >= kLandlockRefer; }
@@ -59,7 +59,8 @@ class WorkerSandboxTest : public ::testing::Test {
     }
   }
 
-  // How a process ends that enters the sandbox and does `act`, as waitpid tells it.
+  // Runs `act` in a process that has entered the sandbox, and returns the process's status as
+  // waitpid reports it.
   int Try(const std::function<int()>& act) {
     const pid_t pid = fork();
     if (pid == 0) {
@@ -146,7 +147,7 @@ TEST_F(WorkerSandboxTest, HasNoNetwork) {
   });
 }
 
-// Not the admin listener's either.
+// That includes the admin listener's.
 TEST_F(WorkerSandboxTest, ReachesNoLocalSocket) {
   const std::filesystem::path path = folder_ / "job/admin";
   const testing::ListeningSocket server(path);
@@ -159,7 +160,7 @@ TEST_F(WorkerSandboxTest, ReachesNoLocalSocket) {
   close(made_before);
 }
 
-// A datagram's socket sends to any name without connecting.
+// A datagram socket could send to any name without connecting.
 TEST_F(WorkerSandboxTest, MakesPairsOfConnectedSocketsOnly) {
   int ends[2];
   ForEachKind([&] {
@@ -188,7 +189,7 @@ TEST_F(WorkerSandboxTest, ListensLocallyOnlyForCuda) {
   ExpectRefused([] { return socket(AF_UNIX, SOCK_STREAM, 0); });
 }
 
-TEST_F(WorkerSandboxTest, RunsProgramsOnlyWhenTheJobDoes) {
+TEST_F(WorkerSandboxTest, RunsProgramsOnlyIfTheJobNeedsThem) {
   ExpectRefused([] { return execl("/bin/true", "true", nullptr); });
   if (!kSanitized) ExpectRefused([] { return fork(); });
   needs_.has_device = true;
@@ -197,7 +198,7 @@ TEST_F(WorkerSandboxTest, RunsProgramsOnlyWhenTheJobDoes) {
   ExpectAllowed([this] { return Exec(); });
 }
 
-// Bytes through the filter of its child too.
+// A program that the worker starts has the filter, too.
 TEST_F(WorkerSandboxTest, IsInheritedByPrograms) {
   needs_.runs_programs = true;
   const std::string script =
@@ -264,7 +265,8 @@ TEST_F(WorkerSandboxTest, WritesOnlyBelowItsFolder) {
   });
 }
 
-// Which truncates all the same, and older kernels' Landlock does not see it.
+// O_TRUNC truncates a file that is opened for reading, too, and Landlock of older kernels does not
+// cover it.
 TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
   ForEachKind([&] {
     for (const char* name : {"blobs/mine", "job/old"}) {
@@ -279,8 +281,8 @@ TEST_F(WorkerSandboxTest, TruncatesNothingThatItOpensForReading) {
   });
 }
 
-// The server reads what is in the job's folder, as itself.
-TEST_F(WorkerSandboxTest, MakesNothingButFilesAndFolders) {
+// The server reads the job's folder with its own rights, so a link there could lead it elsewhere.
+TEST_F(WorkerSandboxTest, CreatesOnlyFilesAndFolders) {
   const std::string secret = folder_ / "audit.log", mine = folder_ / "job/old";
   ForEachKind([&] {
     for (const std::string& target : {secret, mine}) {
@@ -294,7 +296,7 @@ TEST_F(WorkerSandboxTest, MakesNothingButFilesAndFolders) {
   });
 }
 
-TEST_F(WorkerSandboxTest, ExecutesNothingOfItsOwn) {
+TEST_F(WorkerSandboxTest, ExecutesNoFileThatItWrote) {
   if (!HasLandlock()) GTEST_SKIP() << "the kernel has no Landlock";
   needs_.runs_programs = true;
   std::filesystem::copy_file("/bin/true", folder_ / "job/true");
@@ -308,7 +310,7 @@ TEST_F(WorkerSandboxTest, ExecutesNothingOfItsOwn) {
   ExpectAllowed([&] { return run("true"); });
 }
 
-TEST(LandlockVersions, OldKernelsAreReportedWithWhatTheyLack) {
+TEST(LandlockVersions, ReportWhatOldKernelsLack) {
   EXPECT_THAT(MissingFromSandbox(0), ::testing::HasSubstr("files are not limited"));
   EXPECT_THAT(MissingFromSandbox(1), ::testing::HasSubstr("files are not limited"));
   EXPECT_THAT(MissingFromSandbox(kLandlockRefer), ::testing::HasSubstr("signals"));
@@ -331,7 +333,7 @@ TEST_F(WorkerSandboxTest, GetsNoPrivilegesAndNoNamespaces) {
   }
 }
 
-TEST_F(WorkerSandboxTest, KeepsItsLimits) {
+TEST_F(WorkerSandboxTest, CannotChangeItsLimits) {
   const rlimit more{RLIM_INFINITY, RLIM_INFINITY};
   rlimit now{};
   ExpectAllowed([&] { return getrlimit(RLIMIT_DATA, &now); });
@@ -341,18 +343,18 @@ TEST_F(WorkerSandboxTest, KeepsItsLimits) {
   ExpectRefused([&] { return prlimit(parent, RLIMIT_DATA, nullptr, &now); });
 }
 
-TEST_F(WorkerSandboxTest, TypesIntoNoTerminal) {
+TEST_F(WorkerSandboxTest, CannotTypeIntoATerminal) {
   char typed = 'x';
   for (const unsigned long high : {0UL, 1UL << 32}) {
     ExpectRefused([&] { return syscall(SYS_ioctl, 0, high | TIOCSTI, &typed); });
   }
-  // Any other request reaches the device.
+  // Every other request reaches the device.
   ExpectRefused([] { return syscall(SYS_ioctl, -1, 0xc0384601UL, nullptr); }, EBADF);
   termios settings{};
   ExpectRefused([&] { return syscall(SYS_ioctl, -1, TCGETS, &settings); }, EBADF);
 }
 
-TEST_F(WorkerSandboxTest, DiesOfWhatOnlyAnAttackDoes) {
+TEST_F(WorkerSandboxTest, IsKilledByCallsOfAttacks) {
   for (const bool more : {false, true}) {
     needs_.runs_programs = needs_.has_device = more;
     if (!kSanitized) ExpectKilled([] { return ptrace(PTRACE_TRACEME, 0, nullptr, nullptr); });

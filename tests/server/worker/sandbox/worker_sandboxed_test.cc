@@ -10,7 +10,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "server/worker_protocol/landlock_version.h"
-#include "tests/server/jobs/listening_socket.h"
+#include "tests/server/worker/sandbox/listening_socket.h"
 #include "tests/server/worker/worker_fixture.h"
 
 namespace pepeseg {
@@ -18,8 +18,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// What a priors command does to get at what is not its job's. `folder`: of the test; `server`: the
-// process that has started the worker. Prints what came of each attempt.
+// Returns a priors command that tries to reach what is not its job's, and prints the outcome of
+// each attempt. `folder`: the test's folder; `server`: the process that started the worker.
 constexpr char kProbe[] = R"(
 import os, socket, sys
 folder, server, port = FOLDER, SERVER, PORT
@@ -84,7 +84,7 @@ class WorkerSandboxedTest : public WorkerTest {
     spec_.worker.priors_command = path.string();
   }
 
-  // What the probe's attempts came to.
+  // Returns the outcome of each of the probe's attempts.
   std::map<std::string, std::string> Tried() {
     std::map<std::string, std::string> tried;
     const std::string text = ReadFile(job_.work() / "tried", "tried", 10'000).value_or("");
@@ -99,7 +99,7 @@ class WorkerSandboxedTest : public WorkerTest {
   const testing::ListeningSocket tcp_;
 };
 
-TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
+TEST_F(WorkerSandboxedTest, TrainsInAFilterThatItCannotRemove) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   const auto worker = Launch(getpid());
   std::string status;
@@ -116,8 +116,8 @@ TEST_F(WorkerSandboxedTest, TrainsBehindAFilterThatItCannotLeave) {
   WaitFor(*worker);
 }
 
-// A worker of Slurm's is given the way to the database; what decodes uploads has never had it.
-TEST_F(WorkerSandboxedTest, OfSlurmForgetsTheDatabaseBeforeItReadsUploads) {
+// A worker of Slurm's gets the database's URL. The process that decodes uploads never had it.
+TEST_F(WorkerSandboxedTest, DropsTheDatabaseUrlOfSlurmBeforeItReadsUploads) {
   spec_.options.mutable_reconstruct()->set_num_steps(1'000'000);
   setenv("PEPESEG_SLURM_DATABASE", "postgresql:host=nowhere password=secret", 1);
   setenv("PGPASSWORD", "secret", 1);
@@ -141,7 +141,7 @@ TEST_F(WorkerSandboxedTest, OfSlurmForgetsTheDatabaseBeforeItReadsUploads) {
   WaitFor(*worker);
 }
 
-TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
+TEST_F(WorkerSandboxedTest, LimitsItsProgramsToTheJob) {
   if (LandlockVersion() < kLandlockScopes) GTEST_SKIP() << "needs Linux 6.12";
   UseProbe();
   Run();
@@ -151,15 +151,15 @@ TEST_F(WorkerSandboxedTest, ItsProgramsGetAtNothingButTheJob) {
   EXPECT_GT(std::filesystem::file_size(folder_ / "mine"), 0u);
 }
 
-// So the probe's attempts are such as go well where nothing refuses them.
-TEST_F(WorkerSandboxedTest, WithoutItTheProgramDoesAsItLikes) {
+// Proves that the probe's attempts succeed where nothing refuses them.
+TEST_F(WorkerSandboxedTest, DoesNotLimitProgramsIfItIsOff) {
   UseProbe();
   spec_.worker.sandbox = false;
   Run();
   const std::map<std::string, std::string> tried = Tried();
   EXPECT_EQ(tried.size(), 16u) << ReadFileTail(job_.worker_log(), 4000);
   for (const auto& [attempt, outcome] : tried) {
-    if (attempt == "send to a local socket") continue;  // nobody takes datagrams there
+    if (attempt == "send to a local socket") continue;  // no socket takes datagrams there
     if (attempt == "read /etc/shadow" && geteuid() != 0) continue;
     EXPECT_EQ(outcome, "done") << attempt;
   }

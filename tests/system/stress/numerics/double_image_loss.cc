@@ -11,7 +11,7 @@ namespace {
 
 using Plane = std::vector<double>;
 
-// Zero beyond the border; its own transpose, as the taps are symmetric.
+// Convolves with zeros beyond the border. It is its own transpose, since the taps are symmetric.
 Plane Filter(const Plane& in, int side) {
   Plane rows(in.size()), out(in.size());
   const auto pass = [side](const Plane& from, Plane& to, int step, int across) {

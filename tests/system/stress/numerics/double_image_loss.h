@@ -5,8 +5,8 @@
 
 namespace pepeseg::testing {
 
-// The loss of ImageLoss and its gradient, in double by the formulas of kernels/math, with separable
-// windows: fast enough for a thousand steps.
+// Computes ImageLoss and its gradient in double by the formulas of kernels/math. Separable windows
+// make it fast enough for a thousand steps.
 struct DoubleLoss {
   double loss = 0;
   double mse = 0;

@@ -12,9 +12,10 @@
 #include "tests/system/stress/numerics/measured.h"
 #include "tests/system/stress/numerics/tiny_runs.h"
 
-// Stage one in single precision beside itself in double: the same Gaussians, views and order of
-// views, 1,000 steps. Rounding grows, as blending and Adam's quotient are not smooth where a splat
-// passes a threshold or a gradient passes zero; the losses must stay together all the same.
+// Compares 1,000 steps of stage one in single precision with the same in double: the same
+// Gaussians, views and order of views. Rounding errors grow, since blending and Adam's quotient are
+// not smooth where a splat passes a threshold or a gradient passes zero. The losses must still stay
+// close.
 
 namespace pepeseg::testing {
 namespace {
@@ -40,7 +41,7 @@ HostGaussians StartOf(const Capture& capture) {
   return start;
 }
 
-// By the ops of a backend.
+// Trains by the ops of a backend.
 class SingleTrainer {
  public:
   SingleTrainer(Backend& backend, const HostGaussians& start)
@@ -147,7 +148,7 @@ double RmsDifference(const std::vector<float>& a, const std::vector<double>& b) 
   return std::sqrt(squares / static_cast<double>(a.size()));
 }
 
-TEST_P(DoubleRuns, StageOneStaysWithItself) {
+TEST_P(DoubleRuns, AgreeWithFloatInStageOne) {
   const Capture capture =
       TinyCapture({.num_views = 4, .side = kSide, .held_out_every = 0, .num_points = 40});
   const HostGaussians start = StartOf(capture);

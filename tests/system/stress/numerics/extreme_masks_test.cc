@@ -8,7 +8,7 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// None, one and a thousand masks a view, masks that say the same, and masks of everything.
+// No mask, one, or a thousand per view; duplicates; masks that cover everything.
 
 namespace pepeseg::testing {
 namespace {
@@ -37,7 +37,7 @@ class ExtremeMasks : public BackendTest {
     return capture;
   }
 
-  // Stage one with refinement, and stage two.
+  // Runs stage one with refinement, and stage two.
   void Learn(const char* what, const Capture& capture) {
     ReconstructOptions options = TinyReconstruct(NumSteps());
     options.refine_length = 0.2;
@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(Backends, ExtremeMasks, CpuAndCuda(), BackendName);
 size_t NumPixels(const View& view) { return size_t(view.camera.width) * view.camera.height; }
 BinaryMask Everything(const View& view) { return {std::vector<uint8_t>(NumPixels(view), 1)}; }
 
-TEST_P(ExtremeMasks, WithoutAnyStageTwoSaysSo) {
+TEST_P(ExtremeMasks, AbsenceFailsStageTwoWithAReason) {
   const Capture capture = WithMasks([](const View&) { return std::vector<BinaryMask>(); });
   ReconstructOptions options = TinyReconstruct(NumSteps());
   EXPECT_OK(RunStageOne(*backend_, capture, options).status());
@@ -65,7 +65,7 @@ TEST_P(ExtremeMasks, WithoutAnyStageTwoSaysSo) {
                 absl::StatusCode::kFailedPrecondition, "mask");
 }
 
-TEST_P(ExtremeMasks, InOneViewOnlyAreEnough) {
+TEST_P(ExtremeMasks, OfOneViewSuffice) {
   int view_number = 0;
   Learn("in one view", WithMasks([&](const View& view) {
           std::vector<BinaryMask> masks;
@@ -74,12 +74,12 @@ TEST_P(ExtremeMasks, InOneViewOnlyAreEnough) {
         }));
 }
 
-TEST_P(ExtremeMasks, OneThatCoversEverything) {
+TEST_P(ExtremeMasks, MayCoverEverything) {
   Learn("everything",
         WithMasks([](const View& view) { return std::vector<BinaryMask>{Everything(view)}; }));
 }
 
-TEST_P(ExtremeMasks, OfOnePixelEach) {
+TEST_P(ExtremeMasks, MayHaveOnePixelEach) {
   Learn("of one pixel", WithMasks([](const View& view) {
           std::vector<BinaryMask> masks = {Everything(view)};
           for (size_t pixel = 0; pixel < NumPixels(view); pixel += 37) {
@@ -106,7 +106,7 @@ TEST_P(ExtremeMasks, DuplicatesChangeNothing) {
   EXPECT_EQ(once.field.features, again.field.features);
 }
 
-TEST_P(ExtremeMasks, AThousandAView) {
+TEST_P(ExtremeMasks, MayBeAThousandPerView) {
   std::mt19937_64 random(1);
   Learn("a thousand", WithMasks([&](const View& view) {
           std::vector<BinaryMask> masks(1000);

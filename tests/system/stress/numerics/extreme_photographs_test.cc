@@ -9,7 +9,7 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// Photographs and starting points that leave next to nothing to learn.
+// Photographs and initial points from which almost nothing can be learned.
 
 namespace pepeseg::testing {
 namespace {
@@ -37,8 +37,8 @@ Capture Painted(uint8_t value) {
   return capture;
 }
 
-// Before a black background nothing need be seen: once all has faded the stage says so.
-TEST_P(ExtremePhotographs, AllBlackIsLearntUntilNothingIsLeft) {
+// In front of a black background no Gaussian is needed. Once all have faded, the stage reports it.
+TEST_P(ExtremePhotographs, AllBlackFadesUntilNoGaussianIsLeft) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.prune_opacity = 0;
   Learn("black", Painted(0), options);
@@ -46,16 +46,16 @@ TEST_P(ExtremePhotographs, AllBlackIsLearntUntilNothingIsLeft) {
   EXPECT_STATUS(RunStageOne(*backend_, Painted(0), options), absl::StatusCode::kFailedPrecondition,
                 "density control left none");
 }
-TEST_P(ExtremePhotographs, AllWhiteIsLearnt) { Learn("white", Painted(255)); }
+TEST_P(ExtremePhotographs, AllWhiteTrains) { Learn("white", Painted(255)); }
 
-// From different places: no scene looks so.
-TEST_P(ExtremePhotographs, IdenticalOnesGiveNumbers) {
+// The same photograph from different positions, which no scene gives.
+TEST_P(ExtremePhotographs, IdenticalOnesGiveFiniteNumbers) {
   Capture capture = TinyCapture();
   for (View& view : capture.views) view.photo = capture.views[0].photo;
   Learn("identical", capture);
 }
 
-TEST_P(ExtremePhotographs, NoiseGivesNumbers) {
+TEST_P(ExtremePhotographs, NoiseGivesFiniteNumbers) {
   Capture capture = TinyCapture();
   std::mt19937_64 random(1);
   for (View& view : capture.views) {
@@ -74,7 +74,7 @@ TEST_P(ExtremePhotographs, AllIgnoredChangesNoColour) {
   Learn("all ignored", capture, options);
 }
 
-TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
+TEST_P(ExtremePhotographs, OneGaussianTrains) {
   Capture capture = TinyCapture();
   capture.points.resize(1);
   ReconstructOptions options = TinyReconstruct(NumSteps());
@@ -84,14 +84,14 @@ TEST_P(ExtremePhotographs, OneGaussianIsTrained) {
   EXPECT_LT(MeanOfLast(run.losses, 0.1), run.losses.front() - 0.05);
 }
 
-// All on one spot: the distance to the nearest neighbour is 0.
-TEST_P(ExtremePhotographs, PointsOnOneSpotAreTrained) {
+// All points are at one position: the distance to the nearest neighbour is 0.
+TEST_P(ExtremePhotographs, CoincidentPointsTrain) {
   Capture capture = TinyCapture();
   for (ScenePoint& point : capture.points) point.position = capture.points[0].position;
   Learn("one spot", capture);
 }
 
-TEST_P(ExtremePhotographs, WithoutPointsRandomOnesAreTrained) {
+TEST_P(ExtremePhotographs, RandomPointsTrainIfThereAreNone) {
   Capture capture = TinyCapture();
   capture.points.clear();
   ReconstructOptions options = TinyReconstruct(NumSteps());

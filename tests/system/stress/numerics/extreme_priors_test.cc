@@ -10,8 +10,8 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// Depth priors that say nothing, or the wrong thing: they may cost little, and what does not agree
-// is skipped and counted.
+// Depth priors that are useless or wrong. They may cost little quality, and priors that do not
+// agree with the scene are skipped and counted.
 
 namespace pepeseg::testing {
 namespace {
@@ -35,7 +35,7 @@ class ExtremePriors : public BackendTest {
     return *run;
   }
 
-  // The perception loss reads the priors, too.
+  // The perception loss also reads the priors.
   void ExpectStageTwo(const Capture& capture, const Gaussians& gaussians) {
     FeatureOptions options = TinyFeatures(NumSteps() / 5);
     const auto run = RunStageTwo(*backend_, capture, gaussians, options);
@@ -44,9 +44,9 @@ class ExtremePriors : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, ExtremePriors, CpuAndCuda(), BackendName);
 
-constexpr double kMayCost = 1;  // dB; measured: at most 0.6
+constexpr double kMayCost = 1;  // allowed loss of PSNR, dB; measured: at most 0.6
 
-TEST_P(ExtremePriors, WrongOnesCostLittle) {
+TEST_P(ExtremePriors, CostLittleIfWrong) {
   const double with = Learn("exact", [](DepthPrior&) {}).psnr;
   const auto none = Learn("none", [](DepthPrior& prior) { prior.values.clear(); });
   EXPECT_GT(with, none.psnr - kMayCost);
@@ -65,10 +65,10 @@ TEST_P(ExtremePriors, WrongOnesCostLittle) {
 
   const auto unknown =
       Learn("NaN", [](DepthPrior& prior) { std::ranges::fill(prior.values, kUnknown); });
-  EXPECT_EQ(unknown.psnr, none.psnr);  // as if there were none
+  EXPECT_EQ(unknown.psnr, none.psnr);  // the same as without priors
 }
 
-TEST_P(ExtremePriors, NoiseAndFewKnownPixelsGiveNumbers) {
+TEST_P(ExtremePriors, GiveFiniteNumbersWithNoiseAndFewKnownPixels) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<float> uniform(0, 1);
   Learn("noise", [&](DepthPrior& prior) {

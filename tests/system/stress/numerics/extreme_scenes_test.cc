@@ -10,8 +10,8 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// The same scene in other units, elsewhere, through other lenses, and in few or very many views:
-// what the photographs show is the same, so what is learnt must be as good.
+// The same scene in other units, at another position, with other focal lengths, and in few or very
+// many views. The photographs show the same, so the result must be as good.
 
 namespace pepeseg::testing {
 namespace {
@@ -20,7 +20,7 @@ int NumSteps() { return FullStress() ? 3'000 : 400; }
 
 class ExtremeScenes : public BackendTest {
  protected:
-  // The held-out PSNR.
+  // Returns the PSNR of held-out views, dB.
   double Learn(const char* what, const Capture& capture, int num_steps = NumSteps()) {
     const auto run = RunStageOne(*backend_, capture, TinyReconstruct(num_steps));
     EXPECT_OK(run.status()) << what;
@@ -44,7 +44,7 @@ TEST_P(ExtremeScenes, UnitsChangeNothing) {
   EXPECT_NEAR(Learn("unit 1e6", Scaled(capture, 1e-6)), metres, 1);
 }
 
-// Single precision holds seven digits. `relative`: as an import has it.
+// Single precision has seven digits. `relative`: to an origin, as an import makes it.
 Capture FarFromZero(Capture capture, bool relative) {
   const Eigen::Vector3d far(6e6, 8e6, -3e6);
   std::vector<Pose> poses;
@@ -60,13 +60,14 @@ Capture FarFromZero(Capture capture, bool relative) {
   return capture;
 }
 
-TEST_P(ExtremeScenes, FarFromZeroIsLearntRelativeToAnOrigin) {
+TEST_P(ExtremeScenes, FarFromZeroTrainRelativeToAnOrigin) {
   const double near = Learn("at zero", TinyCapture());
   EXPECT_LT(Learn("ten millions away", FarFromZero(TinyCapture(), false)), near - 3);
   EXPECT_GT(Learn("relative to the origin", FarFromZero(TinyCapture(), true)), near - 1);
 }
 
-// Objects as large in the pictures as before: the longer the lens, the farther away it stands.
+// The objects keep their size in the photographs: with a longer focal length the camera is farther
+// away.
 Capture SeenFromAfar(Capture capture, double focal) {
   const Eigen::Vector3d target = {0, -0.3, 0};
   for (View& view : capture.views) {
@@ -78,9 +79,10 @@ Capture SeenFromAfar(Capture capture, double focal) {
   return capture;
 }
 
-// From far enough all rays of a view are parallel: what is in focus at 1,000 is so at 100,000.
-// Against a near view some accuracy goes, as parallel rays tell less of depth.
-TEST_P(ExtremeScenes, LongLensesFromAfarChangeLittle) {
+// From far away all rays of a view are parallel, so a distance of 100,000 is like one of 1,000.
+// Compared with a near view some accuracy is lost, since parallel rays contain less depth
+// information.
+TEST_P(ExtremeScenes, LongFocalLengthsFromAfarChangeLittle) {
   const double near = Learn("focal 35", TinyCapture());
   const double parallel = Learn("focal 1e3", SeenFromAfar(TinyCapture(), 1e3));
   EXPECT_GT(parallel, near - 3);
@@ -88,9 +90,9 @@ TEST_P(ExtremeScenes, LongLensesFromAfarChangeLittle) {
   EXPECT_GT(Learn("focal 1e5", SeenFromAfar(TinyCapture(), 1e5)), parallel - 1.5);
 }
 
-// The same places, other lenses: at 10 most of the picture is guessed, at 1e5 a view sees a
-// thousandth of a ball.
-TEST_P(ExtremeScenes, AnyFocalLengthGivesNumbers) {
+// The same camera positions with other focal lengths. At 10 no view determines most of the picture;
+// at 1e5 a view sees a thousandth of a ball.
+TEST_P(ExtremeScenes, AnyFocalLengthGivesFiniteNumbers) {
   for (const double focal : {10.0, 1e3, 1e5}) {
     Capture capture = TinyCapture();
     for (View& view : capture.views) view.camera.fx = view.camera.fy = focal;
@@ -116,8 +118,8 @@ float LargestMove(const StageOneRun& run, const Capture& capture) {
   return largest;
 }
 
-// Its centre alone tells no size of the scene: the means must move all the same.
-TEST_P(ExtremeScenes, OneViewIsLearnt) {
+// One camera centre does not give the size of the scene. The means must still move.
+TEST_P(ExtremeScenes, OneViewTrains) {
   Capture capture = TinyCapture();
   capture.views = {capture.views[1]};
   ASSERT_OK_AND_ASSIGN(const StageOneRun run,
@@ -126,8 +128,8 @@ TEST_P(ExtremeScenes, OneViewIsLearnt) {
   EXPECT_GT(LargestMove(run, capture), 0.05);
 }
 
-// A camera on a tripod that turns a little from view to view.
-TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
+// A camera on a tripod rotates a little from view to view.
+TEST_P(ExtremeScenes, CoincidentCamerasTrain) {
   Capture capture = TinyCapture();
   const View first = capture.views[1];
   const Eigen::Vector3d eye = first.cam_from_world.Inverse().translation;
@@ -139,7 +141,7 @@ TEST_P(ExtremeScenes, CamerasThatAllStandAtOnePlaceAreLearnt) {
   Learn("one place", capture);
 }
 
-TEST_P(ExtremeScenes, TenThousandViewsAreLearnt) {
+TEST_P(ExtremeScenes, TenThousandViewsTrain) {
   const int num_views = FullStress() ? 10'000 : 1'000;
   Capture capture = TinyCapture({.num_views = num_views, .side = 16, .held_out_every = 8});
   Learn("many views", capture, FullStress() ? 10'000 : 400);

@@ -8,7 +8,7 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// 100,000 steps of each stage on a tiny scene; 1,000 in the short form.
+// 100,000 steps of each stage on a tiny scene; 1,000 in the short run.
 
 namespace pepeseg::testing {
 namespace {
@@ -38,7 +38,7 @@ float LongestQuaternion(const Gaussians& gaussians) {
   return longest;
 }
 
-// Of each kind of parameter the largest, and what the run learnt.
+// Checks the largest value of each kind of parameter, and the quality of the result.
 void ExpectRun(const Backend& backend, const std::string& name, const StageOneRun& run) {
   const auto expect = [&](const char* what, double value) {
     ExpectAsMeasured(backend, "long run, " + name + ": " + what, value);
@@ -53,7 +53,7 @@ void ExpectRun(const Backend& backend, const std::string& name, const StageOneRu
          Largest(run.gaussians, kShPlane, NumPlanes(run.gaussians.sh_degree) - kShPlane));
 }
 
-// What was learnt stays learnt: after the last growth the loss does not rise again.
+// After the last densification the loss must not rise again.
 void ExpectNoDrift(const std::vector<double>& losses) {
   const std::vector<double> grown(losses.begin(), losses.begin() + losses.size() * 7 / 10);
   EXPECT_LT(MeanOfLast(losses, 0.1), MeanOfFirst(losses, 0.02));
@@ -61,9 +61,9 @@ void ExpectNoDrift(const std::vector<double>& losses) {
             MeanOfLast(grown, 0.1) + 0.05 * std::abs(MeanOfLast(grown, 0.1)));
 }
 
-TEST_P(LongRuns, StageOneBudgeted) {
+TEST_P(LongRuns, TrainStageOneWithABudget) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
-  options.min_band_gain = 0;  // all bands to the end
+  options.min_band_gain = 0;  // keeps all SH bands to the end
   ASSERT_OK_AND_ASSIGN(
       const StageOneRun run,
       RunStageOne(*backend_, TinyCapture({.depth = DepthPrior::Kind::kDisparity}), options));
@@ -72,7 +72,7 @@ TEST_P(LongRuns, StageOneBudgeted) {
   EXPECT_EQ(run.most_steps, NumSteps());
 }
 
-TEST_P(LongRuns, StageOneWithResets) {
+TEST_P(LongRuns, TrainStageOneWithResets) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.pixels_per_gaussian = 0;
   options.opacity_reset_every = std::max(100, NumSteps() / 30);
@@ -81,9 +81,9 @@ TEST_P(LongRuns, StageOneWithResets) {
   ExpectNoDrift(run.losses);
 }
 
-// Density control to the very end, and no Gaussian is pruned: opacities fade without end where the
-// photographs do not hold them.
-TEST_P(LongRuns, StageOneThatNeverPrunes) {
+// Density control runs to the end and no Gaussian is pruned, so the opacity of Gaussians that no
+// photograph supports falls without limit.
+TEST_P(LongRuns, TrainStageOneWithoutPruning) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.prune_opacity = 0;
   options.densify_until = 1;
@@ -93,8 +93,8 @@ TEST_P(LongRuns, StageOneThatNeverPrunes) {
   ExpectRun(*backend_, "never pruned", run);
 }
 
-// Without decay nothing holds an opacity from becoming 1.
-TEST_P(LongRuns, StageOneWithoutDecay) {
+// Without decay nothing keeps an opacity from reaching 1.
+TEST_P(LongRuns, TrainStageOneWithoutDecay) {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.opacity_decay = 1;
   options.opacity_learning_rate = 1;
@@ -103,7 +103,7 @@ TEST_P(LongRuns, StageOneWithoutDecay) {
   ExpectRun(*backend_, "no decay", run);
 }
 
-TEST_P(LongRuns, StageTwo) {
+TEST_P(LongRuns, TrainStageTwo) {
   const Capture capture = TinyCapture({.depth = DepthPrior::Kind::kDisparity});
   ReconstructOptions geometry = TinyReconstruct(300);
   ASSERT_OK_AND_ASSIGN(const StageOneRun frozen, RunStageOne(*MakeCpu(), capture, geometry));

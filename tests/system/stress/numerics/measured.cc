@@ -17,27 +17,27 @@ constexpr auto kError = MeasureKind::kError;
 constexpr auto kDecibels = MeasureKind::kDecibels;
 constexpr auto kShare = MeasureKind::kShare;
 constexpr auto kLoss = MeasureKind::kLoss;
-// The row is not part of this form.
+// The row is not measured in this run.
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 struct Row {
   const char* name;
   MeasureKind kind;
-  double cpu, cpu_full, cuda, cuda_full;  // the short form, and the full one
+  double cpu, cpu_full, cuda, cuda_full;  // measured in the short run, and in the full one
 };
 
-// Measured by this suite; a row of NUMERICS.md each.
+// The values that this suite has measured. NUMERICS.md has a row for each.
 constexpr Row kRows[] = {
 #include "tests/system/stress/numerics/measured.inc"
 };
 
-// The worst value that passes.
+// Returns the worst value that passes.
 double BoundOf(MeasureKind kind, double measured) {
   switch (kind) {
     case MeasureKind::kError:
       return 3 * measured;
     case MeasureKind::kDecibels:
-      return std::min(measured, 60.0) - 1.5;  // beyond, the error is that of 8 bits
+      return std::min(measured, 60.0) - 1.5;  // above 60 dB the error is that of 8 bits
     case MeasureKind::kShare:
       return measured - 0.1;
     case MeasureKind::kLoss:

@@ -4,18 +4,19 @@
 
 #include "kernels/backend.h"
 
-// What kernels/NUMERICS.md says was measured, row by row, and the bound that follows from it.
+// The measured values of kernels/NUMERICS.md, and the bounds that follow from them.
 namespace pepeseg::testing {
 
 enum class MeasureKind {
-  kError,     // an error or a magnitude: at most three times what was measured
-  kDecibels,  // a PSNR: at most 1.5 dB less, which is 1.4 times the squared error; over 60 dB, 58.5
+  kError,     // an error or a magnitude: at most three times the measured value
+  kDecibels,  // a PSNR: at most 1.5 dB less (1.4 times the squared error); 58.5 if over 60 dB
   kShare,     // an IoU: at most 0.1 less
-  kLoss,      // the loss of stage two, which is negative: at most a twentieth of itself more
+  kLoss,      // the loss of stage two, which is negative: at most a twentieth of it more
 };
 
-// Prints the value beside its row of measured.cc, for the backend and the form (PEPESEG_STRESS)
-// that run, and fails when it is beyond the row's bound, not finite, or has no row.
+// Prints the value with its row of measured.inc, for the backend and the run (PEPESEG_STRESS).
+// Fails the test if the value is not within the row's bound or not finite, or if there is no such
+// row.
 void ExpectAsMeasured(const Backend& backend, const std::string& row, double value);
 
 }  // namespace pepeseg::testing

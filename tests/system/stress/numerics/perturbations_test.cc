@@ -10,8 +10,8 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// What errors of the poses, the depth priors and the masks cost: held-out PSNR, and IoU of one
-// click an object. Only what is trained on is perturbed, never what is scored.
+// The cost of errors in poses, depth priors and masks: in PSNR of held-out views, and in IoU with
+// one click per object. Only training data are perturbed, never what is scored.
 
 namespace pepeseg::testing {
 namespace {
@@ -61,7 +61,7 @@ class Perturbations : public BackendTest {
     return accuracy;
   }
 
-  // A turn about the camera's own centre, and a move of it.
+  // A rotation around the camera's centre, and a translation.
   Accuracy LearnFromPoses(double degrees, double moved) {
     std::mt19937_64 random(1);
     std::normal_distribution<double> normal;
@@ -90,7 +90,7 @@ class Perturbations : public BackendTest {
     });
   }
 
-  // Masks that move together, as those of a view that was cropped otherwise.
+  // All masks of a view are shifted together, as if the view had been cropped differently.
   Accuracy LearnFromMovedMasks(int pixels) {
     char what[64];
     std::snprintf(what, sizeof what, "masks %d px to the right", pixels);
@@ -143,8 +143,8 @@ class Perturbations : public BackendTest {
 };
 INSTANTIATE_TEST_SUITE_P(Backends, Perturbations, CpuAndCuda(), BackendName);
 
-// A pixel is 0.02 radians here, a degree 0.9 pixels.
-TEST_P(Perturbations, OfPosesCostByTheirSize) {
+// Here a pixel is 0.02 radians, and a degree is 0.9 pixels.
+TEST_P(Perturbations, OfPosesCostQualityByTheirSize) {
   const Accuracy small = LearnFromPoses(0.1, 0.001);
   if (FullStress()) LearnFromPoses(0.3, 0.003);
   if (FullStress()) LearnFromPoses(1, 0.01);
@@ -159,7 +159,7 @@ TEST_P(Perturbations, OfPriorsCostLittle) {
   EXPECT_GT(LearnFromPriors(1).psnr, truth_.psnr - 1);
 }
 
-TEST_P(Perturbations, OfMasksCostNoColour) {
+TEST_P(Perturbations, OfMasksDoNotChangeColour) {
   EXPECT_GT(LearnFromMovedMasks(1).psnr, truth_.psnr - 0.7);
   if (FullStress()) LearnFromMovedMasks(2);
   if (FullStress()) LearnFromMovedMasks(4);

@@ -6,9 +6,9 @@
 #include "tests/system/stress/numerics/tiny_runs.h"
 #include "tests/testing/status_testing.h"
 
-// Runs of one seed give the same bytes: on the CPU for any number of threads, and on CUDA, too,
-// where sums have a fixed order and atomics only count integers or find their extremes
-// (NUMERICS.md).
+// Runs with the same seed give the same bytes: on the CPU with any number of threads, and also on
+// CUDA, since sums have a fixed order, and atomics only count integers or find their minimum or
+// maximum (NUMERICS.md).
 
 namespace pepeseg::testing {
 namespace {
@@ -18,7 +18,7 @@ int NumRuns() { return FullStress() ? 5 : 2; }
 
 Capture Scene() { return TinyCapture({.depth = DepthPrior::Kind::kDisparity}); }
 
-// All that a scene can have: the local fits of depth, refinement, coarse photographs.
+// Options that use every part of stage one: local depth fits, refinement, coarse photographs.
 ReconstructOptions Everything() {
   ReconstructOptions options = TinyReconstruct(NumSteps());
   options.coarse_until = 0.2;
@@ -50,7 +50,7 @@ Bytes Train(Backend& backend) {
   return bytes;
 }
 
-TEST(SameBytes, OnTheCpuForAnyNumberOfThreads) {
+TEST(SameBytes, ResultOnTheCpuWithAnyNumberOfThreads) {
   const Bytes want = Train(*MakeCpuBackend(1));
   ASSERT_FALSE(want.features.empty());
   for (const int num_threads : {1, 2, 3}) {
@@ -61,7 +61,7 @@ TEST(SameBytes, OnTheCpuForAnyNumberOfThreads) {
 class SameBytesOnADevice : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, SameBytesOnADevice, CpuAndCuda(), BackendName);
 
-TEST_P(SameBytesOnADevice, FromRunToRun) {
+TEST_P(SameBytesOnADevice, ResultFromEachRun) {
   const Bytes want = Train(*backend_);
   ASSERT_FALSE(want.features.empty());
   double farthest = 0;

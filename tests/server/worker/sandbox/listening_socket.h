@@ -12,10 +12,10 @@
 
 namespace pepeseg::testing {
 
-// A socket that takes connections, as the server's do, and does nothing with them.
+// A socket that listens, as the server's do, and never answers.
 class ListeningSocket {
  public:
-  // On a free port of loopback.
+  // Listens on a free port of the loopback address.
   ListeningSocket() : socket_(socket(AF_INET, SOCK_STREAM, 0)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -26,7 +26,7 @@ class ListeningSocket {
     EXPECT_EQ(listen(socket_, 1), 0);
     port_ = ntohs(address.sin_port);
   }
-  // At a path, which must be short.
+  // Listens at a path, which must be short.
   explicit ListeningSocket(const std::filesystem::path& path)
       : socket_(socket(AF_UNIX, SOCK_STREAM, 0)) {
     sockaddr_un address{};

@@ -1,4 +1,4 @@
-#include "tests/testing/align_centers.h"
+#include "tests/testing/textured_place.h"
 
 #include <gtest/gtest.h>
 
@@ -24,9 +24,9 @@ TEST(CenterError, IsZeroUpToASimilarity) {
   EXPECT_NEAR(CenterError(Moved(3, 1), kCenters), 0, 1e-9);
 }
 
-TEST(CenterError, SeesAMirrorImage) { EXPECT_GT(CenterError(Moved(3, -1), kCenters), 0.1); }
+TEST(CenterError, DetectsAMirrorImage) { EXPECT_GT(CenterError(Moved(3, -1), kCenters), 0.1); }
 
-TEST(CenterError, IsAShareOfTheRadius) {
+TEST(CenterError, IsRelativeToTheRadius) {
   std::vector<Eigen::Vector3d> off = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}};
   const std::vector<Eigen::Vector3d> truth = off;
   for (size_t i = 0; i < off.size(); ++i) off[i].z() += i < 2 ? 0.01 : -0.01;

@@ -1,4 +1,4 @@
-#include "server/worker_protocol/pulse.h"
+#include "server/worker_protocol/heartbeat.h"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -11,6 +11,7 @@
 namespace pepeseg {
 
 bool Touch(const std::filesystem::path& path) {
+  // The file usually exists: one call, and no descriptor, which may be short.
   if (utimensat(AT_FDCWD, path.c_str(), nullptr, 0) == 0) return true;
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
   if (descriptor < 0) return false;
@@ -19,12 +20,12 @@ bool Touch(const std::filesystem::path& path) {
   return touched;
 }
 
-void PulseWatch::Expect() {
+void HeartbeatWatch::Expect() {
   seen_ = true;
   change_ = std::chrono::steady_clock::now();
 }
 
-std::chrono::steady_clock::duration PulseWatch::Silence() {
+std::chrono::steady_clock::duration HeartbeatWatch::SinceChange() {
   const auto now = std::chrono::steady_clock::now();
   struct stat status {};
   if (lstat(path_.c_str(), &status) == 0) {
@@ -36,10 +37,12 @@ std::chrono::steady_clock::duration PulseWatch::Silence() {
   return seen_ ? now - change_ : std::chrono::steady_clock::duration::zero();
 }
 
-WorkerPulse::WorkerPulse(const std::filesystem::path& pulse, const std::filesystem::path& lease,
-                         std::chrono::seconds length, std::function<void()> lost)
-    : pulse_(pulse), length_(length), lost_(std::move(lost)), lease_(lease) {
-  // The new thread inherits a mask that blocks all signals: the training's thread handles them.
+WorkerHeartbeat::WorkerHeartbeat(const std::filesystem::path& heartbeat,
+                                 const std::filesystem::path& lease, std::chrono::seconds length,
+                                 std::function<void()> lost)
+    : heartbeat_(heartbeat), length_(length), lost_(std::move(lost)), lease_(lease) {
+  // The new thread inherits this mask, so that the kernel delivers SIGTERM to the thread that
+  // trains.
   sigset_t all;
   sigset_t before;
   sigfillset(&all);
@@ -48,7 +51,7 @@ WorkerPulse::WorkerPulse(const std::filesystem::path& pulse, const std::filesyst
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
-WorkerPulse::~WorkerPulse() {
+WorkerHeartbeat::~WorkerHeartbeat() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -57,14 +60,15 @@ WorkerPulse::~WorkerPulse() {
   thread_.join();
 }
 
-void WorkerPulse::Run() {
+void WorkerHeartbeat::Run() {
   using std::chrono::milliseconds;
+  // At least fourteen looks at the lease's file before it counts as lost.
   milliseconds period(1000);
   if (length_.count() > 0) period = std::min(period, milliseconds(length_) / 20);
   std::unique_lock lock(mutex_);
   do {
-    Touch(pulse_);
-    if (length_.count() > 0 && lease_.Silence() > milliseconds(length_) * 7 / 10) lost_();
+    Touch(heartbeat_);
+    if (length_.count() > 0 && lease_.SinceChange() > milliseconds(length_) * 7 / 10) lost_();
   } while (!stop_.wait_for(lock, period, [this] { return stopping_; }));
 }
 

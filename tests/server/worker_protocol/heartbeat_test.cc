@@ -1,0 +1,76 @@
+#include "server/worker_protocol/heartbeat.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+
+#include "absl/time/clock.h"
+#include "server/jobs/holder_name.h"
+#include "tests/testing/temp_folder.h"
+
+namespace pepeseg {
+namespace {
+
+using std::chrono::milliseconds;
+
+TEST(HeartbeatWatch, MeasuresTimeSinceTheLastChange) {
+  const testing::TempFolder folder;
+  HeartbeatWatch watch(folder / "heartbeat");
+  EXPECT_EQ(watch.SinceChange(), milliseconds(0));
+  absl::SleepFor(absl::Milliseconds(30));
+  EXPECT_EQ(watch.SinceChange(), milliseconds(0));  // the file has never existed
+  ASSERT_TRUE(Touch(folder / "heartbeat"));
+  watch.SinceChange();
+  absl::SleepFor(absl::Milliseconds(50));
+  EXPECT_GE(watch.SinceChange(), milliseconds(50));
+  ASSERT_TRUE(Touch(folder / "heartbeat"));
+  EXPECT_LT(watch.SinceChange(), milliseconds(50));
+}
+
+TEST(HeartbeatWatch, CannotTouchAFileInAMissingFolder) { EXPECT_FALSE(Touch("/nowhere/at/all")); }
+
+TEST(WorkerHeartbeat, BeatsUntilItIsDestroyed) {
+  const testing::TempFolder folder;
+  HeartbeatWatch watch(folder / "heartbeat");
+  {
+    const WorkerHeartbeat heartbeat(folder / "heartbeat", folder / "lease", std::chrono::seconds(1),
+                                    [] { FAIL() << "the lease is not there, so it is not over"; });
+    absl::SleepFor(absl::Milliseconds(300));
+    EXPECT_TRUE(std::filesystem::exists(folder / "heartbeat"));
+    EXPECT_LT(watch.SinceChange(), milliseconds(200));
+  }
+  watch.SinceChange();
+  absl::SleepFor(absl::Milliseconds(200));
+  EXPECT_GE(watch.SinceChange(), milliseconds(200));
+}
+
+TEST(WorkerHeartbeat, ReportsALostLeaseBeforeItExpires) {
+  const testing::TempFolder folder;
+  ASSERT_TRUE(Touch(folder / "lease"));
+  std::atomic<bool> lost = false;
+  const absl::Time start = absl::Now();
+  const WorkerHeartbeat heartbeat(folder / "heartbeat", folder / "lease", std::chrono::seconds(1),
+                                  [&] { lost = true; });
+  while (absl::Now() - start < absl::Milliseconds(500)) {
+    ASSERT_TRUE(Touch(folder / "lease"));
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_FALSE(lost);
+  const absl::Time last = absl::Now();
+  while (!lost && absl::Now() - last < absl::Seconds(10)) absl::SleepFor(absl::Milliseconds(5));
+  ASSERT_TRUE(lost);
+  EXPECT_GE(absl::Now() - last, absl::Milliseconds(600));
+}
+
+TEST(HolderName, NamesALivingProcess) {
+  const std::string name = HolderName();
+  EXPECT_EQ(name, HolderName());
+  EXPECT_FALSE(IsKnownGone(name));
+  EXPECT_TRUE(IsKnownGone(name + "1"));  // an earlier process had this id
+  EXPECT_FALSE(IsKnownGone("another-boot/pid:[1]/1/2"));
+  EXPECT_FALSE(IsKnownGone(""));
+  EXPECT_FALSE(IsKnownGone("server"));
+}
+
+}  // namespace
+}  // namespace pepeseg
