@@ -36,7 +36,7 @@ function begin(
     'content-length': String(header.numBytes),
     etag: `"${header.sha256}"`,
     'x-gaussians': String(header.numGaussians),
-    // A model and a selection never change; what "live" names does.
+    // A model and a selection never change; the model named "live" does.
     'cache-control': query.get('model')?.endsWith('/live')
       ? 'no-store'
       : 'private, max-age=86400, immutable',

@@ -1,4 +1,4 @@
-// What a component asks the server for when it appears, or when what it asks about changes.
+// Fetches something from the server when a component appears or its arguments change.
 import { useCallback, useEffect, useState } from 'preact/hooks';
 import type { Failure } from './failure';
 import { failureOf, isCancelled } from './failure';

@@ -1,4 +1,4 @@
-// Names for segments, to be asked for in any view.
+// Labels: names for segments, which can be segmented in any view.
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import type { Label } from '../../gen/pepeseg/v1/label_pb';

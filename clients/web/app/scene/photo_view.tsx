@@ -1,4 +1,4 @@
-// One view of the scene: its picture, the mask over it, and where to click.
+// One view of the scene: its picture, the mask over it, and the clicks on it.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -13,18 +13,18 @@ export type Tool = 'include' | 'exclude' | 'box';
 
 interface Props {
   view: View;
-  /** Of the photograph; it may be missing. */
+  /** URL of the photograph, which may be missing. */
   photo: string;
   rendering: string;
   source: Source;
   onSource: (source: Source) => void;
   mask: Mask | undefined;
-  /** Of this view, if it is about it. */
+  /** The prompt, if it is about this view. */
   question: Question | undefined;
-  /** Where a click hit nothing in this view. */
+  /** Position of a click that hit nothing in this view. */
   miss: Spot | undefined;
   tool: Tool;
-  /** How many answers were shown: for who measures. */
+  /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
   onBox: (box: Box) => void;
@@ -35,11 +35,11 @@ interface Spot {
   readonly y: number;
 }
 
-/** A press that moves less, in pixels of the screen, is a click. */
+/** A press that moves less than this, in screen pixels, is a click. */
 const clickSlack = 5;
-/** Width of the drawing over a view, so that marks do not shrink on large photographs. */
+/** Width of the drawing over a view in its own units, so that marks keep their size. */
 const drawingWidth = 640;
-/** Of the keyboard's cursor, in units of the drawing. */
+/** Step of the keyboard's cursor, in units of the drawing. */
 const keyStep = 8;
 
 const arrows: Record<string, readonly [number, number]> = {
@@ -58,7 +58,7 @@ interface MarksProps {
   question: Question | undefined;
   drawn: Box | undefined;
   cursor: Spot | undefined;
-  /** Units of the drawing in a pixel of the photograph. */
+  /** Units of the drawing for each pixel of the photograph. */
   unit: number;
 }
 
@@ -137,7 +137,7 @@ export function PhotoView(props: Props): JSX.Element {
   const press = (event: PointerEvent) => {
     if (event.button !== 0) return;
     pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
-    // A finger moves the page, unless it is to draw.
+    // A finger scrolls the page, unless it draws.
     if (event.pointerType !== 'touch' || tool === 'box') {
       (event.currentTarget as Element).setPointerCapture(event.pointerId);
     }

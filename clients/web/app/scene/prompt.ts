@@ -1,4 +1,4 @@
-// What is asked: a place in a view, or in a picture of the 3D view, and what is meant there.
+// Prompts: a view, or a picture of the 3D view, and what is meant in it.
 import type { MessageInitShape } from '@bufbuild/protobuf';
 import { create } from '@bufbuild/protobuf';
 import type { GranularitySchema, PromptSchema } from '../../gen/pepeseg/v1/prompt_pb';
@@ -9,17 +9,17 @@ import {
   SegmentRequest_Targets_Group,
 } from '../../gen/pepeseg/v1/segmentation_service_pb';
 
-/** Size of the pixels that prompts and masks of a view are in: of its photograph. */
+/** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
 export function sizeOf(view: View): { readonly width: number; readonly height: number } {
   const { photographWidth, photographHeight, camera } = view;
-  // Of a model of an older server the photograph's size is not known: then they are the view's.
+  // Models of older servers do not have the photograph's size: then the frame is the view's.
   if (photographWidth > 0 && photographHeight > 0) {
     return { width: photographWidth, height: photographHeight };
   }
   return { width: camera?.width || 1, height: camera?.height || 1 };
 }
 
-/** A pinhole camera somewhere, as the contract says it. */
+/** A pinhole camera anywhere, as in the contract. */
 export interface FreeCamera {
   readonly width: number;
   readonly height: number;
@@ -27,7 +27,7 @@ export interface FreeCamera {
   readonly fy: number;
   readonly cx: number;
   readonly cy: number;
-  /** Of cam_from_world: w, x, y, z. */
+  /** Rotation of cam_from_world: w, x, y, z. */
   readonly rotation: readonly number[];
   readonly translation: readonly number[];
 }
@@ -52,7 +52,7 @@ export type Question =
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
   | { readonly kind: 'label'; readonly label: string };
 
-/** What is absent is the server's to choose. */
+/** Scale and threshold; the server chooses those that are absent. */
 export interface Grain {
   readonly scale?: number | undefined;
   readonly threshold?: number | undefined;
@@ -93,7 +93,7 @@ export function granularityOf({
   };
 }
 
-/** `views`: absent, the question's own; "all", every view. */
+/** Makes a request. `views`: absent: the prompt's view; "all": every view. */
 export function segmentRequest(
   model: string,
   question: Question,

@@ -1,4 +1,4 @@
-// What is meant: include, exclude, a box; the proposals; how large and how alike.
+// The tools of a prompt: include, exclude, box; proposals; scale and threshold.
 import type { JSX } from 'preact';
 import { Icon } from '../components/icons';
 import { countText } from '../format';
@@ -35,7 +35,7 @@ export function PromptTools({ tool, onTool }: ToolsProps): JSX.Element {
   );
 }
 
-/** What goes with the title: undo, clear. */
+/** Buttons next to the title: undo, clear. */
 export function QuestionButtons({ session }: { session: SceneSession }): JSX.Element {
   const { question, canUndo } = useStore(session.state);
   return (
@@ -98,7 +98,7 @@ interface SliderProps {
   chosen: boolean;
   disabled: boolean;
   onInput: (value: number) => void;
-  /** It was let go. */
+  /** Called when the slider is released. */
   onChange: () => void;
 }
 

@@ -1,4 +1,4 @@
-// The selection in 3D: made of what is segmented, combined, hidden or shown alone.
+// The selection in 3D: made from the segmentation, combined, hidden or shown alone.
 import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
@@ -26,7 +26,7 @@ const combinations = [
   ['intersect', 'Intersect'],
 ] as const;
 
-/** With what the question's own view was answered with, so that what is seen is what is taken. */
+/** Selects with the scale and threshold of the shown answer, so that the selection is what is seen. */
 export function selectWith(
   session: SceneSession,
   selections: SceneSelections,
@@ -68,7 +68,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
           onClick={() => selectWith(session, selections, 'select')}
         >
           <Icon name="cube" />
-          {selection ? 'Select anew' : 'Select in 3D'}
+          {selection ? 'Select again' : 'Select in 3D'}
         </button>
         {selection &&
           combinations.map(([how, name]) => (
@@ -85,7 +85,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
       <p class="quiet" role="status">
         {busy && 'Looking at the views …'}
         {!busy && selection && `${countText(selection.numGaussians)} Gaussians selected.`}
-        {!busy && !selection && 'Gaussians of what is segmented, to show alone, hide or export.'}
+        {!busy && !selection && 'Selects the segment’s Gaussians, to show alone, hide or export.'}
       </p>
       <FailureNote failure={failure} close={() => selections.closeFailure()} />
       {selection && (

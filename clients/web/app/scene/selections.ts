@@ -1,4 +1,4 @@
-// Gaussians in 3D, of what was segmented: chosen, added to, taken from, hidden or shown alone.
+// The selection of Gaussians in 3D: made, added to, subtracted from, hidden or shown alone.
 import type { Selection } from '../../gen/pepeseg/v1/selection_pb';
 import { SetOperation } from '../../gen/pepeseg/v1/selection_pb';
 import { newRequestId, segmentation } from '../api/clients';

@@ -1,5 +1,5 @@
-// A scene that is being taken apart: the question on the screen, the server's answers to it, and
-// what was made of them. Knows nothing of the screen.
+// The state of segmenting a scene: the current prompt, the server's answers to it, and what was made
+// from them. It does not depend on the screen.
 import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -12,7 +12,7 @@ import { answerOf, proposalsOf } from './answer';
 import type { Box, Grain, Place, Point, Question } from './prompt';
 import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
 
-/** Where a click, or the middle of a box, hit nothing: pixels of its place. */
+/** A click, or the middle of a box, that hit nothing: pixels of its view. */
 export interface Miss {
   readonly place: Place;
   readonly x: number;
@@ -23,7 +23,7 @@ export function isMiss(failure: Failure): boolean {
   return failure.reason === 'NOTHING_THERE';
 }
 
-/** The place that a question without an answer was about. */
+/** Returns the position of a prompt that got no answer. */
 export function missOf(question: Question): Miss | undefined {
   if (question.kind === 'label') return undefined;
   const { place } = question;
@@ -42,9 +42,9 @@ export interface SessionState {
   readonly proposals: readonly Proposal[];
   readonly busy: boolean;
   readonly failure: Failure | undefined;
-  /** The newest question hit nothing: the one before is shown. */
+  /** Set if the newest prompt hit nothing; the answer before it is shown. */
   readonly miss: Miss | undefined;
-  /** Of the stream: how many were shown since the page was opened. */
+  /** Number of the stream's answers shown since the page was opened. */
   readonly numAnswers: number;
   readonly canUndo: boolean;
 }
@@ -61,7 +61,7 @@ const nothing: SessionState = {
   canUndo: false,
 };
 
-/** After so long without another request all views are asked for. */
+/** Milliseconds without another request after which all views are requested. */
 const settleMs = 180;
 const maxPoints = 64;
 
@@ -72,10 +72,10 @@ export class SceneSession {
     answered: (sequence, answer) => this.take(sequence, answer),
     refused: (sequence, error) => this.refused(sequence, error),
   });
-  /** Answers to earlier requests are of a question that is no longer there. */
+  /** Answers to requests before this one belong to an earlier prompt. */
   private firstSequence = 0n;
   private newestSequence = 0n;
-  /** What was there before the newest question, until that is answered. */
+  /** The state before the newest prompt, until that is answered. */
   private before: Pick<SessionState, 'question' | 'grain' | 'answer' | 'proposals'> | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
@@ -83,7 +83,7 @@ export class SceneSession {
 
   constructor(readonly model: string) {}
 
-  /** The view on the screen: answered for along with the question's own. */
+  /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
     const { question, answer } = this.state.get();
@@ -97,7 +97,7 @@ export class SceneSession {
     if (points.every(({ negative }) => negative)) {
       this.fail('Nothing is included yet.', 'Click what is meant first, then what is not.');
     } else if (points.length > maxPoints) {
-      this.fail(`A question has at most ${maxPoints} points.`, 'Clear it and begin anew.');
+      this.fail(`A prompt has at most ${maxPoints} points.`, 'Clear it and start again.');
     } else {
       this.pose({ kind: 'points', place, points });
     }
@@ -112,8 +112,8 @@ export class SceneSession {
   }
 
   /**
-   * While a slider moves. The other one stays where the answer put it: what is dragged is then all
-   * that changes, and the server need not look for the best of both (40 ms in place of 3).
+   * Called while a slider moves. The other value stays that of the answer, so that only the dragged
+   * one changes and the server need not search for the best of both (3 ms instead of 40).
    */
   drag(change: Grain): void {
     const { question, grain, answer } = this.state.get();
@@ -128,7 +128,7 @@ export class SceneSession {
     this.send(false);
   }
 
-  /** The slider was let go: all views follow. */
+  /** The slider was released: all views follow. */
   rest(): void {
     if (this.state.get().question) this.askOtherViews();
   }
@@ -191,12 +191,12 @@ export class SceneSession {
   private pose(question: Question): void {
     this.remember();
     const { question: asked, grain, answer, proposals } = this.state.get();
-    // Of two questions in a row without an answer the first has nothing to go back to.
+    // If two prompts in a row get no answer, there is no earlier state to return to.
     const before =
       asked && !answer ? this.before : { question: asked, grain, answer, proposals };
     this.forgetAnswers();
     this.before = before;
-    // How large a thing is meant is chosen anew for another thing.
+    // For another thing scale and threshold are chosen again.
     const old = this.state.get().question;
     const same = old?.kind === 'points' && question.kind === 'points' && question.points.length > 1;
     this.state.patch({ question, grain: same ? this.state.get().grain : {} });
@@ -220,7 +220,7 @@ export class SceneSession {
     this.before = undefined;
     const answer = answerOf(response);
     const { answer: before, numAnswers } = this.state.get();
-    // Those of other views follow when it stands still.
+    // Masks of other views follow when the slider stops.
     const masks = new Map([...(before?.masks ?? []), ...answer.masks]);
     this.state.patch({
       answer: { ...answer, masks },
@@ -239,7 +239,7 @@ export class SceneSession {
     else this.state.patch({ busy: false, failure });
   }
 
-  /** The newest question is taken back: the answer before it stays. */
+  /** Takes back the newest prompt: the answer before it stays. */
   private goBack(miss: Miss): void {
     const before = this.before;
     this.past.pop();
@@ -254,7 +254,7 @@ export class SceneSession {
     this.settling = setTimeout(() => void this.settle(), settleMs);
   }
 
-  /** All views, at the granularity that the question's own view was answered with; proposals. */
+  /** Requests all views at the scale and threshold of the answer, and the proposals. */
   private async settle(): Promise<void> {
     const { question, grain, proposals, busy } = this.state.get();
     if (!question) return;

@@ -1,4 +1,4 @@
-// The 3D view of a scene: turned by dragging, segmented by a click.
+// The 3D view of a scene: dragging turns it, a click segments.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -15,11 +15,11 @@ import type { Miss } from './session';
 interface Props {
   model: string;
   views: readonly View[];
-  /** Where to look from, when it changes. */
+  /** Camera to look from; the view moves there when it changes. */
   view: View;
   mask: Mask | undefined;
   question: Question | undefined;
-  /** Where a click hit nothing, here or in a view. */
+  /** Position of a click that hit nothing, here or in a view. */
   miss: Miss | undefined;
   tool: Tool;
   selection: string | undefined;
@@ -60,7 +60,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   moved.current = onMoved;
   useEffect(() => {
     let gone = false;
-    // three.js and Spark are most of the app's bytes: they come when they are needed.
+    // three.js and Spark are most of the app's bytes: they are loaded when they are needed.
     import('../viewer/splat_viewer').then(
       (module) => {
         if (gone || !canvas.current) return;
@@ -83,7 +83,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
   }, [views]);
   useEffect(() => {
     if (!viewer.current) return;
-    // What was asked for before may still end, and after this.
+    // An earlier request may still end, and after this one.
     let outdated = false;
     setStatus('loading');
     viewer.current.load(partsOf(model, selection, showing)).then(
@@ -123,10 +123,10 @@ export function SplatPane(props: Props): JSX.Element {
     if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
   }, [mask, stale]);
 
-  /** At a share of the width and the height. */
+  /** Segments at a position, given as shares of width and height. */
   const ask = (x: number, y: number, negative: boolean) => {
     if (!viewer.current) return;
-    // The same camera while the picture stands: then a point is added to the others.
+    // While the picture does not move the camera is the same, so that points are added to one prompt.
     const at = (asked.current ??= viewer.current.question());
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });

@@ -1,4 +1,4 @@
-// Where a scene is taken apart: views, 3D view and tools side by side, or one at a time.
+// The screen for segmenting a scene: views, 3D view and tools side by side, or one at a time.
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
@@ -37,7 +37,7 @@ function useModel(scene: Scene) {
   useEffect(() => {
     const controller = new AbortController();
     const { signal } = controller;
-    // Without labels the rest works: what is wrong with the server is told by what is asked next.
+    // Everything else works without labels; a fault of the server shows at the next request.
     steadily(() => parts.labels.load(signal), signal).catch(() => undefined);
     return () => {
       controller.abort();
@@ -47,7 +47,7 @@ function useModel(scene: Scene) {
   return parts;
 }
 
-/** Longer side of the photograph that is shown, pixels: more than most screens have. */
+/** Maximum of the shown photograph's longer side, pixels: more than most screens have. */
 const photoSide = 2048;
 
 interface Props {

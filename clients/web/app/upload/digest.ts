@@ -1,6 +1,6 @@
 import type { DigestAnswer, DigestQuestion } from './digest_worker';
 
-/** Asks a worker for digests, so that the page stays quick. */
+/** Computes digests in a web worker, so that the page stays responsive. */
 export class Digester {
   private readonly worker = new Worker(new URL('./digest_worker.ts', import.meta.url), {
     type: 'module',

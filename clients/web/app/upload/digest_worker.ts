@@ -1,5 +1,5 @@
-// SHA-256 of files, a piece at a time: a video need not fit in memory, and WebCrypto takes only
-// whole files, and those only from pages over HTTPS.
+// SHA-256 of files, piece by piece: a video need not fit in memory. WebCrypto takes whole files only,
+// and only on pages over HTTPS.
 import { sha256 } from '@noble/hashes/sha2';
 import { bytesToHex } from '@noble/hashes/utils';
 
@@ -11,7 +11,7 @@ export interface DigestQuestion {
 export interface DigestAnswer {
   readonly id: number;
   readonly sha256: string;
-  /** Not empty: the file cannot be read, and why. */
+  /** Why the file cannot be read; empty if it can. */
   readonly error: string;
 }
 

@@ -1,4 +1,4 @@
-// A scene from a drop of photographs to a PLY, in Chromium, against a server of its own.
+// A scene from dropped photographs to a PLY, in Chromium, against a server that the test starts.
 import { readFileSync, rmSync } from 'node:fs';
 import { join } from 'node:path';
 import type { BrowserContext, Page } from '@playwright/test';
@@ -130,9 +130,9 @@ test('a click segments the book, in all views', async () => {
   await clickView(page, truth.inside);
   await settled(page, before);
   await expect(page.locator('.chip').first()).toBeVisible();
-  // One of the ladder is what was answered.
+  // One of the proposals is the answer.
   await expect(page.locator('.chips .chip[aria-pressed=true]')).toHaveCount(1);
-  // What the click means is a part, the thing or more: a person picks it.
+  // The click may mean a part, the thing or more: the test picks, as a person would.
   const ious = [await overlayIou(page, truth)];
   for (const chip of await page.locator('.chips .chip').all()) {
     const then = await numAnswers(page);
@@ -153,7 +153,7 @@ test('a click segments the book, in all views', async () => {
       .click();
     await settled(page, then);
   }
-  // Of fifteen views all show the book.
+  // All fifteen views show the book.
   await expect(page.getByText('Seen in 15 views.')).toBeVisible({ timeout: 60_000 });
 });
 
@@ -162,7 +162,7 @@ test('a selection in 3D is tinted, shown alone and left out', async () => {
   await page.getByRole('button', { name: 'Select in 3D' }).click();
   await expect(page.getByText('Gaussians selected.')).toBeVisible({ timeout: 60_000 });
   await shownInSplats(page, 'tinted');
-  // Of the project's README.
+  // The picture of the project's README.
   await page.screenshot({ path: join(artefacts, 'scene.jpg'), type: 'jpeg', quality: 82 });
   await pictures('scene');
   for (const [name, how] of [
@@ -216,7 +216,7 @@ test('downloads: the PLY is loaded again, COCO lists the label', async () => {
   });
   expect(Object.keys(files)).toContain('Bunny-book/frame-000000.png');
 
-  // Loaded again: as the Gaussians of a scene of its own, which then needs no reconstruction.
+  // The saved PLY becomes the Gaussians of another scene, which then needs no reconstruction.
   const folder = shelfWith(ply);
   await page.goto(`${stack.url}/new`);
   await page.setInputFiles('#folder', folder);
@@ -260,7 +260,7 @@ test('a click in 3D segments what is seen there', async () => {
   const truth = await truthOf(page, view, book);
   const edges = await splats.boundingBox();
   if (!edges) throw new Error('no 3D view');
-  // The 3D view looks as the first view does, at the same shape.
+  // The 3D view has the first view's camera and shape.
   await page.mouse.click(
     edges.x + truth.inside[0] * edges.width,
     edges.y + truth.inside[1] * edges.height,
@@ -290,7 +290,7 @@ test('a box, a point, what is not meant, undo', async () => {
   const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
   await page.keyboard.press('Escape');
   await expect.poll(area).toBe(0);
-  // Around the box of tissues.
+  // A box around the tissue box.
   await dragBox(page, [0.54, 0.52], [0.77, 0.84]);
   const drawn = 0.23 * 0.32 * 640 * 480;
   await expect.poll(area, { timeout: 30_000 }).toBeGreaterThan(0.5 * drawn);

@@ -9,7 +9,7 @@ function putOff(reason: string, nanos = 10_000_000, code = Code.Unavailable): Co
   return new ConnectError('not now', code, undefined, [{ desc: ErrorDetailSchema, value }]);
 }
 
-/** Asks a server that answers with `errors` first. */
+/** Calls a server that first answers with `errors`. */
 async function ask(errors: ConnectError[], signal = new AbortController().signal) {
   let calls = 0;
   const next = async () => {

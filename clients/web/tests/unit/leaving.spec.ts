@@ -1,4 +1,4 @@
-// Browsers that leave in the middle: nothing of theirs stays open in the back end.
+// Browsers that leave during a request: nothing of theirs stays open in the back end.
 import { mkdirSync, mkdtempSync, readdirSync, readlinkSync, rmSync, writeFileSync } from 'node:fs';
 import type { ClientRequest, Server } from 'node:http';
 import { get, request } from 'node:http';
@@ -12,11 +12,11 @@ import type { Config } from '../../server/config';
 import { crc32c } from '../../server/crc32c';
 import { createWebServer } from '../../server/web_server';
 
-/** More than sockets on the way hold. */
+/** More bytes than the sockets on the way buffer. */
 const manyBytes = 64 << 20;
 let folder: string;
 let server: Server;
-/** What the server that the back end speaks for sees. */
+/** What the server behind the back end sees. */
 let upstream: { calls: number; open: number; cancelled: number };
 
 function whenAborted(signal: AbortSignal): Promise<never> {
@@ -106,20 +106,20 @@ function url(path: string): string {
   return `http://127.0.0.1:${(server.address() as AddressInfo).port}${path}`;
 }
 
-/** Files of the test's folder that this process, in which the back end runs, has open. */
+/** Returns the files of the test's folder that this process, which runs the back end, has open. */
 function openFiles(): string[] {
   const names: string[] = [];
   for (const fd of readdirSync('/proc/self/fd')) {
     try {
       names.push(readlinkSync(`/proc/self/fd/${fd}`));
     } catch {
-      // The descriptor of this look itself.
+      // The descriptor of this readdir itself.
     }
   }
   return names.filter((name) => name.startsWith(folder));
 }
 
-/** Reads a little and leaves. */
+/** Reads a few bytes and leaves. */
 async function leaveDuring(path: string): Promise<void> {
   await new Promise<void>((resolve, reject) => {
     const asking = get(url(path), (response) => {

@@ -95,7 +95,7 @@ test('COCO: ids from 1, no empty masks, sizes height first', () => {
 });
 
 test('events of a training make its curves; a step done again takes the place of what followed', async () => {
-  // Its module listens to the page's network.
+  // The module listens to the page's network events.
   Object.assign(globalThis, { window: new EventTarget() });
   const { after, noTraining } = await import('../../app/training/training_watch');
   const progress = (sequence: bigint, step: bigint, loss: number) =>
