@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# `pepeseg bench` on a server of its own, then its table and plots.
+# Runs `pepeseg bench` on a server that it starts, then makes the table and the plots.
 #   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg bench...]
-# PEPESEGD_FLAGS: flags of the server, as --device=cuda. The plots need python3-matplotlib
+# PEPESEGD_FLAGS: flags of the server, such as --device=cuda. The plots need python3-matplotlib
 # (deploy/packages/bench.txt).
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# pepesegd, pepeseg-worker and pepeseg as a user runs them: upload, train (a few steps on a quarter
-# of the pixels), segment, render, export, and the exit codes on the way.
+# Runs pepesegd, pepeseg-worker and pepeseg as a user does: upload, train (a few steps on a quarter of
+# the pixels), segment, render, export, and checks the exit codes.
 #   end_to_end.sh FOLDER_OF_PROGRAMS DATASET
 set -euo pipefail
 programs=$1 dataset=$2
@@ -113,7 +113,7 @@ expect 0 pepeseg decompose shelf --scales 0.1,0.9 --level 1 --out "$work/pieces"
 grep -q '^level 1  scale 0.9' "$work/output" || fail 'no levels'
 grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'no segments'
 [[ $(head -c 3 "$work/pieces/level_1/segment_1.ply") == ply ]] || fail 'no PLY of a segment'
-# Bits a channel, and grey: behind the size in a PNG's head.
+# Bits per channel, and grey: the bytes after the size in a PNG's header.
 [[ $(od -An -tu1 -j24 -N2 "$work/pieces/frame-000003_ids.png" | tr -s ' ') == ' 16 0' ]] ||
   fail 'no ids of the segments'
 [[ -s $work/pieces/frame-000003_colors.png ]] || fail 'no picture of the segments'
