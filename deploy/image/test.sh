@@ -142,12 +142,12 @@ fi
 inside sh -c "kill -KILL $worker"
 expect 0 pepeseg watch "$job"
 
-step 'questions, an export'
+step 'queries, an export'
 expect 0 pepeseg --json segment shelf --view frame-000000.jpg --point 320,280 --views all --out /out/masks
 grep -q '"masks":\[{' "$work/output" || fail 'no masks'
 [[ -s $work/out/masks/frame-000000_mask.png ]] || fail 'no mask is written'
 expect 0 pepeseg export shelf /out/shelf.ply
-[[ $(head -c 3 "$work/out/shelf.ply") == ply ]] || fail 'the export is no PLY'
+[[ $(head -c 3 "$work/out/shelf.ply") == ply ]] || fail 'the export is not a PLY'
 token=/other-token
 expect 10 pepeseg scenes shelf
 token=/token

@@ -9,8 +9,8 @@ build=${1:?usage: bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS...]}
 out=${2:?usage: bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS...]}
 shift 2
 python=${PYTHON:-python3}
-tell() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
+fact() { (cd "$here" && "$python" -c "import measured; print(measured.$1())"); }
 "$here/../../deploy/with_server.sh" "$build" "$out" \
-  "$build/bin/pepeseg" bench --out "$out" --fact "machine=$(tell machine)" \
-  --fact "commit=$(tell commit)" --fact "settings=${*:2}" "$@"
+  "$build/bin/pepeseg" bench --out "$out" --fact "machine=$(fact machine)" \
+  --fact "commit=$(fact commit)" --fact "settings=${*:2}" "$@"
 "$python" "$here/report.py" --out "$out" --plots "$out/record.json"

@@ -183,8 +183,8 @@ def main():
     parser.add_argument("packs", nargs="+")
     parser.add_argument("--programs", default="build/bin")
     parser.add_argument("--out", required=True)
-    parser.add_argument("--mask-noise", default="3", help="pixels of the packs' photographs")
-    parser.add_argument("--pose-noise", default="0.5", help="likewise")
+    parser.add_argument("--mask-noise", default="3", help="pixels by which masks are bent")
+    parser.add_argument("--pose-noise", default="0.5", help="pixels by which views are turned")
     arguments = parser.parse_args(words[:split])
     arguments.flags = words[split + 1:]
     measure(arguments)

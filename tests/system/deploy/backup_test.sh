@@ -131,7 +131,7 @@ expect 0 pepeseg cancel "$job"
 # Numbers continue after those of the backup: new resources do not replace old ones.
 expect 0 pepeseg train Second_2.0 "${little[@]}"
 expect 0 pepeseg scenes Second_2.0
-grep -q 'models/2' "$work/output" || fail 'a new model does not stand beside the old one'
-if grep -q 'Nothing is collected' "$work/server.log"; then fail 'the collector knows not its own'; fi
+grep -q 'models/2' "$work/output" || fail 'a new model does not exist next to the old one'
+if grep -q 'Nothing is collected' "$work/server.log"; then fail 'the collector does not know its own directory'; fi
 end TERM
 echo "$kind: every scene answers as before"

@@ -80,7 +80,7 @@ admin=(--admin "unix:$work/admin" "${as_operator[@]}" --key-file "$work/key")
 expect 0 pepeseg top --once "${admin[@]}"
 expect 0 pepeseg drain "${admin[@]}"
 expect 5 pepeseg health "${as_operator[@]}"
-grep -q 'does not serve' "$work/output" || fail 'a drained server is not told'
+grep -q 'does not serve' "$work/output" || fail 'health does not report a drained server'
 expect 0 pepeseg drain --off "${admin[@]}"
 expect 0 pepeseg health "${as_operator[@]}"
 

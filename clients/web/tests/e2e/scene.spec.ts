@@ -64,7 +64,7 @@ test('no scenes yet', async () => {
   await pictures('scenes-empty');
 });
 
-test('an upload goes on after a reload', async () => {
+test('an upload resumes after a reload', async () => {
   await page.getByRole('link', { name: 'Make the first scene' }).click();
   await page.setInputFiles('#folder', shelf);
   await expect(page.getByText('15 photographs')).toBeVisible();

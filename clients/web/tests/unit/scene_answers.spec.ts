@@ -36,7 +36,7 @@ test('proposals are the server’s ladder, with the names that it earned', () =>
   expect(scales).toEqual([...scales].sort((a, b) => a - b));
 });
 
-test('two proposals of a kind are told apart by their place', () => {
+test('two proposals of a kind are named by their position', () => {
   const { PART, OBJECT } = ProposeScalesResponse_Kind;
   const names = ladder([1n, 9n, 50n], [PART, PART, OBJECT], 0).map(({ name }) => name);
   expect(names).toEqual(['Part 1', 'Part 2', 'Object']);

@@ -18,7 +18,7 @@ function refusal(reason: string): ConnectError {
   return new ConnectError('refused', Code.InvalidArgument, undefined, [detail]);
 }
 
-test('a click on nothing is told from other refusals', async () => {
+test('a click on nothing differs from other refusals', async () => {
   const { isMiss } = await import('../../app/scene/session');
   const { failureOf } = await import('../../app/api/failure');
   expect(isMiss(failureOf(refusal('NOTHING_THERE')))).toBe(true);
