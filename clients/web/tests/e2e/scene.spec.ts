@@ -58,7 +58,7 @@ test.afterEach(() => {
 
 const pictures = (name: string) => picturesOf(page, name);
 
-test('no scenes yet', async () => {
+test('an empty server says that there are no scenes', async () => {
   await page.goto(stack.url);
   await expect(page.getByText('There are no scenes yet')).toBeVisible();
   await pictures('scenes-empty');
@@ -99,7 +99,7 @@ test('an upload resumes after a reload', async () => {
   expect(numSent).toBeLessThanOrEqual(49 + 3);
 });
 
-test('a training is followed over a reload and a restart of the server', async () => {
+test('a training is followed after a reload and a restart of the server', async () => {
   test.setTimeout(1_200_000);
   const psnr = page.locator('.curve', { hasText: 'PSNR' });
   const numSamples = async () => Number(await psnr.getAttribute('data-samples'));
@@ -181,7 +181,7 @@ test('the slider answers while it is dragged', async () => {
   expect(rate).toBeGreaterThanOrEqual(Number(process.env.PEPESEG_MIN_ANSWERS ?? 15));
 });
 
-test('a segment is named, and asked for by its name', async () => {
+test('a segment is named, and found by its name', async () => {
   const truth = await truthOf(page, view, book);
   await page.getByRole('button', { name: 'Clear' }).click();
   const before = await numAnswers(page);
@@ -270,7 +270,7 @@ test('a click in 3D segments what is seen there', async () => {
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
 });
 
-test('a click on nothing says so where it was, and the answer stays', async () => {
+test('a click on nothing says so at its position, and the answer stays', async () => {
   const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
   const before = await area();
   const canvas = page.locator('.splats-canvas');
@@ -286,7 +286,7 @@ test('a click on nothing says so where it was, and the answer stays', async () =
   await screenshot(page, 'scene-click-on-nothing');
 });
 
-test('a box, a point, what is not meant, undo', async () => {
+test('a box, a point, an excluded point and undo change the segment', async () => {
   const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
   await page.keyboard.press('Escape');
   await expect.poll(area).toBe(0);
@@ -312,7 +312,7 @@ test('a box, a point, what is not meant, undo', async () => {
   await expect.poll(area, { timeout: 30_000 }).toBe(boxArea);
 });
 
-test('the page goes on when the server was killed and is started again', async () => {
+test('the page continues after the server is killed and started again', async () => {
   await stack.killServer();
   await clickView(page, [0.6, 0.55]);
   await expect(page.getByText('The server does not answer.')).toBeVisible({ timeout: 30_000 });
@@ -321,7 +321,7 @@ test('the page goes on when the server was killed and is started again', async (
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
 });
 
-test('by keyboard alone', async () => {
+test('the keyboard alone segments', async () => {
   await page.goto(stack.url);
   await expect(page.getByText('Ready').first()).toBeVisible();
   await pictures('scenes');

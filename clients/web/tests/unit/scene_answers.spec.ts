@@ -23,7 +23,7 @@ function ladder(areas: bigint[], kinds: ProposeScalesResponse_Kind[], best: numb
   return proposalsOf(create(ProposeScalesResponseSchema, { proposals, best }));
 }
 
-test('proposals are the server’s ladder, with the names that it earned', () => {
+test('proposals are the server’s, with its names', () => {
   const { PART, OBJECT, GROUP, UNSPECIFIED } = ProposeScalesResponse_Kind;
   const shown = ladder([1n, 9n, 50n, 400n], [UNSPECIFIED, PART, OBJECT, GROUP], 2);
   expect(shown.map(({ name, best, mask: { area } }) => [name, best, area])).toEqual([
@@ -52,7 +52,7 @@ test('pixels are those of the photograph where its size is known', () => {
   });
 });
 
-test('what is not chosen is left to the server', () => {
+test('the server chooses what is not given', () => {
   const question = {
     kind: 'points',
     place: { view: 'a.jpg' },

@@ -26,7 +26,7 @@ test('a click on nothing differs from other refusals', async () => {
   expect(isMiss(failureOf(new ConnectError('a bad scale', Code.InvalidArgument)))).toBe(false);
 });
 
-test('a click on nothing leaves the answer before it, and says where it was', async () => {
+test('a click on nothing keeps the answer before it, and marks its position', async () => {
   const { SceneSession } = await import('../../app/scene/session');
   const session = new SceneSession('scenes/shelf/models/1');
   // Without a network: the answers are given by hand.
@@ -86,7 +86,7 @@ test('a first click on nothing leaves nothing', async () => {
   expect(miss).toMatchObject({ x: 3, y: 2 });
 });
 
-test('a training that ended badly names its stage', () => {
+test('a failed training names its stage', () => {
   expect(outcomeOf({ state: JobState.FAILED, stage: 'sfm' })).toBe('failed in Poses');
   expect(outcomeOf({ state: JobState.CANCELLED, stage: 'reconstruct' })).toBe(
     'cancelled in Reconstruct',
