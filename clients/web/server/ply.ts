@@ -13,7 +13,7 @@ import { routing } from './channel';
 import { passedOn } from './passed_on';
 import { crc32c } from './crc32c';
 
-function question(query: URLSearchParams): ExportSelectionRequest {
+function exportRequest(query: URLSearchParams): ExportSelectionRequest {
   const request = create(ExportSelectionRequestSchema, { model: need(query, 'model') });
   const selection = query.get('selection');
   if (!selection) return request;
@@ -52,7 +52,7 @@ export async function getPly(
   const query = queryOf(request);
   const signal = abortedWith(response);
   try {
-    const stream = channel.segmentation.exportSelection(question(query), {
+    const stream = channel.segmentation.exportSelection(exportRequest(query), {
       signal,
       headers: routing(need(query, 'model')),
     });

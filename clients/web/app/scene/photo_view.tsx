@@ -5,7 +5,7 @@ import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { Mask } from './answer';
-import type { Box, Point, Question } from './prompt';
+import type { Box, Point, Prompt } from './prompt';
 import { sizeOf } from './prompt';
 
 export type Source = 'photo' | 'rendering';
@@ -20,7 +20,7 @@ interface Props {
   onSource: (source: Source) => void;
   mask: Mask | undefined;
   /** The prompt, if it is about this view. */
-  question: Question | undefined;
+  prompt: Prompt | undefined;
   /** Position of a click that hit nothing in this view. */
   miss: Spot | undefined;
   tool: Tool;
@@ -55,20 +55,20 @@ function boxOf(a: Spot, b: Spot): Box {
 }
 
 interface MarksProps {
-  question: Question | undefined;
+  prompt: Prompt | undefined;
   drawn: Box | undefined;
   cursor: Spot | undefined;
   /** Units of the drawing for each pixel of the photograph. */
   unit: number;
 }
 
-function Marks({ question, drawn, cursor: at, unit }: MarksProps): JSX.Element {
+function Marks({ prompt, drawn, cursor: at, unit }: MarksProps): JSX.Element {
   const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
   const points =
-    question?.kind === 'points'
-      ? question.points.map((point) => ({ ...scaled(point), negative: point.negative }))
+    prompt?.kind === 'points'
+      ? prompt.points.map((point) => ({ ...scaled(point), negative: point.negative }))
       : [];
-  const meant = drawn ?? (question?.kind === 'box' ? question.box : undefined);
+  const meant = drawn ?? (prompt?.kind === 'box' ? prompt.box : undefined);
   const box = meant && {
     ...scaled(meant),
     width: meant.width * unit,
@@ -102,7 +102,7 @@ export function PhotoView(props: Props): JSX.Element {
     source,
     onSource,
     mask,
-    question,
+    prompt,
     miss,
     tool,
     numAnswers,
@@ -215,7 +215,7 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          <Marks question={question} drawn={drawn} cursor={cursor} unit={unit} />
+          <Marks prompt={prompt} drawn={drawn} cursor={cursor} unit={unit} />
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>

@@ -47,13 +47,13 @@ export interface Box {
   readonly height: number;
 }
 
-export type Question =
+export type Prompt =
   | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
   | { readonly kind: 'label'; readonly label: string };
 
 /** Scale and threshold; the server chooses those that are absent. */
-export interface Grain {
+export interface Granularity {
   readonly scale?: number | undefined;
   readonly threshold?: number | undefined;
 }
@@ -64,8 +64,8 @@ export function samePlace(a: Place | undefined, b: Place | undefined): boolean {
   return 'camera' in b && a.camera === b.camera;
 }
 
-export function placeOf(question: Question | undefined): Place | undefined {
-  return question && question.kind !== 'label' ? question.place : undefined;
+export function placeOf(prompt: Prompt | undefined): Place | undefined {
+  return prompt && prompt.kind !== 'label' ? prompt.place : undefined;
 }
 
 function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSchema>['view']> {
@@ -75,18 +75,18 @@ function viewpointOf(place: Place): NonNullable<MessageInitShape<typeof PromptSc
   return { place: { case: 'free', value: { camera, camFromWorld: transform } } };
 }
 
-export function promptOf(question: Question): MessageInitShape<typeof PromptSchema> {
-  if (question.kind === 'label') return { what: { case: 'label', value: question.label } };
-  const view = viewpointOf(question.place);
-  if (question.kind === 'box') return { view, what: { case: 'box', value: { ...question.box } } };
-  const points = question.points.map((point) => ({ ...point }));
+export function promptOf(prompt: Prompt): MessageInitShape<typeof PromptSchema> {
+  if (prompt.kind === 'label') return { what: { case: 'label', value: prompt.label } };
+  const view = viewpointOf(prompt.place);
+  if (prompt.kind === 'box') return { view, what: { case: 'box', value: { ...prompt.box } } };
+  const points = prompt.points.map((point) => ({ ...point }));
   return { view, what: { case: 'points', value: { points } } };
 }
 
 export function granularityOf({
   scale,
   threshold,
-}: Grain): MessageInitShape<typeof GranularitySchema> {
+}: Granularity): MessageInitShape<typeof GranularitySchema> {
   return {
     ...(scale !== undefined && { scale: { case: 'scaleQuantile', value: scale } as const }),
     ...(threshold !== undefined && { threshold }),
@@ -96,16 +96,16 @@ export function granularityOf({
 /** Makes a request. `views`: absent: the prompt's view; "all": every view. */
 export function segmentRequest(
   model: string,
-  question: Question,
-  grain: Grain,
+  prompt: Prompt,
+  granularity: Granularity,
   views?: readonly string[] | 'all',
 ): SegmentRequest {
   const targets =
     views === 'all' ? { group: SegmentRequest_Targets_Group.ALL } : { views: [...(views ?? [])] };
   return create(SegmentRequestSchema, {
     model,
-    prompt: promptOf(question),
-    granularity: granularityOf(grain),
+    prompt: promptOf(prompt),
+    granularity: granularityOf(granularity),
     ...(views && { targets }),
   });
 }

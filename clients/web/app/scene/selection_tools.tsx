@@ -26,19 +26,19 @@ const combinations = [
   ['intersect', 'Intersect'],
 ] as const;
 
-/** Selects with the scale and threshold of the shown answer, so that the selection is what is seen. */
+/** Selects with the shown answer's scale and threshold, so that the selection is what is seen. */
 export function selectWith(
   session: SceneSession,
   selections: SceneSelections,
   how: keyof typeof operations,
 ): void {
-  const { question, grain, answer } = session.state.get();
-  if (!question || !answer) return;
+  const { prompt, granularity, answer } = session.state.get();
+  if (!prompt || !answer) return;
   const used = {
-    scale: grain.scale ?? answer.scale,
-    threshold: grain.threshold ?? answer.threshold,
+    scale: granularity.scale ?? answer.scale,
+    threshold: granularity.threshold ?? answer.threshold,
   };
-  void selections.select(question, used, operations[how]);
+  void selections.select(prompt, used, operations[how]);
 }
 
 export function SelectionTools({ session, selections }: Props): JSX.Element {

@@ -1,5 +1,5 @@
-// The state of segmenting a scene: the current prompt, the server's answers to it, and what was made
-// from them. It does not depend on the screen.
+// The state of segmenting a scene: the current prompt, the server's answers to it, and what was
+// made from them. It does not depend on the screen.
 import type { SegmentResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { segmentation } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -9,7 +9,7 @@ import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import type { Answer, Proposal } from './answer';
 import { answerOf, proposalsOf } from './answer';
-import type { Box, Grain, Place, Point, Question } from './prompt';
+import type { Box, Granularity, Place, Point, Prompt } from './prompt';
 import { placeOf, promptOf, samePlace, segmentRequest } from './prompt';
 
 /** A click, or the middle of a box, that hit nothing: pixels of its view. */
@@ -24,20 +24,20 @@ export function isMiss(failure: Failure): boolean {
 }
 
 /** Returns the position of a prompt that got no answer. */
-export function missOf(question: Question): Miss | undefined {
-  if (question.kind === 'label') return undefined;
-  const { place } = question;
-  if (question.kind === 'box') {
-    const { x, y, width, height } = question.box;
+export function missOf(prompt: Prompt): Miss | undefined {
+  if (prompt.kind === 'label') return undefined;
+  const { place } = prompt;
+  if (prompt.kind === 'box') {
+    const { x, y, width, height } = prompt.box;
     return { place, x: x + width / 2, y: y + height / 2 };
   }
-  const last = question.points.at(-1);
+  const last = prompt.points.at(-1);
   return last && { place, x: last.x, y: last.y };
 }
 
 export interface SessionState {
-  readonly question: Question | undefined;
-  readonly grain: Grain;
+  readonly prompt: Prompt | undefined;
+  readonly granularity: Granularity;
   readonly answer: Answer | undefined;
   readonly proposals: readonly Proposal[];
   readonly busy: boolean;
@@ -50,8 +50,8 @@ export interface SessionState {
 }
 
 const nothing: SessionState = {
-  question: undefined,
-  grain: {},
+  prompt: undefined,
+  granularity: {},
   answer: undefined,
   proposals: [],
   busy: false,
@@ -67,7 +67,7 @@ const maxPoints = 64;
 
 export class SceneSession {
   readonly state = new Store<SessionState>(nothing);
-  private readonly past: Pick<SessionState, 'question' | 'grain'>[] = [];
+  private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
     refused: (sequence, error) => this.refused(sequence, error),
@@ -76,7 +76,7 @@ export class SceneSession {
   private firstSequence = 0n;
   private newestSequence = 0n;
   /** The state before the newest prompt, until that is answered. */
-  private before: Pick<SessionState, 'question' | 'grain' | 'answer' | 'proposals'> | undefined;
+  private before: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'proposals'> | undefined;
   private settling: ReturnType<typeof setTimeout> | undefined;
   private elsewhere = new AbortController();
   private shownView = '';
@@ -86,14 +86,14 @@ export class SceneSession {
   /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
-    const { question, answer } = this.state.get();
-    if (question && !answer?.masks.has(view)) this.askOtherViews();
+    const { prompt, answer } = this.state.get();
+    if (prompt && !answer?.masks.has(view)) this.askOtherViews();
   }
 
   addPoint(place: Place, point: Point): void {
-    const { question } = this.state.get();
-    const goesOn = question?.kind === 'points' && samePlace(placeOf(question), place);
-    const points = goesOn ? [...question.points, point] : [point];
+    const { prompt } = this.state.get();
+    const goesOn = prompt?.kind === 'points' && samePlace(placeOf(prompt), place);
+    const points = goesOn ? [...prompt.points, point] : [point];
     if (points.every(({ negative }) => negative)) {
       this.fail('Nothing is included yet.', 'Click what is meant first, then what is not.');
     } else if (points.length > maxPoints) {
@@ -115,14 +115,14 @@ export class SceneSession {
    * Called while a slider moves. The other value stays that of the answer, so that only the dragged
    * one changes and the server need not search for the best of both (3 ms instead of 40).
    */
-  drag(change: Grain): void {
-    const { question, grain, answer } = this.state.get();
-    if (!question) return;
+  drag(change: Granularity): void {
+    const { prompt, granularity, answer } = this.state.get();
+    if (!prompt) return;
     const held = {
-      scale: grain.scale ?? answer?.scale,
-      threshold: grain.threshold ?? answer?.threshold,
+      scale: granularity.scale ?? answer?.scale,
+      threshold: granularity.threshold ?? answer?.threshold,
     };
-    this.state.patch({ grain: { ...held, ...change } });
+    this.state.patch({ granularity: { ...held, ...change } });
     clearTimeout(this.settling);
     this.elsewhere.abort();
     this.send(false);
@@ -130,12 +130,12 @@ export class SceneSession {
 
   /** The slider was released: all views follow. */
   rest(): void {
-    if (this.state.get().question) this.askOtherViews();
+    if (this.state.get().prompt) this.askOtherViews();
   }
 
   choose({ scale, threshold }: Proposal): void {
     this.remember();
-    this.state.patch({ grain: { scale, threshold } });
+    this.state.patch({ granularity: { scale, threshold } });
     this.send();
   }
 
@@ -144,13 +144,13 @@ export class SceneSession {
     if (!before) return;
     this.forgetAnswers();
     this.state.patch({ ...before, canUndo: this.past.length > 0 });
-    if (before.question) this.send();
+    if (before.prompt) this.send();
   }
 
   clear(): void {
-    if (this.state.get().question) this.remember();
+    if (this.state.get().prompt) this.remember();
     this.forgetAnswers();
-    this.state.patch({ question: undefined, grain: {} });
+    this.state.patch({ prompt: undefined, granularity: {} });
   }
 
   closeFailure(): void {
@@ -169,8 +169,8 @@ export class SceneSession {
   }
 
   private remember(): void {
-    const { question, grain } = this.state.get();
-    this.past.push({ question, grain });
+    const { prompt, granularity } = this.state.get();
+    this.past.push({ prompt, granularity });
     this.state.patch({ canUndo: true });
   }
 
@@ -188,30 +188,30 @@ export class SceneSession {
     });
   }
 
-  private pose(question: Question): void {
+  private pose(prompt: Prompt): void {
     this.remember();
-    const { question: asked, grain, answer, proposals } = this.state.get();
+    const { prompt: asked, granularity, answer, proposals } = this.state.get();
     // If two prompts in a row get no answer, there is no earlier state to return to.
     const before =
-      asked && !answer ? this.before : { question: asked, grain, answer, proposals };
+      asked && !answer ? this.before : { prompt: asked, granularity, answer, proposals };
     this.forgetAnswers();
     this.before = before;
     // For another thing scale and threshold are chosen again.
-    const old = this.state.get().question;
-    const same = old?.kind === 'points' && question.kind === 'points' && question.points.length > 1;
-    this.state.patch({ question, grain: same ? this.state.get().grain : {} });
+    const old = this.state.get().prompt;
+    const same = old?.kind === 'points' && prompt.kind === 'points' && prompt.points.length > 1;
+    this.state.patch({ prompt, granularity: same ? this.state.get().granularity : {} });
     this.send();
   }
 
   private send(andOtherViews = true): void {
-    const { question, grain } = this.state.get();
-    if (!question) return;
-    const place = placeOf(question);
+    const { prompt, granularity } = this.state.get();
+    if (!prompt) return;
+    const place = placeOf(prompt);
     const own = place && 'view' in place ? place.view : '';
     const views =
       place && 'camera' in place ? undefined : [...new Set([own, this.shownView])].filter(Boolean);
     this.state.patch({ busy: true });
-    this.newestSequence = this.socket.ask(segmentRequest(this.model, question, grain, views));
+    this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
     if (andOtherViews) this.askOtherViews();
   }
 
@@ -233,8 +233,8 @@ export class SceneSession {
   private refused(sequence: bigint, error: unknown): void {
     if (sequence < this.firstSequence) return;
     const failure = failureOf(error);
-    const { question } = this.state.get();
-    const miss = question && isMiss(failure) ? missOf(question) : undefined;
+    const { prompt } = this.state.get();
+    const miss = prompt && isMiss(failure) ? missOf(prompt) : undefined;
     if (miss && this.before) this.goBack(miss);
     else this.state.patch({ busy: false, failure });
   }
@@ -245,7 +245,7 @@ export class SceneSession {
     this.past.pop();
     this.forgetAnswers();
     this.state.patch({ ...before, miss, canUndo: this.past.length > 0 });
-    if (before?.question) this.askOtherViews();
+    if (before?.prompt) this.askOtherViews();
   }
 
   private askOtherViews(): void {
@@ -256,26 +256,26 @@ export class SceneSession {
 
   /** Requests all views at the scale and threshold of the answer, and the proposals. */
   private async settle(): Promise<void> {
-    const { question, grain, proposals, busy } = this.state.get();
-    if (!question) return;
+    const { prompt, granularity, proposals, busy } = this.state.get();
+    if (!prompt) return;
     if (busy) return this.askOtherViews();
     this.elsewhere = new AbortController();
     const { signal } = this.elsewhere;
     const used = this.state.get().answer;
     const fixed = {
-      scale: grain.scale ?? used?.scale,
-      threshold: grain.threshold ?? used?.threshold,
+      scale: granularity.scale ?? used?.scale,
+      threshold: granularity.threshold ?? used?.threshold,
     };
     try {
-      if (question.kind === 'points' && proposals.length === 0) {
-        const request = { model: this.model, prompt: promptOf(question), maxProposals: 5 };
+      if (prompt.kind === 'points' && proposals.length === 0) {
+        const request = { model: this.model, prompt: promptOf(prompt), maxProposals: 5 };
         const answer = await steadily(
           () => segmentation.proposeScales(request, { signal }),
           signal,
         );
         if (!signal.aborted) this.state.patch({ proposals: proposalsOf(answer) });
       }
-      const request = segmentRequest(this.model, question, fixed, 'all');
+      const request = segmentRequest(this.model, prompt, fixed, 'all');
       const all = answerOf(await steadily(() => segmentation.segment(request, { signal }), signal));
       if (signal.aborted) return;
       const own = this.state.get().answer;

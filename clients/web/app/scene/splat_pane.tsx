@@ -8,7 +8,7 @@ import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Tool } from './photo_view';
-import type { FreeCamera, Point, Question } from './prompt';
+import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
 import type { Miss } from './session';
 
@@ -18,7 +18,7 @@ interface Props {
   /** Camera to look from; the view moves there when it changes. */
   view: View;
   mask: Mask | undefined;
-  question: Question | undefined;
+  prompt: Prompt | undefined;
   /** Position of a click that hit nothing, here or in a view. */
   miss: Miss | undefined;
   tool: Tool;
@@ -105,7 +105,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { mask, question, miss, tool, onPoint } = props;
+  const { mask, prompt, miss, tool, onPoint } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
@@ -114,10 +114,10 @@ export function SplatPane(props: Props): JSX.Element {
     asked.current = undefined;
     setStale(true);
   });
-  const points = question?.kind === 'points' && 'camera' in question.place ? question.points : [];
+  const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
-    question && question.kind !== 'label' && 'camera' in question.place
-      ? question.place.camera
+    prompt && prompt.kind !== 'label' && 'camera' in prompt.place
+      ? prompt.place.camera
       : undefined;
   useEffect(() => {
     if (overlay.current) paintMask(overlay.current, stale ? undefined : mask?.rle);
@@ -126,8 +126,8 @@ export function SplatPane(props: Props): JSX.Element {
   /** Segments at a position, given as shares of width and height. */
   const ask = (x: number, y: number, negative: boolean) => {
     if (!viewer.current) return;
-    // While the picture does not move the camera is the same, so that points are added to one prompt.
-    const at = (asked.current ??= viewer.current.question());
+    // While the picture stands still the camera is the same, so that points join one prompt.
+    const at = (asked.current ??= viewer.current.shownCamera());
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };

@@ -13,7 +13,7 @@ export interface SplatPart {
 }
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
-const maxQuestionHeight = 720;
+const maxPictureHeight = 720;
 const tint = new Color(0.25, 1.35, 1.2);
 
 async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
@@ -114,9 +114,9 @@ export class SplatViewer {
   }
 
   /** Returns the camera of the picture on the screen, at the size that prompts use. */
-  question(): FreeCamera {
+  shownCamera(): FreeCamera {
     const { clientWidth, clientHeight } = this.canvas;
-    const scale = Math.min(1, maxQuestionHeight / clientHeight);
+    const scale = Math.min(1, maxPictureHeight / clientHeight);
     const [width, height] = [Math.round(clientWidth * scale), Math.round(clientHeight * scale)];
     return freeCameraOf(this.camera, Math.max(1, width), Math.max(1, height));
   }

@@ -53,15 +53,15 @@ test('pixels are those of the photograph where its size is known', () => {
 });
 
 test('the server chooses what is not given', () => {
-  const question = {
+  const prompt = {
     kind: 'points',
     place: { view: 'a.jpg' },
     points: [{ x: 1, y: 2, negative: false }],
   } as const;
-  const open = segmentRequest('m', question, {});
+  const open = segmentRequest('m', prompt, {});
   expect(open.granularity?.scale.case).toBeUndefined();
   expect(open.granularity?.threshold).toBeUndefined();
-  const fixed = segmentRequest('m', question, { scale: 0, threshold: 0 }, 'all');
+  const fixed = segmentRequest('m', prompt, { scale: 0, threshold: 0 }, 'all');
   expect(fixed.granularity?.scale).toEqual({ case: 'scaleQuantile', value: 0 });
   expect(fixed.granularity?.threshold).toBe(0);
 });

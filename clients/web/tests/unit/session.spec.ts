@@ -56,11 +56,11 @@ test('a click on nothing keeps the answer before it, and marks its position', as
   inside.refused(sequence, refusal('NOTHING_THERE'));
   const after = session.state.get();
   expect(after.miss).toEqual({ place, x: 3, y: 2 });
-  expect(after.question).toEqual(before.question);
+  expect(after.prompt).toEqual(before.prompt);
   expect(after.answer).toBe(before.answer);
   expect([after.busy, after.failure, after.canUndo]).toEqual([false, undefined, true]);
   session.undo();
-  expect(session.state.get().question).toBeUndefined();
+  expect(session.state.get().prompt).toBeUndefined();
 });
 
 test('a first click on nothing leaves nothing', async () => {
@@ -75,8 +75,8 @@ test('a first click on nothing leaves nothing', async () => {
   inside.askOtherViews = () => undefined;
   session.addPoint({ view: 'a.jpg' }, { x: 3, y: 2, negative: false });
   inside.refused(1n, refusal('NOTHING_THERE'));
-  const { question, answer, busy, failure, canUndo, miss } = session.state.get();
-  expect([question, answer, busy, failure, canUndo]).toEqual([
+  const { prompt, answer, busy, failure, canUndo, miss } = session.state.get();
+  expect([prompt, answer, busy, failure, canUndo]).toEqual([
     undefined,
     undefined,
     false,
